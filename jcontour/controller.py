@@ -1,0 +1,30 @@
+"""What a controller is to the rest of the library: a plan made from the future, a memory and a step."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from jcontour.references import Reference
+
+Memory = Any  # any pytree of arrays
+Plan = Any  # any pytree of arrays with a leading axis of T steps
+
+
+class Controller(eqx.Module):
+    """A sampled controller that sees `preview` samples of the future."""
+
+    preview: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def prepare(self, reference: Reference) -> Plan:
+        """Everything that depends on the future only, for all T steps at once (leading axis T)."""
+
+    @abc.abstractmethod
+    def initial_memory(self, reference: Reference) -> Memory:
+        """Memory before the first step of a run that starts as the reference says."""
+
+    @abc.abstractmethod
+    def step(self, memory: Memory, plan: Plan, measurement: Any) -> tuple[Memory, Float[Array, " p"]]:
+        """Next memory and the control, from one row of the plan and what the sensors give now."""

@@ -1,0 +1,140 @@
+"""What stands between a controller and an ideal machine: sensors, delays, saturation, disturbances. Each wraps any plant."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jcontour.plant import Plant, State
+
+
+class _Wrapper(Plant):
+    """A plant that is the one inside until a method says otherwise."""
+
+    plant: Plant
+
+    @property
+    def dt(self) -> float:
+        """Sample period of the plant inside [s]."""
+        return self.plant.dt
+
+    def initial_state(self, position, increment) -> State:
+        """That of the plant inside."""
+        return self.plant.initial_state(position, increment)
+
+    def step(self, state, control) -> State:
+        """That of the plant inside."""
+        return self.plant.step(state, control)
+
+    def output(self, state) -> Float[Array, " m"]:
+        """That of the plant inside."""
+        return self.plant.output(state)
+
+    def measure(self, state) -> Any:
+        """That of the plant inside."""
+        return self.plant.measure(state)
+
+
+class Encoders(_Wrapper):
+    """Only the outputs are measured, without quantisation: the smooth twin of `Quantised`."""
+
+    def measure(self, state) -> Float[Array, " m"]:
+        """y [m]."""
+        return self.plant.output(state)
+
+
+class Quantised(_Wrapper):
+    """Measurements are rounded to whole counts of `resolution`. Not smooth: tune on the plant inside.
+
+    Raises:
+        ValueError: the resolution is not positive.
+    """
+
+    resolution: float = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not self.resolution > 0:
+            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
+
+    def measure(self, state) -> Array:
+        """resolution * round(measurement / resolution)."""
+        return self.resolution * jnp.round(self.plant.measure(state) / self.resolution)
+
+
+class Saturated(_Wrapper):
+    """The control is limited to +-limit (p,) before it acts."""
+
+    limit: Float[Array, " p"]
+
+    def step(self, state, control) -> State:
+        """The plant inside under clip(u, -limit, limit)."""
+        return self.plant.step(state, jnp.clip(control, -self.limit, self.limit))
+
+
+class Delayed(_Wrapper):
+    """The control acts `samples` late, unknown to the controller, which is fed the state of the undelayed part.
+
+    The delay is a line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch. The line starts at zero.
+
+    Raises:
+        ValueError: the depth is below one.
+    """
+
+    samples: Int[Array, ""]
+    depth: int = eqx.field(static=True)
+    inputs: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        if self.depth < 1:
+            raise ValueError(f"depth: the delay line needs at least one place, received {self.depth}")
+
+    def initial_state(self, position, increment) -> State:
+        """The plant inside, and an empty line."""
+        return self.plant.initial_state(position, increment), jnp.zeros((self.depth, self.inputs), position.dtype)
+
+    def step(self, state, control) -> State:
+        """The plant inside under u(k - samples)."""
+        inner, line = state
+        line = jnp.concatenate([control[None], line])
+        return self.plant.step(inner, line[self.samples]), line[:-1]
+
+    def output(self, state) -> Float[Array, " m"]:
+        """That of the plant inside."""
+        return self.plant.output(state[0])
+
+    def measure(self, state) -> Any:
+        """That of the plant inside."""
+        return self.plant.measure(state[0])
+
+
+class Disturbed(_Wrapper):
+    """Sequences that act from outside: `force` (T, p) adds to the control, `noise` (T, q) to the measurement.
+
+    The state carries a counter; beyond the end of a sequence its last row holds.
+    """
+
+    force: Float[Array, "T p"] | None = None
+    noise: Float[Array, "T q"] | None = None
+
+    def initial_state(self, position, increment) -> State:
+        """The plant inside, and the counter at zero."""
+        return self.plant.initial_state(position, increment), jnp.zeros((), int)
+
+    def step(self, state, control) -> State:
+        """The plant inside under u + force."""
+        inner, k = state
+        return self.plant.step(inner, control if self.force is None else control + _row(self.force, k)), k + 1
+
+    def output(self, state) -> Float[Array, " m"]:
+        """That of the plant inside."""
+        return self.plant.output(state[0])
+
+    def measure(self, state) -> Any:
+        """The measurement of the plant inside, plus noise."""
+        measurement = self.plant.measure(state[0])
+        return measurement if self.noise is None else measurement + _row(self.noise, state[1])
+
+
+def _row(sequence: Float[Array, "T d"], k: Int[Array, ""]) -> Float[Array, " d"]:
+    return sequence[jnp.minimum(k, sequence.shape[0] - 1)]

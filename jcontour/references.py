@@ -1,0 +1,138 @@
+"""Where the tool should be at every sample: a contour sampled along a feed law, with the preview samples appended.
+
+T control steps are chosen first; a controller that looks N_p samples ahead needs S = T + N_p samples. Sample k is where the
+tool should be when control k starts to act.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jcontour.contour import Contour
+from jcontour.contours import polyline
+
+
+class Reference(eqx.Module):
+    """Samples of a contour in time.
+
+    Attributes:
+        position: desired tool point [m].
+        tangent: unit vector along the motion.
+        arc: arc length on `contour` [m].
+        mask: which samples are scored (False: padding, rapid moves, preview).
+        start_increment: motion per sample [m] with which the machine enters sample 0; zero is rest.
+        contour: the geometry that the contour error is measured against.
+        dt: sample period [s].
+        steps: number of control steps T; the other S - T samples are preview.
+    """
+
+    position: Float[Array, "S m"]
+    tangent: Float[Array, "S m"]
+    arc: Float[Array, " S"]
+    mask: Bool[Array, " S"]
+    start_increment: Float[Array, " m"]
+    contour: Contour
+    dt: float = eqx.field(static=True)
+    steps: int = eqx.field(static=True)
+
+    @property
+    def preview(self) -> int:
+        """Number of samples beyond the last control step."""
+        return self.position.shape[-2] - self.steps
+
+
+def from_samples(position, tangent, dt: float, preview: int, contour: Contour | None = None, in_motion: bool = True) -> Reference:
+    """Reference from sampled positions and tangents, preview samples included: T = S - preview.
+
+    Args:
+        position: (S, m) [m].
+        tangent: (S, m) unit vectors along the motion.
+        dt: sample period [s].
+        preview: how many of the samples are preview only.
+        contour: true geometry for the contour error; the polyline through the samples when not given.
+        in_motion: the machine enters sample 0 at position[1] - position[0] per sample; otherwise it stands there.
+
+    Raises:
+        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no control step is left.
+    """
+    position, tangent = np.asarray(position, float), np.asarray(tangent, float)
+    if position.ndim != 2 or position.shape[1] not in (2, 3) or position.shape != tangent.shape:
+        raise ValueError(f"position, tangent: need the same shape (S, 2) or (S, 3), received {position.shape} and {tangent.shape}")
+    _check_finite(position=position, tangent=tangent)
+    worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
+    if worst > 1e-6:
+        raise ValueError(f"tangent: needs unit vectors, received one whose length is off by {worst:.3g}")
+    contour = polyline(position) if contour is None else contour
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    start = np.asarray(contour.nearest_anywhere(jnp.asarray(position[0])))
+    increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
+    return _reference(position, tangent, start + travelled, contour, dt, preview, increment, np.ones(len(position), bool))
+
+
+def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
+    """Reference that visits `contour` at the arc lengths a feed law gives, one for each control step.
+
+    The preview samples appended after the last step hold the end of a run that ends at rest; otherwise they go on at the last
+    increment, around a closed contour or straight on from an open one.
+
+    Args:
+        contour: the path.
+        arc: (T,) arc length at each control step [m], as made by `feed_laws`.
+        dt: sample period [s].
+        preview: samples of future to append.
+        at_rest: True for a rest-to-rest run; False when the machine enters and leaves the run at speed.
+        scored: (T,) which samples count in the metrics; all when not given.
+
+    Raises:
+        ValueError: `arc` is not a finite vector of at least two samples, or `preview` is negative.
+    """
+    arc = np.asarray(arc, float)
+    if arc.ndim != 1 or arc.size < 2:
+        raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
+    _check_finite(arc=arc)
+    last = 0.0 if at_rest else arc[-1] - arc[-2]
+    arc = np.concatenate([arc, arc[-1] + last * np.arange(1, preview + 1)])
+    position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
+    increment = np.zeros(position.shape[1]) if at_rest else position[1] - position[0]
+    mask = np.ones(arc.size, bool)
+    if scored is not None:
+        mask[: arc.size - preview] = np.asarray(scored, bool)
+    return _reference(position, tangent, arc, contour, dt, preview, increment, mask)
+
+
+def pad(reference: Reference, steps: int) -> Reference:
+    """The same run padded to `steps` control steps: the last sample is held and not scored, so that runs of different length batch.
+
+    Raises:
+        ValueError: the run is longer than `steps`.
+    """
+    extra = steps - reference.steps
+    if extra < 0:
+        raise ValueError(f"steps: the run has {reference.steps} control steps, more than the {steps} asked for")
+
+    def hold(values):
+        return jnp.concatenate([values, jnp.repeat(values[-1:], extra, axis=0)])
+
+    mask = jnp.concatenate([reference.mask, jnp.zeros(extra, bool)])
+    return Reference(
+        hold(reference.position), hold(reference.tangent), hold(reference.arc), mask,
+        reference.start_increment, reference.contour, reference.dt, steps,
+    )  # fmt: skip
+
+
+def _reference(position, tangent, arc, contour, dt, preview, increment, mask) -> Reference:
+    steps = len(position) - preview
+    if preview < 0 or steps < 1:
+        raise ValueError(f"preview: {len(position)} samples leave no control step for a preview of {preview}")
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
+    mask = mask & (np.arange(len(position)) < steps)
+    arrays = (jnp.asarray(position), jnp.asarray(tangent), jnp.asarray(arc), jnp.asarray(mask), jnp.asarray(increment))
+    return Reference(*arrays, contour, float(dt), steps)
+
+
+def _check_finite(**named) -> None:
+    for name, values in named.items():
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
