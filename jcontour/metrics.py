@@ -54,7 +54,8 @@ def contour_error(output: Float[Array, "T m"], reference: Reference) -> Float[Ar
 
     The search is held fixed under differentiation, which is exact for the distance: (y - p) is normal to the path there.
     """
-    reach = SEARCH_REACH * _norm(jax.lax.stop_gradient(tracking_error(output, reference)))
+    error = _norm(jax.lax.stop_gradient(tracking_error(output, reference)))
+    reach = jnp.where(error <= reference.contour.size, SEARCH_REACH * error, 0.0)  # a diverged sample is not worth a search
     nearest = reference.contour.nearest(output, reference.arc[: reference.steps], reach)
     return output - reference.contour.position(nearest)
 

@@ -7,7 +7,6 @@ The filter form feeds xf to the controller (it has the current measurement in ti
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 

@@ -1,0 +1,167 @@
+"""Which weights are free, and where they may go: a tree of constraints that mirrors the tree of weights.
+
+    space = LQWeights-shaped tree, one entry per weight:  Positive() | Interval(low, high) | Free() | Fixed()
+
+Each entry maps its weight to an unbounded coordinate z, in which the tuner moves without limits.
+"""
+
+import abc
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+Weights = Any  # any pytree of arrays
+
+
+class Parameter(eqx.Module):
+    """How one weight (a scalar or an array) is tuned."""
+
+    @abc.abstractmethod
+    def coordinate(self, weight: Float[Array, "..."]) -> Float[Array, "..."]:
+        """z of a weight."""
+
+    @abc.abstractmethod
+    def weight(self, z: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Weight at z."""
+
+    @abc.abstractmethod
+    def allows(self, weight: Float[np.ndarray, "..."]) -> bool:
+        """Whether a weight lies inside."""
+
+
+class Positive(Parameter):
+    """w = exp z: any positive weight, moved by ratios."""
+
+    def coordinate(self, weight):
+        """log w."""
+        return jnp.log(weight)
+
+    def weight(self, z):
+        """exp z."""
+        return jnp.exp(z)
+
+    def allows(self, weight) -> bool:
+        """Above zero."""
+        return bool(np.all(weight > 0))
+
+
+class Interval(Parameter):
+    """Strictly between two bounds; on a logarithmic scale when both are positive, so that decades count alike.
+
+    Raises:
+        ValueError: the bounds are not finite or not in order.
+    """
+
+    low: float = eqx.field(static=True)
+    high: float = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
+            raise ValueError(f"Interval: needs finite bounds with low < high, received {self.low} and {self.high}")
+
+    def coordinate(self, weight):
+        """logit of the place between the bounds."""
+        low, high = self._scaled(jnp.asarray([self.low, self.high]))
+        place = (self._scaled(weight) - low) / (high - low)
+        return jnp.log(place / (1 - place))
+
+    def weight(self, z):
+        """The bounds mixed by a sigmoid of z."""
+        low, high = self._scaled(jnp.asarray([self.low, self.high]))
+        mixed = low + (high - low) * jax.nn.sigmoid(z)
+        return jnp.exp(mixed) if self.low > 0 else mixed
+
+    def allows(self, weight) -> bool:
+        """Strictly inside."""
+        return bool(np.all((self.low < weight) & (weight < self.high)))
+
+    def _scaled(self, value):
+        return jnp.log(value) if self.low > 0 else value
+
+
+class Free(Parameter):
+    """w = z: any real number."""
+
+    def coordinate(self, weight):
+        """W itself."""
+        return weight
+
+    def weight(self, z):
+        """Z itself."""
+        return z
+
+    def allows(self, weight) -> bool:
+        """Everything finite."""
+        return True
+
+
+class Fixed(Parameter):
+    """Not tuned."""
+
+    def coordinate(self, weight):
+        """No coordinate."""
+        return jnp.zeros((0,))
+
+    def weight(self, z):
+        """Never asked: the start value stays."""
+        raise AssertionError("a fixed weight has no coordinate")
+
+    def allows(self, weight) -> bool:
+        """Everything."""
+        return True
+
+
+class LQSpace(NamedTuple):
+    """Space of `LQWeights`; the stage profile is tuned only when both the weights and the space have one."""
+
+    alpha: Parameter = Positive()
+    beta: Parameter = Positive()
+    rho: Parameter = Fixed()  # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
+    stage: Parameter | None = None
+
+
+class Chart(NamedTuple):
+    """The coordinates of a space around a start: `weights(z)` with every fixed weight as it started."""
+
+    space: Any
+    start: Weights
+
+    def coordinates(self) -> Float[Array, " d"]:
+        """z (d,) of the start.
+
+        Raises:
+            ValueError: the space does not mirror the weights, a start lies outside of its parameter, or nothing is free.
+        """
+        parts = []
+        for (path, parameter), weight in zip(*self._pairs(), strict=True):
+            if not parameter.allows(np.asarray(weight)):
+                raise ValueError(f"{jax.tree_util.keystr(path)}: the start {weight} lies outside of {parameter}")
+            parts.append(jnp.ravel(parameter.coordinate(jnp.asarray(weight))))
+        z = jnp.concatenate(parts)
+        if z.size == 0:
+            raise ValueError("space: every weight is fixed, nothing is left to tune")
+        return z
+
+    def weights(self, z: Float[Array, " d"]) -> Weights:
+        """Weights at z."""
+        pairs, start = self._pairs()
+        leaves, at = [], 0
+        for (_, parameter), weight in zip(pairs, start, strict=True):
+            if isinstance(parameter, Fixed):
+                leaves.append(weight)
+                continue
+            size = jnp.size(weight)
+            leaves.append(parameter.weight(z[at : at + size].reshape(jnp.shape(weight))))
+            at += size
+        return jax.tree.unflatten(jax.tree.structure(self.start), leaves)
+
+    def _pairs(self):
+        parameters = jax.tree_util.tree_leaves_with_path(self.space, is_leaf=lambda node: isinstance(node, Parameter))
+        weights = jax.tree.leaves(self.start)
+        if len(parameters) != len(weights):
+            raise ValueError(f"space: needs one parameter per weight, received {len(parameters)} for {len(weights)} weights")
+        return parameters, weights

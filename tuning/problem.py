@@ -1,0 +1,103 @@
+"""What is tuned: how weights build a controller, which machines and contours it meets, what is made small and what is respected."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jcontour.controller import Controller
+from jcontour.evaluation import Batching, evaluate
+from jcontour.metrics import Metrics
+from jcontour.plant import Plant
+from jcontour.references import Reference
+from tuning.objectives import Limits, Objective, no_limits
+from tuning.parameters import Chart, Weights
+
+SHARPNESS = 16.0  # of the smooth maximum: low enough for a curved valley to stay easy, the shares do the rest
+LEAST_SHARE = 1e-6  # a value that does not matter now may come back
+LIMIT_MARGIN = 1e-5  # the tuner aims this hair inside every limit, so that its last point is feasible to 1e-6 without a repair
+
+
+class Problem(eqx.Module):
+    """A tuning problem.
+
+    Args:
+        build: weights -> controller; traced, so that gradients flow through it.
+        plants: the family, stacked; every member counts.
+        references: the training contours, stacked.
+        objective: metrics (contour, plant) -> values, the largest of which is made small.
+        limits: metrics -> vector that must not be above zero.
+        space: one parameter per weight, see `parameters`.
+        window: samples a..b-1 that are scored; all when None.
+        batching: how contours and plants are batched; chosen by the platform when None.
+    """
+
+    build: Callable[[Weights], Controller] = eqx.field(static=True)
+    plants: Plant
+    references: Reference
+    objective: Objective = eqx.field(static=True)
+    space: object
+    limits: Limits = no_limits
+    window: tuple[int, int] | None = eqx.field(static=True, default=None)
+    batching: Batching | None = eqx.field(static=True, default=None)
+
+    def metrics(self, weights: Weights) -> Metrics:
+        """Metrics (contour, plant) of the controller that the weights build."""
+        return evaluate(self.build(weights), self.plants, self.references, self.window, self.batching)
+
+
+def smooth_maximum(values: Float[Array, " v"], shares: Float[Array, " v"]) -> Float[Array, ""]:
+    """(sum of share v^p)^(1/p), p = SHARPNESS: exactly the maximum once the shares are its multipliers, smooth at any time."""
+    largest = jax.lax.stop_gradient(jnp.max(values))
+    return largest * jnp.sum(shares * (values / largest) ** SHARPNESS) ** (1 / SHARPNESS)
+
+
+def earned_shares(values: Float[np.ndarray, " v"], shares: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
+    """Next shares, in proportion to share v^p (the exponential method of multipliers for a minimax)."""
+    earned = shares * (values / np.max(values)) ** SHARPNESS
+    return np.maximum(earned / np.sum(earned), LEAST_SHARE)
+
+
+class Merit(NamedTuple):
+    """How the augmented Lagrangian weighs the objective against the limits."""
+
+    multipliers: Float[Array, " c"]
+    penalty: Float[Array, ""]
+    scale: Float[Array, ""]  # of the objective
+    shares: Float[Array, " v"]  # of the objective's values in the smooth maximum: their multipliers, with sum one
+
+
+class Point(NamedTuple):
+    """One evaluated point: Lagrangian and gradient for the optimiser, the rest for people."""
+
+    lagrangian: Float[Array, ""]
+    gradient: Float[Array, " d"]
+    objective: Float[Array, " v"]
+    limits: Float[Array, " c"]
+    metrics: Metrics
+    diverged: Bool[Array, ""]
+
+
+@eqx.filter_jit
+def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"], merit: Merit) -> Point:
+    """Augmented Lagrangian L = f / scale + sum(max(0, lambda + mu (c + margin))^2 - lambda^2) / (2 mu) and its gradient at z.
+
+    f is the smooth maximum of the objective's values under the shares they have earned so far.
+
+    A point where any member of the family diverges on any contour is `diverged`; its other numbers mean nothing.
+    """
+
+    def lagrangian(z):
+        metrics = problem.metrics(Chart(problem.space, start).weights(z))
+        objective, limits = problem.objective(metrics), problem.limits(metrics)
+        pressure = jnp.maximum(0.0, merit.multipliers + merit.penalty * (limits + LIMIT_MARGIN))
+        value = smooth_maximum(objective, merit.shares) / merit.scale + jnp.sum(pressure**2 - merit.multipliers**2) / (2 * merit.penalty)
+        return value, (objective, limits, metrics)
+
+    (value, (objective, limits, metrics)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(z)
+    finite = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
+    return Point(value, gradient, objective, limits, metrics, jnp.any(metrics.diverged) | ~finite)
