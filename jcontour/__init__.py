@@ -6,3 +6,25 @@ import jax as _jax
 
 if _os.environ.get("JAX_ENABLE_X64", "1") not in ("0", "false", "False"):
     _jax.config.update("jax_enable_x64", True)  # micrometres on metres, and the DARE, need double precision
+
+from jcontour import contours, feed_laws, references, toolpaths
+from jcontour.evaluation import evaluate, stack_plants, stack_references
+from jcontour.linear import LinearPlant
+from jcontour.metrics import score
+from jcontour.simulation import simulate
+from jcontour.stability import frozen_spectral_radius, margins
+
+__all__ = [
+    "LinearPlant",
+    "contours",
+    "evaluate",
+    "feed_laws",
+    "frozen_spectral_radius",
+    "margins",
+    "references",
+    "score",
+    "simulate",
+    "stack_plants",
+    "stack_references",
+    "toolpaths",
+]

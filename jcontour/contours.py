@@ -11,7 +11,6 @@ import jax
 import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from jcontour.contour import Contour
 from jcontour.pieces import Piece
@@ -149,6 +148,8 @@ def spline(points: ArrayLike, closed: bool = False, *, tolerance: float = FIT_TO
     Raises:
         ValueError: wrong shape, not finite, fewer than two distinct points (closed: three), or the fit tolerance [m] is out of reach.
     """
+    from scipy.interpolate import CubicSpline  # here, because it takes longer to import than the rest of the library
+
     points = _distinct_points("spline", points, least=3 if closed else 2)
     if closed:
         points = _distinct_points("spline", np.vstack([points, points[:1]]), least=3)

@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from scipy.stats.qmc import Sobol
 
 from jcontour.metrics import Metrics
 from tuning.parameters import Chart, Weights
@@ -257,6 +256,8 @@ def _first_merit(limits: tuple[int, ...], values: tuple[int, ...]) -> Merit:
 
 
 def _scattered_point(problem, start, settings: Settings, index: int) -> np.ndarray:
+    from scipy.stats.qmc import Sobol  # here, because it takes longer to import than the rest of the tuner
+
     z = np.asarray(Chart(problem.space, start).coordinates())
     points = Sobol(z.size, rng=settings.seed).random(2 ** int(np.ceil(np.log2(settings.scatter))))
     return z + settings.spread * (2 * points[index] - 1)

@@ -1,0 +1,38 @@
+"""Shared by all tests: warnings are errors, and the machines that many tests drive."""
+
+import numpy as np
+import pytest
+
+from jcontour.linear import LinearPlant
+
+
+def pytest_configure(config):
+    config.addinivalue_line("filterwarnings", "error")
+    config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
+    config.addinivalue_line("filterwarnings", "ignore:.*os.fork.*:RuntimeWarning")  # subprocess of the command-line tests
+    config.addinivalue_line("filterwarnings", "ignore::ResourceWarning")
+
+
+def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:
+    """A stable machine in which everything acts on everything."""
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((states, states))
+    A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
+    return LinearPlant(A, random.standard_normal((states, axes)), random.standard_normal((axes, states)), dt)
+
+
+@pytest.fixture(scope="session")
+def coupled_plant():
+    """(seed, states, axes) -> LinearPlant with dense matrices."""
+    return _coupled_plant
+
+
+@pytest.fixture(scope="session")
+def two_axes():
+    """Two decoupled axes of two states, each with an integrator; 1 ms."""
+    A, B = np.zeros((4, 4)), np.zeros((4, 2))
+    A[:2, :2], A[2:, 2:] = [[1.0, 8e-4], [0.0, 0.6]], [[1.0, 7e-4], [0.0, 0.5]]
+    B[:2, 0], B[2:, 1] = [2e-4, 0.4], [3e-4, 0.5]
+    C = np.zeros((2, 4))
+    C[0, 0] = C[1, 2] = 1.0
+    return LinearPlant(A, B, C, 1e-3)
