@@ -158,7 +158,7 @@ def test_u_shape_falls_then_rises_then_loses_stability(family):
     problem, reference = load("tuning")["robust"]["u_shape"], circle_reference(753, 10)
     late = machine(delay=problem["delay"])
     for k, alpha in enumerate([*problem["alpha"], 20.0]):
-        weights = LQWeights(alpha, problem["beta"], problem["rho"])
+        weights = LQWeights(alpha, float(problem["beta"]), problem["rho"])
         metrics = member(on_family(family, bridgeport(), OutputTerminal(), 10, weights, reference, (502, 753)), 4)
         if alpha < 20:
             assert 1e6 * float(metrics.rms_tracking_error) == pytest.approx(problem["te_um"][k], abs=0.00501)

@@ -1,3 +1,4 @@
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,17 +19,16 @@ def system(seed, states, inputs, radius=1.2):
     return A, B, W @ W.T / states, V @ V.T + np.eye(inputs)
 
 
-@pytest.mark.parametrize(("states", "inputs"), [(4, 2), (7, 3), (12, 2)])
+@pytest.mark.parametrize(("states", "inputs"), [(4, 2), (12, 3)])
 def test_dare_is_that_of_scipy(states, inputs):
-    solve = jax.jit(dare)
+    solve = jax.jit(lambda A, B, Q, R: ((H := dare(A, B, Q, R)), lqr_gain(A, B, H, R)))
     for seed in range(5):
         A, B, Q, R = system(seed, states, inputs)
-        H, wanted = np.asarray(solve(A, B, Q, R)), solve_discrete_are(A, B, Q, R)
+        (H, gain), wanted = solve(A, B, Q, R), solve_discrete_are(A, B, Q, R)
         assert np.max(np.abs(H - wanted)) < 1e-9 * np.max(np.abs(wanted))
         K = np.linalg.solve(B.T @ wanted @ B + R, B.T @ wanted @ A)
-        np.testing.assert_allclose(lqr_gain(A, B, H, R), K, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(gain, K, rtol=1e-8, atol=1e-9)
         assert spectral_radius(A - B @ K) < 1
-        check_dare(A, B, Q, R)
 
 
 def test_gradient_of_dare_is_that_of_differences():
@@ -82,7 +82,8 @@ def test_gain_schedule_is_the_textbook_recursion_of_each_step():
     Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3])
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    plan = receding_horizon_plan(LinearPlant(A, B, C, 1.0), jnp.asarray(Q), jnp.asarray(y_d), jnp.asarray(stage), jnp.asarray(R), CostToGo(H_N, g_N))
+    arrays, terminal = map(jnp.asarray, (Q, y_d, stage, R)), CostToGo(jnp.asarray(H_N), jnp.asarray(g_N))
+    plan = eqx.filter_jit(receding_horizon_plan)(LinearPlant(A, B, C, 1.0), *arrays, terminal)
     for k in range(T):
         H, g = H_N[k], g_N[k]
         for j in range(N - 1, 0, -1):

@@ -1,0 +1,1 @@
+"""The application: the `jcontour` command, figures, tables, storage, and one module per reproduced paper."""

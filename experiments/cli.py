@@ -1,0 +1,56 @@
+"""The `jcontour` command. Everything heavy is imported by the command that needs it, so that --help answers at once."""
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Annotated, Any, Union
+
+import tyro
+
+from experiments import options
+
+COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
+    options.Tune: ("tune", "experiments.autotune"),
+    options.Simulate: ("simulate", "experiments.simulate"),
+    options.Front: ("front", "experiments.front"),
+    options.Sweep: ("sweep", "experiments.sweep"),
+    options.Compare: ("compare", "experiments.compare"),
+    options.Listing: ("list", "experiments.listing"),
+    options.Reproduce: ("reproduce", "experiments.reproduce"),
+}
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; its exit code."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    os.environ.setdefault("XLA_FLAGS", "--xla_force_host_platform_device_count=1")  # runs are batched by loops: one device
+    try:
+        flags, run = _chosen(arguments)
+        return run(flags)
+    except KeyboardInterrupt as interruption:
+        how = str(interruption)
+        print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
+        return INTERRUPTED
+    except (ValueError, OSError) as error:  # ours are ValueErrors; anything else is a fault of this program and keeps its traceback
+        print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
+    if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
+        return import_module("experiments.reproduce").chosen(arguments[1], arguments[2:])
+    flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
+    return flags, import_module(COMMANDS[type(flags)][1]).command
+
+
+def _any_command() -> Any:
+    choices = tuple(Annotated[kind, tyro.conf.subcommand(name, prefix_name=False)] for kind, (name, _) in COMMANDS.items())
+    return Union[choices]  # noqa: UP007  (made from a tuple)
+
+
+_DESCRIPTION = "Simulate and tune multi-axis contouring machines by gradient."
+
+if __name__ == "__main__":
+    sys.exit(main())

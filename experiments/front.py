@@ -1,0 +1,122 @@
+"""`jcontour front`: the least contour error for every budget of the control increment, under a tracking cap if one is given.
+
+The search is `tuning.pareto`, from the smallest budget to the largest. Every budget has a folder of its own inside the run folder,
+with the state of its tuner, so that an interrupted front goes on within the budget.
+"""
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from rich.console import Console
+
+from experiments import figures, runs, tables
+from experiments.checkpoints import load_state, save_state
+from experiments.datasets import save_dataset
+from experiments.options import Front, Storage, Tune
+from experiments.progress import progress_of
+from experiments.tuning_runs import TuningRun, flag_paths, named_limits, resumed, tuning_run
+from tuning.objectives import AtMost
+from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
+
+CONTOURS = ("square",)
+EFFORT = {"scatter": 8, "starts": 2, "tolerance": 1e-4}  # for each budget, which begins where the one before ended
+
+
+def command(flags: Front) -> int:
+    """The whole command: trace, print, exit code."""
+    folder, flags = resumed(flags, "front") if flags.resume else (None, flags)
+    if flags.max_rms_increment is not None or flags.points < 1:
+        raise ValueError("front: points needs at least 1, and --max-rms-increment is what the front varies: leave it out")
+    for name in ("least_increment", "most_increment"):
+        value = getattr(flags, name)
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name.replace('_', '-')}: needs to be finite and above zero, received {value}")
+    first = _tuning_run(flags)
+    if folder is None:
+        folder = runs.create(flags.out or runs.default_folder("front"), "front", replace(flags, json=False, out=None), flag_paths(flags))
+    console = tables.console_of(quiet=flags.json)
+    with runs.locked(folder), runs.resumable("front", folder):
+        points = _traced(flags, first, folder, console)
+        summary = runs.plain({"machine": {"control_unit": first.machine.control_unit}, "points": points})
+        _store(summary, folder)
+    if flags.json:
+        print(runs.json_text({"run": str(folder), **summary}))
+        return 0
+    rows = [
+        [tables.digits(p["budget"]), *(tables.digits(p[n]) for n in ("rms_increment", "alpha", "beta")),
+         tables.digits(1e6 * p["rms_contour_error"]), "yes" if p["feasible"] else "NO"]
+        for p in summary["points"]
+    ]  # fmt: skip
+    headings = ["budget", "RMS increment", "alpha", "beta", "worst RMS contour um", "feasible"]
+    console.print(tables.plain_table("Front (smooth machine)", headings, rows, text_columns=0))
+    tables.say(console, f"Run folder: {folder}")
+    return 0
+
+
+def _tuning_run(flags: Front) -> TuningRun:
+    shared = {f.name: getattr(flags, f.name) for f in fields(Storage)}
+    return tuning_run(Tune(**{**shared, "parts": flags.parts or CONTOURS, **EFFORT}))
+
+
+def _traced(flags: Front, job: TuningRun, folder: Path, console: Console) -> list[dict[str, Any]]:
+    budgets = _budgets(flags, job, folder)
+    limits = named_limits(flags)
+    problems = [replace(job.problem, limits=AtMost(**limits, rms_increment=budget)) for budget in budgets]
+    places = [folder / f"budget-{k}" for k in range(len(budgets))]
+    state = _load(places)
+    with progress_of(console, job.settings) as show:
+        while not done(problems, state):
+            state = advance_front(problems, job.start, job.settings, state)
+            k = len(state.histories)
+            if k < len(places) and state.run.history:
+                places[k].mkdir(exist_ok=True)
+                save_state(places[k], state.run)
+                show(state.run)
+    return [_point(budget, found) for budget, found in zip(budgets, front_points(problems, job.start, state), strict=True)]
+
+
+def _load(places: list[Path]) -> FrontState:
+    """The state that the stored states of the budgets add up to."""
+    histories = []
+    for place in places:
+        run = load_state(place)
+        if not run.done:
+            return FrontState(histories, run)
+        histories.append(run.history)
+    return FrontState(histories)
+
+
+def _budgets(flags: Front, job: TuningRun, folder: Path) -> list[float]:
+    """From the smallest to the largest, even in the logarithm; kept in the run folder once chosen."""
+    path = folder / "budgets.json"
+    if not path.exists():
+        metrics = eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(job.problem, job.start)
+        needed = float(jnp.max(metrics.rms_increment))
+        least, most = flags.least_increment or needed / 2, flags.most_increment or 2 * needed
+        runs.write_json(path, {"budgets": np.geomspace(least, most, flags.points)})
+    return json.loads(path.read_text())["budgets"]
+
+
+def _point(budget: float, found: FrontPoint) -> dict[str, Any]:
+    metrics = {name: float(np.max(getattr(found.metrics, name))) for name in ("rms_contour_error", "rms_tracking_error", "rms_increment")}
+    weights = {name: float(getattr(found.weights, name)) for name in ("alpha", "beta", "rho")}
+    return {"budget": budget, **weights, **metrics, "objective": found.objective, "feasible": bool(found.feasible)}
+
+
+def _store(summary: dict[str, Any], folder: Path) -> None:
+    points, unit = summary["points"], summary["machine"]["control_unit"]
+    units = {
+        "alpha": "m-2", "beta": "m-2", "rho": f"1/({unit})^2", "rms_contour_error": "m", "rms_tracking_error": "m", "rms_increment": unit,
+        "feasible": "1",
+    }  # fmt: skip
+    data = {name: (("budget",), np.array([float(p[name]) for p in points]), {"units": of}) for name, of in units.items()}
+    budget = ("budget", [p["budget"] for p in points], {"units": unit})
+    save_dataset(xr.Dataset(data, {"budget": budget}, {"title": "jcontour front", **runs.versions()}), folder / "front.nc")
+    figures.draw_front(summary, folder)
+    runs.write_json(folder / runs.RESULT, summary)

@@ -1,0 +1,167 @@
+"""The flags of every command. Imports nothing heavy, so that `jcontour --help` answers at once."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+Terminal = Literal["output", "riccati"]
+Objective = Literal["worst", "mean"]
+
+
+@dataclass(frozen=True)
+class Common:
+    """Flags that every command understands."""
+
+    json: bool = False
+    """Print the result as JSON on stdout, and nothing else there."""
+
+
+@dataclass(frozen=True)
+class MachineFlags(Common):
+    """Which machine, and how fast it goes."""
+
+    plant: str = "bridgeport"
+    """Machine: a name from `jcontour list`, or a JSON or npz file (format: experiments/machines/example.json)."""
+    feed_mm_per_min: float | None = None
+    """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""
+    acceleration: float | None = None
+    """Path acceleration of the rest-to-rest feed law [m/s^2]; the machine's own limit, or 2, when not given."""
+
+
+@dataclass(frozen=True)
+class Controlled(MachineFlags):
+    """The controller and its first weights."""
+
+    preview: int = 10  # the paper's usual horizon
+    """Horizon of the controller [samples]; not tuned here, see `jcontour sweep`."""
+    terminal: Terminal = "output"  # the paper's better performing choice
+    """Cost at the end of the horizon: output error, or the Riccati solution (stable on straight lines)."""
+    alpha: float = 3.0
+    """Start weight on the tracking error [1/m^2]."""
+    beta: float = 5.0
+    """Start weight on the contour error [1/m^2]."""
+    rho: float = 2e-9
+    """Weight on the control [1/control unit^2]; fixed, because only alpha/rho and beta/rho matter."""
+
+
+@dataclass(frozen=True)
+class Limited(Controlled):
+    """What the tuned controller must respect, for every contour and every plant of the family."""
+
+    max_tracking_error_um: float | None = None
+    """Limit on the RMS tracking error [um]."""
+    max_peak_tracking_error_um: float | None = None
+    """Limit on the peak tracking error [um]."""
+    max_peak_contour_error_um: float | None = None
+    """Limit on the peak contour error [um]."""
+    max_rms_control: float | None = None
+    """Limit on the RMS of the control vector [control unit]."""
+    max_peak_control: float | None = None
+    """Limit on the peak of the control vector [control unit]."""
+    max_rms_increment: float | None = None
+    """Limit on the RMS of the control increment vector [control unit per sample]."""
+    max_peak_increment: float | None = None
+    """Limit on the peak of the control increment vector [control unit per sample]."""
+
+
+@dataclass(frozen=True)
+class Storage(Limited):
+    """Where a run is kept, and what is random in it."""
+
+    seed: int = 0
+    """Seed of everything random: the points looked at before descending."""
+    out: Path | None = None
+    """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
+    resume: Path | None = None
+    """Go on with the run in this folder; its own settings hold."""
+
+
+@dataclass(frozen=True)
+class Tune(Storage):
+    """Tune the weights of the contouring controller by gradient: on your toolpaths, or on the built-in training set."""
+
+    parts: Positional[tuple[str, ...]] = ()
+    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; bracket, circle, square if none."""
+    objective: Objective = "worst"
+    """What is made small: the worst, or the mean, RMS contour error over contours and plants."""
+    nominal_only: bool = False
+    """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
+    stage_profile: bool = False
+    """Also tune a positive weight for every sample of the horizon."""
+    scatter: int = 8  # looked at before descending; more when the seconds do not count
+    """Random weights looked at before descending."""
+    starts: int = 2  # the given weights and the best of the scattered ones
+    """Descents: from the start weights, and from the best random ones."""
+    inner_steps: int = 12  # two free weights need no more
+    """Descent steps between two updates of the limits' multipliers."""
+    outer_steps: int = 10
+    """Most updates of the limits' multipliers in one descent."""
+    tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
+    """Relative change of objective and weights at which a descent ends."""
+
+
+@dataclass(frozen=True)
+class Simulate(Controlled):
+    """Simulate one controller on one contour: table, figures, netCDF."""
+
+    contour: Positional[str] = "circle"
+    """A name from `jcontour list`, or a toolpath file (.ngc, .csv)."""
+    controller: str = "contouring-lq"
+    """A name from `jcontour list`."""
+    out: Path | None = None
+    """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Compare(Common):
+    """Compare two tuned runs: what changed in the settings, and which is better where."""
+
+    first: Positional[Path] = Path()
+    """Run folder."""
+    second: Positional[Path] = Path()
+    """Run folder."""
+
+
+@dataclass(frozen=True)
+class Listing(Common):
+    """List the plants, controllers, contours and experiments that have names."""
+
+
+@dataclass(frozen=True)
+class Front(Storage):
+    """Trace the trade-off between contour error and control increment, under a tracking cap if one is given."""
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Toolpaths (.ngc, .csv) or names from `jcontour list`; the 2 mm square when none is given."""
+    points: int = 5
+    """Budgets of the control increment along the front."""
+    least_increment: float | None = None
+    """Smallest budget [control unit per sample, RMS]; half of what the start weights need when not given."""
+    most_increment: float | None = None
+    """Largest budget [control unit per sample, RMS]; twice what the start weights need when not given."""
+
+
+@dataclass(frozen=True)
+class Sweep(Storage):
+    """Evaluate a grid, or a random sample, over weights x preview x contours."""
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Toolpaths (.ngc, .csv) or names from `jcontour list`; circle and square when none is given."""
+    alphas: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
+    """Weights on the tracking error [1/m^2]: a grid, or the range of the random sample."""
+    betas: tuple[float, ...] = (0.0, 1.0, 5.0, 20.0)
+    """Weights on the contour error [1/m^2]: a grid, or the range of the random sample."""
+    previews: tuple[int, ...] = (5, 10, 20)
+    """Horizons [samples]."""
+    samples: int = 0  # the grid
+    """Random weights between the smallest and largest alpha and beta; 0 takes the grid."""
+
+
+@dataclass(frozen=True)
+class Reproduce(Common):
+    """Reproduce a paper: `jcontour reproduce NAME --help` shows its flags, `jcontour list` the names."""
+
+    name: Positional[str] = ""
+    """Name of the experiment."""

@@ -1,0 +1,39 @@
+"""The progress bar of a tuning run, with the current worst contour error."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from tuning.tune import Settings, TuneState
+
+PACE = 0.85  # part of a descent that is left after a step: nobody knows how many it takes
+
+
+@contextmanager
+def progress_of(console: Console, settings: Settings) -> Iterator[Callable[[TuneState], None]]:
+    """A bar to tell the state of a run to, step by step."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("compiling", total=1.0)
+        yield lambda state: bar.update(task, completed=progress(state, settings), description=_words(state, settings))
+
+
+def progress(state: TuneState, settings: Settings) -> float:
+    """Part of the run that is done, from 0 to 1; never less than before."""
+    if state.done:
+        return 1.0
+    parts = settings.starts + 1  # the random points count as much as one descent
+    if state.start < 0:
+        return len(state.history) / max(settings.scatter, 1) / parts
+    steps = state.outer * (settings.inner_steps + 1) + state.inner
+    return (1 + state.start + 1 - PACE**steps) / parts
+
+
+def _words(state: TuneState, settings: Settings) -> str:
+    phase = "random points" if state.start < 0 else f"descent {min(state.start + 1, settings.starts)} of {settings.starts}"
+    row = state.history[-1] if state.history else None
+    worst = "diverged" if row is None or row.diverged else f"{1e6 * float(np.max(row.metrics.rms_contour_error)):.3f} um"
+    return f"{phase}: worst RMS contour error now {worst}"

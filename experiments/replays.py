@@ -1,0 +1,94 @@
+"""A controller run on every contour and every plant, with the signals kept: what tables, figures and netCDF are made of."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.jobs import Job
+from jcontour.controller import Controller
+from jcontour.evaluation import platform_batching, stack_plants, stack_references
+from jcontour.metrics import Metrics, contour_error, score_signals
+from jcontour.plant import Plant
+from jcontour.references import Reference
+from jcontour.simulation import check_run, follow
+
+
+class Replay(NamedTuple):
+    """Metrics (contour, plant), and per sample: output [m], control, contour error vector [m]; axes (contour, plant, time, ...)."""
+
+    metrics: Metrics
+    output: np.ndarray
+    control: np.ndarray
+    contour_error: np.ndarray
+
+
+class Course(NamedTuple):
+    """Jobs and plants of a replay, stacked once.
+
+    Attributes:
+        jobs: the contours.
+        training: which of them the tuner has seen.
+        plants: names of the plants, the nominal one first.
+        references: (contour,) stacked and padded.
+        family: (plant,) stacked.
+    """
+
+    jobs: tuple[Job, ...]
+    training: tuple[bool, ...]
+    plants: tuple[str, ...]
+    references: Reference
+    family: Plant
+
+    @classmethod
+    def of(cls, jobs: Sequence[Job], training: Sequence[bool], plants: Sequence[tuple[str, Plant]], preview: int) -> "Course":
+        """Course over named plants."""
+        dt = plants[0][1].dt
+        references = stack_references([job.reference(dt, preview) for job in jobs])
+        return cls(tuple(jobs), tuple(training), tuple(name for name, _ in plants), references, stack_plants([p for _, p in plants]))
+
+
+def replay(controller: Controller, course: Course) -> Replay:
+    """Run the controller over the whole course.
+
+    Raises:
+        ValueError: the preview or the sample period does not fit.
+    """
+    check_run(course.family, controller, course.references)
+    return Replay(*jax.device_get(_replay(controller, course.family, course.references)))
+
+
+@eqx.filter_jit
+def _replay(controller: Controller, family: Plant, references: Reference) -> tuple[Any, ...]:
+    batching = platform_batching()
+
+    def on_contour(reference: Reference):
+        plan = controller.prepare(reference)
+
+        def on_plant(plant: Plant):
+            run = follow(plant, controller, plan, reference)
+            return score_signals(run.output, run.control, reference), run.output, run.control
+
+        metrics, output, control = batching(on_plant, family)
+        return metrics, output, control, jax.vmap(lambda y: contour_error(y, reference))(output)
+
+    return batching(on_contour, references)
+
+
+def measured_speeds(output: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Speed [m/s] and acceleration [m/s^2] of the axes from outputs (..., T, m), by differences."""
+    speed = np.diff(output, axis=-2) / dt
+    return speed, np.diff(speed, axis=-2) / dt
+
+
+def scored(course: Course) -> np.ndarray:
+    """(contour, time) which samples count."""
+    return np.asarray(course.references.mask)[:, : course.references.steps]
+
+
+def desired(course: Course) -> np.ndarray:
+    """(contour, time, axis) where the tool should be [m]."""
+    return np.asarray(jnp.asarray(course.references.position)[:, : course.references.steps])

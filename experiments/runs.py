@@ -1,0 +1,183 @@
+"""The run folder: created whole and exclusively, every file written under a temporary name and renamed."""
+
+import json
+import os
+import platform
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SETTINGS, RESULT = "settings.json", "result.json"
+
+
+class RunError(ValueError):
+    """A run folder that cannot be used as asked; one line."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user stopped a run; the message says how to go on."""
+
+
+def default_folder(command: str) -> Path:
+    """runs/<command>-<date>-<time>, with a number behind it where that exists."""
+    stem = Path("runs") / f"{command}-{time.strftime('%Y%m%d-%H%M%S')}"
+    return next(path for k in range(1, 10_000) if not (path := stem if k == 1 else stem.with_name(f"{stem.name}-{k}")).exists())
+
+
+def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
+    """A new run folder with its settings and copies of the files it read; it appears at once and whole, or not at all.
+
+    Raises:
+        RunError: the folder already holds something, or cannot be made.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        made = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
+    try:
+        made.chmod(0o755)
+        copies = {str(path): f"inputs/{k}/{path.name}" for k, path in enumerate(inputs)}  # names stay: parts are called by them
+        for path, copy in copies.items():
+            (made / copy).parent.mkdir(parents=True)
+            shutil.copyfile(path, made / copy)
+        write_json(made / SETTINGS, settings(command, flags, copies))
+        made.rename(folder)  # fails where the folder holds anything, also when two runs start at once
+    except OSError as error:
+        shutil.rmtree(made, ignore_errors=True)
+        if folder.exists():
+            raise RunError(f"{folder}: already holds another run; give another --out, or --resume it") from None
+        raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
+    return folder
+
+
+def settings(command: str, flags: Any, inputs: dict[str, str]) -> dict[str, Any]:
+    """What there is to know about how a run came about."""
+    return {
+        "command": command,
+        "command_line": ["jcontour", *sys.argv[1:]],
+        "flags": plain(flags),
+        "inputs": inputs,
+        "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of everything that the numbers may depend on."""
+
+    def of(package: str) -> str:
+        try:
+            return version(package)
+        except PackageNotFoundError:
+            return "unknown"
+
+    packages = ("jcontour", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
+    return {"python": platform.python_version(), "platform": platform.platform(), **{name: of(name) for name in packages}}
+
+
+def opened(folder: Path, command: str) -> dict[str, Any]:
+    """Settings of a run of this command.
+
+    Raises:
+        RunError: it is not a run folder, or that of another command.
+    """
+    found = read_json(folder, SETTINGS)
+    if not isinstance(found.get("flags"), dict) or found.get("command") != command:
+        raise RunError(f"{folder}: holds a run of {found.get('command')!r}, not of {command!r}")
+    return found
+
+
+def read_json(folder: Path, name: str) -> dict[str, Any]:
+    """A JSON file of a run folder.
+
+    Raises:
+        RunError: it is missing or not a JSON object.
+    """
+    try:
+        found = json.loads((folder / name).read_text())
+    except OSError:
+        raise RunError(f"{folder}: is not a run folder, or its run has not ended ({name} is missing)") from None
+    except ValueError:
+        raise RunError(f"{folder / name}: is not JSON") from None
+    if not isinstance(found, dict):
+        raise RunError(f"{folder / name}: needs a JSON object")
+    return found
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a run while it is worked on; a killed process lets go.
+
+    Raises:
+        RunError: another process works on it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows: there, do not resume a run twice at once
+        yield
+        return
+    with (folder / SETTINGS).open() as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RunError(f"{folder}: another process is at work on this run") from None
+        yield
+
+
+@contextmanager
+def resumable(command: str, folder: Path) -> Iterator[None]:
+    """Tell whoever interrupts a run how it goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(f"go on with: jcontour {command} --resume {folder}") from None
+
+
+def write(path: Path, fill: Callable[[Path], Any]) -> Path:
+    """Write a file under a temporary name with `fill(temporary)`, and rename it."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")  # keeps the suffix: writers choose the format by it
+    try:
+        fill(temporary)
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def write_json(path: Path, value: Any) -> Path:
+    """Write a value as JSON; what is not finite becomes null."""
+    return write(path, lambda temporary: temporary.write_text(json_text(value) + "\n"))
+
+
+def json_text(value: Any) -> str:
+    """JSON of plain values, NumPy included; NaN and inf, which JSON has not, become null."""
+    return json.dumps(plain(value), indent=1, allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """The same in dicts, lists, strings and numbers."""
+    if is_dataclass(value):
+        return plain(asdict(value))  # pyright: ignore[reportArgumentType]
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, (np.ndarray, np.generic)) or hasattr(value, "tolist"):
+        return plain(np.asarray(value).tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float) and value - value != 0:
+        return None
+    return value

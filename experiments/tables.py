@@ -1,0 +1,125 @@
+"""Tables and blocks of text for people, from the plain numbers of a result."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+COLUMNS = (  # metric, heading, factor from SI
+    ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
+    ("peak_contour_error", "peak\ncontour\nerror um", 1e6),
+    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
+    ("peak_tracking_error", "peak\ntracking\nerror um", 1e6),
+    ("rms_control", "RMS\ncontrol\n", 1.0),
+    ("rms_increment", "RMS\ncontrol\nincrement", 1.0),
+)
+
+
+WIDE = 110  # columns where the output is not a terminal
+
+
+def console_of(stderr: bool = False, quiet: bool = False) -> Console:
+    """Where text goes; files and pipes are wide enough for every table."""
+    console = Console(stderr=stderr, quiet=quiet)
+    return console if console.is_terminal else Console(stderr=stderr, quiet=quiet, width=WIDE)
+
+
+def say(console: Console, *lines: str) -> None:
+    """Print lines as they are."""
+    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+
+
+def digits(value: float | None) -> str:
+    """Four significant digits; a dash for what is not finite."""
+    return "-" if value is None or value - value != 0 else f"{value:.4g}"
+
+
+def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> Table:
+    """A table whose first columns are text and the others numbers."""
+    table = Table(title=title, title_justify="left", title_style="bold", pad_edge=False, box=SIMPLE_HEAD)
+    for k, name in enumerate(columns):
+        table.add_column(name, justify="left" if k < text_columns else "right", no_wrap=k == 0 or k >= text_columns)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def design_tables(result: dict[str, Any]) -> list[Table]:
+    """Start against tuned, training and held-out contours apart, nominal plant and worst of the family."""
+    columns = ["contour", "plant", "weights", *(heading for _, heading, _ in COLUMNS)]
+    made = []
+    for seen, title in ((True, "Training contours"), (False, "Held-out contours (never seen by the tuner)")):
+        rows = [row for contour in result["contours"] if contour["training"] is seen for row in _contour_rows(contour)]
+        if rows:
+            made.append(plain_table(f"{title}, machine with quantised encoders", columns, rows, text_columns=3))
+    return made
+
+
+def _contour_rows(contour: dict[str, Any]) -> list[list[str]]:
+    rows = []
+    for plant in ("nominal", "worst"):
+        for design, metrics in contour["metrics"].items():
+            lost = metrics[plant]["diverged"]
+            cells = ["diverged" if lost else digits(_scaled(metrics[plant][name], factor)) for name, _, factor in COLUMNS]
+            first_of_plant = design == next(iter(contour["metrics"]))
+            rows.append(["" if rows else contour["name"], plant if first_of_plant else "", design, *cells])
+    return rows
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def show_tuned(result: dict[str, Any], folder: str, console: Console) -> None:
+    """Everything a tuning run found."""
+    for table in design_tables(result):
+        console.print(table)
+    say(console, *values_block(result), "", f"Run folder: {folder}")
+
+
+def values_block(result: dict[str, Any]) -> list[str]:
+    """The block "use these values"."""
+    weights, safety, unit = result["weights"], result["safety"], result["machine"]["control_unit"]
+    lines = [
+        "",
+        "USE THESE VALUES" if result["usable"] else "DO NOT USE THESE VALUES: see the warnings",
+        f"  alpha     {weights['alpha']:.6g} 1/m^2      alpha/rho  {weights['alpha'] / weights['rho']:.6g} ({unit})^2/m^2",
+        f"  beta      {weights['beta']:.6g} 1/m^2      beta/rho   {weights['beta'] / weights['rho']:.6g} ({unit})^2/m^2",
+        f"  rho       {weights['rho']:.6g} 1/({unit})^2 (fixed)",
+        f"  preview   {result['preview']} samples, {result['terminal']} terminal",
+    ]
+    if weights["stage"]:
+        lines.append("  stage     " + " ".join(f"{value:.4g}" for value in weights["stage"]))
+    lines += ["How safe they are (frozen loops with the Kalman filter, "
+              f"up to {safety['probes_per_contour']} points of each training contour)",
+              f"  largest spectral radius  {safety['largest_frozen_spectral_radius']:.6f} (stable below 1)"]  # fmt: skip
+    for k, (low, high) in enumerate(safety["gain_range"]):
+        lines.append(f"  gain margin, input {k + 1}     x {_bounded(low, safety, 0)} ... {_bounded(high, safety, 1)}")
+    lines.append(f"  delay margin             {_delay(safety)}")
+    return [*lines, *(f"WARNING: {line}" for line in result["warnings"])]
+
+
+def _bounded(value: float, safety: dict[str, Any], side: int) -> str:
+    bound = safety["gain_search"][side]
+    beyond = value <= bound if side == 0 else value >= bound
+    return f"{bound:.4g} or beyond" if beyond else f"{value:.4g}"
+
+
+def _delay(safety: dict[str, Any]) -> str:
+    found = safety["delay_samples"]
+    if found < 0:
+        return "none: a loop is unstable without extra delay"
+    more = " or more" if found >= safety["delay_search"] else ""
+    return f"{found}{more} extra samples"
+
+
+def plant_table(summary: dict[str, Any]) -> Table:
+    """A simulation: one row per plant of the family."""
+    rows = [
+        [plant, *("diverged" if metrics["diverged"] else digits(_scaled(metrics[name], factor)) for name, _, factor in COLUMNS)]
+        for plant, metrics in summary["plants"].items()
+    ]
+    title = f"{summary['controller']} on {summary['contour']}, {summary['samples']} samples, {summary['feed_law']}, encoders quantised"
+    return plain_table(title, ["plant", *(heading for _, heading, _ in COLUMNS)], rows)

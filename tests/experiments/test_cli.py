@@ -1,0 +1,138 @@
+"""Every bad input: one clear line on stderr, exit code 2, nothing written."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from experiments.cli import main
+
+
+def refused(capsys, folder, arguments, says):
+    before = sorted(folder.rglob("*"))
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("jcontour: ") and captured.err.count("\n") == 1 and "Traceback" not in captured.err
+    assert says in captured.err
+    assert captured.out == ""
+    assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("program", "says"),
+    [
+        ("G1 X1\n", "line 1"),
+        ("G1 Q7 F100\n", "line 1"),
+        ("G1 X1 F100\nG2 X5 Y5 I0.1 J0\n", "line 2"),
+        ("G1 X0 F100\n", "cutting"),
+        ("", "cutting"),
+    ],
+)
+def test_bad_part(capsys, tmp_path, program, says):
+    part = tmp_path / "part.ngc"
+    part.write_text(program)
+    refused(capsys, tmp_path, ["tune", str(part), "--out", str(tmp_path / "run")], says)
+
+
+def test_missing_part(capsys, tmp_path):
+    refused(capsys, tmp_path, ["tune", str(tmp_path / "none.ngc"), "--out", str(tmp_path / "run")], "none.ngc")
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--alpha", "-1"], "alpha"),
+        (["--alpha", "0", "--beta", "0"], "alpha, beta"),
+        (["--alpha", "nan"], "alpha"),
+        (["--rho", "0"], "rho"),
+        (["--preview", "0"], "preview"),
+        (["--preview", "100000"], "preview"),
+        (["--feed-mm-per-min", "0"], "feed"),
+        (["--max-tracking-error-um", "-3"], "max-tracking-error-um"),
+        (["--scatter", "-1"], "scatter"),
+        (["--plant", "lathe"], "lathe"),
+        (["--plant", "lathe.json"], "lathe.json"),
+        (["--resume", "nowhere"], "nowhere"),
+        (["--resume", "nowhere", "--seed", "3"], "leave out --seed"),
+    ],
+)
+def test_bad_flag(capsys, tmp_path, part_file, machine_file, flags, says):
+    where = [] if "--resume" in flags else [str(part_file), "--out", str(tmp_path / "run")]
+    machine = [] if "--plant" in flags or "--resume" in flags else ["--plant", str(machine_file)]
+    refused(capsys, tmp_path, ["tune", *where, *machine, *flags], says)
+
+
+def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
+    path = tmp_path / "machine.json"
+    path.write_text(json.dumps({**machine_fields, "B": [[0.0, 0.0], [0.4, 0.0], [0.0, 0.0], [0.0, 0.0]]}))
+    refused(capsys, tmp_path, ["tune", str(part_file), "--plant", str(path), "--out", str(tmp_path / "run")], "out of reach")
+
+
+def test_folder_of_another_run(capsys, tmp_path, machine_file, part_file):
+    taken = tmp_path / "run"
+    taken.mkdir()
+    (taken / "settings.json").write_text("{}")
+    flags = ["tune", str(part_file), "--plant", str(machine_file), "--out", str(taken)]
+    refused(capsys, tmp_path, flags, "already holds another run")
+
+
+@pytest.mark.parametrize("arguments", [["simulate", "spiral"], ["simulate", "--controller", "magic"], ["reproduce", "nothing"]])
+def test_unknown_name(capsys, tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    refused(capsys, tmp_path, arguments, arguments[-1])
+
+
+def test_list_as_json(capsys):
+    assert main(["list", "--json"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    assert {"plants", "controllers", "contours", "experiments"} == set(found) and "bridgeport" in found["plants"]
+
+
+def test_help_imports_nothing_heavy():
+    script = (
+        "import sys\nfrom experiments.cli import main\ntry:\n main(['tune', '--help'])\nexcept SystemExit: pass\n"
+        "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
+    """kill -9 in the middle, resume, and the same result to the last bit as a run that was left alone."""
+    command = [sys.executable, "-m", "experiments.cli", "tune"]
+    effort = ["--scatter", "3", "--starts", "2", "--inner-steps", "4", "--outer-steps", "2", "--json"]
+    make = [*command, str(part_file), "--plant", str(machine_file), *effort]
+    alone = subprocess.run([*make, "--out", str(tmp_path / "alone")], capture_output=True, text=True)
+    assert alone.returncode == 0, alone.stderr
+    killed = subprocess.Popen([*make, "--out", str(tmp_path / "killed")], stdout=subprocess.DEVNULL)
+    while not (tmp_path / "killed" / "state.npz").exists() and killed.poll() is None:
+        time.sleep(0.02)
+    killed.kill()
+    killed.wait()
+    assert not (tmp_path / "killed" / "result.json").exists()
+    resumed = subprocess.run([*command, "--resume", str(tmp_path / "killed"), "--json"], capture_output=True, text=True)
+    assert resumed.returncode == 0, resumed.stderr
+    first, second = json.loads(alone.stdout), json.loads(resumed.stdout)
+    for one in (first, second):
+        del one["run"], one["seconds"]
+    assert first == second
+    for name in ("gains.csv", "observer.json", "history.json"):
+        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "killed" / name).read_bytes()
+    compared = subprocess.run(
+        [*command[:-1], "compare", str(tmp_path / "alone"), str(tmp_path / "killed"), "--json"], capture_output=True, text=True
+    )
+    summary = json.loads(compared.stdout)
+    assert summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
+
+
+@pytest.mark.slow
+def test_simulate(tmp_path, machine_file):
+    command = [sys.executable, "-m", "experiments.cli", "simulate", "circle", "--plant", str(machine_file), "--json"]
+    done = subprocess.run([*command, "--out", str(tmp_path / "run")], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["contour"] == "circle"
+    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {"settings.json", "result.json", "rollouts.nc", "contour-circle.png"}

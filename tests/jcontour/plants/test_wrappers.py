@@ -1,0 +1,103 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
+
+
+def run(plant, state, controls):
+    """Outputs, measurements and last state."""
+
+    def step(state, control):
+        return plant.step(state, control), (plant.output(state), plant.measure(state))
+
+    last, (outputs, measurements) = jax.lax.scan(step, state, jnp.asarray(controls))
+    return np.asarray(outputs), np.asarray(measurements), last
+
+
+@pytest.fixture(scope="module")
+def start(two_axes):
+    return two_axes.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def controls():
+    return 1e-2 * np.random.default_rng(0).standard_normal((8, 2))
+
+
+@pytest.fixture(scope="module")
+def plain(two_axes, start, controls):
+    return run(two_axes, start, controls)
+
+
+def test_encoders_measure_the_outputs(two_axes, start, controls, plain):
+    outputs, measurements, last = run(Encoders(two_axes), start, controls)
+    np.testing.assert_array_equal(outputs, plain[0])
+    np.testing.assert_array_equal(measurements, plain[0])
+    np.testing.assert_array_equal(last, plain[2])
+
+
+def test_quantised_measures_whole_counts_and_moves_as_before(two_axes, start, controls, plain):
+    count = 0.8e-6
+    outputs, measurements, _ = run(Quantised(Encoders(two_axes), count), start, controls)
+    np.testing.assert_array_equal(outputs, plain[0])
+    np.testing.assert_allclose(measurements / count, np.round(plain[0] / count), atol=1e-9)
+    for bad in (0.0, -1e-6, float("nan")):
+        with pytest.raises(ValueError, match="resolution"):
+            Quantised(two_axes, bad)
+
+
+def test_saturated_clips_each_control(two_axes, start, controls):
+    limit = np.array([5e-3, 1.0])
+    found = run(Saturated(two_axes, jnp.asarray(limit)), start, controls)
+    wanted = run(two_axes, start, np.clip(controls, -limit, limit))
+    np.testing.assert_array_equal(found[0], wanted[0])
+    assert np.abs(controls[:, 0]).max() > limit[0]
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2])
+def test_delayed_is_the_plant_under_shifted_controls(samples, two_axes, start, controls):
+    plant = Delayed(two_axes, jnp.asarray(samples), 2, 2)
+    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    outputs, measurements, last = run(plant, state, controls)
+    wanted = run(two_axes, start, np.concatenate([np.zeros((samples, 2)), controls])[:8])
+    np.testing.assert_allclose(outputs, wanted[0], rtol=1e-14)
+    np.testing.assert_allclose(last[0], wanted[2], rtol=1e-14, atol=1e-20)
+    np.testing.assert_array_equal(last[1], controls[:-3:-1])
+    assert measurements.shape == (8, 4)
+
+
+def test_delay_line_needs_a_place(two_axes):
+    with pytest.raises(ValueError, match="depth"):
+        Delayed(two_axes, 0, 0, 2)
+
+
+@pytest.mark.xfail(strict=True, reason="wrappers.py: a delay beyond the line is clipped to its depth in silence, -1 reads its end")
+@pytest.mark.parametrize("samples", [3, -1])
+def test_a_delay_that_the_line_does_not_hold_is_refused(samples, two_axes):
+    with pytest.raises(ValueError, match="samples"):
+        Delayed(two_axes, samples, 2, 2)
+
+
+def test_disturbed_adds_rows_and_holds_the_last(two_axes, start, controls):
+    random = np.random.default_rng(1)
+    force, noise = 1e-3 * random.standard_normal((3, 2)), 1e-6 * random.standard_normal((8, 2))
+    plant = Disturbed(Encoders(two_axes), jnp.asarray(force), jnp.asarray(noise))
+    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    outputs, measurements, last = run(plant, state, controls)
+    wanted = run(two_axes, start, controls + force[np.minimum(np.arange(8), 2)])
+    np.testing.assert_allclose(outputs, wanted[0], rtol=1e-14)
+    np.testing.assert_allclose(measurements, wanted[0] + noise, rtol=1e-14)
+    assert int(last[1]) == 8
+
+
+def test_wrappers_nest(two_axes, start, controls):
+    limit = jnp.array([5e-3, 5e-3])
+    plant = Encoders(Saturated(Delayed(two_axes, jnp.asarray(1), 2, 2), limit))
+    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    outputs, measurements, _ = run(plant, state, controls)
+    late = np.concatenate([np.zeros((1, 2)), np.clip(controls, -limit, limit)])[:8]
+    np.testing.assert_allclose(measurements, run(two_axes, start, late)[0], rtol=1e-14)
+    np.testing.assert_array_equal(outputs, measurements)
+    assert plant.dt == two_axes.dt
