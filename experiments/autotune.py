@@ -78,7 +78,7 @@ def describe(job: TuningRun, console: Console) -> None:
         f"Machine     {machine.name}: {model.states} states (known delay {machine.known_delay}), axes {', '.join(machine.axes)}, "
         f"dt {1e3 * model.dt:g} ms",
         f"Measured    positions only, encoder {1e6 * machine.encoder_resolution:g} um; Kalman filter for {machine.control_noise:g} "
-        f"{machine.control_unit} of noise on every control (rule of thumb: 1 % of full control)",
+        f"{machine.control_unit} of noise on every control",
         f"Family      {'; '.join(job.course.plants)}" + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
         "Training    " + "; ".join(f"{one.name} ({one.arc.size} samples, {one.feed_law})" for one in seen),
         "Held out    " + "; ".join(f"{one.name} ({one.arc.size} samples)" for one in unseen),

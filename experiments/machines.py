@@ -14,7 +14,7 @@ A JSON object, or an npz with the same names (`limits.speed` for what is nested)
     uncertainty          optional: gain (0.1: each input gain is known to 10 %), delay (most further samples of delay)
     encoder_resolution   [length] per count; 0.8 um when not given
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each control;
-                         1 % of the control limit, or 0.01, when not given
+                         5 % of the control limit, or 0.1, when not given: about what an input gain 10 % off does
 
 `experiments/machines/example.json` is one. The tool starts in steady motion, so every axis needs one input and one output of its own.
 """
@@ -108,7 +108,7 @@ def bridgeport_machine() -> Machine:
     """The paper's X-Y table; it states no limits, and of its uncertainty only that models are never exact."""
     return Machine(
         "bridgeport", bridgeport(), ("X", "Y"), "control unit", MachineLimits(),
-        known_delay=0, gain=0.1, delay=2, encoder_resolution=ENCODER_RESOLUTION, control_noise=0.01,
+        known_delay=0, gain=0.1, delay=2, encoder_resolution=ENCODER_RESOLUTION, control_noise=0.1,
     )  # fmt: skip
 
 
@@ -204,7 +204,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     if gain >= 1:
         raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
     resolution = _number("encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION / metre), above=0.0) * metre
-    assumed = 0.01 if limits.control is None else 0.01 * float(limits.control.min())
+    assumed = 0.1 if limits.control is None else 0.05 * float(limits.control.min())
     return Machine(
         _text("name", fields.get("name", name)), model, _axes(fields.get("axes"), plant.axes),
         _text("control_unit", fields.get("control_unit", "control unit")), limits, known_delay, gain,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.mcnab_tsao_claims import claims, table_1
+from experiments.mcnab_tsao_claims import FIGURE_2_ALPHA, FIGURE_9, FIGURE_10, claims, table_1
 from experiments.mcnab_tsao_figures import draw
 from experiments.mcnab_tsao_runs import LONGEST, PREVIEW, RHO, Bench, Law, Run, family, radii_on_lines
 from experiments.mcnab_tsao_tables import show
@@ -47,10 +47,8 @@ PUBLISHED = (
 
 ALPHAS, BETAS = (0.25, 0.5, 1.2, 3.0, 4.0, 8.0), (0.0, 1.0, 5.0, 15.0, 20.0)  # the paper's weights and what lies between
 TOO_HIGH = 20.0  # an alpha beyond the paper's, for the U-shape
-SCANS = ((4.0, 0.0), (0.25, 15.0))  # alpha, beta of Fig. 9 and of Fig. 10
 LINE_ALPHA, LINE_BETAS, LINE_SCALES = 3.0, (0.0, 1.0, 5.0, 20.0), (1.0, 10.0)  # 3/0 -> 3/5, and the same at ten times the weights
 POINTS = slice(591, 602)  # samples near the circle's upper left, in the scored lap
-POINTS_ALPHA = 1.2  # the largest of the paper's at which the points of Fig. 2 can still be told apart
 THEOREM_ALPHAS, THEOREM_BETAS, THEOREM_RHOS = (0.25, 3.0, 8.0), (0.0, 5.0, 15.0, 20.0), (RHO, RHO * 1e-2, RHO * 1e-4)
 THEOREM_HORIZON, THEOREM_DIRECTIONS, QUICK_DIRECTIONS = 50, 72, 18  # over half a turn: the weight is that of the opposite direction
 
@@ -86,7 +84,7 @@ def run(settings: Settings, folder: Path, progress: Progress | None = None) -> d
         tell(0.1 + 0.5 * k / len(laws), f"circle, {law.terminal} terminal, {law.alpha:g}/{law.beta:g}, preview {law.preview}")
         found = bench.run(bench.plan(law, bench.circle), bench.circle)
         runs.append(_row(law, found))
-        if (law.terminal, law.alpha, law.preview) == ("output", POINTS_ALPHA, PREVIEW):
+        if (law.terminal, law.alpha, law.preview) == ("output", FIGURE_2_ALPHA, PREVIEW):
             points["output_m"][f"{law.beta:g}"] = found.output[0, POINTS].tolist()
     tell(0.6, "line")
     line_laws = [Law(t, s * LINE_ALPHA, s * beta) for t in bench.terminals for s in LINE_SCALES for beta in LINE_BETAS]
@@ -115,7 +113,7 @@ def _laws() -> list[Law]:
     previews = range(1, LONGEST + 1)
     grid = [Law(terminal, alpha, beta) for terminal in ("output", "dare") for alpha in ALPHAS for beta in BETAS]
     grid += [Law(terminal, TOO_HIGH, 0.0) for terminal in ("output", "dare")]
-    scan = [Law(terminal, *weights, preview) for weights in SCANS for terminal in ("output", "dare") for preview in previews]
+    scan = [Law(terminal, *weights, n) for weights in (FIGURE_9, FIGURE_10) for terminal in ("output", "dare") for n in previews]
     return list(dict.fromkeys(grid + scan))  # N_p = 10 is in both
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.mcnab_tsao_claims import nominal, run_of, scan
+from experiments.mcnab_tsao_claims import FIGURE_2_ALPHA, FIGURE_9, FIGURE_10, nominal, run_of, scan
 from experiments.runs import write
 
 DOTS = 150  # per inch
@@ -44,7 +44,7 @@ def points_along_the_circle(summary: dict[str, Any]) -> Figure:
         axes.plot(*(1e6 * np.array(output) - middle).T, "x", color=colour, markersize=7, label=f"beta {beta}")
     reach = 60.0  # [um] five samples: the points of one sample stay apart
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x [um]", ylabel="y [um]")
-    axes.set_title("Fig. 2: samples on the 1 mm circle, motion to the lower left\nalpha 1.2, output terminal")
+    axes.set_title(f"Fig. 2: samples on the 1 mm circle, motion to the lower left\nalpha {FIGURE_2_ALPHA:g}, output terminal")
     axes.grid(color="0.92")
     axes.legend(frameon=False)
     return figure
@@ -106,9 +106,9 @@ def errors_over_the_preview(summary: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(11.0, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     for terminal, name in TERMINALS.items():
-        previews, tracking = scan(summary, terminal, 4.0, 0.0, "te_um")
+        previews, tracking = scan(summary, terminal, *FIGURE_9, "te_um")
         left.plot(previews, tracking, "+-", color=COLOURS[terminal], label=name)
-        previews, contour = scan(summary, terminal, 0.25, 15.0, "ce_um")
+        previews, contour = scan(summary, terminal, *FIGURE_10, "ce_um")
         right.plot(previews, np.square(contour), "+-", color=COLOURS[terminal], label=name)
     left.set(title="Fig. 9: RMS tracking error, alpha 4, beta 0", ylabel="[um]")
     right.set(title="Fig. 10: mean square contour error, alpha 0.25, beta 15", ylabel="[um^2]")

@@ -74,7 +74,7 @@ def _u_shape(summary: dict[str, Any]) -> Table:
         verdict = "stable" if late["spectral_radius"] < 1 else "unstable: the numbers mean nothing"
         rows.append((f"{alpha:g}", *numbers, f"{late['spectral_radius']:.4f}", verdict))
     headings = ("alpha", "te\nnominal", "ce\nnominal", f"te\ndelay {delay}", f"ce\ndelay {delay}", "frozen\nradius", "verdict")
-    return _table(f"Figs 3 and 5: beta 0, output terminal, unknown input delay of {delay} samples [um]", headings, rows)
+    return _table(f"Figs 3 and 5: beta 0, output terminal, unknown input delay [samples]: {delay}; errors [um]", headings, rows)
 
 
 def _theorem_1(summary: dict[str, Any]) -> Table:

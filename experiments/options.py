@@ -38,9 +38,9 @@ class Controlled(MachineFlags):
     """Horizon of the controller [samples]; not tuned here, see `jcontour sweep`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of the horizon: output error, or the Riccati solution (stable on straight lines)."""
-    alpha: float = 3.0
+    alpha: float = 1.2  # with beta = 20 the best contour error that McNab & Tsao found by hand (Table 1, case II)
     """Start weight on the tracking error [1/m^2]."""
-    beta: float = 5.0
+    beta: float = 20.0
     """Start weight on the contour error [1/m^2]."""
     rho: float = 2e-9
     """Weight on the control [1/control unit^2]; fixed, because only alpha/rho and beta/rho matter."""
@@ -83,7 +83,7 @@ class Tune(Storage):
     """Tune the weights of the contouring controller by gradient: on your toolpaths, or on the built-in training set."""
 
     parts: Positional[tuple[str, ...]] = ()
-    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; bracket, circle, square if none."""
+    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; cam, circle, square if none."""
     objective: Objective = "worst"
     """What is made small: the worst, or the mean, RMS contour error over contours and plants."""
     nominal_only: bool = False

@@ -10,6 +10,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jcontour.contours import stack as stack_contours
 from jcontour.controller import Controller
@@ -84,8 +85,10 @@ def stack_references(references: Sequence[Reference]) -> Reference:
     """
     steps = max((reference.steps for reference in references), default=0)
     contours = stack_contours([reference.contour for reference in references])
-    padded = [pad(reference, steps) for reference in references]
-    alike = [eqx.tree_at(lambda r: r.contour, one, jax.tree.map(lambda leaf, k=k: leaf[k], contours)) for k, one in enumerate(padded)]
+    alike = [
+        eqx.tree_at(lambda r: r.contour, pad(reference, steps), member(jax.device_get(contours), k))
+        for k, reference in enumerate(references)
+    ]
     return _stack("references", alike)
 
 
@@ -102,4 +105,4 @@ def _stack(name: str, members: Sequence) -> Any:
     for k, one in enumerate(members):
         if jax.tree.structure(one) != first or shapes[k] != shapes[0]:
             raise ValueError(f"{name}: all need the same structure, sample period and shapes; number {k} differs from number 0")
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *members)
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *members)  # stacked by NumPy: nothing to compile

@@ -6,10 +6,10 @@ x(k+1) = A x(k) + B u(k),  y(k) = C x(k)      (McNab & Tsao, eq. 9, with x(k+1) 
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jcontour.plant import Plant
@@ -136,7 +136,7 @@ def with_input_gains(plant: LinearPlant, gains) -> LinearPlant:
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
     """Largest absolute eigenvalue of each matrix (..., n, n); infinite where a matrix is not finite."""
     M = np.asarray(M)
-    finite = np.isfinite(M).all(axis=(-1, -2))
+    finite = np.asarray(np.isfinite(M).all(axis=(-1, -2)))
     values = np.abs(np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))).max(axis=-1)
     return np.where(finite, values, np.inf)
 
@@ -151,11 +151,11 @@ class Axis(NamedTuple):
 
 def decoupled_axes(pattern: Pattern) -> tuple[Axis, ...]:
     """The independent parts of a plant, in the order of their outputs, read from its non-zero pattern."""
-    A, B, C = (np.array(part, bool) for part in pattern)
+    A, B, C = np.array(pattern.A), np.array(pattern.B), np.array(pattern.C)
     n, p, m = A.shape[0], B.shape[1], C.shape[0]
     linked = np.zeros((n + p + m, n + p + m), bool)
     linked[:n, :n], linked[:n, n : n + p], linked[n + p :, :n] = A, B, C
-    linked |= linked.T | np.eye(n + p + m, dtype=bool)
+    linked = linked | linked.T | np.eye(n + p + m, dtype=bool)
     for _ in range(int(np.ceil(np.log2(n + p + m)))):
         linked = linked @ linked
     parts = {tuple(np.flatnonzero(row)) for row in linked}
@@ -207,10 +207,15 @@ def _axis_steady_motion(A, B, C, name: str) -> Float[Array, "n 2"]:
         column.append(carried)
     column = jnp.stack(column)
     matrix = jnp.concatenate([jnp.stack(rows), (column / jnp.max(jnp.abs(column)))[:, None]], axis=1)
-    if not isinstance(matrix, jax.core.Tracer) and not np.linalg.cond(np.asarray(matrix)) < 1 / np.finfo(matrix.dtype).eps:
+    if is_concrete(matrix) and not np.linalg.cond(np.asarray(matrix)) < 1 / np.finfo(matrix.dtype).eps:
         raise ValueError(f"{name}: the axis cannot hold a steady motion (its steady-motion equations are singular)")
     motion = jnp.stack([jnp.ones(n + 1, A.dtype), jnp.arange(n + 1, dtype=A.dtype)], axis=1)
     return jnp.linalg.solve(matrix, motion)[:n]
+
+
+def is_concrete(*values) -> bool:
+    """Whether every value is a number that the host can look at, none a tracer."""
+    return not any(isinstance(value, Tracer) for value in values)
 
 
 def _floating(value) -> Array:
@@ -219,8 +224,8 @@ def _floating(value) -> Array:
 
 
 def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:
-    concrete = not isinstance(matrix, jax.core.Tracer)
-    return tuple(tuple(bool(entry) for entry in row) for row in (np.asarray(matrix) != 0 if concrete else np.ones(matrix.shape, bool)))
+    where = np.not_equal(matrix, 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
+    return tuple(tuple(bool(entry) for entry in row) for row in where)
 
 
 def _check_shapes(A, B, C, dt: float) -> None:
@@ -234,5 +239,5 @@ def _check_shapes(A, B, C, dt: float) -> None:
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
     for name, matrix in (("A", A), ("B", B), ("C", C)):
-        if not isinstance(matrix, jax.core.Tracer) and not np.isfinite(np.asarray(matrix)).all():
+        if is_concrete(matrix) and not np.isfinite(np.asarray(matrix)).all():
             raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")

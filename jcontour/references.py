@@ -5,6 +5,7 @@ tool should be when control k starts to act.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -93,7 +94,7 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
     _check_finite(arc=arc)
     last = 0.0 if at_rest else arc[-1] - arc[-2]
     arc = np.concatenate([arc, arc[-1] + last * np.arange(1, preview + 1)])
-    position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
+    position, tangent = _sampled(contour, arc)
     increment = np.zeros(position.shape[1]) if at_rest else position[1] - position[0]
     mask = np.ones(arc.size, bool)
     if scored is not None:
@@ -112,13 +113,25 @@ def pad(reference: Reference, steps: int) -> Reference:
         raise ValueError(f"steps: the run has {reference.steps} control steps, more than the {steps} asked for")
 
     def hold(values):
-        return jnp.concatenate([values, jnp.repeat(values[-1:], extra, axis=0)])
+        return jnp.asarray(np.concatenate([values, np.repeat(np.asarray(values)[-1:], extra, axis=0)]))
 
-    mask = jnp.concatenate([reference.mask, jnp.zeros(extra, bool)])
+    mask = jnp.asarray(np.concatenate([reference.mask, np.zeros(extra, bool)]))
     return Reference(
         hold(reference.position), hold(reference.tangent), hold(reference.arc), mask,
         reference.start_increment, reference.contour, reference.dt, steps,
     )  # fmt: skip
+
+
+def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Position and tangent as `Contour` gives them, in NumPy: nothing is compiled for a path that is sampled once."""
+    length = float(contour.length)
+    inside = np.mod(arc, length) if contour.closed else np.clip(arc, 0.0, length)
+    index = np.searchsorted(np.asarray(contour.start)[np.asarray(contour.mask)], inside, side="right") - 1
+    piece = jax.tree.map(lambda rows: np.asarray(rows)[index], contour.pieces)
+    position, velocity, _ = piece.jet(inside - piece.start)
+    beyond = 0.0 if contour.closed else arc - inside
+    tangent = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+    return position + np.reshape(beyond, (-1, 1)) * velocity, tangent
 
 
 def _reference(position, tangent, arc, contour, dt, preview, increment, mask) -> Reference:

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.linear import AffinePlan, LinearPlant, spectral_radius
+from jcontour.linear import AffinePlan, LinearPlant, is_concrete, spectral_radius
 
 DOUBLINGS = 20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
 
@@ -103,7 +103,7 @@ def lqr_gain(A, B, H: Float[Array, "n n"], R) -> Float[Array, "p n"]:
 
 def check_dare(A, B, Q, R) -> None:
     """Raise ValueError unless the Riccati equation has a stabilising solution; traced values pass unchecked (NaN shows there)."""
-    if any(isinstance(value, jax.core.Tracer) for value in (A, B, Q, R)):
+    if not is_concrete(A, B, Q, R):
         return
     radius = float(spectral_radius(_dare_loop(A, B, Q, R)))
     if not radius < 1:

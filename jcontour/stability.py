@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jcontour.contours import line
 from jcontour.controller import Controller, Plan
@@ -23,7 +23,7 @@ from jcontour.references import Reference, along
 from jcontour.simulation import start_state
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
-DELAY_SEARCH = 20  # samples beyond which a delay margin is not followed
+DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
 GAIN_RESOLUTION = 1e-3  # relative width to which a gain margin is bisected
 PROBED_LOOPS = 48  # frozen loops that guide a search; all of them confirm it
 
@@ -42,7 +42,7 @@ class Margins(NamedTuple):
     delay: int
 
 
-def frozen_spectral_radius(controller: Controller, direction: Float[Array, " m"], plant: Plant | None = None) -> float:
+def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None) -> float:
     """Spectral radius of the loop along a straight line: Theorem 1's check.
 
     Args:
@@ -51,15 +51,16 @@ def frozen_spectral_radius(controller: Controller, direction: Float[Array, " m"]
         plant: the machine; the controller's own model when not given.
 
     Raises:
-        ValueError: the direction is zero or not finite.
+        ValueError: the direction is zero or not finite, or there is no plant.
     """
-    plant = controller.model if plant is None else plant
-    direction = np.asarray(direction, float)
-    reach = 1e-3 * (controller.preview + 2)  # [m] any length: the line goes on straight
-    length = np.linalg.norm(direction)
+    plant = getattr(controller, "model", None) if plant is None else plant
+    if plant is None:
+        raise ValueError("plant: this controller has no model of its own, give the plant")
+    along_path = np.asarray(direction, float)
+    length = np.linalg.norm(along_path)
     if not (np.isfinite(length) and length > 0):
         raise ValueError(f"direction: needs a finite vector of non-zero length, received {direction}")
-    contour = line(np.zeros(direction.size), reach * direction / length)
+    contour = line(np.zeros(along_path.size), 1e-3 * along_path / length)  # [m] any length: the reference goes on straight
     reference = along(contour, [0.0, 1e-3], plant.dt, controller.preview, at_rest=False)
     return float(frozen_spectral_radii(plant, controller, reference)[0])
 
@@ -80,16 +81,18 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
     """
     plan = _scored_rows(controller.prepare(reference), reference.mask[: reference.steps])
 
-    def radii(rows: Plan, gains=1.0, delay: int = 0):
-        perturbed = with_input_gains(plant, gains)
-        inner = Delayed(perturbed, jnp.asarray(delay), delay, plant.inputs) if delay else perturbed
-        return spectral_radius(_frozen_loops(measured(inner), controller, rows, reference))
+    def radii(rows: Plan, gains=1.0):
+        return spectral_radius(_frozen_loops(measured(with_input_gains(plant, gains)), controller, rows, reference))
+
+    def late_radii(delay: int):
+        late = Delayed(plant, jnp.asarray(delay), DELAY_SEARCH, plant.inputs)  # of one depth: compiled once
+        return spectral_radius(_frozen_loops(measured(late), controller, plan, reference))
 
     nominal = radii(plan)
     if nominal.max() >= 1:
         return Margins(float(nominal.max()), np.ones((plant.inputs, 2)), -1)
     gain = np.array([[_gain_limit(radii, plan, i, plant.inputs, factor) for factor in (1 / 1.05, 1.05)] for i in range(plant.inputs)])
-    delay = next((d for d in range(DELAY_SEARCH) if radii(plan, delay=d + 1).max() >= 1), DELAY_SEARCH)
+    delay = next((d for d in range(DELAY_SEARCH) if late_radii(d + 1).max() >= 1), DELAY_SEARCH)
     return Margins(float(nominal.max()), gain, delay)
 
 

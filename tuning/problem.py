@@ -17,6 +17,8 @@ from jcontour.references import Reference
 from tuning.objectives import Limits, Objective, no_limits
 from tuning.parameters import Chart, Weights
 
+Numbers = Array | np.ndarray  # inside jit or on the host
+
 SHARPNESS = 16.0  # of the smooth maximum: low enough for a curved valley to stay easy, the shares do the rest
 LEAST_SHARE = 1e-6  # a value that does not matter now may come back
 LIMIT_MARGIN = 1e-5  # the tuner aims this hair inside every limit, so that its last point is feasible to 1e-6 without a repair
@@ -50,13 +52,13 @@ class Problem(eqx.Module):
         return evaluate(self.build(weights), self.plants, self.references, self.window, self.batching)
 
 
-def smooth_maximum(values: Float[Array, " v"], shares: Float[Array, " v"]) -> Float[Array, ""]:
+def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[Array, ""]:
     """(sum of share v^p)^(1/p), p = SHARPNESS: exactly the maximum once the shares are its multipliers, smooth at any time."""
     largest = jax.lax.stop_gradient(jnp.max(values))
     return largest * jnp.sum(shares * (values / largest) ** SHARPNESS) ** (1 / SHARPNESS)
 
 
-def earned_shares(values: Float[np.ndarray, " v"], shares: Float[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
+def earned_shares(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[np.ndarray, " v"]:
     """Next shares, in proportion to share v^p (the exponential method of multipliers for a minimax)."""
     earned = shares * (values / np.max(values)) ** SHARPNESS
     return np.maximum(earned / np.sum(earned), LEAST_SHARE)
@@ -65,21 +67,21 @@ def earned_shares(values: Float[np.ndarray, " v"], shares: Float[np.ndarray, " v
 class Merit(NamedTuple):
     """How the augmented Lagrangian weighs the objective against the limits."""
 
-    multipliers: Float[Array, " c"]
-    penalty: Float[Array, ""]
-    scale: Float[Array, ""]  # of the objective
-    shares: Float[Array, " v"]  # of the objective's values in the smooth maximum: their multipliers, with sum one
+    multipliers: Float[Numbers, " c"]
+    penalty: Float[Numbers, ""]
+    scale: Float[Numbers, ""]  # of the objective
+    shares: Float[Numbers, " v"]  # of the objective's values in the smooth maximum: their multipliers, with sum one
 
 
 class Point(NamedTuple):
     """One evaluated point: Lagrangian and gradient for the optimiser, the rest for people."""
 
-    lagrangian: Float[Array, ""]
-    gradient: Float[Array, " d"]
-    objective: Float[Array, " v"]
-    limits: Float[Array, " c"]
+    lagrangian: Float[Numbers, ""]
+    gradient: Float[Numbers, " d"]
+    objective: Float[Numbers, " v"]
+    limits: Float[Numbers, " c"]
     metrics: Metrics
-    diverged: Bool[Array, ""]
+    diverged: Bool[Numbers, ""]
 
 
 @eqx.filter_jit

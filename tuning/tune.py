@@ -197,6 +197,7 @@ def _descend(problem, start, settings, state: TuneState) -> TuneState:
 
 
 def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState:
+    assert state.merit is not None  # a descent has begun
     here = _point(problem, start, state.z, state.merit)
     multipliers, penalty, scale, shares = state.merit
     limits = here.limits + LIMIT_MARGIN

@@ -8,13 +8,12 @@ and apply the first control. Lag along the path is forgiven, distance from it is
 import abc
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller
-from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, steady_motion
+from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import CostToGo, check_dare, dare, receding_horizon_plan
 
@@ -155,7 +154,7 @@ def _float(value) -> Array:
 
 def _check_weights(weights: LQWeights) -> None:
     values = {name: getattr(weights, name) for name in ("alpha", "beta", "rho", "stage")}
-    concrete = {name: np.asarray(v) for name, v in values.items() if v is not None and not isinstance(v, jax.core.Tracer)}
+    concrete = {name: np.asarray(v) for name, v in values.items() if v is not None and is_concrete(v)}
     for name, value in concrete.items():
         positive = name in ("rho", "stage")
         if not np.isfinite(value).all() or (value < 0).any() or (positive and (value == 0).any()):

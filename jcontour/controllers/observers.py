@@ -7,6 +7,7 @@ The filter form feeds xf to the controller (it has the current measurement in ti
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -86,6 +87,10 @@ def kalman_gain(model: LinearPlant, control_noise, measurement_noise) -> Float[A
     B = model.B * jnp.asarray(control_noise, model.A.dtype) / jnp.max(deviation)
     V = jnp.diag((deviation / jnp.max(deviation)) ** 2)
     check_dare(model.A.T, model.C.T, B @ B.T, V)
-    P = dare(model.A.T, model.C.T, B @ B.T, V)
-    PC = P @ model.C.T
-    return PC @ jnp.linalg.inv(model.C @ PC + V)
+    return _filter_gain(model.A, B, model.C, V)
+
+
+@jax.jit
+def _filter_gain(A, B, C, V) -> Float[Array, "n m"]:
+    PC = dare(A.T, C.T, B @ B.T, V) @ C.T
+    return PC @ jnp.linalg.inv(C @ PC + V)

@@ -107,7 +107,8 @@ def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes
     for axis in range(2):
         low, high = found.gain[axis]
         assert low < 1 < high
-        for factor, inside in ((high, True), (high * (1 + 2 * GAIN_RESOLUTION), False), (low, True), (low / (1 + 2 * GAIN_RESOLUTION), False)):
+        beyond = 1 + 2 * GAIN_RESOLUTION
+        for factor, inside in ((high, True), (high * beyond, False), (low, True), (low / beyond, False)):
             if not inside and not 1 / GAIN_SEARCH < factor < GAIN_SEARCH:
                 continue  # the search ends there
             gains = np.where(np.arange(2) == axis, factor, 1.0)

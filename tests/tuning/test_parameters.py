@@ -1,0 +1,79 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jcontour.controllers.contouring_lq import LQWeights
+from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
+
+positive = st.floats(1e-8, 1e8)
+
+
+@settings(max_examples=25, deadline=None)
+@given(positive, positive, st.floats(0.011, 0.99), st.floats(-1e6, 1e6))
+def test_round_trip(a, b, part, free):
+    space = {"a": Positive(), "b": Fixed(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0), "e": Free()}
+    start = {"a": [a, b], "b": b, "c": 10 ** (6 * part - 3), "d": 5 * part - 2, "e": free}
+    start = {name: jnp.asarray(value) for name, value in start.items()}
+    chart = Chart(space, start)
+    z = chart.coordinates()
+    assert z.shape == (5,)
+    found = chart.weights(z)
+    for name in start:
+        np.testing.assert_allclose(found[name], start[name], rtol=1e-9, atol=1e-9)
+    assert found["b"] is start["b"]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-30, 30), min_size=3, max_size=3))
+def test_no_coordinate_leaves_the_space(z):
+    space = {"a": Positive(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0)}
+    weights = Chart(space, dict.fromkeys(space, jnp.asarray(1.0))).weights(jnp.asarray(z))
+    assert weights["a"] > 0
+    assert 1e-3 < weights["c"] < 1e3
+    assert -2 < weights["d"] < 3
+
+
+def test_interval_of_positive_bounds_counts_decades_alike():
+    assert float(Interval(1e-4, 1e4).weight(jnp.zeros(()))) == pytest.approx(1.0)
+    assert float(Interval(-1.0, 3.0).weight(jnp.zeros(()))) == pytest.approx(1.0)
+
+
+def test_lq_space_leaves_rho_alone():
+    start = LQWeights(3.0, 0.1, 2e-9)
+    chart = Chart(LQSpace(), start)
+    z = chart.coordinates()
+    np.testing.assert_allclose(z, np.log([3.0, 0.1]))
+    moved = chart.weights(z + 1.0)
+    np.testing.assert_allclose([moved.alpha, moved.beta], np.array([3.0, 0.1]) * np.e)
+    assert moved.rho is start.rho and moved.stage is None
+
+
+def test_lq_space_with_a_stage_profile():
+    start = LQWeights(3.0, 0.1, 2e-9, [1.0, 2.0, 0.5])
+    chart = Chart(LQSpace(stage=Positive()), start)
+    assert chart.coordinates().shape == (5,)
+    np.testing.assert_allclose(chart.weights(chart.coordinates()).stage, [1.0, 2.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("space", "start", "words"),
+    [
+        ({"a": Positive()}, {"a": 0.0}, r"\['a'\].*outside of Positive"),
+        ({"a": Interval(1.0, 2.0)}, {"a": 2.0}, "outside of Interval"),
+        ({"a": Fixed()}, {"a": 1.0}, "nothing is left to tune"),
+        ({"a": Positive()}, {"a": 1.0, "b": 1.0}, "one parameter per weight, received 1 for 2"),
+        (LQSpace(), LQWeights(1, 1, 1, [1.0, 1.0]), "received 3 for 4"),
+        (LQSpace(stage=Positive()), LQWeights(1, 1, 1), "received 4 for 3"),
+    ],
+)
+def test_a_start_that_does_not_fit_is_refused(space, start, words):
+    with pytest.raises(ValueError, match=words):
+        Chart(space, start).coordinates()
+
+
+@pytest.mark.parametrize("bounds", [(1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (np.nan, 1.0)])
+def test_bad_bounds_are_refused(bounds):
+    with pytest.raises(ValueError, match="Interval"):
+        Interval(*bounds)

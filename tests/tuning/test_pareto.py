@@ -1,0 +1,65 @@
+import pickle
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tuning.objectives import AtMost
+from tuning.pareto import FrontState, advance_front, done, front_points, trade_off_front
+from tuning.tune import Settings
+
+START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
+SETTINGS = Settings(starts=1, scatter=2, spread=1.0, inner_steps=6, outer_steps=8)
+BUDGETS = [1.2e-5, 2e-5, 2.8e-5]
+
+
+@pytest.fixture(scope="module")
+def problems(proportional_problem):
+    return [proportional_problem(AtMost(rms_increment=budget, rms_tracking_error=5e-4)) for budget in BUDGETS]
+
+
+@pytest.fixture(scope="module")
+def states(problems):
+    seen = [FrontState()]
+    points = trade_off_front(problems, START, SETTINGS, seen.append)
+    return seen, points
+
+
+def test_points_respect_their_budgets_and_larger_budgets_are_never_worse(states):
+    points = states[1]
+    assert len(points) == 3
+    for point, budget in zip(points, BUDGETS, strict=True):
+        assert point.feasible
+        assert float(point.metrics.rms_increment.max()) <= budget * (1 + 1e-6)
+        assert point.objective == pytest.approx(float(point.metrics.rms_contour_error.mean()))
+    assert [p.objective for p in points] == sorted((p.objective for p in points), reverse=True)
+    assert points[0].objective > 1.01 * points[-1].objective  # there is a trade-off
+
+
+def test_every_point_counts_for_every_budget(problems, states):
+    """Searched the wrong way round, with no search at all for the tight budgets, the loose ones are as good."""
+    histories = states[0][-1].histories
+    swapped = front_points(problems, START, FrontState(histories[::-1]))
+    assert [p.objective for p in swapped] == [p.objective for p in states[1]]
+
+
+def test_interrupted_it_goes_on_with_the_same_bits(problems, states):
+    seen = states[0]
+    for k in (0, len(seen) // 2, len(seen) - 2):
+        again = advance_front(problems, START, SETTINGS, pickle.loads(pickle.dumps(seen[k])))
+        leaves = [jax.tree.leaves((s.histories, s.run.history, s.run.z, s.run.merit, s.run.gradient)) for s in (again, seen[k + 1])]
+        assert len(leaves[0]) == len(leaves[1])
+        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*leaves, strict=True))
+    assert done(problems, seen[-1]) and not done(problems, seen[-2])
+
+
+def test_no_budget_is_refused():
+    with pytest.raises(ValueError, match="problems: needs at least one budget"):
+        trade_off_front([], START)
+
+
+def test_every_point_diverging_is_an_error(problems):
+    far = {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)}
+    with pytest.raises(ValueError, match="every start diverges"):
+        trade_off_front(problems[:1], far, Settings(starts=1, scatter=2, spread=0.1))
