@@ -70,7 +70,7 @@ class LinearPlant(Plant):
         self.A, self.B, self.C = (_floating(matrix) for matrix in (A, B, C))
         self.dt = float(dt)
         _check_shapes(self.A, self.B, self.C, self.dt)
-        self.pattern = Pattern.of(self.A, self.B, self.C) if pattern is None else pattern
+        self.pattern = Pattern.of(A, B, C) if pattern is None else pattern
 
     @property
     def states(self) -> int:
@@ -180,37 +180,44 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     Raises:
         ValueError: an axis does not have one input and one output, or cannot hold a steady motion; give the maps then.
     """
-    Sy = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
-    Sv = Sy
-    for axis in decoupled_axes(plant.pattern):
+    axes = decoupled_axes(plant.pattern)
+    for axis in axes:
         if len(axis.inputs) != 1 or len(axis.outputs) != 1:
             raise ValueError(
                 f"steady motion needs axes with one input and one output each; states {list(axis.states)} have inputs "
                 f"{list(axis.inputs)} and outputs {list(axis.outputs)}: give SteadyMotion(Sy, Sv) or the state itself"
             )
-        rows, column = np.array(axis.states), axis.outputs[0]
-        maps = _axis_steady_motion(
-            plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[column, rows], f"output {column}"
-        )
-        Sy, Sv = Sy.at[rows, column].set(maps[:, 0]), Sv.at[rows, column].set(maps[:, 1])
-    return SteadyMotion(Sy, Sv)
+    motion, conditions = _steady_motion(plant)
+    for axis, condition in zip(axes, conditions, strict=True):
+        if is_concrete(condition) and not condition * np.finfo(plant.A.dtype).eps < 1:
+            raise ValueError(f"output {axis.outputs[0]}: the axis cannot hold a steady motion (its equations are singular)")
+    return motion
 
 
-def _axis_steady_motion(A, B, C, name: str) -> Float[Array, "n 2"]:
-    n = B.size
+@eqx.filter_jit
+def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, ""]]]:
+    Sy = Sv = jnp.zeros((plant.states, plant.axes), plant.A.dtype)
+    conditions = []
+    for axis in decoupled_axes(plant.pattern):
+        rows, output = np.array(axis.states), axis.outputs[0]
+        matrix = _steady_equations(plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows])
+        size = matrix.shape[0]
+        ramp = jnp.stack([jnp.ones(size, matrix.dtype), jnp.arange(size, dtype=matrix.dtype)], axis=1)
+        maps = jnp.linalg.solve(matrix, ramp)[:-1]
+        Sy, Sv = Sy.at[rows, output].set(maps[:, 0]), Sv.at[rows, output].set(maps[:, 1])
+        conditions.append(jnp.linalg.cond(matrix))
+    return SteadyMotion(Sy, Sv), conditions
+
+
+def _steady_equations(A, B, C) -> Float[Array, "n+1 n+1"]:
+    """Rows [C A^j, sum_{i<j} C A^i B], the last column scaled to one."""
     rows, column, response = [C], [jnp.zeros((), A.dtype)], B
-    carried = jnp.zeros((), A.dtype)
-    for _ in range(n):
-        carried = carried + C @ response  # sum of C A^i B so far
+    for _ in range(B.size):
+        column.append(column[-1] + C @ response)
         response = A @ response
         rows.append(rows[-1] @ A)
-        column.append(carried)
-    column = jnp.stack(column)
-    matrix = jnp.concatenate([jnp.stack(rows), (column / jnp.max(jnp.abs(column)))[:, None]], axis=1)
-    if is_concrete(matrix) and not np.linalg.cond(np.asarray(matrix)) < 1 / np.finfo(matrix.dtype).eps:
-        raise ValueError(f"{name}: the axis cannot hold a steady motion (its steady-motion equations are singular)")
-    motion = jnp.stack([jnp.ones(n + 1, A.dtype), jnp.arange(n + 1, dtype=A.dtype)], axis=1)
-    return jnp.linalg.solve(matrix, motion)[:n]
+    steady = jnp.stack(column)
+    return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
 
 
 def is_concrete(*values) -> bool:
@@ -224,7 +231,7 @@ def _floating(value) -> Array:
 
 
 def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:
-    where = np.not_equal(matrix, 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
+    where = np.not_equal(np.asarray(matrix), 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
     return tuple(tuple(bool(entry) for entry in row) for row in where)
 
 

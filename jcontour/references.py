@@ -64,11 +64,13 @@ def from_samples(position, tangent, dt: float, preview: int, contour: Contour | 
     worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
     if worst > 1e-6:
         raise ValueError(f"tangent: needs unit vectors, received one whose length is off by {worst:.3g}")
-    contour = polyline(position) if contour is None else contour
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
-    start = np.asarray(contour.nearest_anywhere(jnp.asarray(position[0])))
+    if contour is None:
+        contour = polyline(position)
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    else:
+        arc = np.asarray(_projected(contour, jnp.asarray(position)))
     increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
-    return _reference(position, tangent, start + travelled, contour, dt, preview, increment, np.ones(len(position), bool))
+    return _reference(position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool))
 
 
 def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
@@ -120,6 +122,21 @@ def pad(reference: Reference, steps: int) -> Reference:
         hold(reference.position), hold(reference.tangent), hold(reference.arc), mask,
         reference.start_increment, reference.contour, reference.dt, steps,
     )  # fmt: skip
+
+
+@jax.jit
+def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, " S"]:
+    """Arc length of every sample, each sought around where the one before and the chord between them lead: no branch jumps."""
+
+    def advance(arc, samples):
+        before, here = samples
+        chord = jnp.linalg.norm(here - before)
+        arc = contour.nearest(here, arc + chord, chord)
+        return arc, arc
+
+    first = contour.nearest_anywhere(position[0])
+    _, later = jax.lax.scan(advance, first, (position[:-1], position[1:]))
+    return jnp.concatenate([first[None], later])
 
 
 def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

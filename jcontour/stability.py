@@ -67,7 +67,7 @@ def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, "
 
 def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Reference) -> Float[np.ndarray, " T"]:
     """Spectral radius of the frozen loop of every step along a reference."""
-    return spectral_radius(_frozen_loops(plant, controller, controller.prepare(reference), reference))
+    return spectral_radius(_frozen_loops(plant, controller, _prepared(controller, reference), reference))
 
 
 def margins(plant: LinearPlant, controller: Controller, reference: Reference, measured=lambda plant: plant) -> Margins:
@@ -79,7 +79,7 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
         reference: where the gains are frozen; every scored step counts.
         measured: wraps the perturbed plant in its sensors, for example `Encoders` (a smooth twin: quantisers have no slope).
     """
-    plan = _scored_rows(controller.prepare(reference), reference.mask[: reference.steps])
+    plan = _scored_rows(_prepared(controller, reference), reference.mask[: reference.steps])
 
     def radii(rows: Plan, gains=1.0):
         return spectral_radius(_frozen_loops(measured(with_input_gains(plant, gains)), controller, rows, reference))
@@ -94,6 +94,11 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
     gain = np.array([[_gain_limit(radii, plan, i, plant.inputs, factor) for factor in (1 / 1.05, 1.05)] for i in range(plant.inputs)])
     delay = next((d for d in range(DELAY_SEARCH) if late_radii(d + 1).max() >= 1), DELAY_SEARCH)
     return Margins(float(nominal.max()), gain, delay)
+
+
+@eqx.filter_jit
+def _prepared(controller: Controller, reference: Reference) -> Plan:
+    return controller.prepare(reference)
 
 
 @eqx.filter_jit

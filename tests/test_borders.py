@@ -42,7 +42,7 @@ IMPORTS = {name: set(imported_names(path)) for name, path in MODULES.items()}
 
 
 def reached(name):
-    """All modules of this project that a module names, directly or not; `__init__` files between count, the library's front door does not."""
+    """All modules of this project that a module names, directly or not; the library's front door does not count."""
     seen, pending = set(), [name]
     while pending:
         for found in IMPORTS.get(pending.pop(), ()):

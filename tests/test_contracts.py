@@ -20,6 +20,13 @@ from jcontour.references import along, from_samples
 from jcontour.simulation import simulate
 
 STEPS, PREVIEW, DT = 5, 3, 0.5e-3
+QUICK = ("contouring-lq", "preview-lq-state")  # the others compile for half a minute each on a busy machine
+
+
+def some_slow(names):
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in names]
+
+
 SMOOTH = [name for name, entry in CONTROLLERS.items() if entry.smooth]
 
 
@@ -50,7 +57,7 @@ def numbers(tree):
     return [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(tree, eqx.is_array))]
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", some_slow(CONTROLLERS))
 def test_jit_is_no_jit(name):
     """The same loop with nothing compiled but single operations."""
     plant, controller, reference = loop(name)
@@ -65,7 +72,7 @@ def test_jit_is_no_jit(name):
     np.testing.assert_allclose(np.array(controls), wanted[:2], rtol=0, atol=1e-9 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", some_slow(CONTROLLERS))
 def test_vmap_over_references_is_a_loop(name):
     plant, controller, reference = loop(name)
     stacked = stack_references([reference, on_circle(2e-3)])
@@ -75,7 +82,7 @@ def test_vmap_over_references_is_a_loop(name):
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * max(np.abs(wanted).max(), 1e-30))
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", some_slow(SMOOTH))
 def test_gradients_are_those_of_differences(name):
     """Of a scalar of the metrics, to the start state and to the controller's numbers."""
     plant, controller, reference = loop(name)
@@ -126,7 +133,7 @@ def test_a_zero_reference_at_rest_gives_zero_control(name):
 @pytest.mark.parametrize("name", PLANTS)
 def test_plants_hold_still_and_keep_their_types(name):
     plant = PLANTS[name].make()
-    start = jax.jit(plant.initial_state)(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    start = eqx.filter_jit(plant.initial_state)(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
     np.testing.assert_allclose(plant.output(start), [1e-3, 2e-3], rtol=1e-12)
 
     @jax.jit
@@ -139,5 +146,5 @@ def test_plants_hold_still_and_keep_their_types(name):
         np.testing.assert_array_equal(a, b)
     assert after[1].dtype == jnp.float64
     rest = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
-    moved = jax.jit(plant.step)(rest, jnp.zeros(2))
+    moved = eqx.filter_jit(plant.step)(rest, jnp.zeros(2))
     assert all(not np.any(leaf) for leaf in jax.tree.leaves(moved))

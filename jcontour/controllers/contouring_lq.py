@@ -8,6 +8,7 @@ and apply the first control. Lag along the path is forgiven, distance from it is
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -104,7 +105,8 @@ class ContouringLQ(Controller):
     terminal: Terminal
 
     def __init__(self, model: LinearPlant, weights: LQWeights, preview: int, terminal: Terminal | None = None):
-        self.model, self.weights, self.preview = model, weights, int(preview)
+        self.model, self.preview = model, int(preview)
+        self.weights = weights = jax.tree.map(lambda weight: jnp.asarray(weight, model.A.dtype), weights)
         self.terminal = OutputTerminal() if terminal is None else terminal  # the paper's better performing choice
         if self.preview < 1:
             raise ValueError(f"preview: needs at least one sample, received {preview}")
@@ -148,7 +150,7 @@ def control_weight(model: LinearPlant, weights: LQWeights) -> Float[Array, "p p"
 
 
 def _float(value) -> Array:
-    array = jnp.asarray(value)
+    array = value if hasattr(value, "dtype") else jnp.asarray(np.asarray(value))  # by NumPy: no weak types, no recompilation
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
