@@ -15,8 +15,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour.kernels.window_sweep import window_plan
 from jcontour.linear import AffinePlan, LinearPlant, is_concrete, spectral_radius
 
+MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
 DOUBLINGS = 20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
 
 
@@ -41,6 +43,16 @@ def receding_horizon_plan(
         R: control weight.
         terminal: cost to go at j = N_p for every step, T in front.
     """
+    if model.states > MOST_STATES:
+        return readable_plan(model, Q, y_d, stage, R, terminal)
+    return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))
+
+
+def readable_plan(
+    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    terminal: CostToGo,
+) -> AffinePlan:  # fmt: skip
+    """The same as the equations say it, stage by stage; `kernels.window_sweep` is tested equal to it."""
     steps, preview = terminal.g.shape[0], stage.shape[0]
 
     def sweep(cost, j):

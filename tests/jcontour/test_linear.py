@@ -64,7 +64,7 @@ def test_input_gains_scale_columns_of_b(two_axes):
     np.testing.assert_array_equal(with_input_gains(two_axes, 2.0).B, 2.0 * np.asarray(two_axes.B))
 
 
-@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize("delay", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
     plant = with_input_delay(bridgeport(), delay)
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])

@@ -3,6 +3,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_are
 
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight
 from jcontour.linear import LinearPlant, SteadyMotion
@@ -66,8 +67,6 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
     rollout = simulate(model, ContouringLQ(model, weights, preview, end), reference, jnp.asarray(random.standard_normal(states)))
     H_N = x_d = None
     if terminal == "riccati":
-        from scipy.linalg import solve_discrete_are
-
         A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
         H_N = solve_discrete_are(A, B, float(weights.alpha + weights.beta) * C.T @ C, float(weights.rho) * np.eye(B.shape[1]))
         y_d = np.asarray(reference.position)[preview - 1 :]

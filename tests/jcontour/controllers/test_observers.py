@@ -70,7 +70,7 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
 
 
-@pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
+@pytest.mark.parametrize("form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)])
 def test_a_perfect_start_is_state_feedback(form, two_axes, law, reference):
     controller = form(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     found = simulate(Encoders(two_axes), controller, reference)

@@ -1,0 +1,114 @@
+"""The fast sweep against the readable one: values, derivatives, batches, blocks."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.kernels import window_sweep
+from jcontour.linear import LinearPlant
+from jcontour.plants import bridgeport
+from jcontour.riccati import CostToGo, readable_plan, receding_horizon_plan
+
+
+def machine(sizes: tuple[int, ...], inputs: int, outputs: int) -> LinearPlant:
+    """A stable plant of decoupled parts, its states shuffled so that the parts interleave."""
+    random, n = np.random.default_rng(sum(sizes)), sum(sizes)
+    A, B, C = np.zeros((n, n)), np.zeros((n, inputs)), np.zeros((outputs, n))
+    first = 0
+    for part, size in enumerate(sizes):
+        own = slice(first, first + size)
+        block = random.standard_normal((size, size))
+        A[own, own] = 0.9 * block / np.abs(np.linalg.eigvals(block)).max()
+        B[own, part :: len(sizes)] = random.standard_normal((size, len(range(part, inputs, len(sizes)))))
+        C[part :: len(sizes), own] = random.standard_normal((len(range(part, outputs, len(sizes))), size))
+        first += size
+    order = random.permutation(n)
+    return LinearPlant(A[np.ix_(order, order)], B[order], C[:, order], 1e-3)
+
+
+def data(plant: LinearPlant, steps: int, preview: int):
+    random = np.random.default_rng(1)
+    n, p, m = plant.states, plant.inputs, plant.axes
+
+    def positive(*shape):
+        root = random.standard_normal((*shape, shape[-1]))
+        return jnp.asarray(root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(shape[-1]))
+
+    terminal = CostToGo(positive(steps, n), jnp.asarray(random.standard_normal((steps, n))))
+    stage = jnp.asarray(random.uniform(0.5, 2.0, preview))
+    return positive(steps + preview, m), jnp.asarray(random.standard_normal((steps + preview, m))), stage, positive(p), terminal
+
+
+def close(first, second, tolerance):
+    for one, other in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * max(1e-300, float(jnp.max(jnp.abs(other)))))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "inputs", "outputs", "preview"),
+    [((3, 5), 2, 2, 10), ((2, 3, 2), 3, 3, 2), ((4,), 1, 2, 1)],
+)
+def test_equals_the_readable_sweep(sizes, inputs, outputs, preview):
+    plant = machine(sizes, inputs, outputs)
+    arguments = data(plant, 12, preview)
+    close(jax.jit(receding_horizon_plan)(plant, *arguments), jax.jit(readable_plan)(plant, *arguments), 1e-11)
+
+
+def test_blocks_of_time_leave_no_seam():
+    plant, steps = bridgeport(), 2 * window_sweep.BLOCK + 1
+    arguments = data(plant, steps, 3)
+    close(jax.jit(receding_horizon_plan)(plant, *arguments), jax.jit(readable_plan)(plant, *arguments), 1e-11)
+
+
+def scalar(plan_of, key=0):
+    def value(plant, *arguments):
+        plan = plan_of(plant, *arguments)
+        first, second = jax.random.split(jax.random.key(key))
+        return jnp.sum(plan.F * jax.random.normal(first, plan.F.shape)) + jnp.sum(plan.f * jax.random.normal(second, plan.f.shape))
+
+    return value
+
+
+def scaled(plan_of, plant, Q, y_d, stage, R, terminal):
+    """A scalar of weights that scale every symmetric thing, and of the plant."""
+
+    def value(weights, plant):
+        end = CostToGo(weights[2] * terminal.H, weights[3] * terminal.g)
+        return scalar(plan_of)(plant, weights[0] * Q, weights[4] * y_d, stage * weights[5:], weights[1] * R, end)
+
+    return value, jnp.ones(5 + stage.size), plant
+
+
+def test_derivatives_equal_those_of_the_readable_sweep():
+    plant = machine((3, 4), 2, 2)
+    arguments = data(plant, 9, 4)
+    fast, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
+    slow, _, _ = scaled(readable_plan, plant, *arguments)
+    expected = jax.jit(jax.grad(slow, argnums=(0, 1)))(weights, plant)
+    close(jax.jit(jax.grad(fast))(weights, plant), expected[0], 1e-9)  # the weights alone: predicted trajectories
+    reverse = jax.jit(jax.grad(fast, argnums=(0, 1)))(weights, plant)  # with the model
+    close(reverse[0], expected[0], 1e-9)
+    for one, other, where in zip((reverse[1].A, reverse[1].B), (expected[1].A, expected[1].B), plant.pattern[:2], strict=True):
+        close(one * np.array(where), other * np.array(where), 1e-9)
+    close(jax.jit(jax.jacfwd(fast))(weights, plant), expected[0], 1e-9)  # forward mode
+
+
+def test_batches_in_both_orders():
+    plant = machine((3, 4), 2, 2)
+    arguments = data(plant, 9, 4)
+    value, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
+    batch = jnp.stack([weights, 2 * weights, 0.5 * weights])
+    gradient = jax.jit(jax.grad(value))
+    one_by_one = jnp.stack([gradient(row, plant) for row in batch])
+    close(jax.jit(jax.vmap(jax.grad(value), (0, None)))(batch, plant), one_by_one, 1e-11)
+    summed = jax.jit(jax.grad(lambda rows: jnp.sum(jax.vmap(value, (0, None))(rows, plant))))
+    close(summed(batch), one_by_one, 1e-11)
+
+
+def test_single_precision_stays_single():
+    plant = machine((3, 4), 2, 2)
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), (plant, *data(plant, 9, 4)))
+    plan = jax.jit(receding_horizon_plan)(*single)
+    assert plan.F.dtype == plan.f.dtype == jnp.float32
+    close(plan, jax.jit(receding_horizon_plan)(plant, *data(plant, 9, 4)), 1e-3)
