@@ -28,3 +28,11 @@ class Controller(eqx.Module):
     @abc.abstractmethod
     def step(self, memory: Memory, plan: Plan, measurement: Any) -> tuple[Memory, Float[Array, " p"]]:
         """Next memory and the control, from one row of the plan and what the sensors give now."""
+
+
+def check_preview(controller: Controller, reference: Reference) -> None:
+    """Raise ValueError unless the reference looks as far ahead as the controller does."""
+    if reference.preview < controller.preview:
+        raise ValueError(
+            f"preview: the controller looks {controller.preview} samples ahead, the reference was made with {reference.preview}"
+        )

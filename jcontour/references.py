@@ -60,6 +60,10 @@ def from_samples(position, tangent, dt: float, preview: int, contour: Contour | 
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
     if position.ndim != 2 or position.shape[1] not in (2, 3) or position.shape != tangent.shape:
         raise ValueError(f"position, tangent: need the same shape (S, 2) or (S, 3), received {position.shape} and {tangent.shape}")
+    if len(position) < 2:
+        raise ValueError(f"position: needs at least two samples, received {len(position)}")
+    if contour is not None and contour.axes != position.shape[1]:
+        raise ValueError(f"contour: needs as many axes as the samples, {position.shape[1]}, received {contour.axes}")
     _check_finite(position=position, tangent=tangent)
     worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
     if worst > 1e-6:

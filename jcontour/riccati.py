@@ -43,6 +43,8 @@ def receding_horizon_plan(
         R: control weight.
         terminal: cost to go at j = N_p for every step, T in front.
     """
+    seen = terminal.g.shape[0] + stage.shape[0]
+    Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
     return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Plan
+from jcontour.controller import Controller, Plan, check_preview
 from jcontour.plant import Plant, State
 from jcontour.references import Reference
 
@@ -59,9 +59,6 @@ def follow(plant: Plant, controller: Controller, plan: Plan, reference: Referenc
 
 def check_run(plant: Plant, controller: Controller, reference: Reference) -> None:
     """Raise ValueError unless the reference suits the controller and the plant."""
-    if reference.preview < controller.preview:
-        raise ValueError(
-            f"preview: the controller looks {controller.preview} samples ahead, the reference was made with {reference.preview}"
-        )
+    check_preview(controller, reference)
     if plant.dt != reference.dt:
         raise ValueError(f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s")

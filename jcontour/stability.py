@@ -18,9 +18,9 @@ from jcontour.contours import line
 from jcontour.controller import Controller, Plan
 from jcontour.linear import LinearPlant, spectral_radius, with_input_gains
 from jcontour.plant import Plant
-from jcontour.plants.wrappers import Delayed
+from jcontour.plants.wrappers import Delayed, Encoders
 from jcontour.references import Reference, along
-from jcontour.simulation import start_state
+from jcontour.simulation import check_run, start_state
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
@@ -48,14 +48,12 @@ def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, "
     Args:
         controller: any controller; its gains on the line must not depend on the speed.
         direction: (m,) of any length.
-        plant: the machine; the controller's own model when not given.
+        plant: the machine; the controller's own model when not given, behind encoders where an observer is fed positions.
 
     Raises:
-        ValueError: the direction is zero or not finite, or there is no plant.
+        ValueError: the direction is zero or not finite, or the controller has no model and no plant is given.
     """
-    plant = getattr(controller, "model", None) if plant is None else plant
-    if plant is None:
-        raise ValueError("plant: this controller has no model of its own, give the plant")
+    plant = _own_model(controller) if plant is None else plant
     along_path = np.asarray(direction, float)
     length = np.linalg.norm(along_path)
     if not (np.isfinite(length) and length > 0):
@@ -66,7 +64,12 @@ def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, "
 
 
 def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Reference) -> Float[np.ndarray, " T"]:
-    """Spectral radius of the frozen loop of every step along a reference."""
+    """Spectral radius of the frozen loop of every step along a reference.
+
+    Raises:
+        ValueError: as `simulate`.
+    """
+    check_run(plant, controller, reference)
     return spectral_radius(_frozen_loops(plant, controller, _prepared(controller, reference), reference))
 
 
@@ -78,7 +81,11 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
         controller: the controller under test.
         reference: where the gains are frozen; every scored step counts.
         measured: wraps the perturbed plant in its sensors, for example `Encoders` (a smooth twin: quantisers have no slope).
+
+    Raises:
+        ValueError: as `simulate`.
     """
+    check_run(plant, controller, reference)
     plan = _scored_rows(_prepared(controller, reference), reference.mask[: reference.steps])
 
     def radii(rows: Plan, gains=1.0):
@@ -94,6 +101,13 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
     gain = np.array([[_gain_limit(radii, plan, i, plant.inputs, factor) for factor in (1 / 1.05, 1.05)] for i in range(plant.inputs)])
     delay = next((d for d in range(DELAY_SEARCH) if late_radii(d + 1).max() >= 1), DELAY_SEARCH)
     return Margins(float(nominal.max()), gain, delay)
+
+
+def _own_model(controller: Controller) -> Plant:
+    model = getattr(controller, "model", None)
+    if model is None:
+        raise ValueError("plant: this controller has no model of its own; give the plant")
+    return Encoders(model) if hasattr(controller, "controller") else model  # an observer wraps a controller
 
 
 @eqx.filter_jit

@@ -271,7 +271,7 @@ def _row(start: int, z: np.ndarray, point: Point) -> Evaluated:
 
 def _next_start(history: list[Evaluated]) -> np.ndarray | None:
     """The most promising scattered point that behaves like no point of the descents so far; None when there is none."""
-    seen = np.array([_behaviour(row) for row in history if row.start >= 0])
+    seen = np.array([_behaviour(row) for row in history if row.start >= 0 and not row.diverged])
     new = [row for row in history if row.start < 0 and not row.diverged and _apart(_behaviour(row), seen)]
     return min(new, key=_promise).z if new else None
 
@@ -279,11 +279,12 @@ def _next_start(history: list[Evaluated]) -> np.ndarray | None:
 def _behaviour(row: Evaluated) -> np.ndarray:
     """Logarithms of what the loop does: weights that look different may do the same, as a tiny beta does."""
     metrics = row.metrics
-    return np.log([np.mean(m) for m in (metrics.rms_contour_error, metrics.rms_tracking_error, metrics.rms_increment)])
+    measures = (metrics.rms_contour_error, metrics.rms_tracking_error, metrics.rms_increment)
+    return np.log([max(float(np.mean(measure)), 1e-300) for measure in measures])
 
 
 def _apart(behaviour: np.ndarray, seen: np.ndarray) -> bool:
-    return bool(np.min(np.linalg.norm(seen - behaviour, axis=1)) > NEW_BEHAVIOUR)
+    return len(seen) == 0 or bool(np.min(np.linalg.norm(seen - behaviour, axis=1)) > NEW_BEHAVIOUR)
 
 
 def _promise(row: Evaluated) -> float:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller
+from jcontour.controller import Controller, check_preview
 from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import CostToGo, check_dare, dare, receding_horizon_plan
@@ -117,7 +117,12 @@ class ContouringLQ(Controller):
             check_dare(model.A, model.B, Q_max, control_weight(model, weights))
 
     def prepare(self, reference: Reference) -> AffinePlan:
-        """Gain schedule of every step of the reference."""
+        """Gain schedule of every step of the reference.
+
+        Raises:
+            ValueError: the reference looks less far ahead than the controller.
+        """
+        check_preview(self, reference)
         stage = jnp.ones(self.preview, self.model.A.dtype) if self.weights.stage is None else self.weights.stage
         Q = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent)
         cost = self.terminal.cost(self.model, self.weights, Q, reference, self.preview)

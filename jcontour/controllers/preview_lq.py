@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller
+from jcontour.controller import Controller, check_preview
+from jcontour.controllers.contouring_lq import LQWeights
 from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare, lqr_gain, small_inverse
@@ -27,7 +28,7 @@ class PreviewLQ(Controller):
         motion: maps from steady motion to the state; derived per decoupled axis when not given.
 
     Raises:
-        ValueError: preview < 1, or no stabilising solution of the Riccati equation.
+        ValueError: preview < 1, a weight that is not above zero, or no stabilising solution of the Riccati equation.
     """
 
     model: LinearPlant
@@ -41,10 +42,16 @@ class PreviewLQ(Controller):
         self.alpha, self.rho = jnp.asarray(alpha, model.A.dtype), jnp.asarray(rho, model.A.dtype)
         if self.preview < 1:
             raise ValueError(f"preview: needs at least one sample, received {preview}")
+        LQWeights(alpha, 0.0, rho)  # raises what is wrong with them
         check_dare(model.A, model.B, *self._cost())
 
     def prepare(self, reference: Reference) -> AffinePlan:
-        """The constant gain, and the feedforward of every step."""
+        """The constant gain, and the feedforward of every step.
+
+        Raises:
+            ValueError: the reference looks less far ahead than the controller.
+        """
+        check_preview(self, reference)
         A, B, C = self.model.A, self.model.B, self.model.C
         Q, R = self._cost()
         H = dare(A, B, Q, R)

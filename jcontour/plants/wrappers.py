@@ -4,8 +4,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour.linear import is_concrete
 from jcontour.plant import Plant, State
 
 
@@ -78,7 +80,7 @@ class Delayed(_Wrapper):
     The delay is a line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch. The line starts at zero.
 
     Raises:
-        ValueError: the depth is below one.
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
     samples: Int[Array, ""]
@@ -88,6 +90,8 @@ class Delayed(_Wrapper):
     def __check_init__(self):
         if self.depth < 1:
             raise ValueError(f"depth: the delay line needs at least one place, received {self.depth}")
+        if is_concrete(self.samples) and not np.all((0 <= np.asarray(self.samples)) & (np.asarray(self.samples) <= self.depth)):
+            raise ValueError(f"samples: needs a delay from 0 to the depth {self.depth}, received {self.samples}")
 
     def initial_state(self, position, increment) -> State:
         """The plant inside, and an empty line."""

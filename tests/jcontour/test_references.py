@@ -59,15 +59,11 @@ def test_three_axes():
     np.testing.assert_allclose(reference.position[3], [1e-4, 2e-4, 2e-4], atol=1e-16)
 
 
-BUG_ARC = "references.py: from_samples adds up chords, so `arc` falls behind a contour that bends between the samples"
-
-
 @pytest.mark.parametrize(
     "contour",
     [circle(1e-3), polyline([[0, 0], [1e-3, 0], [1e-3, 1e-3], [-1e-3, 1e-3]]), lemniscate(3e-3)],
     ids=["circle", "corners", "self-crossing"],
 )
-@pytest.mark.xfail(strict=True, reason=BUG_ARC)
 def test_samples_of_a_contour_keep_their_place_on_it(contour):
     """Otherwise the contour error is measured from the wrong place, and comes out larger than the tracking error."""
     arc = 3.7e-2 * float(contour.length) * np.arange(25)
@@ -110,7 +106,6 @@ def test_bad_samples_are_named(change, words):
         from_samples(**{**GOOD, **change})
 
 
-@pytest.mark.xfail(strict=True, raises=(IndexError, TypeError), reason="from_samples reads position[1] and the contour unchecked")
 @pytest.mark.parametrize(
     "change",
     [{"position": [[0, 0]], "tangent": [[1, 0]], "preview": 0}, {"position": np.eye(3), "tangent": np.eye(3)}],

@@ -117,14 +117,12 @@ def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes
     assert loops(with_input_delay(two_axes, found.delay + 1), plan).max() >= 1
 
 
-@pytest.mark.xfail(strict=True, reason="stability.py: a reference with too little preview is not refused, and gives fewer loops")
 @pytest.mark.parametrize("query", [frozen_spectral_radii, margins])
 def test_a_reference_that_does_not_suit_is_refused(query, two_axes, law):
     with pytest.raises(ValueError, match="preview"):
         query(two_axes, law, along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 1, at_rest=False))
 
 
-@pytest.mark.xfail(strict=True, raises=TypeError, reason="stability.py: without a plant an observer is fed the whole state of its model")
 def test_an_observer_needs_no_plant_to_be_checked(two_axes, law):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     assert frozen_spectral_radius(observer, np.array([1.0, 0.0])) < 1

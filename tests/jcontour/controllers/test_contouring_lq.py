@@ -137,7 +137,6 @@ def test_bad_controllers_are_named(two_axes):
         ContouringLQ(out_of_reach, LQWeights(1, 1, 1), 3, RiccatiTerminal())
 
 
-@pytest.mark.xfail(strict=True, reason="OutputTerminal.cost: the slice of a reference that is too short is cut off in silence")
 def test_a_schedule_needs_the_whole_preview(two_axes):
     with pytest.raises(ValueError, match="preview"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 5).prepare(reference_of(0, 2, 3))

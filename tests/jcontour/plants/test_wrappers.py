@@ -73,7 +73,6 @@ def test_delay_line_needs_a_place(two_axes):
         Delayed(two_axes, 0, 0, 2)
 
 
-@pytest.mark.xfail(strict=True, reason="wrappers.py: a delay beyond the line is clipped to its depth in silence, -1 reads its end")
 @pytest.mark.parametrize("samples", [3, -1])
 def test_a_delay_that_the_line_does_not_hold_is_refused(samples, two_axes):
     with pytest.raises(ValueError, match="samples"):
