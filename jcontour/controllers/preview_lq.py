@@ -8,11 +8,11 @@ feedforward gains, and the path continues beyond them at its last speed:
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, check_preview
-from jcontour.controllers.contouring_lq import LQWeights
-from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, steady_motion
+from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare, lqr_gain, small_inverse
 
@@ -42,7 +42,9 @@ class PreviewLQ(Controller):
         self.alpha, self.rho = jnp.asarray(alpha, model.A.dtype), jnp.asarray(rho, model.A.dtype)
         if self.preview < 1:
             raise ValueError(f"preview: needs at least one sample, received {preview}")
-        LQWeights(alpha, 0.0, rho)  # raises what is wrong with them
+        for name, weight in (("alpha", self.alpha), ("rho", self.rho)):
+            if is_concrete(weight) and not 0 < float(weight) < np.inf:
+                raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")
         check_dare(model.A, model.B, *self._cost())
 
     def prepare(self, reference: Reference) -> AffinePlan:

@@ -264,7 +264,8 @@ def _trajectories(pattern: Pattern, A, B, C, problem: Problem, gains: Gains, F_b
     A, B, C = _extended(pack.order, A, B, C)
     (size, p), preview = B.shape, problem.stage.shape[0]
     steps = problem.cost.shape[1] - preview
-    along = jnp.concatenate([jnp.concatenate([A, -B], axis=1), jnp.pad(C, ((0, 0), (0, p)))])  # (W, K W) to the next W and to C W
+    # takes (W, K W) to the next W, to C W and to K W itself: XLA would otherwise compute K W again for every use
+    along = jnp.concatenate([jnp.concatenate([A, -B], axis=1), jnp.pad(C, ((0, 0), (0, p))), jnp.eye(p, size + p, size, A.dtype)])
 
     def through(matrix, W):
         return (matrix @ W.reshape(W.shape[0], -1)).reshape(-1, *W.shape[1:])
@@ -284,20 +285,19 @@ def _trajectories(pattern: Pattern, A, B, C, problem: Problem, gains: Gains, F_b
 
     def step(carry, stage):
         W, Q_bar, R_bar = carry
-        K, j, scale = stage
-        W = W[:size]
-        KW = control(K, W)
-        W = through(along, jnp.concatenate([W, KW]))
-        Q_bar, scale_bar = weigh(Q_bar, W[size:], j, scale)
-        return (W, Q_bar, R_bar + paired(KW[:, :p], KW[:, p:])), scale_bar
+        j, scale = stage
+        K = later[(preview - 1 - j) * p * size + np.arange(p * size)].reshape(p, size, steps)  # a slice would be fused, and not vectorised
+        W = through(along, jnp.concatenate([W[:size], control(K, W)]))
+        Q_bar, scale_bar = weigh(Q_bar, W[size:-p], j, scale)
+        return (W, Q_bar, R_bar + paired(W[-p:, :p], W[-p:, p:])), scale_bar
 
     K_bar = jnp.concatenate([F_bar[:, :, pack.order], -f_bar[:, :, None]], axis=2).transpose(2, 1, 0)
     KK_bar = control(gains.first, K_bar)
-    U, V = jnp.pad(through(B, gains.G), ((0, C.shape[0]), (0, 0), (0, 0))), through(along, jnp.concatenate([K_bar, KK_bar]))
+    U, V = jnp.pad(through(B, gains.G), ((0, C.shape[0] + p), (0, 0), (0, 0))), through(along, jnp.concatenate([K_bar, KK_bar]))
     carry = jnp.concatenate([U, V], axis=1), jnp.zeros_like(problem.cost), -paired(gains.G, KK_bar)
-    stages = gains.later, jnp.arange(preview - 1, 0, -1), problem.stage[:-1][::-1]
-    (W, Q_bar, R_bar), stage_bar = jax.lax.scan(step, carry, stages, reverse=True)
+    later = gains.later.reshape(-1, steps)
+    (W, Q_bar, R_bar), stage_bar = jax.lax.scan(step, carry, (jnp.arange(1, preview), problem.stage[:-1]))
     back = np.argsort(pack.order)
     end_bar = paired(W[:size, :p], W[:size, p:])
     H_bar, g_bar = (end_bar + end_bar.swapaxes(0, 1))[back][:, back].transpose(2, 0, 1) / 2, end_bar[back, -1].T
-    return Problem(Q_bar, jnp.append(stage_bar[::-1], 0), jnp.sum(R_bar, axis=-1), H_bar, g_bar)
+    return Problem(Q_bar, jnp.append(stage_bar, 0), jnp.sum(R_bar, axis=-1), H_bar, g_bar)

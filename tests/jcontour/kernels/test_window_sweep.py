@@ -47,7 +47,7 @@ def close(first, second, tolerance):
 
 @pytest.mark.parametrize(
     ("sizes", "inputs", "outputs", "preview"),
-    [((3, 5), 2, 2, 10), ((2, 3, 2), 3, 3, 2), ((4,), 1, 2, 1)],
+    [((3, 5), 2, 2, 10), ((2, 3, 2), 3, 3, 2), ((4,), 1, 2, 1), ((6,), 2, 2, 40), ((2,), 1, 1, 40)],
 )
 def test_equals_the_readable_sweep(sizes, inputs, outputs, preview):
     plant = machine(sizes, inputs, outputs)
@@ -59,6 +59,15 @@ def test_blocks_of_time_leave_no_seam():
     plant, steps = bridgeport(), 2 * window_sweep.BLOCK + 1
     arguments = data(plant, steps, 3)
     close(jax.jit(receding_horizon_plan)(plant, *arguments), jax.jit(readable_plan)(plant, *arguments), 1e-11)
+
+
+def test_gradients_cross_the_seams_of_blocks(monkeypatch):
+    monkeypatch.setattr(window_sweep, "BLOCK", 8)
+    plant = machine((3, 4), 2, 2)
+    arguments = data(plant, 27, 4)
+    fast, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
+    slow, _, _ = scaled(readable_plan, plant, *arguments)
+    close(jax.jit(jax.grad(fast))(weights, plant), jax.jit(jax.grad(slow))(weights, plant), 1e-9)
 
 
 def scalar(plan_of, key=0):
@@ -92,6 +101,52 @@ def test_derivatives_equal_those_of_the_readable_sweep():
     for one, other, where in zip((reverse[1].A, reverse[1].B), (expected[1].A, expected[1].B), plant.pattern[:2], strict=True):
         close(one * np.array(where), other * np.array(where), 1e-9)
     close(jax.jit(jax.jacfwd(fast))(weights, plant), expected[0], 1e-9)  # forward mode
+
+
+@pytest.mark.parametrize(("inputs", "preview"), [(1, 1), (1, 2), (3, 3)])
+def test_gradients_of_every_datum_of_a_coupled_plant(inputs, preview):
+    plant = machine((4,), inputs, 2)
+    Q, y_d, stage, R, terminal = data(plant, 6, preview)
+
+    def value(plan_of):
+        def symmetric(Q, y_d, stage, R, terminal, plant):
+            Q, R, H = (M + jnp.swapaxes(M, -1, -2) for M in (Q, R, terminal.H))
+            return scalar(plan_of)(plant, Q, y_d, stage, R, CostToGo(H, terminal.g))
+
+        return symmetric
+
+    arguments = Q, y_d, stage, R, terminal, plant
+    expected = jax.jit(jax.grad(value(readable_plan), argnums=(0, 1, 2, 3, 4, 5)))(*arguments)
+    close(jax.jit(jax.grad(value(receding_horizon_plan), argnums=(0, 1, 2, 3, 4)))(*arguments), expected[:5], 1e-9)
+    moved = jax.jit(jax.grad(value(receding_horizon_plan), argnums=5))(*arguments)
+    close((moved.A, moved.B, moved.C), (expected[5].A, expected[5].B, expected[5].C), 1e-9)
+
+
+def test_forward_and_reverse_mode_are_transposes():
+    plant = machine((3, 4), 2, 2)
+    Q, y_d, stage, R, terminal = data(plant, 9, 4)
+
+    def plan(y_d, stage, g):
+        return receding_horizon_plan(plant, Q, y_d, stage, R, CostToGo(terminal.H, g))
+
+    point = y_d, stage, terminal.g
+    push = tuple(jnp.asarray(np.random.default_rng(2).standard_normal(x.shape)) for x in point)
+    out, pushed = jax.jit(lambda *x: jax.jvp(plan, x, push))(*point)
+    pull = jax.tree.map(lambda x: jnp.cos(jnp.arange(x.size, dtype=x.dtype)).reshape(x.shape), out)
+    pulled = jax.jit(lambda *x: jax.vjp(plan, *x)[1](pull))(*point)
+    first, second = (sum(jnp.vdot(a, b) for a, b in zip(x, y, strict=True)) for x, y in (
+        (jax.tree.leaves(pushed), jax.tree.leaves(pull)), (push, pulled)
+    ))  # fmt: skip
+    np.testing.assert_allclose(first, second, rtol=1e-11)
+
+
+def test_a_family_of_models_is_a_loop_over_them():
+    plant = machine((3, 4), 2, 2)
+    value, weights, _ = scaled(receding_horizon_plan, plant, *data(plant, 9, 4))
+    family = [jax.tree.map(lambda leaf, s=s: s * leaf, plant) for s in (0.9, 1.0, 1.1)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *family)
+    gradient = jax.jit(jax.grad(value))
+    close(jax.jit(jax.vmap(jax.grad(value), (None, 0)))(weights, stacked), jnp.stack([gradient(weights, one) for one in family]), 1e-11)
 
 
 def test_batches_in_both_orders():
