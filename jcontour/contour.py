@@ -3,8 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
-from numpy.typing import ArrayLike
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jcontour.pieces import Piece
 

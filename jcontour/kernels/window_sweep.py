@@ -295,7 +295,7 @@ def _trajectories(pattern: Pattern, A, B, C, problem: Problem, gains: Gains, F_b
     KK_bar = control(gains.first, K_bar)
     U, V = jnp.pad(through(B, gains.G), ((0, C.shape[0] + p), (0, 0), (0, 0))), through(along, jnp.concatenate([K_bar, KK_bar]))
     carry = jnp.concatenate([U, V], axis=1), jnp.zeros_like(problem.cost), -paired(gains.G, KK_bar)
-    later = gains.later.reshape(-1, steps)
+    later = (gains.later if preview > 1 else gains.first).reshape(-1, steps)  # N_p = 1 has none, and a gather wants a row to look at
     (W, Q_bar, R_bar), stage_bar = jax.lax.scan(step, carry, (jnp.arange(1, preview), problem.stage[:-1]))
     back = np.argsort(pack.order)
     end_bar = paired(W[:size, :p], W[:size, p:])
