@@ -90,13 +90,13 @@ class Tune(Storage):
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
     stage_profile: bool = False
     """Also tune a positive weight for every sample of the horizon."""
-    scatter: int = 8  # looked at before descending; more when the seconds do not count
+    scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones
     """Descents: from the start weights, and from the best random ones."""
     inner_steps: int = 12  # two free weights need no more
     """Descent steps between two updates of the limits' multipliers."""
-    outer_steps: int = 10
+    outer_steps: int = 4  # enough for a tenth of a per cent within the minute
     """Most updates of the limits' multipliers in one descent."""
     tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
     """Relative change of objective and weights at which a descent ends."""

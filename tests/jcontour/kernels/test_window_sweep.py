@@ -1,5 +1,7 @@
 """The fast sweep against the readable one: values, derivatives, batches, blocks."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,8 @@ from jcontour.kernels import window_sweep
 from jcontour.linear import LinearPlant
 from jcontour.plants import bridgeport
 from jcontour.riccati import CostToGo, readable_plan, receding_horizon_plan
+
+quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})  # derivatives: the time goes into compiling, not running
 
 
 def machine(sizes: tuple[int, ...], inputs: int, outputs: int) -> LinearPlant:
@@ -67,7 +71,7 @@ def test_gradients_cross_the_seams_of_blocks(monkeypatch):
     arguments = data(plant, 27, 4)
     fast, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
     slow, _, _ = scaled(readable_plan, plant, *arguments)
-    close(jax.jit(jax.grad(fast))(weights, plant), jax.jit(jax.grad(slow))(weights, plant), 1e-9)
+    close(quick(jax.grad(fast))(weights, plant), quick(jax.grad(slow))(weights, plant), 1e-9)
 
 
 def scalar(plan_of, key=0):
@@ -94,9 +98,9 @@ def test_derivatives_equal_those_of_the_readable_sweep():
     arguments = data(plant, 9, 4)
     fast, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
     slow, _, _ = scaled(readable_plan, plant, *arguments)
-    expected = jax.jit(jax.grad(slow, argnums=(0, 1)))(weights, plant)
-    close(jax.jit(jax.grad(fast))(weights, plant), expected[0], 1e-9)  # the weights alone: predicted trajectories
-    reverse = jax.jit(jax.grad(fast, argnums=(0, 1)))(weights, plant)  # with the model
+    expected = quick(jax.grad(slow, argnums=(0, 1)))(weights, plant)
+    close(quick(jax.grad(fast))(weights, plant), expected[0], 1e-9)  # the weights alone: predicted trajectories
+    reverse = quick(jax.grad(fast, argnums=(0, 1)))(weights, plant)  # with the model
     close(reverse[0], expected[0], 1e-9)
     for one, other, where in zip((reverse[1].A, reverse[1].B), (expected[1].A, expected[1].B), plant.pattern[:2], strict=True):
         close(one * np.array(where), other * np.array(where), 1e-9)
@@ -115,9 +119,9 @@ def test_gradients_of_every_datum_of_a_coupled_plant(inputs, preview):
         return symmetric
 
     arguments = Q, y_d, stage, R, terminal, plant
-    expected = jax.jit(jax.grad(value(readable_plan), argnums=(0, 1, 2, 3, 4, 5)))(*arguments)
-    close(jax.jit(jax.grad(value(receding_horizon_plan), argnums=(0, 1, 2, 3, 4)))(*arguments), expected[:5], 1e-9)
-    moved = jax.jit(jax.grad(value(receding_horizon_plan), argnums=5))(*arguments)
+    expected = quick(jax.grad(value(readable_plan), argnums=(0, 1, 2, 3, 4, 5)))(*arguments)
+    close(quick(jax.grad(value(receding_horizon_plan), argnums=(0, 1, 2, 3, 4)))(*arguments), expected[:5], 1e-9)
+    moved = quick(jax.grad(value(receding_horizon_plan), argnums=5))(*arguments)
     close((moved.A, moved.B, moved.C), (expected[5].A, expected[5].B, expected[5].C), 1e-9)
 
 
@@ -130,9 +134,9 @@ def test_forward_and_reverse_mode_are_transposes():
 
     point = y_d, stage, terminal.g
     push = tuple(jnp.asarray(np.random.default_rng(2).standard_normal(x.shape)) for x in point)
-    out, pushed = jax.jit(lambda *x: jax.jvp(plan, x, push))(*point)
+    out, pushed = quick(lambda *x: jax.jvp(plan, x, push))(*point)
     pull = jax.tree.map(lambda x: jnp.cos(jnp.arange(x.size, dtype=x.dtype)).reshape(x.shape), out)
-    pulled = jax.jit(lambda *x: jax.vjp(plan, *x)[1](pull))(*point)
+    pulled = quick(lambda *x: jax.vjp(plan, *x)[1](pull))(*point)
     first, second = (sum(jnp.vdot(a, b) for a, b in zip(x, y, strict=True)) for x, y in (
         (jax.tree.leaves(pushed), jax.tree.leaves(pull)), (push, pulled)
     ))  # fmt: skip
@@ -144,8 +148,8 @@ def test_a_family_of_models_is_a_loop_over_them():
     value, weights, _ = scaled(receding_horizon_plan, plant, *data(plant, 9, 4))
     family = [jax.tree.map(lambda leaf, s=s: s * leaf, plant) for s in (0.9, 1.0, 1.1)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *family)
-    gradient = jax.jit(jax.grad(value))
-    close(jax.jit(jax.vmap(jax.grad(value), (None, 0)))(weights, stacked), jnp.stack([gradient(weights, one) for one in family]), 1e-11)
+    gradient = quick(jax.grad(value))
+    close(quick(jax.vmap(jax.grad(value), (None, 0)))(weights, stacked), jnp.stack([gradient(weights, one) for one in family]), 1e-11)
 
 
 def test_batches_in_both_orders():
@@ -153,10 +157,10 @@ def test_batches_in_both_orders():
     arguments = data(plant, 9, 4)
     value, weights, _ = scaled(receding_horizon_plan, plant, *arguments)
     batch = jnp.stack([weights, 2 * weights, 0.5 * weights])
-    gradient = jax.jit(jax.grad(value))
+    gradient = quick(jax.grad(value))
     one_by_one = jnp.stack([gradient(row, plant) for row in batch])
-    close(jax.jit(jax.vmap(jax.grad(value), (0, None)))(batch, plant), one_by_one, 1e-11)
-    summed = jax.jit(jax.grad(lambda rows: jnp.sum(jax.vmap(value, (0, None))(rows, plant))))
+    close(quick(jax.vmap(jax.grad(value), (0, None)))(batch, plant), one_by_one, 1e-11)
+    summed = quick(jax.grad(lambda rows: jnp.sum(jax.vmap(value, (0, None))(rows, plant))))
     close(summed(batch), one_by_one, 1e-11)
 
 
