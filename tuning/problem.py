@@ -1,6 +1,7 @@
 """What is tuned: how weights build a controller, which machines and contours it meets, what is made small and what is respected."""
 
 from collections.abc import Callable
+from dataclasses import fields
 from typing import NamedTuple
 
 import equinox as eqx
@@ -50,6 +51,12 @@ class Problem(eqx.Module):
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""
         return evaluate(self.build(weights), self.plants, self.references, self.window, self.batching)
+
+    def counts(self) -> tuple[int, int]:
+        """Number of limits, and of values that the objective returns."""
+        runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
+        metrics = Metrics(**{row.name: jax.ShapeDtypeStruct(runs, bool if row.name == "diverged" else float) for row in fields(Metrics)})
+        return jax.eval_shape(self.limits, metrics).size, jax.eval_shape(self.objective, metrics).size
 
 
 def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[Array, ""]:

@@ -167,7 +167,7 @@ def _begin(problem, start, settings, state: TuneState, index: int) -> TuneState:
     if z is None:
         return replace(state, done=True)
     point = _point(problem, start, z)
-    merit = _first_merit(point.limits.shape, point.objective.shape)._replace(scale=np.max(point.objective))
+    merit = _first_merit(point.limits.size, point.objective.size)._replace(scale=np.max(point.objective))
     state = replace(
         state, history=[*state.history, _row(index, z, point)], start=index, outer=0, inner=0, z=z, memory=_fresh(z),
         merit=merit, violation=np.inf, objective=np.inf,
@@ -246,14 +246,12 @@ def _direction(z: np.ndarray, gradient, memory) -> tuple[np.ndarray, Any]:
 
 
 def _point(problem, start, z, merit: Merit | None = None) -> Point:
-    if merit is None:  # a first look, for the numbers only
-        metrics = jax.eval_shape(lambda: problem.metrics(start))
-        merit = _first_merit(jax.eval_shape(problem.limits, metrics).shape, jax.eval_shape(problem.objective, metrics).shape)
+    merit = _first_merit(*problem.counts()) if merit is None else merit  # a first look is for the numbers only
     return jax.device_get(evaluate_point(problem, start, jnp.asarray(z), jax.tree.map(jnp.asarray, merit)))
 
 
-def _first_merit(limits: tuple[int, ...], values: tuple[int, ...]) -> Merit:
-    return Merit(np.zeros(limits), np.asarray(FIRST_PENALTY), np.asarray(1.0), np.full(values, 1 / max(1, *values)))
+def _first_merit(limits: int, values: int) -> Merit:
+    return Merit(np.zeros(limits), np.asarray(FIRST_PENALTY), np.asarray(1.0), np.full(values, 1 / values))
 
 
 def _scattered_point(problem, start, settings: Settings, index: int) -> np.ndarray:
