@@ -55,8 +55,13 @@ class Problem(eqx.Module):
     def counts(self) -> tuple[int, int]:
         """Number of limits, and of values that the objective returns."""
         runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
-        metrics = Metrics(**{row.name: jax.ShapeDtypeStruct(runs, bool if row.name == "diverged" else float) for row in fields(Metrics)})
-        return jax.eval_shape(self.limits, metrics).size, jax.eval_shape(self.objective, metrics).size
+
+        def both():
+            metrics = Metrics(**{row.name: jnp.ones(runs, bool if row.name == "diverged" else float) for row in fields(Metrics)})
+            return self.limits(metrics), self.objective(metrics)
+
+        limits, values = jax.eval_shape(both)
+        return limits.size, values.size
 
 
 def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[Array, ""]:

@@ -251,10 +251,7 @@ def small_inverse(M: list[list[Array]]) -> list[list[Array]]:
     for k in range(len(M)):
         pivot = 1 / M[k][k]
         row = [pivot if j == k else entry * pivot for j, entry in enumerate(M[k])]
-        M = [
-            row if i == k else [-old[k] * pivot if j == k else old[j] - old[k] * row[j] for j in range(len(M))]
-            for i, old in enumerate(M)
-        ]
+        M = [row if i == k else [-old[k] * pivot if j == k else old[j] - old[k] * row[j] for j in range(len(M))] for i, old in enumerate(M)]
     return M
 
 
