@@ -2,9 +2,10 @@
 
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,6 +21,7 @@ from experiments.safety import limit_warnings, path_margins
 from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, named_limits, resumed, tuning_run
 from jcontour.controllers.contouring_lq import LQWeights
 from jcontour.evaluation import member
+from jcontour.simulation import prepared
 from tuning.parameters import Chart
 from tuning.tune import Tuned, TuneState, advance, result
 
@@ -49,6 +51,17 @@ def _resumed(flags: Tune) -> tuple[Path, Tune, TuningRun]:
 
 def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
     began = time.perf_counter()
+    with ThreadPoolExecutor(1) as beside:
+        start = beside.submit(_proved, job, job.start)  # compiles on the second core while the tuner descends
+        tuned, state = _descended(job, folder, console)
+        proofs = {"start": start.result(), "tuned": _proved(job, tuned.weights)}
+    summary = summarise(job, tuned, state, proofs)
+    summary["seconds"] = time.perf_counter() - began
+    store(job, summary, tuned, {name: proof.replay for name, proof in proofs.items()}, folder)
+    return summary
+
+
+def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
     state = load_state(folder)
     with progress_of(console, job.settings) as show:
         while not state.done:
@@ -56,15 +69,21 @@ def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
             save_state(folder, state)
             show(state)
     try:
-        tuned = result(job.problem, job.start, state)
+        return result(job.problem, job.start, state), state
     except ValueError as error:
         raise RuntimeError(f"no result: {error}; the points tried are kept in {folder}") from None
-    designs = {"start": job.start, "tuned": tuned.weights}
-    replays = {name: replay(job.controller(weights), job.course) for name, weights in designs.items()}
-    summary = summarise(job, tuned, state, replays)
-    summary["seconds"] = time.perf_counter() - began
-    store(job, summary, tuned, replays, folder)
-    return summary
+
+
+class Proof(NamedTuple):
+    """What weights do on the machines with quantised encoders, and how safe their loops are."""
+
+    replay: Replay
+    safety: dict[str, Any]
+
+
+def _proved(job: TuningRun, weights: LQWeights) -> Proof:
+    controller = job.controller(weights)
+    return Proof(replay(controller, job.course), path_margins(controller, job.machine, job.course))
 
 
 def describe(job: TuningRun, console: Console) -> None:
@@ -93,10 +112,9 @@ def describe(job: TuningRun, console: Console) -> None:
     tables.say(console, *lines)
 
 
-def summarise(job: TuningRun, tuned: Tuned, state: TuneState, replays: dict[str, Replay]) -> dict[str, Any]:
+def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]) -> dict[str, Any]:
     """The result in plain numbers."""
-    controller = job.controller(tuned.weights)
-    safety = path_margins(controller, job.machine, job.course)
+    replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
     warnings = [*_run_warnings(tuned, safety), *limit_warnings(replays["tuned"], job.course, job.machine)]
     lost = bool(np.any(replays["tuned"].metrics.diverged))
     if lost:
@@ -109,7 +127,8 @@ def summarise(job: TuningRun, tuned: Tuned, state: TuneState, replays: dict[str,
         "usable": bool(tuned.feasible and not lost and safety["largest_frozen_spectral_radius"] < 1),
         "limits": named_limits(job.flags),
         "evaluated_points": len(tuned.history), "diverged_points": tuned.diverged_points, "diverged_starts": tuned.diverged_starts,
-        "descents": state.start + 1, "plants": job.course.plants, "safety": safety, "warnings": warnings,
+        "descents": state.start + 1, "plants": job.course.plants, "safety": safety,
+        "safety_of_start": proofs["start"].safety, "warnings": warnings,
         "contours": contour_metrics(job, replays), "training_samples": job.training_samples,
     })  # fmt: skip
 
@@ -156,7 +175,7 @@ def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[s
     save_dataset(dataset, folder / "rollouts.nc")
     for k, (one, trained) in enumerate(zip(job.course.jobs, job.course.training, strict=True)):
         if trained:
-            plan = controller.prepare(member(job.course.references, k))
+            plan = prepared(controller, member(job.course.references, k))
             save_gains(plan, one.arc.size, job.machine.model.dt, folder / ("gains.csv" if k == 0 else f"gains-{one.name}.csv"))
     runs.write_json(folder / "observer.json", observer_of(job))
     points = history_of(job, tuned)

@@ -32,7 +32,7 @@ from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers import Delayed
 from jcontour.references import Reference, along
 from jcontour.riccati import CostToGo, first_control, one_stage_back
-from jcontour.simulation import follow
+from jcontour.simulation import follow, prepared
 
 RADIUS = 1e-3  # [m] of the paper's circle
 FEED = 3 / 60  # [m/s] the paper's 3 m/min
@@ -135,16 +135,16 @@ class Bench:
     def plan(self, law: Law, reference: Reference) -> AffinePlan:
         """The gain schedule of a receding-horizon controller."""
         weights = LQWeights(law.alpha, law.beta, RHO)
-        return _plan(AnyHorizonLQ(self.model, weights, law.preview, self.terminals[law.terminal]), reference)
+        return prepared(AnyHorizonLQ(self.model, weights, law.preview, self.terminals[law.terminal]), reference)
 
     def plan_holding(self, law: Law, reference: Reference) -> AffinePlan:
         """The same with H_s, but a path that stops at the end of the preview in place of the Appendix continuation."""
         standing = RiccatiTerminal(SteadyMotion(self.motion.Sy, jnp.zeros_like(self.motion.Sv)))
-        return _plan(AnyHorizonLQ(self.model, LQWeights(law.alpha, law.beta, RHO), law.preview, standing), reference)
+        return prepared(AnyHorizonLQ(self.model, LQWeights(law.alpha, law.beta, RHO), law.preview, standing), reference)
 
     def plan_finite_preview(self, alpha: float, reference: Reference) -> AffinePlan:
         """The gain schedule of Tomizuka & Whitney's controller."""
-        return _plan(PreviewLQ(self.model, alpha, RHO, PREVIEW, self.motion), reference)
+        return prepared(PreviewLQ(self.model, alpha, RHO, PREVIEW, self.motion), reference)
 
     def run(self, plan: AffinePlan, reference: Reference) -> Run:
         """The plan on every machine of the family."""
@@ -184,11 +184,6 @@ def _loops_on_lines(model: LinearPlant, weights: LQWeights, tangents: Float[Arra
 
     _, loops = jax.lax.scan(back, CostToGo(H, jnp.zeros(H.shape[:2])), length=longest)
     return loops.reshape(longest, 2, len(tangents), model.states, model.states)
-
-
-@eqx.filter_jit
-def _plan(controller: Controller, reference: Reference) -> AffinePlan:
-    return controller.prepare(reference)
 
 
 @eqx.filter_jit

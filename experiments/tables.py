@@ -92,25 +92,36 @@ def values_block(result: dict[str, Any]) -> list[str]:
     ]
     if weights["stage"]:
         lines.append("  stage     " + " ".join(f"{value:.4g}" for value in weights["stage"]))
-    lines += ["How safe they are (frozen loops with the Kalman filter, "
-              f"up to {safety['probes_per_contour']} points of each training contour)",
-              f"  largest spectral radius  {safety['largest_frozen_spectral_radius']:.6f} (stable below 1)"]  # fmt: skip
-    for k, (low, high) in enumerate(safety["gain_range"]):
-        lines.append(f"  gain margin, input {k + 1}     x {_bounded(low, safety, 0)} ... {_bounded(high, safety, 1)}")
-    lines.append(f"  delay margin             {_delay(safety)}")
+    lines += [
+        f"How safe they are (frozen loops with the Kalman filter, up to {safety['probes_per_contour']} points of each training contour)",
+        *(f"  {name:<23}  {value:<24} start: {before}" for name, value, before in _safety_rows(safety, result["safety_of_start"])),
+    ]
     return [*lines, *(f"WARNING: {line}" for line in result["warnings"])]
+
+
+def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
+    """One row per margin: its name, then its value for every design."""
+    rows = [("largest spectral radius", *(f"{one['largest_frozen_spectral_radius']:.6f} (stable < 1)" for one in designs))]
+    for k in range(len(designs[0]["gain_range"])):
+        rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
+    return [*rows, ("delay margin", *(_delay(one) for one in designs))]
+
+
+def _gain_range(safety: dict[str, Any], k: int) -> str:
+    low, high = safety["gain_range"][k]
+    return f"x {_bounded(low, safety, 0)} ... {_bounded(high, safety, 1)}"
 
 
 def _bounded(value: float, safety: dict[str, Any], side: int) -> str:
     bound = safety["gain_search"][side]
     beyond = value <= bound if side == 0 else value >= bound
-    return f"{bound:.4g} or beyond" if beyond else f"{value:.4g}"
+    return f"{bound:.4g} or {'less' if side == 0 else 'more'}" if beyond else f"{value:.4g}"
 
 
 def _delay(safety: dict[str, Any]) -> str:
     found = safety["delay_samples"]
     if found < 0:
-        return "none: a loop is unstable without extra delay"
+        return "none: unstable as it is"
     more = " or more" if found >= safety["delay_search"] else ""
     return f"{found}{more} extra samples"
 

@@ -42,6 +42,17 @@ def simulate(plant: Plant, controller: Controller, reference: Reference, state: 
     return follow(plant, controller, controller.prepare(reference), reference, state)
 
 
+@eqx.filter_jit
+def prepared(controller: Controller, reference: Reference) -> Plan:
+    """The plan alone, for all T steps: a gain schedule, for instance.
+
+    Raises:
+        ValueError: the reference has fewer preview samples than the controller needs.
+    """
+    check_preview(controller, reference)
+    return controller.prepare(reference)
+
+
 def follow(plant: Plant, controller: Controller, plan: Plan, reference: Reference, state: State | None = None) -> Rollout:
     """The loop of `simulate` with the plan already prepared, so that a family of plants can share it."""
     state = start_state(plant, reference) if state is None else state

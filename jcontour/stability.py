@@ -20,7 +20,7 @@ from jcontour.linear import LinearPlant, spectral_radius, with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.wrappers import Delayed, Encoders
 from jcontour.references import Reference, along
-from jcontour.simulation import check_run, start_state
+from jcontour.simulation import check_run, prepared, start_state
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
@@ -70,7 +70,7 @@ def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Refer
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    return spectral_radius(_frozen_loops(plant, controller, _prepared(controller, reference), reference))
+    return spectral_radius(_frozen_loops(plant, controller, prepared(controller, reference), reference))
 
 
 def margins(plant: LinearPlant, controller: Controller, reference: Reference, measured=lambda plant: plant) -> Margins:
@@ -86,7 +86,7 @@ def margins(plant: LinearPlant, controller: Controller, reference: Reference, me
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    plan = _scored_rows(_prepared(controller, reference), reference.mask[: reference.steps])
+    plan = _scored_rows(prepared(controller, reference), reference.mask[: reference.steps])
 
     def radii(rows: Plan, gains=1.0):
         return spectral_radius(_frozen_loops(measured(with_input_gains(plant, gains)), controller, rows, reference))
@@ -108,11 +108,6 @@ def _own_model(controller: Controller) -> Plant:
     if model is None:
         raise ValueError("plant: this controller has no model of its own; give the plant")
     return Encoders(model) if hasattr(controller, "controller") else model  # an observer wraps a controller
-
-
-@eqx.filter_jit
-def _prepared(controller: Controller, reference: Reference) -> Plan:
-    return controller.prepare(reference)
 
 
 @eqx.filter_jit
