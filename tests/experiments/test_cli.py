@@ -1,6 +1,7 @@
 """Every bad input: one clear line on stderr, exit code 2, nothing written."""
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -127,6 +128,36 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
     )
     summary = json.loads(compared.stdout)
     assert summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
+
+
+LONG = {  # command -> flags, the file that tells that it is in the middle, the files that have to agree
+    "front": (["circle", "--points", "2"], "budget-0/state.npz", ("result.json", "budgets.json")),
+    "sweep": (["circle", "--alphas", "1", "2", "4", "--betas", "0", "1", "5", "20", "--previews", "4", "6"], "rows.npz", ("result.json",)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", LONG)
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_long_commands_stopped_and_resumed(tmp_path, machine_file, command, how):
+    """The same files as from a run that was left alone; Ctrl-C says in one line how to go on."""
+    flags, middle, agree = LONG[command]
+    call = [sys.executable, "-m", "experiments.cli", command]
+    make = [*call, *flags, "--plant", str(machine_file), "--json", "--out"]
+    alone = subprocess.run([*make, str(tmp_path / "alone")], capture_output=True, text=True)
+    assert alone.returncode == 0, alone.stderr
+    stopped = subprocess.Popen([*make, str(tmp_path / "stopped")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "stopped" / middle).exists() and stopped.poll() is None:
+        time.sleep(0.01)
+    stopped.send_signal(how)
+    _, complaint = stopped.communicate()
+    assert not (tmp_path / "stopped" / "result.json").exists()
+    if how == signal.SIGINT:
+        assert stopped.returncode == 130 and len(complaint.splitlines()) == 1 and "--resume" in complaint
+    resumed = subprocess.run([*call, "--resume", str(tmp_path / "stopped"), "--json"], capture_output=True, text=True)
+    assert resumed.returncode == 0, resumed.stderr
+    for name in agree:
+        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()
 
 
 @pytest.mark.slow
