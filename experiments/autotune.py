@@ -25,6 +25,8 @@ from jcontour.simulation import prepared
 from tuning.parameters import Chart
 from tuning.tune import Tuned, TuneState, advance, result
 
+MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
+
 
 def run(flags: Tune, console: Console) -> tuple[dict[str, Any], Path]:
     """Tune, or go on tuning; the summary and the run folder.
@@ -116,6 +118,7 @@ def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, 
     """The result in plain numbers."""
     replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
     warnings = [*_run_warnings(tuned, safety), *limit_warnings(replays["tuned"], job.course, job.machine)]
+    warnings += _lag_warnings(job, replays)
     lost = bool(np.any(replays["tuned"].metrics.diverged))
     if lost:
         warnings.insert(0, "a run of the quantised machine diverges with the tuned weights")
@@ -165,6 +168,18 @@ def _run_warnings(tuned: Tuned, safety: dict[str, Any]) -> list[str]:
     if tuned.diverged_starts:
         lines.append(f"{tuned.diverged_starts} descents could not begin because their start diverges")
     return lines
+
+
+def _lag_warnings(job: TuningRun, replays: dict[str, Replay]) -> list[str]:
+    """Contour error alone is also small for a tool that hardly moves: say so where the tuned tool lags far more than before."""
+    before, after = (1e6 * np.asarray(replays[name].metrics.rms_tracking_error).max(axis=1) for name in ("start", "tuned"))
+    worst = int(np.argmax(after / before))
+    if after[worst] < MUCH_LAG * before[worst]:
+        return []
+    return [
+        f"the tool lags {after[worst]:.4g} um behind on {job.course.jobs[worst].name} (start: {before[worst]:.4g} um): contour error alone "
+        "does not mind; limit it with --max-tracking-error-um"
+    ]
 
 
 def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path) -> None:

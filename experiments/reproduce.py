@@ -51,9 +51,12 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
     module = import_module(f"experiments.{name.replace('-', '_')}")
     assert is_dataclass(module.Settings)
 
+    Settings: Any = module.Settings
+
     @dataclass(frozen=True)
     class Flags:
-        settings: tyro.conf.OmitArgPrefixes[module.Settings]  # type: ignore[name-defined]
+        settings: tyro.conf.OmitArgPrefixes[Settings]
+        """What is run."""
         out: Path | None = None
         """Run folder; runs/<name>-<time> when not given. It must not hold another run."""
         json: bool = False

@@ -30,6 +30,13 @@ class Controller(eqx.Module):
         """Next memory and the control, from one row of the plan and what the sensors give now."""
 
 
+def whole_preview(preview: int) -> int:
+    """The preview as an int; ValueError unless it is a whole number of at least one sample."""
+    if not (preview == int(preview) and preview >= 1):
+        raise ValueError(f"preview: needs a whole number of samples, at least one, received {preview}")
+    return int(preview)
+
+
 def check_preview(controller: Controller, reference: Reference) -> None:
     """Raise ValueError unless the reference looks as far ahead as the controller does."""
     if reference.preview < controller.preview:

@@ -92,7 +92,7 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
         scored: (T,) which samples count in the metrics; all when not given.
 
     Raises:
-        ValueError: `arc` is not a finite vector of at least two samples, or `preview` is negative.
+        ValueError: `arc` is not a finite vector of at least two samples, `scored` has another length, or `preview` is negative.
     """
     arc = np.asarray(arc, float)
     if arc.ndim != 1 or arc.size < 2:
@@ -104,7 +104,10 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
     increment = np.zeros(position.shape[1]) if at_rest else position[1] - position[0]
     mask = np.ones(arc.size, bool)
     if scored is not None:
-        mask[: arc.size - preview] = np.asarray(scored, bool)
+        counts = np.asarray(scored, bool)
+        if counts.shape != (arc.size - preview,):
+            raise ValueError(f"scored: needs shape ({arc.size - preview},), one per control step, received {counts.shape}")
+        mask[: arc.size - preview] = counts
     return _reference(position, tangent, arc, contour, dt, preview, increment, mask)
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_preview
+from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import CostToGo, check_dare, dare, receding_horizon_plan
@@ -96,7 +96,7 @@ class ContouringLQ(Controller):
         terminal: cost at the end of the horizon.
 
     Raises:
-        ValueError: preview < 1, a stage profile of another length, a RiccatiTerminal without a stabilising solution.
+        ValueError: preview not a whole number or < 1, a stage profile of another length, a RiccatiTerminal without a stabilising solution.
     """
 
     model: LinearPlant
@@ -105,11 +105,9 @@ class ContouringLQ(Controller):
     terminal: Terminal
 
     def __init__(self, model: LinearPlant, weights: LQWeights, preview: int, terminal: Terminal | None = None):
-        self.model, self.preview = model, int(preview)
+        self.model, self.preview = model, whole_preview(preview)
         self.weights = weights = jax.tree.map(lambda weight: jnp.asarray(weight, model.A.dtype), weights)
         self.terminal = OutputTerminal() if terminal is None else terminal  # the paper's better performing choice
-        if self.preview < 1:
-            raise ValueError(f"preview: needs at least one sample, received {preview}")
         if weights.stage is not None and weights.stage.shape != (self.preview,):
             raise ValueError(f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}")
         if isinstance(self.terminal, RiccatiTerminal):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_preview
+from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare, lqr_gain, small_inverse
@@ -38,10 +38,8 @@ class PreviewLQ(Controller):
     motion: SteadyMotion | None
 
     def __init__(self, model: LinearPlant, alpha, rho, preview: int, motion: SteadyMotion | None = None):
-        self.model, self.preview, self.motion = model, int(preview), motion
+        self.model, self.preview, self.motion = model, whole_preview(preview), motion
         self.alpha, self.rho = jnp.asarray(alpha, model.A.dtype), jnp.asarray(rho, model.A.dtype)
-        if self.preview < 1:
-            raise ValueError(f"preview: needs at least one sample, received {preview}")
         for name, weight in (("alpha", self.alpha), ("rho", self.rho)):
             if is_concrete(weight) and not 0 < float(weight) < np.inf:
                 raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")

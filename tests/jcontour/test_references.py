@@ -125,6 +125,7 @@ def test_samples_that_do_not_fit_the_contour_are_named(change):
         ({"preview": -1}, "preview"),
         ({"dt": -1.0}, "dt"),
         ({"scored": [True] * 3}, "shape"),
+        ({"scored": [False]}, "shape"),
     ],
 )
 def test_bad_feed_is_named(change, words):

@@ -128,8 +128,10 @@ def test_bad_weights_are_named(weights, words):
 
 
 def test_bad_controllers_are_named(two_axes):
-    with pytest.raises(ValueError, match="preview: needs at least one"):
+    with pytest.raises(ValueError, match="preview: needs a whole number"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 0)
+    with pytest.raises(ValueError, match="received 2.7"):
+        ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match=r"stage.*shape \(3,\), received \(2,\)"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1, [1.0, 1.0]), 3)
     out_of_reach = LinearPlant(np.diag([1.1, 0.5]), [[0.0], [1.0]], np.eye(2), 1.0)

@@ -41,7 +41,7 @@ def test_given_maps_serve_a_coupled_plant(coupled_plant):
 
 
 def test_bad_controllers_are_named(two_axes):
-    with pytest.raises(ValueError, match="preview: needs at least one"):
+    with pytest.raises(ValueError, match="preview: needs a whole number"):
         PreviewLQ(two_axes, 1.0, 1.0, 0)
     with pytest.raises(ValueError, match="alpha"):
         PreviewLQ(two_axes, 0.0, 1.0, 3)  # the integrators cost nothing

@@ -68,6 +68,12 @@ def test_delayed_is_the_plant_under_shifted_controls(samples, two_axes, start, c
     assert measurements.shape == (8, 4)
 
 
+@pytest.mark.parametrize("limit", [[1.0, -1.0], [np.nan, 1.0]])
+def test_a_limit_below_zero_is_refused(limit, two_axes):
+    with pytest.raises(ValueError, match="limit"):
+        Saturated(two_axes, jnp.array(limit))
+
+
 def test_delay_line_needs_a_place(two_axes):
     with pytest.raises(ValueError, match="depth"):
         Delayed(two_axes, 0, 0, 2)
