@@ -1,9 +1,10 @@
 """What McNab & Tsao say, what the simulation says, and the verdict. Every finding is worked out from the numbers of the run."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from enum import StrEnum
 from itertools import pairwise
 from typing import Any
+
+from experiments.verdicts import Verdict
 
 STEADY = 0.25  # relative spread that still counts as constant in Figs 9 and 10
 KNEE = 9  # [samples] the preview after which the paper sees no gain (its section 4)
@@ -13,15 +14,6 @@ FIGURE_2_ALPHA = 1.2  # the largest of the paper's at which the points of Fig. 2
 FIGURE_9, FIGURE_10 = (4.0, 0.0), (0.25, 15.0)  # the paper's alpha, beta
 
 Claim = dict[str, str]  # item, claim, finding, verdict
-
-
-class Verdict(StrEnum):
-    """How a published result fares in simulation."""
-
-    REPRODUCED = "reproduced"
-    SAME_ORDERING = "same ordering"
-    EXPERIMENTAL = "experimental: shown, not matched"
-    NOT_REPRODUCED = "not reproduced"
 
 
 def table_1(published: Iterable[Any], summary: dict[str, Any]) -> list[dict[str, Any]]:

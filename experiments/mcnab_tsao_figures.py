@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.mcnab_tsao_claims import FIGURE_2_ALPHA, FIGURE_9, FIGURE_10, nominal, run_of, scan
-from experiments.runs import write
+from experiments.paper_figures import save_figures
 
-DOTS = 150  # per inch
 TERMINALS = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}
 COLOURS = {"output": "tab:blue", "dare": "tab:orange"}
 SHADES = ("#c6dbef", "#9ecae1", "#6baed6", "#3182bd", "#08519c")  # beta, light to dark
@@ -28,7 +27,7 @@ def draw(summary: dict[str, Any], folder: Path) -> list[Path]:
         "figures-9-and-10": errors_over_the_preview,
         "theorem-1": radii_over_the_horizon,
     }
-    return [_saved(folder / f"{name}.png", figure(summary)) for name, figure in figures.items()]
+    return save_figures(figures, summary, folder)
 
 
 def points_along_the_circle(summary: dict[str, Any]) -> Figure:
@@ -161,7 +160,3 @@ def _machine_name(machine: dict[str, Any]) -> str:
 def _legend_below(figure: Figure, axes: Axes, more: list[Line2D] | None = None) -> None:
     handles, _ = axes.get_legend_handles_labels()
     figure.legend(handles=[*handles, *(more or [])], loc="outside lower center", ncols=6, frameon=False)
-
-
-def _saved(path: Path, figure: Figure) -> Path:
-    return write(path, lambda temporary: figure.savefig(temporary, dpi=DOTS))

@@ -1,16 +1,12 @@
 """What `jcontour reproduce mcnab-tsao` prints."""
 
-from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from experiments.mcnab_tsao_claims import run_of
-
-WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")  # columns that wrap; the others hold numbers
+from experiments.tables import worded_table
 
 
 def show(summary: dict[str, Any], console: Console) -> None:
@@ -27,12 +23,14 @@ def _table_1(summary: dict[str, Any]) -> Table:
         errors = [cell for pair in pairs for cell in (f"{pair['paper']:.2f}", f"{pair['ours']:.3f}", f"{pair['ratio']:.2f}")]
         rows.append((row["case"].replace(" ", "\n"), f"{row['terminal']}\n{row['alpha']:g}/{row['beta']:g}", *errors, row["verdict"]))
     headings = ("case", "weights", "te\npaper", "te\nours", "ratio", "ce\npaper", "ce\nours", "ratio", "verdict")
-    return _table("Table 1: RMS errors over a lap of the circle [um], the machine (paper) beside the simulation (ours)", headings, rows)
+    return worded_table(
+        "Table 1: RMS errors over a lap of the circle [um], the machine (paper) beside the simulation (ours)", headings, rows
+    )
 
 
 def _claims(summary: dict[str, Any]) -> Table:
     rows = [(row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]]
-    return _table("Figures and statements", ("where", "the paper", "the simulation", "verdict"), rows)
+    return worded_table("Figures and statements", ("where", "the paper", "the simulation", "verdict"), rows)
 
 
 def _family(summary: dict[str, Any]) -> Table:
@@ -47,7 +45,7 @@ def _family(summary: dict[str, Any]) -> Table:
             best = min(stable, key=lambda run: _worst(run, "ce_um"))
             rows.append(_on_family(summary, f"best stable of the grid: {best['alpha']:g}/{best['beta']:g}", best))
     headings = ("weights", "terminal", "ce\nnominal", "ce\nworst", "te\nworst", "largest\nradius", "verdict")
-    return _table("Table 1's weights on the family of machines: unknown input gains and delays [um]", headings, rows)
+    return worded_table("Table 1's weights on the family of machines: unknown input gains and delays [um]", headings, rows)
 
 
 def _on_family(summary: dict[str, Any], name: str, run: dict[str, Any]) -> tuple[str, ...]:
@@ -74,7 +72,7 @@ def _u_shape(summary: dict[str, Any]) -> Table:
         verdict = "stable" if late["spectral_radius"] < 1 else "unstable: the numbers mean nothing"
         rows.append((f"{alpha:g}", *numbers, f"{late['spectral_radius']:.4f}", verdict))
     headings = ("alpha", "te\nnominal", "ce\nnominal", f"te\ndelay {delay}", f"ce\ndelay {delay}", "frozen\nradius", "verdict")
-    return _table(f"Figs 3 and 5: beta 0, output terminal, unknown input delay [samples]: {delay}; errors [um]", headings, rows)
+    return worded_table(f"Figs 3 and 5: beta 0, output terminal, unknown input delay [samples]: {delay}; errors [um]", headings, rows)
 
 
 def _theorem_1(summary: dict[str, Any]) -> Table:
@@ -84,19 +82,8 @@ def _theorem_1(summary: dict[str, Any]) -> Table:
         weights = f"{case['alpha']:g}/{case['beta']:g}/{case['rho']:.0e}"
         rows.append((weights, case["terminal"], str(case["preview"]), directions, f"{case['largest_radius']:.4f}", "unstable"))
     headings = ("alpha/beta/rho", "terminal", "horizon", "directions", "largest\nradius", "verdict")
-    return _table("Theorem 1: every unstable case on straight lines" + ("" if rows else ": none"), headings, rows)
+    return worded_table("Theorem 1: every unstable case on straight lines" + ("" if rows else ": none"), headings, rows)
 
 
 def _number(value: float | None) -> str:
     return "diverged" if value is None or not abs(value) < 1e6 else f"{value:.4g}"
-
-
-def _table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    style: dict[str, Any] = {"box": box.SIMPLE_HEAD, "show_edge": False, "padding": (0, 1, 0, 0)}
-    table = Table(title=escape(title), title_justify="left", title_style="bold", **style)
-    for heading in headings:
-        words = heading in WORDS
-        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
-    for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
-    return table

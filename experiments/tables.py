@@ -1,10 +1,11 @@
 """Tables and blocks of text for people, from the plain numbers of a result."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 COLUMNS = (  # metric, heading, factor from SI
@@ -17,6 +18,7 @@ COLUMNS = (  # metric, heading, factor from SI
 )
 
 
+WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")  # columns of `worded_table` that wrap
 WIDE = 110  # columns where the output is not a terminal
 
 
@@ -43,6 +45,17 @@ def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         table.add_column(name, justify="left" if k < text_columns else "right", no_wrap=k == 0 or k >= text_columns)
     for row in rows:
         table.add_row(*row)
+    return table
+
+
+def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """A table of a paper: columns of words wrap, the others hold numbers."""
+    table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for heading in headings:
+        words = heading in WORDS
+        table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
     return table
 
 

@@ -15,6 +15,7 @@ ALLOWED = {
         "jax", "equinox", "jaxtyping", "optax", "numpy", "scipy", "matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py",
     },
 }  # fmt: skip
+SOLVERS = {"qpsolvers", "proxsuite", "daqp", "numba"}  # on the host, in jcontour.mpc alone
 BELOW = {"jcontour": {"jcontour"}, "tuning": {"jcontour", "tuning"}, "experiments": set(PACKAGES)}
 
 
@@ -57,7 +58,8 @@ def reached(name):
 def test_third_parties_and_the_order_of_packages(name):
     package = name.split(".")[0]
     tops = {found.split(".")[0] for found in IMPORTS[name]}
-    unknown = tops - sys.stdlib_module_names - ALLOWED[package] - BELOW[package]
+    allowed = ALLOWED[package] | (SOLVERS if name.startswith("jcontour.mpc") else set())
+    unknown = tops - sys.stdlib_module_names - allowed - BELOW[package]
     assert not unknown, f"{name} imports {unknown}"
 
 
@@ -72,6 +74,12 @@ def test_simulation_and_metrics_know_only_abstract_types():
     for name in ("jcontour.simulation", "jcontour.metrics", "jcontour.evaluation", "jcontour.references"):
         assert not [found for found in reached(name) if found.startswith(("jcontour.plants", "jcontour.controllers"))], name
     assert "jcontour.linear" not in reached("jcontour.simulation")
+
+
+def test_constrained_control_stands_on_the_library_and_nothing_there_on_it():
+    for name in MODULES:
+        if name.startswith("jcontour") and not name.startswith("jcontour.mpc"):
+            assert not [found for found in reached(name) if found.startswith("jcontour.mpc")], name
 
 
 def test_no_circles():

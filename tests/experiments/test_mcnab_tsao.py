@@ -12,8 +12,9 @@ import pytest
 from rich.console import Console
 
 from experiments import mcnab_tsao
-from experiments.mcnab_tsao_claims import Verdict, run_of
+from experiments.mcnab_tsao_claims import run_of
 from experiments.mcnab_tsao_runs import RHO, AnyHorizonLQ, Bench, Law, Member, family, radii_on_lines
+from experiments.verdicts import Verdict
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
 from jcontour.plants.wrappers import Delayed
 from jcontour.stability import frozen_spectral_radii
