@@ -1,6 +1,17 @@
 """Machines, one a file, and what stands between a controller and an ideal machine."""
 
 from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
 
-__all__ = ["Delayed", "Disturbed", "Encoders", "Quantised", "Saturated", "bridgeport"]
+__all__ = [
+    "Delayed",
+    "Disturbed",
+    "Encoders",
+    "FlexibleAxis",
+    "Quantised",
+    "Saturated",
+    "SmoothFlexibleAxis",
+    "bridgeport",
+    "thesis_axis",
+]

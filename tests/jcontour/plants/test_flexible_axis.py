@@ -1,0 +1,177 @@
+import json
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.friction import Friction
+
+DATA = json.loads((Path(__file__).parents[2] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
+DT = 1e-3
+K_PP, K_PV, T_IV = 30.0, 55.67, 0.04  # thesis, section 3.4.2
+
+
+def task_a():
+    """0.1 m at 0.1 m/s and 4 m/s^2 after 0.1 s."""
+    time, ramp, cruise = np.clip(np.arange(2201) * DT - 0.1, 0, None), 0.025, 0.975
+    stopping = 0.1 - 2 * np.clip(cruise + 2 * ramp - time, 0, None) ** 2
+    return np.where(time < ramp, 2 * time**2, np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping))
+
+
+def task_b():
+    time = np.arange(3301) * DT
+    return np.where(time < 0.1, 0.1, 0.05 * np.cos(2 * (time - 0.1)) + 0.05)
+
+
+def notch():
+    """(3.9) by Tustin's rule: numerator and denominator."""
+    gain, damping, frequency, c = 0.85, 0.05, 87.0, 2 / DT
+    rows = [np.array([c**2 + d * c + frequency**2, 2 * (frequency**2 - c**2), c**2 - d * c + frequency**2])
+            for d in (2 * gain * damping * frequency, 2 * damping * frequency)]  # fmt: skip
+    return rows[0] / rows[1][0], rows[1] / rows[1][0]
+
+
+def cascade(axis, reference, gains=(K_PP, K_PV, T_IV), filtered=False):
+    """States and currents under the thesis's cascade, written here independently of the library's controllers."""
+    (b0, b1, b2), (_, a1, a2) = notch() if filtered else ((1.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    k_pp, k_pv, t_iv = gains
+
+    def step(carry, wanted):
+        state, integral, (f1, f2) = carry
+        position, speed = axis.measure(state)
+        error = k_pp * (wanted - position) - speed
+        integral = integral + DT * error
+        raw = k_pv * (error + integral / t_iv)
+        control = b0 * raw + f1
+        filters = (b1 * raw - a1 * control + f2, b2 * raw - a2 * control)
+        motion = getattr(state, "motion", state)
+        return (axis.step(state, control), integral, filters), (jnp.concatenate(list(motion)), control[0])
+
+    none = jnp.zeros(1)
+    start = axis.initial_state(reference[:1], none)
+    return jax.lax.scan(step, (start, none, (none, none)), reference)[1]
+
+
+@pytest.mark.parametrize("row", DATA, ids=[row["name"] for row in DATA])
+def test_reference_trajectories(row):
+    reference = task_b() if row["name"].startswith("B") else task_a()
+    states, currents = jax.jit(cascade, static_argnames="filtered")(
+        FlexibleAxis(thesis_axis(), DT), jnp.asarray(reference), filtered="notch" in row["name"]
+    )
+    np.testing.assert_allclose(states[:: row["every"]], row["X"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(currents[:-1][:: row["every"]], row["U"], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(1e3 * np.abs(states[:, 2] - reference).mean(), row["ee_mean_mm"], rtol=1e-10)
+
+
+def ideal(**changes):
+    """The thesis's axis without friction and cogging."""
+    named = {"motor_mass": 39.62, "tool_mass": 0.38, "stiffness": 2908.0, "damping": 2.1, "force_constant": 79.33, "pole_pitch": 0.0875}
+    none = Friction(0.0, 0.0, 1.0, 0.0)
+    return AxisParameters(**{**named, "friction": none, "cogging_sine": [0.0], "cogging_cosine": [0.0], **changes})
+
+
+@pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
+def test_without_friction_it_is_the_linear_equation(kind):
+    """Against an adaptive integrator of higher order."""
+    axis = kind(ideal(), DT)
+    start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.001, -0.1)))
+    state = start if kind is SmoothFlexibleAxis else axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)
+    state = eqx.filter_jit(lambda state: jax.lax.fori_loop(0, 300, lambda _, s: axis.step(s, jnp.array([0.5])), state))(state)
+
+    def rates(_, x):
+        link = 2908.0 * (x[0] - x[2]) + 2.1 * (x[1] - x[3])
+        return [x[1], (79.33 * 0.5 - link) / 39.62, x[3], link / 0.38]
+
+    exact = solve_ivp(rates, (0, 0.3), [0.0, 0.2, 0.001, -0.1], method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    np.testing.assert_allclose(np.concatenate(getattr(state, "motion", state)), exact, rtol=1e-7, atol=1e-9)
+
+
+def test_energy_is_lost_in_the_damper_only():
+    axis = FlexibleAxis(ideal(), DT, substeps=100)
+    start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.002, -0.3)))
+    states = [axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)]
+    step = eqx.filter_jit(axis.step)
+    for _ in range(50):
+        states.append(step(states[-1], jnp.zeros(1)))
+    energy = np.array([axis.parameters.energy(state.motion)[0] for state in states])
+    closing = np.array([(state.motion.motor_speed - state.motion.tool_speed)[0] for state in states])
+    lost = 2.1 * DT * (closing[:-1] ** 2 + closing[1:] ** 2) / 2  # trapezoids: good to the third order of the sample
+    assert np.all(np.diff(energy) < 0)
+    np.testing.assert_allclose(energy[0] - energy[-1], lost.sum(), rtol=2e-3)
+    undamped = FlexibleAxis(ideal(damping=0.0), DT)
+    free = eqx.filter_jit(undamped.step)(states[0], jnp.zeros(1))
+    np.testing.assert_allclose(undamped.parameters.energy(free.motion), energy[0], rtol=0, atol=1e-9)
+
+
+def test_a_slider_below_break_away_does_not_move_and_above_does():
+    axis = FlexibleAxis(eqx.tree_at(lambda p: (p.cogging_sine, p.cogging_cosine), thesis_axis(), replace_fn=jnp.zeros_like), DT)
+    still = axis.initial_state(jnp.zeros(1), jnp.zeros(1))
+    held = axis.step(still, jnp.array([58.39 / 79.33]))
+    assert held.motion.motor == 0 and held.mode == 0
+    moved = axis.step(still, jnp.array([58.41 / 79.33]))
+    assert moved.motion.motor > 0 and moved.mode == 1
+
+
+def test_it_comes_to_rest_and_sticks():
+    axis = FlexibleAxis(thesis_axis(), DT)
+    state = axis.initial_state(jnp.zeros(1), jnp.array([1e-4]))
+    state = eqx.filter_jit(lambda state: jax.lax.fori_loop(0, 400, lambda _, s: axis.step(s, jnp.zeros(1)), state))(state)
+    assert state.mode == 0 and state.motion.motor_speed == 0
+
+
+def test_axes_side_by_side_are_single_axes():
+    plain = eqx.tree_at(lambda p: (p.cogging_sine, p.cogging_cosine), ideal(), replace_fn=lambda c: jnp.zeros((1, 3)))
+    single = [thesis_axis(), plain]
+    pair = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *single)
+    both = FlexibleAxis(pair, DT)
+    control = jnp.array([1.5, -0.4])
+    state = both.step(both.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, 0.0])), control)
+    for k, (parameters, position, increment) in enumerate([(single[0], 0.01, 1e-4), (single[1], 0.02, 0.0)]):
+        alone = FlexibleAxis(parameters, DT)
+        after = alone.step(alone.initial_state(jnp.array([position]), jnp.array([increment])), control[k : k + 1])
+        for name in Motion._fields:
+            np.testing.assert_allclose(getattr(state.motion, name)[k], getattr(after.motion, name)[0], rtol=1e-13, atol=1e-16)
+
+
+def mean_error(axis, reference, gains):
+    states, _ = cascade(axis, reference, gains)
+    return jnp.sqrt(jnp.mean((states[:, 2] - reference) ** 2))
+
+
+def test_gradient_of_the_smooth_twin():
+    axis, reference = SmoothFlexibleAxis(thesis_axis(), DT), jnp.asarray(task_a()[:400])
+    measure = jax.jit(lambda gains: mean_error(axis, reference, gains))
+    gains = np.array([K_PP, K_PV, T_IV])
+    found = jax.jit(jax.grad(lambda gains: mean_error(axis, reference, gains)))(jnp.asarray(gains))
+    for k in range(3):
+        away = gains * (1 + 1e-5 * np.eye(3)[k])
+        back = gains * (1 - 1e-5 * np.eye(3)[k])
+        np.testing.assert_allclose(found[k], (measure(away) - measure(back)) / (2e-5 * gains[k]), rtol=1e-5)
+
+
+def test_the_smooth_twin_comes_near_the_true_axis():
+    reference, gains = jnp.asarray(task_a()), (K_PP, K_PV, T_IV)
+    measure = jax.jit(mean_error)
+    true = measure(FlexibleAxis(thesis_axis(), DT), reference, gains)
+    gaps = [abs(measure(SmoothFlexibleAxis(thesis_axis(), DT, sharpness), reference, gains) / true - 1) for sharpness in (50.0, 1e3)]
+    assert gaps[1] < 0.03 and gaps[1] < gaps[0]
+
+
+@pytest.mark.parametrize("name", ["motor_mass", "tool_mass", "force_constant", "pole_pitch", "stiffness", "damping"])
+def test_bad_parameters_are_named(name):
+    with pytest.raises(ValueError, match=f"^{name}:"):
+        ideal(**{name: -1.0})
+
+
+def test_bad_axes_are_named():
+    with pytest.raises(ValueError, match="cogging_cosine"):
+        ideal(cogging_cosine=[0.0, 1.0])
+    with pytest.raises(ValueError, match="does not divide"):
+        FlexibleAxis(ideal(), 1.3e-4)
+    with pytest.raises(ValueError, match="dt"):
+        SmoothFlexibleAxis(ideal(), 0.0)
