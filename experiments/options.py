@@ -8,6 +8,7 @@ from tyro.conf import Positional
 
 Terminal = Literal["output", "riccati"]
 Objective = Literal["worst", "mean"]
+Fallback = Literal["stop", "hold", "soft"]
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,70 @@ class Sweep(Storage):
     """Horizons [samples]."""
     samples: int = 0  # the grid
     """Random weights between the smallest and largest alpha and beta; 0 takes the grid."""
+
+
+@dataclass(frozen=True)
+class Verify(Common):
+    """Replay a tuned run through a constrained MPC with the same weights: where limits act, and what they cost."""
+
+    run: Positional[Path] = Path()
+    """Run folder of `jcontour tune`."""
+    max_control: float | None = None
+    """Limit on every control [control unit]; the machine's own when not given."""
+    max_increment: float | None = None
+    """Limit on the change of every control per sample [control unit]; the machine's own when not given."""
+    max_speed_mm_s: float | None = None
+    """Limit on the speed of every axis [mm/s]; the machine's own when not given."""
+    max_acceleration: float | None = None
+    """Limit on the acceleration of every axis [m/s^2]; the machine's own when not given."""
+    fallback: Fallback = "stop"
+    """What happens at a step whose QP has no answer: stop the run, hold the last control, or soften the limits."""
+    solver: str = "daqp"  # exact to rounding and the fastest
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    out: Path | None = None
+    """Run folder; runs/verify-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Trace(Common):
+    """Trace a contour with model predictive contouring control, which chooses its own speed."""
+
+    contour: Positional[str] = "lobes"
+    """A name from `jcontour list`, or a toolpath file (.ngc, .csv)."""
+    plant: str = "xy-table"
+    """Machine: xy-table (with friction), a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
+    q_theta: float = 0.3
+    """Reward for progress [1/mm]: more is faster and less accurate."""
+    q_contour: float = 100.0
+    """Weight on the contour error [1/mm^2]."""
+    q_lag: float = 200.0
+    """Weight on the lag error [1/mm^2]; large, or progress is not what it says."""
+    r_control: float = 60.0
+    """Weight on the change of every control from step to step [1/control unit^2]."""
+    r_speed: float = 200.0
+    """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
+    horizon: int = 7
+    """Steps that the controller looks ahead."""
+    period_ms: float | None = None
+    """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
+    max_speed_mm_s: float = 250.0
+    """Highest path speed [mm/s]."""
+    max_control: float | None = None
+    """Limit on every control; the machine's own, or 0.5 A for the table, when not given."""
+    fallback: Fallback = "stop"
+    """What happens at a step whose QP has no answer: stop the run, hold the last control, or soften the limits."""
+    solver: str = "daqp"  # exact to rounding and the fastest
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    out: Path | None = None
+    """Run folder; runs/trace-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Bench(Common):
+    """Time the library on this computer: ratios against something run beside it, hardware and versions named."""
+
+    what: Positional[Literal["mpc"]] = "mpc"
+    """What is timed: one step of the constrained controllers, by part and by solver."""
 
 
 @dataclass(frozen=True)

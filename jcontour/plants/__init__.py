@@ -3,15 +3,19 @@
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
+from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [
     "Delayed",
     "Disturbed",
+    "DriveParameters",
     "Encoders",
     "FlexibleAxis",
+    "FrictionXYTable",
     "Quantised",
     "Saturated",
     "SmoothFlexibleAxis",
     "bridgeport",
     "thesis_axis",
+    "xy_table",
 ]

@@ -1,0 +1,100 @@
+"""`jcontour verify RUN`: tuned weights replayed under the limits of the machine, by a constrained MPC with the same weights."""
+
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from experiments import runs, tables
+from experiments.catalogue import TERMINALS
+from experiments.machines import Machine
+from experiments.options import Tune, Verify
+from experiments.tuning_runs import TuningRun, resumed, tuning_run
+from jcontour.controllers.contouring_lq import LQWeights
+from jcontour.evaluation import member
+from jcontour.mpc.limits import Limits
+from jcontour.mpc.solvers import solver_named
+from tuning.verify import Gap, Replayed, verify
+
+
+def command(flags: Verify) -> int:
+    """The whole command: replay, print, exit code 1 where a run stopped."""
+    folder, tune = resumed(Tune(resume=flags.run), "tune")
+    weights = runs.read_json(folder, runs.RESULT)["weights"]
+    job, solver = tuning_run(tune), solver_named(flags.solver)
+    limits = limits_of(flags, job.machine)
+    if not any(bounds is not None for bounds in limits):
+        raise ValueError(f"verify: {job.machine.name} states no limits; give --max-control, --max-increment, --max-speed-mm-s or another")
+    out = runs.create(flags.out or runs.default_folder("verify"), "verify", flags, [])
+    console = tables.console_of(quiet=flags.json)
+    replayed = Replayed(job.machine.model, LQWeights(**weights), job.flags.preview, job.observer_gain, TERMINALS[job.flags.terminal])
+    gaps = []
+    with console.status("replaying under limits"):
+        for gap in verify(replayed, limits, _references(job), _plants(job), solver, None if flags.fallback == "stop" else flags.fallback):
+            gaps.append(_row(gap))
+            runs.write_json(out / "gaps.json", gaps)  # kept if the rest is interrupted
+    summary = runs.plain({"tuned": str(folder), "weights": weights, "solver": solver.name, "limits": limits._asdict(), "gaps": gaps})
+    runs.write_json(out / runs.RESULT, summary)
+    if flags.json:
+        print(runs.json_text({"run": str(out), **summary}))
+    else:
+        show(summary, console)
+        tables.say(console, f"Run folder: {out}")
+    return 1 if any(gap["failure"] for gap in gaps) else 0
+
+
+def limits_of(flags: Verify, machine: Machine) -> Limits:
+    """The machine's limits, each replaced where a flag gives another.
+
+    Raises:
+        ValueError: a limit is not finite and above zero.
+    """
+    given = {
+        "control": flags.max_control, "increment": flags.max_increment, "acceleration": flags.max_acceleration,
+        "speed": None if flags.max_speed_mm_s is None else 1e-3 * flags.max_speed_mm_s,
+    }  # fmt: skip
+    for name, value in given.items():
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise ValueError(f"max-{name}: needs to be finite and above zero, received {value}")
+    return Limits.within(**{name: getattr(machine.limits, name) if value is None else value for name, value in given.items()})
+
+
+def _references(job: TuningRun) -> dict[str, Any]:
+    return {one.name: one.reference(job.machine.model.dt, job.flags.preview) for one in job.course.jobs}
+
+
+def _plants(job: TuningRun) -> dict[str, Any]:
+    return {name: member(job.course.family, k) for k, name in enumerate(job.course.plants)}
+
+
+def _row(gap: Gap) -> dict[str, Any]:
+    return runs.plain({
+        "contour": gap.contour, "plant": gap.plant, "active_fraction": gap.active_fraction, "residual": gap.residual,
+        "fallbacks": gap.fallbacks, "stopped": gap.stopped, "failure": gap.failure,
+        "without": {name: np.asarray(value) for name, value in vars(gap.without).items()},
+        "within": None if gap.within is None else {name: np.asarray(value) for name, value in vars(gap.within).items()},
+    })  # fmt: skip
+
+
+def show(summary: dict[str, Any], console: Console) -> None:
+    """The gap table, then what stopped."""
+    columns = ["contour", "plant", "limit in\nplan %", "contour\nas tuned", "um RMS\nlimited", "tracking\nas tuned", "um RMS\nlimited",
+               "worst\nresidual", "fall-\nbacks", "stopped\nat step"]  # fmt: skip
+    rows = []
+    for gap in summary["gaps"]:
+        errors = [
+            "-" if gap[kind] is None else tables.digits(1e6 * gap[kind][name])
+            for name in ("rms_contour_error", "rms_tracking_error") for kind in ("without", "within")
+        ]  # fmt: skip
+        stopped = "" if gap["stopped"] is None else str(gap["stopped"])
+        rows.append([gap["contour"], gap["plant"], tables.digits(100 * gap["active_fraction"]), *errors, f"{gap['residual']:.1e}",
+                     str(gap["fallbacks"]), stopped])  # fmt: skip
+    names = ", ".join(name for name, bounds in summary["limits"].items() if bounds is not None)
+    title = f"Tuned weights under limits on {names} ({summary['solver']}); limit in plan: steps whose horizon touches one"
+    console.print(tables.plain_table(title, columns, rows, text_columns=2))
+    for gap in summary["gaps"]:
+        if gap["failure"]:
+            tables.say(console, f"STOPPED: {gap['contour']}, {gap['plant']}: {gap['failure']} (--fallback hold or soft goes on)")
+    active = [gap for gap in summary["gaps"] if gap["active_fraction"] > 0]
+    if not active:
+        tables.say(console, "No limit was ever active: the tuned controller itself keeps to all of them.")

@@ -1,0 +1,139 @@
+"""Cascaded P-PI, the industry's standard: a proportional position loop around a proportional-integral velocity loop, one for each axis.
+
+    v_ref = k_pp (r - y) + k_ff dr/dt,   e = v_ref - v
+    w+ = w + k_pv T_s e / T_iv,          u = k_pv e + w+        (Yuan, 3.3; the integrator is updated before it is used)
+The integrator is kept as its share w of the control. Against windup w stays within the limits of the control, as Lam et al. have it (their
+section 5), and so does u. Without a limit this is the plain PI.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.controller import Controller
+from jcontour.linear import is_concrete
+from jcontour.references import Reference
+
+
+class CascadeGains(eqx.Module):
+    """Gains of the loops: traceable, one number or one for each axis.
+
+    Args:
+        position: k_pp [1/s].
+        velocity: k_pv, control per m/s.
+        integral_time: T_iv [s].
+        feedforward: k_ff, the share of the reference's velocity that is added to v_ref; 0 leaves it out, 1 removes the lag of a ramp.
+
+    Raises:
+        ValueError: a gain is not finite or negative, or the integral time is not above zero.
+    """
+
+    position: Float[Array, "*m"]
+    velocity: Float[Array, "*m"]
+    integral_time: Float[Array, "*m"]
+    feedforward: Float[Array, "*m"]
+
+    def __init__(self, position, velocity, integral_time, feedforward=0.0):
+        for name, value in (("position", position), ("velocity", velocity), ("integral_time", integral_time), ("feedforward", feedforward)):
+            if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
+                raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
+            setattr(self, name, jnp.asarray(value, float))
+        if is_concrete(integral_time) and not np.all(np.asarray(integral_time) > 0):
+            raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
+
+
+class Sensors(eqx.Module):
+    """Where position and velocity of every axis stand in the measurement, all its leaves in one row, and what turns them into m and m/s.
+
+    Args:
+        position: indices (m,).
+        velocity: indices (m,).
+        scale: m per unit of the measurement: one number, or one for each axis.
+
+    Raises:
+        ValueError: different numbers of indices, or a negative one.
+    """
+
+    position: tuple[int, ...] = eqx.field(static=True)
+    velocity: tuple[int, ...] = eqx.field(static=True)
+    scale: Float[Array, "*m"]
+
+    def __init__(self, position, velocity, scale=1.0):
+        self.position, self.velocity = tuple(int(i) for i in position), tuple(int(i) for i in velocity)
+        if len(self.position) != len(self.velocity) or not self.position or min(self.position + self.velocity) < 0:
+            raise ValueError(f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}")
+        self.scale = jnp.asarray(scale, float)
+
+    def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """(position [m], velocity [m/s]) of every axis."""
+        row = _row(measurement)
+        return self.scale * row[np.array(self.position)], self.scale * row[np.array(self.velocity)]
+
+
+class CascadePlan(eqx.Module):
+    """Where every axis should be [m], and its velocity from there to the next sample [m/s]."""
+
+    position: Float[Array, "T m"]
+    velocity: Float[Array, "T m"]
+
+
+class Cascade(Controller):
+    """P-PI for every axis of a plant whose positions and velocities are measured.
+
+    Args:
+        gains: of the loops.
+        sensors: what to read.
+        dt: sample period T_s [s].
+        limit: of the control, +-: one number or one for each axis; none when infinite.
+
+    Raises:
+        ValueError: `dt` is not above zero, or a limit is not above zero.
+    """
+
+    gains: CascadeGains
+    sensors: Sensors
+    limit: Float[Array, "*m"]
+    dt: float = eqx.field(static=True)
+    preview: int = eqx.field(static=True, default=1)
+
+    def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit=np.inf):
+        if not (np.isfinite(dt) and dt > 0):
+            raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
+        if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
+            raise ValueError(f"limit: needs to be above zero, received {limit}")
+        self.gains, self.sensors, self.dt, self.limit, self.preview = gains, sensors, float(dt), jnp.asarray(limit, float), 1
+
+    def prepare(self, reference: Reference) -> CascadePlan:
+        """Positions, and velocities by the difference to the next sample.
+
+        Raises:
+            ValueError: the reference has another sample period or number of axes.
+        """
+        axes = len(self.sensors.position)
+        if reference.position.shape[-1] != axes:
+            raise ValueError(f"sensors: the reference has {reference.position.shape[-1]} axes, the controller reads {axes}")
+        if reference.dt != self.dt:
+            raise ValueError(f"dt: the controller is sampled every {self.dt} s, the reference every {reference.dt} s")
+        now, later = reference.position[: reference.steps], reference.position[1 : reference.steps + 1]
+        return CascadePlan(now, (later - now) / self.dt)
+
+    def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
+        """Integrators at zero, in the unit of the control."""
+        return jnp.zeros(len(self.sensors.position), reference.position.dtype)
+
+    def step(self, memory, plan: CascadePlan, measurement) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """Next integrators and the control, both within the limit."""
+        gains = self.gains
+        position, velocity = self.sensors.read(measurement)
+        error = gains.position * (plan.position - position) + gains.feedforward * plan.velocity - velocity
+        integral = jnp.clip(memory + gains.velocity * self.dt / gains.integral_time * error, -self.limit, self.limit)
+        return integral, jnp.clip(gains.velocity * error + integral, -self.limit, self.limit)
+
+
+def _row(measurement: Any) -> Float[Array, " q"]:
+    leaves = [jnp.ravel(leaf) for leaf in jax.tree.leaves(measurement)]
+    return leaves[0] if len(leaves) == 1 else jnp.concatenate(leaves)

@@ -1,0 +1,59 @@
+"""What a constrained controller must keep to, one pair of bounds per signal."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from jcontour.linear import LinearPlant
+from jcontour.mpc.qp import check_limits
+
+Bounds = tuple[ArrayLike, ArrayLike]  # (lower, upper), each one number or one per component; infinite where there is none
+
+
+class Limits(NamedTuple):
+    """Bounds over the whole horizon; None where there are none.
+
+    Attributes:
+        control: u (p,).
+        increment: u_j - u_{j-1} (p,), the first against the control that acted last.
+        state: x (n,).
+        output: y (m,) [m].
+        speed: (y_j - y_{j-1}) / dt (m,) [m/s].
+        acceleration: (y_{j+1} - 2 y_j + y_{j-1}) / dt^2 (m,) [m/s^2], from the first that lies wholly ahead.
+    """
+
+    control: Bounds | None = None
+    increment: Bounds | None = None
+    state: Bounds | None = None
+    output: Bounds | None = None
+    speed: Bounds | None = None
+    acceleration: Bounds | None = None
+
+    @classmethod
+    def within(cls, **magnitudes: ArrayLike | None) -> "Limits":
+        """Symmetric limits from magnitudes, by field; None is no limit."""
+        sizes = {name: None if size is None else np.asarray(size, float) for name, size in magnitudes.items()}
+        return cls(**{name: None if size is None else (-size, size) for name, size in sizes.items()})
+
+
+def full_limits(limits: Limits, model: LinearPlant) -> Limits:
+    """Every field as a pair of float vectors, infinite where nothing was given.
+
+    Raises:
+        ValueError: a bound has the wrong number of components, is NaN, or bounds are crossed.
+    """
+    n, p, m = model.states, model.inputs, model.axes
+    sizes = {"control": p, "increment": p, "state": n, "output": m, "speed": m, "acceleration": m}
+    pairs: dict[str, Any] = {}
+    for name, size in sizes.items():
+        given = getattr(limits, name)
+        bounds = []
+        for bound in (-np.inf, np.inf) if given is None else given:
+            bound = np.asarray(bound, float)
+            if bound.ndim > 1 or (bound.ndim == 1 and bound.size != size):
+                raise ValueError(f"{name}: needs one bound or one per component, shape ({size},), received {bound.shape}")
+            bounds.append(np.broadcast_to(bound, (size,)).copy())
+        check_limits(name, *bounds)
+        pairs[name] = tuple(bounds)
+    return Limits(**pairs)

@@ -1,0 +1,151 @@
+"""The X-Y table of Lam: on each axis a motor turns a lead screw through a torsional spring and damper.
+
+    J_m ddpsi = K_t i - b_m dpsi - k_c (psi - phi) - c (dpsi - dphi) - T_m(dpsi)
+    J_l ddphi = k_c (psi - phi) + c (dpsi - dphi) - b_l dphi - T_l(dphi)             (eqs 1-5)
+    tool = tau phi
+Fig. 4 prints J_t, b_t for J_l, b_l, and says identical where b_m, k_c and c differ. T is Coulomb friction, which the paper has on
+the machine but not in its model.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.linear import LinearPlant, zoh
+from jcontour.plant import Plant
+
+SUBSTEP = 5e-5  # [s] within which the friction torque is held
+TURNING = 0.5  # [rad/s] over which Coulomb friction turns: smooth enough for a derivative, a hundredth of a working speed
+
+
+@dataclass(frozen=True)
+class DriveParameters:
+    """One axis, Fig. 4.
+
+    Raises:
+        ValueError: an inertia, the torque constant or the pitch is not above zero, or another value is negative.
+    """
+
+    motor_inertia: float  # J_m [kg m^2]
+    load_inertia: float  # J_l [kg m^2]
+    motor_viscous: float  # b_m [N m s/rad]
+    load_viscous: float  # b_l [N m s/rad]
+    stiffness: float  # k_c [N m/rad]
+    damping: float  # c [N m s/rad]
+    torque_constant: float = 0.4364  # K_t [N m/A]
+    pitch: float = 0.7958e-3  # tau [m/rad]
+
+    def __post_init__(self):
+        for field in fields(self):
+            value, positive = getattr(self, field.name), field.name in ("motor_inertia", "load_inertia", "torque_constant", "pitch")
+            if not (np.isfinite(value) and (value > 0 if positive else value >= 0)):
+                raise ValueError(f"{field.name}: needs to be finite and {'above' if positive else 'at least'} zero, received {value}")
+
+    def scaled(self, inertia: float = 1.0, viscous: float = 1.0, link: float = 1.0, torque: float = 1.0) -> "DriveParameters":
+        """Another machine: both inertias, both viscous terms, stiffness and damping, and the torque constant times these factors."""
+        return replace(
+            self, motor_inertia=inertia * self.motor_inertia, load_inertia=inertia * self.load_inertia,
+            motor_viscous=viscous * self.motor_viscous, load_viscous=viscous * self.load_viscous,
+            stiffness=link * self.stiffness, damping=link * self.damping, torque_constant=torque * self.torque_constant,
+        )  # fmt: skip
+
+
+X_DRIVE = DriveParameters(2.3e-5, 2.1e-5, 1.39e-4, 1e-3, 2.6682, 5e-4)
+Y_DRIVE = DriveParameters(2.3e-5, 2.33e-5, 1.17e-4, 7.25e-4, 2.3017, 1.1e-3)
+
+
+def xy_table(dt: float, drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE)) -> LinearPlant:
+    """The table without Coulomb friction, exact at any sample period.
+
+    State [psi, dpsi, phi, dphi] of every axis [rad, rad/s], control [A], output [m].
+
+    Raises:
+        ValueError: `dt` is not above zero.
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
+    A, torque, C = _continuous(drives)
+    discrete = zoh(A, torque[:, ::2] * np.array([drive.torque_constant for drive in drives]), dt)
+    return LinearPlant(*discrete, C, dt)
+
+
+class FrictionXYTable(Plant):
+    """The table with Coulomb friction T = T_c tanh(omega / 0.5 rad/s) on motor and load, frozen over each substep.
+
+    Args:
+        dt: sample period [s].
+        drives: the axes.
+        motor_coulomb: T_c on the motor [N m]; not in the paper, chosen.
+        load_coulomb: T_c on the lead screw [N m].
+        load_torque: (m,) constant torque against the lead screws [N m].
+
+    Raises:
+        ValueError: `dt` is not a whole number of substeps, or a friction torque is negative.
+    """
+
+    A: Float[Array, "4m 4m"]
+    B: Float[Array, "4m m"]
+    T: Float[Array, "4m 2m"]
+    C: Float[Array, "m 4m"]
+    coulomb: Float[Array, " 2m"]
+    load: Float[Array, " 2m"]
+    dt: float = eqx.field(static=True)
+    substeps: int = eqx.field(static=True)
+
+    def __init__(
+        self, dt: float, drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE), motor_coulomb: float = 0.010,
+        load_coulomb: float = 0.020, load_torque=0.0,
+    ):  # fmt: skip
+        if not (np.isfinite(dt) and dt > 0 and abs(round(dt / SUBSTEP) * SUBSTEP - dt) <= 1e-9 * dt):
+            raise ValueError(f"dt: needs to be a whole number of substeps of {SUBSTEP} s, received {dt}")
+        self.dt, self.substeps = float(dt), round(dt / SUBSTEP)
+        for name, value in (("motor_coulomb", motor_coulomb), ("load_coulomb", load_coulomb)):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: needs to be at least zero, received {value}")
+        A, torque, C = _continuous(drives)
+        constants = np.array([drive.torque_constant for drive in drives])
+        self.A, both = zoh(A, np.concatenate([torque[:, ::2] * constants, torque], axis=1), SUBSTEP)
+        self.B, self.T, self.C = both[:, : len(drives)], both[:, len(drives) :], jnp.asarray(C)
+        self.coulomb = jnp.tile(jnp.array([motor_coulomb, load_coulomb]), len(drives))
+        loads = jnp.broadcast_to(jnp.asarray(load_torque, float), (len(drives),))
+        self.load = jnp.stack([jnp.zeros_like(loads), loads], axis=1).reshape(-1)
+
+    def initial_state(self, position, increment) -> Float[Array, " 4m"]:
+        """No twist, at rest or at a steady speed."""
+        pitch = jnp.diagonal(self.C[:, 2::4])
+        angle, speed = jnp.asarray(position) / pitch, jnp.asarray(increment) / self.dt / pitch
+        return jnp.stack([angle, speed, angle, speed], axis=-1).reshape(-1)
+
+    def step(self, state, control) -> Float[Array, " 4m"]:
+        """Exact substeps of the linear part under a held current and friction torque."""
+        pushed = self.B @ control - self.T @ self.load
+
+        def substep(_, x):
+            return self.A @ x + pushed - self.T @ (self.coulomb * jnp.tanh(x[1::2] / TURNING))
+
+        return jax.lax.fori_loop(0, self.substeps, substep, state)
+
+    def output(self, state) -> Float[Array, " m"]:
+        """Tool point [m]."""
+        return self.C @ state
+
+
+def _continuous(drives: tuple[DriveParameters, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A (4m, 4m), the map (4m, 2m) of torques on motor and load, and C (m, 4m), in SI units."""
+    m = len(drives)
+    A, torque, C = np.zeros((4 * m, 4 * m)), np.zeros((4 * m, 2 * m)), np.zeros((m, 4 * m))
+    for i, d in enumerate(drives):
+        axis = slice(4 * i, 4 * i + 4)
+        A[axis, axis] = [
+            [0, 1, 0, 0],
+            np.array([-d.stiffness, -d.motor_viscous - d.damping, d.stiffness, d.damping]) / d.motor_inertia,
+            [0, 0, 0, 1],
+            np.array([d.stiffness, d.damping, -d.stiffness, -d.load_viscous - d.damping]) / d.load_inertia,
+        ]
+        torque[4 * i + 1, 2 * i], torque[4 * i + 3, 2 * i + 1] = 1 / d.motor_inertia, 1 / d.load_inertia
+        C[i, 4 * i + 2] = d.pitch
+    return A, torque, C
