@@ -9,11 +9,11 @@ becomes 1/2 z' H z + g' z, divided by one constant so that H is of order one; ev
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from jaxtyping import Float
 
 from jcontour.linear import LinearPlant
+from jcontour.mpc.compiled import compiled
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.qp import QP
 
@@ -157,7 +157,7 @@ class Condensed:
         return float(np.max(z[self.moves :] * self.rows.size[self._gives], initial=0.0))
 
 
-@numba.njit(cache=True)
+@compiled
 def _fill_cost(H, g, base, gu, Fy, Gy, stage, Q, y_d, FT, GT, P, xi_d, s, scale):
     moves, m, t, p = base.shape[0], Q.shape[1], P.shape[0], gu.shape[0] // (stage.size + 1)
     weighted = np.empty((max(m, t), moves))
@@ -171,7 +171,7 @@ def _fill_cost(H, g, base, gu, Fy, Gy, stage, Q, y_d, FT, GT, P, xi_d, s, scale)
             H[b, a] = H[a, b]
 
 
-@numba.njit(cache=True)
+@compiled
 def _add_square(H, g, G, Q, free, factor, reach, weighted):
     """Lower half of H += factor G' Q G and g += factor G' Q free, with the columns of G from `reach` on zero."""
     m = G.shape[0]
@@ -193,7 +193,7 @@ def _add_square(H, g, G, Q, free, factor, reach, weighted):
                     H[a, b] += left * weighted[i, b]
 
 
-@numba.njit(cache=True)
+@compiled
 def _fill_rows(lower_rows, upper_rows, low, high, F, s):
     free = F @ s
     for i in range(free.size):

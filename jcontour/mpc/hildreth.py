@@ -6,9 +6,9 @@ With P = A H^-1 A' over box and rows, A = [I; C], the multipliers are improved o
 Hildreth (1957); Wang, Model Predictive Control System Design (2009), 2.4.4, here with both limits of a row under one multiplier.
 """
 
-import numba
 import numpy as np
 
+from jcontour.mpc.compiled import compiled
 from jcontour.mpc.qp import QP, Solution, Unsolved, check_shapes
 from jcontour.mpc.solvers import Solver, best_checked
 
@@ -48,7 +48,7 @@ def ascent(H, g, C, lower_rows, upper_rows, lower, upper) -> tuple[np.ndarray, n
     return start - step @ multipliers, multipliers, sweeps
 
 
-@numba.njit(cache=True)
+@compiled
 def _climb(P, low, high, multipliers, values) -> int:
     """Sweep until nothing moves; multipliers and values a_i' z change in place."""
     for sweep in range(1, SWEEPS + 1):

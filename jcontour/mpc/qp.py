@@ -11,9 +11,10 @@ A multiplier is positive where the upper limit is active and negative where the 
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from jaxtyping import Float
+
+from jcontour.mpc.compiled import compiled
 
 RESIDUAL_LIMIT = 1e-8  # of every scaled residual of an answer that counts as solved
 SYMMETRY = 1e-9  # asymmetry of H, and negative curvature, relative to its largest entry: rounding of a product of matrices
@@ -125,7 +126,7 @@ def check_weight(name: str, weight: np.ndarray) -> None:
         raise ValueError(f"{name}: needs to be positive semidefinite, received an eigenvalue of {lowest:.3g}")
 
 
-@numba.njit(cache=True)
+@compiled
 def residuals(H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers) -> tuple[float, float, float]:
     """Scaled primal residual, dual residual and duality gap of an answer: the definitions of `Solution`, 2 us for 21 variables."""
     n, r = g.size, lower_rows.size
@@ -168,7 +169,7 @@ def residuals(H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers) -> 
     return primal, _larger(dual, orphan) / scale, abs(gap) / scale
 
 
-@numba.njit(cache=True, inline="always")
+@compiled
 def _larger(a, b):
     """The larger of two numbers, NaN if either is."""
     return b if (b > a or b != b) else a

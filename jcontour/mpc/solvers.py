@@ -9,11 +9,11 @@ import warnings
 from typing import Any
 
 import daqp
-import numba
 import numpy as np
 import proxsuite  # type: ignore  # compiled, without stubs
 import qpsolvers
 
+from jcontour.mpc.compiled import compiled
 from jcontour.mpc.qp import QP, RESIDUAL_LIMIT, Solution, Unsolved, check_shapes, residuals
 
 REFINEMENTS = 3  # of the polished answer: each gains several digits, the third one none
@@ -219,7 +219,7 @@ class _Stacked:
         return self._lower, self._upper, self._sense
 
 
-@numba.njit(cache=True)
+@compiled
 def _stack(H, g, C, lower_rows, upper_rows, lower, upper, all_lower, all_upper, sense) -> int:
     """Fill the stacked limits; 1: not finite, 2: crossed, 3: shapes, 0: fine."""
     n, r = g.size, lower_rows.size

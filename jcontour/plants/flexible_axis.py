@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour.friction import Axes, Friction, caught
 from jcontour.linear import is_concrete
 from jcontour.plant import Plant
-from jcontour.plants.friction import Axes, Friction, caught
 
 SUBSTEP = 5e-5  # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 

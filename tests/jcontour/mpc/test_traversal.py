@@ -26,3 +26,13 @@ def test_a_run_that_does_not_arrive_has_no_time():
     contour = contours.line([0.0, 0.0], [0.1, 0.0])
     score = traversal_score(contour, np.stack([np.linspace(0, 0.05, 50), np.full(50, 1e-5)], axis=1), 0.001)
     assert np.isnan(score.time) and score.rms == pytest.approx(1e-5)
+
+
+def test_around_a_sharp_corner_the_progress_finds_the_way():
+    """A tool that cuts a corner of ten degrees: seen from the sample before, the other leg is too far along the path."""
+    tip = 0.02 * np.array([np.cos(0.1745), np.sin(0.1745)])
+    contour = contours.polyline([[0.0, 0.0], [0.02, 0.0], np.array([0.02, 0.0]) - tip * [1, -1]])
+    arc = np.linspace(0, 0.04, 401)
+    tool = np.asarray(contour.position(np.where((arc > 0.017) & (arc < 0.023), np.where(arc < 0.02, 0.017, 0.023), arc)))
+    score = traversal_score(contour, tool, 0.001, progress=arc)
+    assert score.peak < 1e-9 and np.isfinite(score.time) and np.all(np.diff(score.arc) > -1e-9)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from jcontour.friction import Friction
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.friction import Friction
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
 DT = 1e-3

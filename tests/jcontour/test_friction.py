@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.plants.friction import Friction, caught
+from jcontour.friction import Friction, caught
 
 
 @pytest.fixture(scope="module")
