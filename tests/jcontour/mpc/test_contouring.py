@@ -9,7 +9,8 @@ from jcontour import contours
 from jcontour.mpc.contouring import MPCC, ContouringWeights, Traversal, growing_blocks
 from jcontour.mpc.held import Held
 from jcontour.mpc.loop import reported_loop
-from jcontour.mpc.solvers import ProxQP
+from jcontour.mpc.qp import QP
+from jcontour.mpc.solvers import DAQP, ProxQP
 from jcontour.mpc.traversal import traversal_score
 from jcontour.periodic_splines import polar_lobes
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
@@ -141,6 +142,29 @@ def test_another_solver_and_another_unit_give_the_same_run():
             for c in (lobe_controller(), lobe_controller(solver=ProxQP()), MPCC(MODEL, LOBES, weights=weights))]  # fmt: skip
     np.testing.assert_allclose(runs[1], runs[0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(runs[2], runs[0], rtol=0, atol=1e-9)
+
+
+class Recording(DAQP):
+    def __init__(self):
+        super().__init__()
+        self.seen = []
+
+    def solve(self, qp):
+        solution = super().solve(qp)
+        self.seen.append((QP(*(np.array(field) for field in qp)), solution))
+        return solution
+
+
+@pytest.mark.slow
+def test_solvers_agree_on_a_thousand_recorded_problems():
+    recorder, other = Recording(), ProxQP()
+    for q_theta in (5.0, 1.0, 0.3):
+        reported_loop(FrictionXYTable(4e-3), lobe_controller(q_theta, solver=recorder), at_start(LOBES, 4e-3, 1500))
+    assert len(recorder.seen) > 1000 and np.mean([np.any(solution.multipliers != 0) for _, solution in recorder.seen]) > 0.5
+    for qp, solution in recorder.seen:
+        again = other.solve(qp)
+        np.testing.assert_allclose(again.z, solution.z, rtol=0, atol=1e-6)  # u in A, v in mm per 4 ms: all of order one
+        assert max(again.residual, solution.residual) <= 1e-8
 
 
 @pytest.mark.slow
