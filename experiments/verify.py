@@ -1,12 +1,15 @@
 """`jcontour verify RUN`: tuned weights replayed under the limits of the machine, by a constrained MPC with the same weights."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from rich.console import Console
 
 from experiments import runs, tables
 from experiments.catalogue import TERMINALS
+from experiments.datasets import save_dataset
 from experiments.machines import Machine
 from experiments.options import Tune, Verify
 from experiments.tuning_runs import TuningRun, resumed, tuning_run
@@ -32,6 +35,7 @@ def command(flags: Verify) -> int:
     with console.status("replaying under limits"):
         for gap in verify(replayed, limits, _references(job), _plants(job), solver, None if flags.fallback == "stop" else flags.fallback):
             gaps.append(_row(gap))
+            _save(gap, len(gaps), job.machine, out)
             runs.write_json(out / "gaps.json", gaps)  # kept if the rest is interrupted
     summary = runs.plain({"tuned": str(folder), "weights": weights, "solver": solver.name, "limits": limits._asdict(), "gaps": gaps})
     runs.write_json(out / runs.RESULT, summary)
@@ -74,6 +78,30 @@ def _row(gap: Gap) -> dict[str, Any]:
         "without": {name: np.asarray(value) for name, value in vars(gap.without).items()},
         "within": None if gap.within is None else {name: np.asarray(value) for name, value in vars(gap.within).items()},
     })  # fmt: skip
+
+
+def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
+    """The constrained run, or what there is of one that stopped."""
+    rollout, report = gap.run.rollout, gap.run.report
+    if rollout.output is None:
+        return
+    time = machine.model.dt * np.arange(len(rollout.output))
+    data = {
+        "output": (("time", "axis"), np.asarray(rollout.output), {"units": "m"}),
+        "control": (("time", "input"), np.asarray(rollout.control), {"units": machine.control_unit}),
+        "active": (("time",), report.active, {"long_name": "limits active in the plan of the step"}),
+        "residual": (("time",), report.residual, {"long_name": "largest scaled residual of the QP"}),
+        "fallback": (("time",), report.fallback.astype("i1"), {"long_name": "1 where the fallback acted"}),
+    }
+    title = {
+        "title": "jcontour verify: under limits",
+        "contour": gap.contour,
+        "plant": gap.plant,
+        "failure": gap.failure,
+        **runs.versions(),
+    }
+    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes)}
+    save_dataset(xr.Dataset(data, coordinates, title), folder / f"run-{number:02d}-{gap.contour}.nc")
 
 
 def show(summary: dict[str, Any], console: Console) -> None:

@@ -2,9 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.datasets import load_dataset
 from experiments.options import Trace, Verify
 from experiments.trace import contour_of, setup_of
 from experiments.verify import limits_of
@@ -26,6 +28,9 @@ def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
     assert code == (1 if any(gap["failure"] for gap in summary["gaps"]) else 0)
     assert any(gap["active_fraction"] > 0 for gap in summary["gaps"]) and all(gap["residual"] <= 1e-8 for gap in summary["gaps"])
     assert (tmp_path / "verified" / "result.json").exists()
+    stored = sorted((tmp_path / "verified").glob("run-*.nc"))
+    assert len(stored) == len(summary["gaps"])
+    assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
 
 
 def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
