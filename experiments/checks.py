@@ -1,0 +1,99 @@
+"""Fields of a file that a user wrote: each is checked, and what is wrong is told in one line, in the user's words."""
+
+from typing import Any
+
+import numpy as np
+
+LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
+
+
+class MachineError(ValueError):
+    """A machine file that cannot be used; one line: field, what was received, what is needed."""
+
+
+def matrix(name: str, value: Any) -> np.ndarray:
+    """Rows of equal length, finite numbers."""
+    try:
+        rows = np.array(value, dtype=float)
+    except (ValueError, TypeError, OverflowError, RecursionError):
+        raise MachineError(f"{name}: needs a matrix of numbers, received {shown(value)}") from None
+    if rows.ndim != 2 or rows.size == 0:
+        raise MachineError(f"{name}: needs a matrix, a list of rows of equal length, received shape {rows.shape}")
+    if isinstance(value, list) and any(isinstance(entry, (str, bool)) for row in value for entry in row):
+        raise MachineError(f"{name}: needs numbers, received text or true/false among them")
+    if not np.isfinite(rows).all():
+        raise MachineError(f"{name}: every entry needs to be finite, received NaN or inf")
+    if np.abs(rows).max() > LARGEST:
+        raise MachineError(f"{name}: needs entries of at most {LARGEST:g}, received {np.abs(rows).max():g}")
+    return rows
+
+
+def number(name: str, value: Any, least: float = -LARGEST, above: float | None = None) -> float:
+    """A finite number of at least `least`, and above `above` where that is given."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise MachineError(f"{name}: needs a number, received {shown(value)}")
+    if not (abs(value) <= LARGEST and value >= least and (above is None or value > above)):
+        bound = f"above {above:g}" if above is not None else f"of at least {least:g}"
+        raise MachineError(f"{name}: needs a finite number {bound}, received {shown(value)}")
+    return float(value)
+
+
+def whole(name: str, value: Any, most: int) -> int:
+    """A whole number of samples from 0 to `most`."""
+    samples = number(name, value, least=0)
+    if samples != int(samples) or samples > most:
+        raise MachineError(f"{name}: needs a whole number of samples from 0 to {most}, received {samples:g}")
+    return int(samples)
+
+
+def per_axis(name: str, value: Any, size: int) -> np.ndarray:
+    """One positive number for every axis, given once or each."""
+    values = value if isinstance(value, list) else [value] * size
+    if len(values) != size:
+        raise MachineError(f"{name}: needs one number or {size}, received {len(values)}")
+    return np.array([number(name, entry, above=0.0) for entry in values])
+
+
+def axis_names(value: Any, count: int) -> tuple[str, ...]:
+    """Names of the axes; X, Y, Z when none are given."""
+    if value is None:
+        return ("X", "Y", "Z")[:count]
+    if not isinstance(value, list) or len(value) != count or len({str(entry) for entry in value}) != count:
+        raise MachineError(f"axes: needs {count} different names, one per output, received {shown(value)}")
+    return tuple(text("axes", entry) for entry in value)
+
+
+def text(name: str, value: Any) -> str:
+    """A short printable text."""
+    if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= 80:
+        raise MachineError(f"{name}: needs a text of 1 to 80 printable characters, received {shown(value)}")
+    return value
+
+
+def mapping(name: str, value: Any, allowed: set[str]) -> dict[str, Any]:
+    """An object with no other fields than the allowed ones."""
+    if not isinstance(value, dict):
+        raise MachineError(f"{name}: needs an object with {', '.join(sorted(allowed))}, received {shown(value)}")
+    known(name, value, allowed)
+    return value
+
+
+def known(name: str, fields: dict[str, Any], allowed: set[str]) -> None:
+    """Raise unless every field is one of the allowed ones."""
+    unknown = sorted(set(fields) - allowed)
+    if unknown:
+        raise MachineError(f"{name}: there is no field {shown(unknown[0])}; known are {', '.join(sorted(allowed))}")
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: short."""
+    try:
+        words = repr(value)
+    except (ValueError, RecursionError):  # Python refuses to print integers of thousands of digits
+        words = type(value).__name__
+    return words if len(words) <= 60 else words[:57] + "..."
+
+
+def line(error: BaseException) -> str:
+    """An error in one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
