@@ -68,13 +68,18 @@ class Contour(eqx.Module):
     @jax.jit
     def curvature(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch"]:
         """|dt/ds| [1/m], not negative; 0 beyond the ends of an open contour. Corners have none."""
+        square = jnp.sum(self.curvature_vector(arc) ** 2, axis=-1)
+        bent = square > 0
+        return jnp.where(bent, jnp.sqrt(jnp.where(bent, square, 1.0)), 0.0)
+
+    @jax.jit
+    def curvature_vector(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:
+        """dt/ds [1/m], towards the centre of the osculating circle; 0 beyond the ends of an open contour."""
         piece, s, beyond = self._at(jnp.asarray(arc))
         _, velocity, acceleration = piece.jet(s)
         speed = jnp.sum(velocity**2, axis=-1, keepdims=True)
         across = acceleration - jnp.sum(acceleration * velocity, axis=-1, keepdims=True) / speed * velocity
-        square = jnp.sum((across / speed) ** 2, axis=-1)
-        bent = (square > 0) & (beyond == 0)
-        return jnp.where(bent, jnp.sqrt(jnp.where(bent, square, 1.0)), 0.0)
+        return jnp.where(beyond[..., None] == 0, across / speed, 0.0)
 
     @jax.jit
     def nearest(

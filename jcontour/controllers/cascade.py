@@ -127,9 +127,16 @@ class Cascade(Controller):
 
     def step(self, memory, plan: CascadePlan, measurement) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
         """Next integrators and the control, both within the limit."""
-        gains = self.gains
         position, velocity = self.sensors.read(measurement)
-        error = gains.position * (plan.position - position) + gains.feedforward * plan.velocity - velocity
+        return self.drive(memory, self.speed_command(plan, position) - velocity)
+
+    def speed_command(self, plan: CascadePlan, position: Float[Array, " m"]) -> Float[Array, " m"]:
+        """The position loop: v_ref [m/s]."""
+        return self.gains.position * (plan.position - position) + self.gains.feedforward * plan.velocity
+
+    def drive(self, memory, error: Float[Array, " m"]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """The velocity loop: next integrators and the control for its error e [m/s], both within the limit."""
+        gains = self.gains
         integral = jnp.clip(memory + gains.velocity * self.dt / gains.integral_time * error, -self.limit, self.limit)
         return integral, jnp.clip(gains.velocity * error + integral, -self.limit, self.limit)
 
