@@ -43,7 +43,7 @@ class Contour(eqx.Module):
 
     @property
     def axes(self) -> int:
-        """Number of axes m, 2 or 3."""
+        """Number of axes m: 2 or 3, or 1 for lines."""
         return self.polynomial.shape[-1]
 
     @property

@@ -21,25 +21,28 @@ FIT_TOLERANCE = 1e-10  # [m] a tenth of a nanometre, far below any encoder
 MEETING = 1e-9  # of the contour's size: ends closer than this meet
 BOX_SAMPLES, TURN_SAMPLES = 9, 257  # of any piece, of one that turns: the bounding box is then good to 1e-4, for a whole turn too
 SLIGHT_TURN = 0.2  # [rad] up to which the few samples suffice
+PLANE_OR_SPACE, ANY_AXES = (2, 3), (1, 2, 3)  # numbers of axes
 SMALLEST, LARGEST = 1e-100, 1e100  # lengths [m] and angles [rad] between: their squares neither vanish nor overflow
 
 
 def line(start: ArrayLike, end: ArrayLike) -> Contour:
-    """Straight line between two points (m,) [m].
+    """Straight line between two points (m,) [m], of one axis or more.
 
     Raises:
         ValueError: wrong shape, not finite, or both points are the same.
     """
-    return polyline([_vector("line start", start), _vector("line end", end)])
+    return polyline([_vector("line start", start, ANY_AXES), _vector("line end", end, ANY_AXES)])
 
 
 def polyline(points: ArrayLike) -> Contour:
     """Straight segments through points (n, m) [m]; closed when the last is the first. Repeated points are dropped.
 
+    On one axis the path is the travel itself: a tool off its time has no contour error until it leaves the ends of the travel.
+
     Raises:
         ValueError: wrong shape, not finite, or fewer than two distinct points.
     """
-    points = _distinct_points("polyline", points, least=2)
+    points = _distinct_points("polyline", points, least=2, axes=ANY_AXES)
     delta = np.diff(points, axis=0)
     extent = np.linalg.norm(delta, axis=1)
     polynomial = np.zeros((extent.size, 6, points.shape[1]))
@@ -258,10 +261,11 @@ def _check_alike(name: str, contours: Sequence[Contour]) -> None:
         raise ValueError(f"{name}: needs single contours, at least one, with the same number of axes, received pieces of shape {shapes}")
 
 
-def _distinct_points(name: str, points: ArrayLike, least: int) -> Float[np.ndarray, "n m"]:
+def _distinct_points(name: str, points: ArrayLike, least: int, axes: tuple[int, ...] = PLANE_OR_SPACE) -> Float[np.ndarray, "n m"]:
     points = _finite(name, points)
-    if points.ndim != 2 or points.shape[1] not in (2, 3):
-        raise ValueError(f"{name}: needs points of shape (n, 2) or (n, 3), received shape {points.shape}")
+    if points.ndim != 2 or points.shape[1] not in axes:
+        wanted = " or ".join(f"(n, {m})" for m in axes)
+        raise ValueError(f"{name}: needs points of shape {wanted}, received shape {points.shape}")
     rounding = 4.0 * np.spacing(np.abs(points).max(initial=0.0))  # a step this short has no direction
     points = points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > rounding)[: len(points)]]
     distinct = len(np.unique(points, axis=0))
@@ -270,10 +274,10 @@ def _distinct_points(name: str, points: ArrayLike, least: int) -> Float[np.ndarr
     return points
 
 
-def _vector(name: str, value: ArrayLike) -> Float[np.ndarray, " m"]:
+def _vector(name: str, value: ArrayLike, axes: tuple[int, ...] = PLANE_OR_SPACE) -> Float[np.ndarray, " m"]:
     value = _finite(name, value)
-    if value.shape not in ((2,), (3,)):
-        raise ValueError(f"{name}: needs shape (2,) or (3,), received shape {value.shape}")
+    if value.ndim != 1 or value.size not in axes:
+        raise ValueError(f"{name}: needs shape {' or '.join(f'({m},)' for m in axes)}, received shape {value.shape}")
     return value
 
 

@@ -3,6 +3,7 @@
 Tracking error  e(k) = y(k) - y_d(k)                        distance to where the tool should be now
 Projected error eps(k) = (I - r r') e(k)                    McNab & Tsao, eq. 3
 Contour error   min over s of |y(k) - p(s)|                 distance to the path itself, near the current progress
+On one axis the path is the travel: the projected error is zero, and the contour error is what lies beyond the ends of the travel.
 """
 
 import equinox as eqx

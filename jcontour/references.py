@@ -4,6 +4,8 @@ T control steps are chosen first; a controller that looks N_p samples ahead need
 tool should be when control k starts to act.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,6 +14,8 @@ from jaxtyping import Array, Bool, Float
 
 from jcontour.contour import Contour
 from jcontour.contours import polyline
+
+Law = Callable[[np.ndarray], np.ndarray]  # times (S,) [s], none negative -> arc lengths (S,) [m]
 
 
 class Reference(eqx.Module):
@@ -58,8 +62,8 @@ def from_samples(position, tangent, dt: float, preview: int, contour: Contour | 
         ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no control step is left.
     """
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
-    if position.ndim != 2 or position.shape[1] not in (2, 3) or position.shape != tangent.shape:
-        raise ValueError(f"position, tangent: need the same shape (S, 2) or (S, 3), received {position.shape} and {tangent.shape}")
+    if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
+        raise ValueError(f"position, tangent: need the same shape (S, m), m from 1 to 3, received {position.shape} and {tangent.shape}")
     if len(position) < 2:
         raise ValueError(f"position: needs at least two samples, received {len(position)}")
     if contour is not None and contour.axes != position.shape[1]:
@@ -75,6 +79,34 @@ def from_samples(position, tangent, dt: float, preview: int, contour: Contour | 
         arc = np.asarray(_projected(contour, jnp.asarray(position)))
     increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
     return _reference(position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool))
+
+
+def in_time(contour: Contour, law: Law, duration: float, dt: float, preview: int = 1, dwell: float = 0.0) -> Reference:
+    """Reference that waits at the start of a contour, then visits it at the arc lengths that a law of time gives: exact at every sample.
+
+    The control steps are at the times 0, dt, ..., duration; the preview samples after them follow the law too. It starts at rest.
+
+    Args:
+        contour: the path.
+        law: arc length [m] at times since the end of the dwell [s]; see `point_to_point`.
+        duration: of the whole run, dwell included [s].
+        dt: sample period [s].
+        preview: samples of future to append.
+        dwell: wait before the law begins [s].
+
+    Raises:
+        ValueError: the duration is not a whole number of samples, at least one, or the dwell is not between zero and the duration.
+    """
+    steps = duration / dt
+    if not (np.isfinite(steps) and steps >= 0.5 and abs(steps - round(steps)) < 1e-6):
+        raise ValueError(f"duration: needs a whole number of samples of {dt} s, at least one, received {duration} s")
+    if not 0 <= dwell <= duration:
+        raise ValueError(f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s")
+    time = np.arange(round(steps) + 1 + preview) * dt
+    arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
+    _check_finite(arc=arc)
+    position, tangent = _sampled(contour, arc)
+    return _reference(position, tangent, arc, contour, dt, preview, np.zeros(position.shape[1]), np.ones(arc.size, bool))
 
 
 def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from jcontour.contours import circle, lemniscate, line, polyline
-from jcontour.references import along, from_samples, pad
+from jcontour.metrics import contour_error, projected_error
+from jcontour.references import along, from_samples, in_time, pad
 
 DT = 1e-3
 
@@ -90,7 +91,7 @@ GOOD = {"position": [[0, 0], [1e-3, 0], [2e-3, 0]], "tangent": [[1, 0]] * 3, "dt
     ("change", "words"),
     [
         ({"position": [[0, 0], [1e-3, 0]]}, r"same shape.*\(2, 2\) and \(3, 2\)"),
-        ({"position": [0, 1, 2], "tangent": [1, 1, 1]}, r"same shape \(S, 2\) or \(S, 3\)"),
+        ({"position": [0, 1, 2], "tangent": [1, 1, 1]}, r"same shape \(S, m\), m from 1 to 3"),
         ({"position": [[0, 0], [np.nan, 0], [1, 0]]}, "position: every entry needs to be finite"),
         ({"tangent": [[1, 0], [np.inf, 0], [1, 0]]}, "tangent: every entry needs to be finite"),
         ({"tangent": [[1, 0], [1, 0.1], [1, 0]]}, "tangent: needs unit vectors"),
@@ -132,3 +133,32 @@ def test_bad_feed_is_named(change, words):
     good = {"contour": line([0, 0], [1e-3, 0]), "arc": [0.0, 1e-4], "dt": DT, "preview": 2, "at_rest": False}
     with pytest.raises(ValueError, match=words):
         along(**{**good, **change})
+
+
+def test_a_law_of_time_is_exact_in_the_preview_too():
+    reference = in_time(circle(1e-3), lambda t: 0.1 * t**2, 10 * DT, DT, preview=3, dwell=4 * DT)
+    arc = 0.1 * np.clip(np.arange(14) * DT - 4 * DT, 0, None) ** 2
+    np.testing.assert_allclose(reference.arc, arc, atol=1e-18)
+    np.testing.assert_allclose(reference.position, 1e-3 * np.stack([np.cos(arc / 1e-3), np.sin(arc / 1e-3)], -1), atol=1e-15)
+    assert (reference.steps, reference.preview) == (11, 3)
+    np.testing.assert_array_equal(reference.start_increment, [0, 0])
+
+
+@pytest.mark.parametrize(("duration", "dwell", "name"), [(0.01, -1e-3, "dwell"), (0.0105, 0.0, "duration"), (0.01, 0.02, "dwell")])
+def test_bad_times_are_named(duration, dwell, name):
+    with pytest.raises(ValueError, match=f"^{name}: "):
+        in_time(circle(1e-3), lambda t: t, duration, DT, dwell=dwell)
+
+
+def test_one_axis_has_a_contour_error_only_beyond_its_travel():
+    """There and back: late by 1 mm costs nothing, 1 mm past the turn does."""
+    position = 0.01 * np.sin(np.linspace(0, np.pi, 41))[:, None]
+    tangent = np.sign(np.gradient(position, axis=0) + 1e-12)
+    reference = from_samples(position, tangent, DT, 1, in_motion=False)
+    assert reference.position.shape == (41, 1) and reference.contour.axes == 1
+    output = np.asarray(reference.position[:40]) - 1e-3 * tangent[:40]
+    output[20] = 0.011
+    error = np.abs(np.asarray(contour_error(output, reference)))[:, 0]
+    np.testing.assert_allclose(error[20], 1e-3, rtol=1e-9)
+    np.testing.assert_allclose(error[[3, 10, 30, 36]], 0.0, atol=1e-15)
+    np.testing.assert_allclose(projected_error(output, reference), 0.0, atol=1e-15)
