@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments import runs, tables
-from experiments.catalogue import job_named, machine_named
+from experiments.catalogue import CONTOURS, job_named, machine_named
 from experiments.jobs import Pace
 from experiments.machines import Machine
 from experiments.options import MachineFlags, Trace
@@ -28,6 +28,9 @@ from jcontour.references import along
 TABLE_SAMPLE, TABLE_PERIOD, TABLE_CURRENT = 1e-3, 4e-3, 0.5  # Lam's table: looked at every ms, controlled every 4 ms, [A]
 SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
 LOBES = "lobes"
+WEIGHTS = {  # field -> flag
+    "contour_error": "q_contour", "lag": "q_lag", "progress": "q_theta", "control_change": "r_control", "speed_change": "r_speed",
+}  # fmt: skip
 
 
 class Setup(NamedTuple):
@@ -88,6 +91,8 @@ def contour_of(flags: Trace) -> Contour:
     if flags.contour == LOBES:
         return polar_lobes(30e-3, 10e-3, 4)
     pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named("bridgeport" if flags.plant == "xy-table" else flags.plant))
+    if not Path(flags.contour).suffix and flags.contour not in CONTOURS:
+        raise ValueError(f"contour: there is none named {flags.contour!r}; give one of {LOBES}, {', '.join(CONTOURS)}, or a toolpath file")
     return job_named(flags.contour, pace).contour
 
 
@@ -99,14 +104,14 @@ def _every(period: float, sample: float) -> int:
 
 
 def _controller(flags: Trace, setup: Setup, contour: Contour) -> MPCC:
-    weights = ContouringWeights(
-        contour_error=flags.q_contour, lag=flags.q_lag, progress=flags.q_theta, control_change=flags.r_control,
-        speed_change=flags.r_speed,
-    )  # fmt: skip
-    limit: Any = np.asarray(setup.limit, float)
-    return MPCC(
-        setup.model, contour, -limit, limit, 1e-3 * flags.max_speed_mm_s, weights, flags.horizon, solver_named(flags.solver)
-    )  # fmt: skip
+    limit, fastest = np.asarray(setup.limit, float), 1e-3 * flags.max_speed_mm_s
+    try:
+        weights = ContouringWeights(**{field: getattr(flags, flag) for field, flag in WEIGHTS.items()})
+        return MPCC(setup.model, contour, -limit, limit, fastest, weights, flags.horizon, solver_named(flags.solver))
+    except ValueError as error:  # names the library's field: the user knows the flag
+        field, _, fault = str(error).partition(":")
+        flag = {**WEIGHTS, "speed_limit": "max_speed_mm_s", "lower, upper": "max_control"}.get(field, field)
+        raise ValueError(f"{flag.replace('_', '-')}:{fault}") from None
 
 
 def _ran(plant: Plant, controller: Held, reference, fallback) -> tuple[Run, str]:

@@ -73,7 +73,8 @@ def _plants(job: TuningRun) -> dict[str, Any]:
 
 def _row(gap: Gap) -> dict[str, Any]:
     return runs.plain({
-        "contour": gap.contour, "plant": gap.plant, "active_fraction": gap.active_fraction, "residual": gap.residual,
+        "contour": gap.contour, "plant": gap.plant, "active_fraction": gap.active_fraction,
+        "acting_fraction": gap.acting_fraction, "residual": gap.residual,
         "fallbacks": gap.fallbacks, "stopped": gap.stopped, "failure": gap.failure,
         "without": {name: np.asarray(value) for name, value in vars(gap.without).items()},
         "within": None if gap.within is None else {name: np.asarray(value) for name, value in vars(gap.within).items()},
@@ -106,8 +107,8 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
 
 def show(summary: dict[str, Any], console: Console) -> None:
     """The gap table, then what stopped."""
-    columns = ["contour", "plant", "limit in\nplan %", "contour\nas tuned", "um RMS\nlimited", "tracking\nas tuned", "um RMS\nlimited",
-               "worst\nresidual", "fall-\nbacks", "stopped\nat step"]  # fmt: skip
+    columns = ["contour", "plant", "limit in\nplan %", "limit\nacts %", "contour\nas tuned", "um RMS\nlimited",
+               "tracking\nas tuned", "um RMS\nlimited", "worst\nresidual", "fall-\nbacks", "stopped\nat step"]  # fmt: skip
     rows = []
     for gap in summary["gaps"]:
         errors = [
@@ -115,11 +116,13 @@ def show(summary: dict[str, Any], console: Console) -> None:
             for name in ("rms_contour_error", "rms_tracking_error") for kind in ("without", "within")
         ]  # fmt: skip
         stopped = "" if gap["stopped"] is None else str(gap["stopped"])
-        rows.append([gap["contour"], gap["plant"], tables.digits(100 * gap["active_fraction"]), *errors, f"{gap['residual']:.1e}",
-                     str(gap["fallbacks"]), stopped])  # fmt: skip
+        limited = [tables.digits(100 * gap[f"{kind}_fraction"]) for kind in ("active", "acting")]
+        solving = [f"{gap['residual']:.1e}", str(gap["fallbacks"]), stopped]
+        rows.append([gap["contour"], gap["plant"], *limited, *errors, *solving])
     names = ", ".join(name for name, bounds in summary["limits"].items() if bounds is not None)
-    title = f"Tuned weights under limits on {names} ({summary['solver']}); limit in plan: steps whose horizon touches one"
+    title = f"Tuned weights under limits on {names} ({summary['solver']})"
     console.print(tables.plain_table(title, columns, rows, text_columns=2))
+    tables.say(console, "limit in plan: steps whose horizon touches a limit; limit acts: steps whose own control, or its change, is at one")
     for gap in summary["gaps"]:
         if gap["failure"]:
             tables.say(console, f"STOPPED: {gap['contour']}, {gap['plant']}: {gap['failure']} (--fallback hold or soft goes on)")

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, Bool, Float
 
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, Terminal
 from jcontour.controllers.observers import FilterObserver
 from jcontour.linear import LinearPlant
 from jcontour.metrics import Metrics, score
-from jcontour.mpc.limits import Limits
+from jcontour.mpc.limits import Bounds, Limits
 from jcontour.mpc.loop import Fallback, Run, Stopped, reported_loop
 from jcontour.mpc.observed import ObservedHost
 from jcontour.mpc.solvers import Solver
@@ -21,6 +21,8 @@ from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plant import Plant
 from jcontour.references import Reference
 from jcontour.simulation import Rollout, simulate
+
+AT_LIMIT = 1e-7  # of the largest value: what a checked QP leaves
 
 
 class Replayed(NamedTuple):
@@ -62,7 +64,8 @@ class Gap(NamedTuple):
         contour, plant: names.
         without: metrics of the tuned controller.
         within: metrics under the limits; None when the run stopped.
-        active_fraction: of the steps, those in which a limit was active.
+        active_fraction: of the steps, those in which a limit was active anywhere in the plan.
+        acting_fraction: of the steps, those whose control, or its change, was itself at a limit.
         residual: the worst of any QP.
         fallbacks: steps that the fallback made.
         stopped: step without an answer that ended the run, None when it went through.
@@ -75,6 +78,7 @@ class Gap(NamedTuple):
     without: Metrics
     within: Metrics | None
     active_fraction: float
+    acting_fraction: float
     residual: float
     fallbacks: int
     stopped: int | None
@@ -103,7 +107,8 @@ def verify(
     for contour, reference in references.items():
         for plant_name, plant in plants.items():
             without = score(simulate(plant, tuned, reference), reference)
-            yield _gap(contour, plant_name, without, *_constrained(plant, constrained, reference, fallback), reference)
+            run, stopped = _constrained(plant, constrained, reference, fallback)
+            yield _gap(contour, plant_name, without, run, stopped, reference, limits)
 
 
 def _constrained(plant: Plant, controller, reference: Reference, fallback) -> tuple[Run, Stopped | None]:
@@ -113,11 +118,30 @@ def _constrained(plant: Plant, controller, reference: Reference, fallback) -> tu
         return stopped.run, stopped
 
 
-def _gap(contour: str, plant: str, without: Metrics, run: Run, stopped: Stopped | None, reference: Reference) -> Gap:
+def _gap(contour: str, plant: str, without: Metrics, run: Run, stopped: Stopped | None, reference: Reference, limits: Limits) -> Gap:
     rollout: Rollout = run.rollout
     within = score(rollout, reference) if stopped is None else None
     report = run.report
     return Gap(
-        contour, plant, without, within, report.active_fraction, report.worst_residual, report.fallbacks,
+        contour, plant, without, within, report.active_fraction, acting_fraction(rollout.control, limits), report.worst_residual,
+        report.fallbacks,
         None if stopped is None else stopped.step, "" if stopped is None else str(stopped), run,
     )  # fmt: skip
+
+
+def acting_fraction(control: Float[np.ndarray, "T p"] | None, limits: Limits) -> float:
+    """Fraction of the steps whose control, or its change from the step before, is at a limit; 0 without a step."""
+    if control is None:
+        return 0.0
+    u = np.asarray(control)
+    at = _at(u, limits.control)
+    at[1:] |= _at(np.diff(u, axis=0), limits.increment)
+    return float(np.mean(at))
+
+
+def _at(values: Float[np.ndarray, "T p"], bounds: Bounds | None) -> Bool[np.ndarray, " T"]:
+    if bounds is None:
+        return np.zeros(len(values), bool)
+    low, high = (np.asarray(bound, float) for bound in bounds)
+    near = AT_LIMIT * np.abs(values).max(initial=0.0)
+    return np.any((values <= low + near) | (values >= high - near), axis=-1)

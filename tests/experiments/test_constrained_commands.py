@@ -46,10 +46,13 @@ def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
     [
         (["circle", "--plant", "bridgeport"], "max-control"),
         (["circle", "--period-ms", "2.5"], "period-ms"),
-        (["nowhere"], "nowhere"),
+        (["nowhere"], "lobes, circle"),
         (["circle", "--horizon", "0"], "horizon"),
         (["circle", "--solver", "magic"], "magic"),
-        (["circle", "--q-theta", "-1"], "progress"),
+        (["circle", "--q-theta", "-1"], "q-theta: "),
+        (["circle", "--r-control", "0"], "r-control: "),
+        (["circle", "--max-speed-mm-s", "nan"], "max-speed-mm-s: "),
+        (["circle", "--max-control", "-1"], "max-control: "),
     ],
 )
 def test_bad_traces_are_one_line(tmp_path, capsys, flags, says):

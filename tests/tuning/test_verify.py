@@ -9,7 +9,7 @@ from jcontour.controllers.contouring_lq import LQWeights
 from jcontour.controllers.observers import kalman_gain
 from jcontour.mpc.limits import Limits
 from jcontour.references import along
-from tuning.verify import Replayed, verify
+from tuning.verify import Replayed, acting_fraction, verify
 
 PREVIEW, DT = 4, 0.5e-3
 
@@ -35,9 +35,19 @@ def test_limits_show_in_the_table(tuned):
     gaps = list(verify(*tuned_with_limits(tuned, 0.7)))
     assert [(gap.contour, gap.plant) for gap in gaps] == [("circle", name) for name in tuned[2]]
     for gap in gaps:
-        assert 0 < gap.active_fraction <= 1 and gap.residual <= 1e-8 and gap.fallbacks == 0
+        assert 0 < gap.acting_fraction <= gap.active_fraction <= 1 and gap.residual <= 1e-8 and gap.fallbacks == 0
         assert gap.within.rms_tracking_error > gap.without.rms_tracking_error
         assert np.abs(gap.run.rollout.control).max() <= 0.7 * gap.without.peak_control * (1 + 1e-9)
+
+
+def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
+    control = np.array([[0.0, 0.5], [0.0, 1.0], [0.3, 0.6], [0.6, 0.6]])
+    assert acting_fraction(control, Limits()) == 0
+    assert acting_fraction(control, Limits.within(control=1.0)) == 1 / 4
+    assert acting_fraction(control, Limits.within(control=[0.6, 2.0])) == 1 / 4
+    assert acting_fraction(control, Limits.within(increment=0.5)) == 1 / 4
+    assert acting_fraction(control, Limits(control=(-np.inf, 1.0), increment=(-0.4, np.inf))) == 2 / 4
+    assert acting_fraction(None, Limits()) == 0
 
 
 def test_a_step_without_an_answer_is_named_or_falls_back(tuned):
