@@ -2,6 +2,7 @@
 
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
@@ -9,13 +10,16 @@ __all__ = [
     "Delayed",
     "Disturbed",
     "DriveParameters",
+    "DrivenAxis",
     "Encoders",
     "FlexibleAxis",
     "FrictionXYTable",
+    "LinearMotor",
     "Quantised",
     "Saturated",
     "SmoothFlexibleAxis",
     "bridgeport",
     "thesis_axis",
+    "thesis_motor",
     "xy_table",
 ]
