@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jcontour.contour import Contour
-from jcontour.controllers.cascade import Cascade, CascadeGains, Sensors
+from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.feed_laws import constant_feed
 from jcontour.linear import LinearPlant, with_input_delay
 from jcontour.mpc.contouring import MPCC, ContouringWeights
@@ -18,6 +18,7 @@ from jcontour.periodic_splines import polar_lobes
 from jcontour.plant import Plant
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
 from jcontour.references import Reference, along
+from jcontour.sensors import Sensors
 from jcontour.simulation import Rollout, simulate
 
 SAMPLE = 1e-3  # [s] at which the machine is looked at

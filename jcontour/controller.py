@@ -30,6 +30,21 @@ class Controller(eqx.Module):
         """Next memory and the control, from one row of the plan and what the sensors give now."""
 
 
+class Wrapper(Controller):
+    """A controller around another: it sees what the one inside needs, and acts on what goes into it or comes out of it."""
+
+    controller: eqx.AbstractVar[Controller]
+
+    @property
+    def preview(self) -> int:
+        """That of the controller inside."""
+        return self.controller.preview
+
+    def prepare(self, reference: Reference) -> Plan:
+        """That of the controller inside."""
+        return self.controller.prepare(reference)
+
+
 def whole_preview(preview: int) -> int:
     """The preview as an int; ValueError unless it is a whole number of at least one sample."""
     if not (preview == int(preview) and preview >= 1):

@@ -6,10 +6,7 @@ The integrator is kept as its share w of the control. Against windup w stays wit
 section 5), and so does u. Without a limit this is the plain PI.
 """
 
-from typing import Any
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -17,6 +14,7 @@ from jaxtyping import Array, Float
 from jcontour.controller import Controller
 from jcontour.linear import is_concrete
 from jcontour.references import Reference
+from jcontour.sensors import Sensors
 
 
 class CascadeGains(eqx.Module):
@@ -46,34 +44,6 @@ class CascadeGains(eqx.Module):
             raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
 
 
-class Sensors(eqx.Module):
-    """Where position and velocity of every axis stand in the measurement, all its leaves in one row, and what turns them into m and m/s.
-
-    Args:
-        position: indices (m,).
-        velocity: indices (m,).
-        scale: m per unit of the measurement: one number, or one for each axis.
-
-    Raises:
-        ValueError: different numbers of indices, or a negative one.
-    """
-
-    position: tuple[int, ...] = eqx.field(static=True)
-    velocity: tuple[int, ...] = eqx.field(static=True)
-    scale: Float[Array, "*m"]
-
-    def __init__(self, position, velocity, scale=1.0):
-        self.position, self.velocity = tuple(int(i) for i in position), tuple(int(i) for i in velocity)
-        if len(self.position) != len(self.velocity) or not self.position or min(self.position + self.velocity) < 0:
-            raise ValueError(f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}")
-        self.scale = jnp.asarray(scale, float)
-
-    def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """(position [m], velocity [m/s]) of every axis."""
-        row = _row(measurement)
-        return self.scale * row[np.array(self.position)], self.scale * row[np.array(self.velocity)]
-
-
 class CascadePlan(eqx.Module):
     """Where every axis should be [m], and its velocity from there to the next sample [m/s]."""
 
@@ -91,7 +61,7 @@ class Cascade(Controller):
         limit: of the control, +-: one number or one for each axis; none when infinite.
 
     Raises:
-        ValueError: `dt` is not above zero, or a limit is not above zero.
+        ValueError: `dt` is not above zero, a limit is not above zero, or the sensors give no velocities.
     """
 
     gains: CascadeGains
@@ -105,6 +75,8 @@ class Cascade(Controller):
             raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
         if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
             raise ValueError(f"limit: needs to be above zero, received {limit}")
+        if not sensors.velocity:
+            raise ValueError("sensors: the velocity loop needs the velocities measured, received positions only")
         self.gains, self.sensors, self.dt, self.limit, self.preview = gains, sensors, float(dt), jnp.asarray(limit, float), 1
 
     def prepare(self, reference: Reference) -> CascadePlan:
@@ -113,7 +85,7 @@ class Cascade(Controller):
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        axes = len(self.sensors.position)
+        axes = self.sensors.axes
         if reference.position.shape[-1] != axes:
             raise ValueError(f"sensors: the reference has {reference.position.shape[-1]} axes, the controller reads {axes}")
         if reference.dt != self.dt:
@@ -123,7 +95,7 @@ class Cascade(Controller):
 
     def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
         """Integrators at zero, in the unit of the control."""
-        return jnp.zeros(len(self.sensors.position), reference.position.dtype)
+        return jnp.zeros(self.sensors.axes, reference.position.dtype)
 
     def step(self, memory, plan: CascadePlan, measurement) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
         """Next integrators and the control, both within the limit."""
@@ -139,8 +111,3 @@ class Cascade(Controller):
         gains = self.gains
         integral = jnp.clip(memory + gains.velocity * self.dt / gains.integral_time * error, -self.limit, self.limit)
         return integral, jnp.clip(gains.velocity * error + integral, -self.limit, self.limit)
-
-
-def _row(measurement: Any) -> Float[Array, " q"]:
-    leaves = [jnp.ravel(leaf) for leaf in jax.tree.leaves(measurement)]
-    return leaves[0] if len(leaves) == 1 else jnp.concatenate(leaves)

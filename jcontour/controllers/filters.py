@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Plan
+from jcontour.controller import Controller, Wrapper
 from jcontour.linear import is_concrete
 from jcontour.references import Reference
 
@@ -97,7 +97,7 @@ class FilterMemory(NamedTuple):
     inner: Any
 
 
-class Filtered(Controller):
+class Filtered(Wrapper):
     """Any controller with a filter on every control; it starts at zero.
 
     Args:
@@ -109,15 +109,6 @@ class Filtered(Controller):
     controller: Controller
     filter: Biquad
     inputs: int = eqx.field(static=True)
-
-    @property
-    def preview(self) -> int:
-        """That of the controller inside."""
-        return self.controller.preview
-
-    def prepare(self, reference: Reference) -> Plan:
-        """That of the controller inside."""
-        return self.controller.prepare(reference)
 
     def initial_memory(self, reference: Reference) -> FilterMemory:
         """A filter at rest."""

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Plan
+from jcontour.controller import Controller, Wrapper
 from jcontour.linear import LinearPlant
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare
@@ -24,22 +24,13 @@ class ObserverMemory(NamedTuple):
     inner: Any
 
 
-class _Observer(Controller):
+class _Observer(Wrapper):
     """What both forms share; `gain` is the filter gain L (n, m), `start` the first estimate (from the reference when None)."""
 
     controller: Controller
     model: LinearPlant
     gain: Float[Array, "n m"]
     start: Float[Array, " n"] | None = None
-
-    @property
-    def preview(self) -> int:
-        """That of the controller inside."""
-        return self.controller.preview
-
-    def prepare(self, reference: Reference) -> Plan:
-        """That of the controller inside."""
-        return self.controller.prepare(reference)
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins."""

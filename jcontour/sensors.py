@@ -1,0 +1,57 @@
+"""Where a controller finds the position and the velocity of every axis in what a plant measures."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+
+class Sensors(eqx.Module):
+    """Where position and velocity of every axis stand in the measurement, all its leaves in one row, and what turns them into m and m/s.
+
+    Args:
+        position: indices (m,).
+        velocity: indices (m,); none for a machine that measures positions only.
+        scale: m per unit of the measurement: one number, or one for each axis.
+
+    Raises:
+        ValueError: different numbers of indices, or a negative one.
+    """
+
+    position: tuple[int, ...] = eqx.field(static=True)
+    velocity: tuple[int, ...] = eqx.field(static=True)
+    scale: Float[Array, "*m"]
+
+    def __init__(self, position, velocity=(), scale=1.0):
+        self.position, self.velocity = tuple(int(i) for i in position), tuple(int(i) for i in velocity)
+        alike = not self.velocity or len(self.position) == len(self.velocity)
+        if not alike or not self.position or min(self.position + self.velocity) < 0:
+            raise ValueError(f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}")
+        self.scale = jnp.asarray(scale, float)
+
+    @property
+    def axes(self) -> int:
+        """Number of axes m."""
+        return len(self.position)
+
+    def positions(self, measurement: Any) -> Float[Array, " m"]:
+        """Position of every axis [m]."""
+        return self.scale * row(measurement)[np.array(self.position)]
+
+    def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """(position [m], velocity [m/s]) of every axis."""
+        return self.positions(measurement), self.scale * row(measurement)[np.array(self.velocity)]
+
+
+def row(measurement: Any) -> Float[Array, " q"]:
+    """All leaves of a measurement, one after the other."""
+    leaves = [jnp.ravel(leaf) for leaf in jax.tree.leaves(measurement)]
+    return leaves[0] if len(leaves) == 1 else jnp.concatenate(leaves)
+
+
+def motors(axes: int) -> Sensors:
+    """Of a machine that measures the positions of all its motors, then their speeds, as the flexible axis does."""
+    return Sensors(range(axes), range(axes, 2 * axes))
