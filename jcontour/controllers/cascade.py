@@ -1,7 +1,9 @@
 """Cascaded P-PI, the industry's standard: a proportional position loop around a proportional-integral velocity loop, one for each axis.
 
-    v_ref = k_pp (r - y) + k_ff dr/dt,   e = v_ref - v
-    w+ = w + k_pv T_s e / T_iv,          u = k_pv e + w+        (Yuan, 3.3; the integrator is updated before it is used)
+    v_ref = k_pp (r - y) + k_ff v_r,     e = v_ref - v
+    w+ = w + k_pv T_s e / T_iv,          u = k_pv e + w+ + u_r        (Yuan, 3.3; the integrator is updated before it is used)
+with the reference's velocity v_r = (r(k+1) - r(k)) / T_s and, on top of the thesis, what its motion needs of the motor,
+    u_r = k_a a_r + k_v v_r + k_c sign(v_r),     a_r = (v_r(k) - v_r(k-1)) / T_s.
 The integrator is kept as its share w of the control. Against windup w stays within the limits of the control, as Lam et al. have it (their
 section 5), and so does u. Without a limit this is the plain PI.
 """
@@ -9,7 +11,7 @@ section 5), and so does u. Without a limit this is the plain PI.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller
 from jcontour.linear import is_concrete
@@ -25,6 +27,9 @@ class CascadeGains(eqx.Module):
         velocity: k_pv, control per m/s.
         integral_time: T_iv [s].
         feedforward: k_ff, the share of the reference's velocity that is added to v_ref; 0 leaves it out, 1 removes the lag of a ramp.
+        inertia: k_a, control per m/s^2; moving mass over force constant where the control is a current.
+        viscous: k_v, control per m/s; that of the friction.
+        coulomb: k_c, control that overcomes dry friction.
 
     Raises:
         ValueError: a gain is not finite or negative, or the integral time is not above zero.
@@ -34,9 +39,13 @@ class CascadeGains(eqx.Module):
     velocity: Float[Array, "*m"]
     integral_time: Float[Array, "*m"]
     feedforward: Float[Array, "*m"]
+    inertia: Float[Array, "*m"]
+    viscous: Float[Array, "*m"]
+    coulomb: Float[Array, "*m"]
 
-    def __init__(self, position, velocity, integral_time, feedforward=0.0):
-        for name, value in (("position", position), ("velocity", velocity), ("integral_time", integral_time), ("feedforward", feedforward)):
+    def __init__(self, position, velocity, integral_time, feedforward=0.0, inertia=0.0, viscous=0.0, coulomb=0.0):
+        loops = {"position": position, "velocity": velocity, "integral_time": integral_time, "feedforward": feedforward}
+        for name, value in {**loops, "inertia": inertia, "viscous": viscous, "coulomb": coulomb}.items():
             if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
                 raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
             setattr(self, name, jnp.asarray(value, float))
@@ -45,10 +54,11 @@ class CascadeGains(eqx.Module):
 
 
 class CascadePlan(eqx.Module):
-    """Where every axis should be [m], and its velocity from there to the next sample [m/s]."""
+    """Where every axis should be [m], its velocity from there to the next sample [m/s], and the control u_r that the motion needs."""
 
     position: Float[Array, "T m"]
     velocity: Float[Array, "T m"]
+    control: Float[Array, "T m"]
 
 
 class Cascade(Controller):
@@ -80,7 +90,7 @@ class Cascade(Controller):
         self.gains, self.sensors, self.dt, self.limit, self.preview = gains, sensors, float(dt), jnp.asarray(limit, float), 1
 
     def prepare(self, reference: Reference) -> CascadePlan:
-        """Positions, and velocities by the difference to the next sample.
+        """Positions, velocities by the difference to the next sample, and the feedforward of the control.
 
         Raises:
             ValueError: the reference has another sample period or number of axes.
@@ -91,7 +101,10 @@ class Cascade(Controller):
         if reference.dt != self.dt:
             raise ValueError(f"dt: the controller is sampled every {self.dt} s, the reference every {reference.dt} s")
         now, later = reference.position[: reference.steps], reference.position[1 : reference.steps + 1]
-        return CascadePlan(now, (later - now) / self.dt)
+        velocity, gains = (later - now) / self.dt, self.gains
+        acceleration = jnp.diff(velocity, axis=0, prepend=reference.start_increment[None] / self.dt) / self.dt
+        control = gains.inertia * acceleration + gains.viscous * velocity + gains.coulomb * jnp.sign(velocity)
+        return CascadePlan(now, velocity, control)
 
     def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
         """Integrators at zero, in the unit of the control."""
@@ -100,14 +113,16 @@ class Cascade(Controller):
     def step(self, memory, plan: CascadePlan, measurement) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
         """Next integrators and the control, both within the limit."""
         position, velocity = self.sensors.read(measurement)
-        return self.drive(memory, self.speed_command(plan, position) - velocity)
+        return self.drive(memory, self.speed_command(plan, position) - velocity, plan.control)
 
     def speed_command(self, plan: CascadePlan, position: Float[Array, " m"]) -> Float[Array, " m"]:
         """The position loop: v_ref [m/s]."""
         return self.gains.position * (plan.position - position) + self.gains.feedforward * plan.velocity
 
-    def drive(self, memory, error: Float[Array, " m"]) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """The velocity loop: next integrators and the control for its error e [m/s], both within the limit."""
+    def drive(
+        self, memory, error: Float[Array, " m"], ahead: Float[ArrayLike, "*m"] = 0.0
+    ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """The velocity loop: next integrators and the control for its error e [m/s] beside what is fed `ahead`, both within the limit."""
         gains = self.gains
         integral = jnp.clip(memory + gains.velocity * self.dt / gains.integral_time * error, -self.limit, self.limit)
-        return integral, jnp.clip(gains.velocity * error + integral, -self.limit, self.limit)
+        return integral, jnp.clip(gains.velocity * error + integral + ahead, -self.limit, self.limit)

@@ -2,16 +2,18 @@ import json
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.cascade import Cascade, CascadeGains, CascadePlan
-from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
+from jcontour.contours import line
+from jcontour.controllers.cascade import Cascade, CascadeGains
+from jcontour.friction import Friction
+from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.wrappers import Saturated
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
-from jcontour.references import from_samples
-from jcontour.sensors import Sensors
+from jcontour.point_to_point import PointToPoint, thesis_task_b
+from jcontour.references import from_samples, in_time
+from jcontour.sensors import Sensors, motors
 from jcontour.simulation import simulate
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
@@ -25,26 +27,40 @@ def step_reference(target, dt, steps):
     return from_samples(samples, np.tile(np.eye(len(target))[0], (steps + 1, 1)), dt, 1, in_motion=False)
 
 
-def thesis_loop(wanted):
-    """The thesis's axis under the controller's own `step`: a one-axis reference does not exist, so the loop is written here."""
-    axis, dt = FlexibleAxis(thesis_axis(), 1e-3), 1e-3
-    controller = Cascade(CascadeGains(30.0, 55.67, 0.04), Sensors((0,), (1,)), dt)
+THESIS = CascadeGains(30.0, 55.67, 0.04)  # section 3.4.2
 
-    def step(carry, target):
-        state, memory = carry
-        memory, control = controller.step(memory, CascadePlan(target[None], 0 * target[None]), axis.measure(state))
-        return (axis.step(state, control), memory), jnp.concatenate([*state.motion, control])
 
-    start = axis.initial_state(wanted[:1], np.zeros(1))
-    return jax.jit(lambda wanted: jax.lax.scan(step, (start, np.zeros(1)), wanted)[1])(jnp.asarray(wanted))
+def thesis_run(task, gains=THESIS):
+    return simulate(FlexibleAxis(thesis_axis(), 1e-3), Cascade(gains, motors(1), 1e-3), task)
 
 
 def test_reference_trajectory_of_the_flexible_axis():
     row = next(row for row in DATA if row["name"] == "B PI")
-    time = np.arange(3301) * 1e-3
-    rows = thesis_loop(np.where(time < 0.1, 0.1, 0.05 * np.cos(2 * (time - 0.1)) + 0.05))
-    np.testing.assert_allclose(rows[:: row["every"], :4], row["X"], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(rows[:-1][:: row["every"], 4], row["U"], rtol=0, atol=1e-8)
+    run = thesis_run(thesis_task_b())
+    np.testing.assert_allclose(np.concatenate(run.state.motion, axis=1)[:: row["every"]], row["X"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.control[:-1, 0][:: row["every"]], row["U"], rtol=0, atol=1e-8)
+
+
+def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
+    """Mass and drag alone, fed the exact inverse: the loop has nothing left to do but for the sampling."""
+    none, rigid = Friction(0.0, 0.0, 1.0, 200.0), 1e7
+    axis = FlexibleAxis(AxisParameters(20.0, 20.0, rigid, 2e3, 80.0, none, [0.0], [0.0], 1.0), 1e-3, substeps=40)
+    task = in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.2, 2.0, 40.0), 0.8, 1e-3)
+    errors, shares = [], []
+    for gains in (CascadeGains(30.0, 55.67, 0.04), CascadeGains(30.0, 55.67, 0.04, 1.0, inertia=0.5, viscous=2.5)):
+        controller = Cascade(gains, motors(1), 1e-3)
+        run = simulate(axis, controller, task)
+        errors.append(np.abs(np.asarray(run.output) - task.position[:-1]).max())
+        shares.append(np.abs(run.control - controller.prepare(task).control).max())
+    assert errors[1] < 0.02 * errors[0] and shares[1] < 0.05 * np.abs(run.control).max()
+
+
+def test_friction_feedforward_halves_the_error_of_the_cosine():
+    """Against the true axis: what velocity and acceleration feedforward leave is the reversal."""
+    fed = [CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504), CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504, 250.9 / 79.33, 58.4 / 79.33)]
+    runs = [thesis_run(thesis_task_b(), gains) for gains in fed]
+    errors = [np.abs(np.asarray(run.output) - thesis_task_b().position[:-1]).mean() for run in runs]
+    assert errors[1] < 0.5 * errors[0]
 
 
 def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated_machine():
@@ -90,10 +106,10 @@ def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
         run = simulate(plant, Cascade(CascadeGains(*values), TABLE, dt), reference)
         return 1e6 * ((run.output - reference.position[1]) ** 2).mean()
 
-    values = np.array([25.0, 10.0, 0.05, 0.5])
+    values = np.array([25.0, 10.0, 0.05, 0.5, 0.02, 0.3, 0.1])
     gradient = jax.grad(cost)(values)
     for i, h in enumerate(1e-5 * values):
-        step = h * np.eye(4)[i]
+        step = h * np.eye(7)[i]
         assert float(gradient[i]) == pytest.approx(float(cost(values + step) - cost(values - step)) / (2 * h), rel=1e-5, abs=1e-9)
 
 
@@ -102,6 +118,7 @@ def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
     [
         (lambda: CascadeGains(-1.0, 1.0, 1.0), "position"),
         (lambda: CascadeGains(1.0, 1.0, 0.0), "integral_time"),
+        (lambda: CascadeGains(1.0, 1.0, 1.0, coulomb=-0.1), "coulomb"),
         (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,)), 1e-3), "sensors: the velocity loop"),
         (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 0.0), "dt"),
         (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 1e-3, 0.0), "limit"),
