@@ -1,4 +1,4 @@
-"""`jcontour tune`: weights of the contouring controller by gradient, with everything an engineer needs to trust them."""
+"""`jcontour tune`: weights of a controller by gradient, with everything an engineer needs to trust them."""
 
 import sys
 import time
@@ -13,16 +13,14 @@ from rich.console import Console
 
 from experiments import figures, runs, tables
 from experiments.checkpoints import load_state, save_state
-from experiments.datasets import rollouts, save_dataset, save_gains
+from experiments.datasets import rollouts, save_dataset
+from experiments.designs import plain_weights
 from experiments.options import Tune
 from experiments.progress import progress_of
 from experiments.replays import Replay, replay
 from experiments.safety import limit_warnings, path_margins
 from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, named_limits, resumed, tuning_run
-from jcontour.controllers.contouring_lq import LQWeights
-from jcontour.evaluation import member
-from jcontour.simulation import prepared
-from tuning.parameters import Chart
+from tuning.parameters import Chart, Weights
 from tuning.tune import Tuned, TuneState, advance, result
 
 MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
@@ -65,7 +63,7 @@ def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
 
 def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
     state = load_state(folder)
-    with progress_of(console, job.settings) as show:
+    with progress_of(console, job.settings, job.machine.error) as show:
         while not state.done:
             state = advance(job.problem, job.start, job.settings, state)
             save_state(folder, state)
@@ -77,38 +75,31 @@ def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, T
 
 
 class Proof(NamedTuple):
-    """What weights do on the machines with quantised encoders, and how safe their loops are."""
+    """What weights do on the true machines, and how safe their loops are."""
 
     replay: Replay
     safety: dict[str, Any]
 
 
-def _proved(job: TuningRun, weights: LQWeights) -> Proof:
+def _proved(job: TuningRun, weights: Weights) -> Proof:
     controller = job.controller(weights)
-    return Proof(replay(controller, job.course), path_margins(controller, job.machine, job.course))
+    return Proof(replay(controller, job.course), path_margins(controller, job.machine, job.course, job.design.measured))
 
 
 def describe(job: TuningRun, console: Console) -> None:
     """Say what is tuned."""
-    machine, model, flags = job.machine, job.machine.model, job.flags
-    free = "alpha, beta" + (", stage profile" if flags.stage_profile else "")
+    machine, flags, course = job.machine, job.flags, job.course
     limits = ", ".join(f"{name} <= {value:.6g}" for name, value in named_limits(flags).items()) or "none"
-    seen = [one for one, trained in zip(job.course.jobs, job.course.training, strict=True) if trained]
-    unseen = [one for one, trained in zip(job.course.jobs, job.course.training, strict=True) if not trained]
-    lines = [
-        f"Machine     {machine.name}: {model.states} states (known delay {machine.known_delay}), axes {', '.join(machine.axes)}, "
-        f"dt {1e3 * model.dt:g} ms",
-        f"Measured    positions only, encoder {1e6 * machine.encoder_resolution:g} um; Kalman filter for {machine.control_noise:g} "
-        f"{machine.control_unit} of noise on every control",
-        f"Family      {'; '.join(job.course.plants)}" + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
-        "Training    " + "; ".join(f"{one.name} ({one.arc.size} samples, {one.feed_law})" for one in seen),
-        "Held out    " + "; ".join(f"{one.name} ({one.arc.size} samples)" for one in unseen),
-        f"Controller  receding-horizon LQ contouring, preview {flags.preview}, {flags.terminal} terminal",
-        f"Free        {free}; start alpha {flags.alpha:g}, beta {flags.beta:g}, rho {flags.rho:g} (fixed)",
-        f"Objective   {flags.objective} RMS contour error over training contours and {'the plant' if flags.nominal_only else 'family'}; "
-        f"limits: {limits}",
-        "Tuned on encoders without quantisation (they have a slope); the tables below are of the quantised machine.",
-    ]
+    facts = machine.facts() | {
+        "Family": "; ".join(course.plants) + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
+        "Training": "; ".join(f"{one.name} ({one.samples} samples, {one.feed_law})" for one in course.jobs_seen(True)),
+        "Held out": "; ".join(f"{one.name} ({one.samples} samples)" for one in course.jobs_seen(False)),
+        **job.design.facts(),
+        "Objective": f"{flags.objective} RMS {machine.error} error over training contours and "
+        f"{'the plant' if flags.nominal_only else 'family'}; limits: {limits}",
+    }
+    lines = [f"{heading:<11} {fact}" for heading, fact in facts.items()]
+    lines.append(f"Tuned without {machine.truth} (they have no slope); the tables below are with them.")
     if job.training_samples > PLENTY:
         lines.append(f"{job.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
@@ -121,25 +112,34 @@ def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, 
     warnings += _lag_warnings(job, replays)
     lost = bool(np.any(replays["tuned"].metrics.diverged))
     if lost:
-        warnings.insert(0, "a run of the quantised machine diverges with the tuned weights")
+        warnings.insert(0, f"a run of the machine with {job.machine.truth} diverges with the tuned weights")
+    weights = plain_weights(tuned.weights)
     return runs.plain({
-        "machine": {"name": job.machine.name, "control_unit": job.machine.control_unit, "axes": job.machine.axes},
-        "preview": job.flags.preview, "terminal": job.flags.terminal,
-        "start": weights_of(job.start), "weights": weights_of(tuned.weights),
+        "machine": {
+            "name": job.machine.name, "control_unit": job.machine.control_unit, "axes": job.machine.axes, "truth": job.machine.truth,
+        },
+        "controller": job.design.name, "error": job.machine.error, **job.design.settings(),
+        "start": plain_weights(job.start), "weights": weights, "values": job.design.values(weights),
         "feasible": tuned.feasible, "violation": tuned.violation if np.isfinite(tuned.violation) else None,
         "usable": bool(tuned.feasible and not lost and safety["largest_frozen_spectral_radius"] < 1),
         "limits": named_limits(job.flags),
         "evaluated_points": len(tuned.history), "diverged_points": tuned.diverged_points, "diverged_starts": tuned.diverged_starts,
         "descents": state.start + 1, "plants": job.course.plants, "safety": safety,
         "safety_of_start": proofs["start"].safety, "warnings": warnings,
-        "contours": contour_metrics(job, replays), "training_samples": job.training_samples,
+        "contours": contour_metrics(job, replays), "gap": gap(job, tuned, replays["tuned"]), "training_samples": job.training_samples,
     })  # fmt: skip
 
 
-def weights_of(weights: LQWeights) -> dict[str, Any]:
-    """Weights as numbers."""
-    stage = None if weights.stage is None else np.asarray(weights.stage).tolist()
-    return {"alpha": float(weights.alpha), "beta": float(weights.beta), "rho": float(weights.rho), "stage": stage}
+def gap(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
+    """What the tuner saw against what the true machines do: RMS error of every training contour, nominal and worst of the tuned family."""
+    name = f"rms_{job.machine.error}_error"
+    smooth, true = np.asarray(getattr(tuned.metrics, name)), np.asarray(getattr(found.metrics, name))
+    rows = []
+    for c, one in enumerate(job.course.jobs_seen(True)):
+        members = true[c, : smooth.shape[1]]
+        for plant, pair in (("nominal", (smooth[c, 0], members[0])), ("worst", (smooth[c].max(), members.max()))):
+            rows.append({"contour": one.name, "plant": plant, "smooth": pair[0], "true": pair[1], "relative": pair[1] / pair[0] - 1})
+    return rows
 
 
 def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str, Any]]:
@@ -153,7 +153,7 @@ def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str
             }
             for design, run in replays.items()
         }
-        rows.append({"name": one.name, "training": bool(trained), "samples": one.arc.size, "metrics": metrics})
+        rows.append({"name": one.name, "training": bool(trained), "samples": one.samples, "metrics": metrics})
     return rows
 
 
@@ -184,40 +184,24 @@ def _lag_warnings(job: TuningRun, replays: dict[str, Replay]) -> list[str]:
 
 def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path) -> None:
     """Write everything but the settings and the state, which are there; the result comes last."""
-    controller = job.controller(tuned.weights)
-    attributes = {"title": "jcontour tune: start against tuned weights, machine with quantised encoders", **runs.versions()}
+    attributes = {"title": f"jcontour tune: start against tuned weights, machine with {job.machine.truth}", **runs.versions()}
     dataset = rollouts(replays, job.course, job.machine.axes, job.machine.control_unit, attributes)
     save_dataset(dataset, folder / "rollouts.nc")
-    for k, (one, trained) in enumerate(zip(job.course.jobs, job.course.training, strict=True)):
-        if trained:
-            plan = prepared(controller, member(job.course.references, k))
-            save_gains(plan, one.arc.size, job.machine.model.dt, folder / ("gains.csv" if k == 0 else f"gains-{one.name}.csv"))
-    runs.write_json(folder / "observer.json", observer_of(job))
+    job.design.save(job.controller(tuned.weights), job.course, folder)
     points = history_of(job, tuned)
     runs.write_json(folder / "history.json", points)
     figures.draw_tuned(dataset, points, summary, folder)
     runs.write_json(folder / runs.RESULT, summary)
 
 
-def observer_of(job: TuningRun) -> dict[str, Any]:
-    """The Kalman filter as a drive would load it; floats in JSON come back to the last bit."""
-    model = job.machine.model
-    return {
-        "form": "filter: xf = xh + L (y - C xh); u = f - F xf; xh(next) = A xf + B u",
-        "units": {"y": "m", "u": job.machine.control_unit},
-        "dt": model.dt, "A": model.A, "B": model.B, "C": model.C, "L": job.observer_gain,
-        "control_noise": job.machine.control_noise, "measurement_noise": job.machine.measurement_noise,
-    }  # fmt: skip
-
-
 def history_of(job: TuningRun, tuned: Tuned) -> list[dict[str, Any]]:
-    """Every evaluated point: weights, objective, worst contour error and increment over training contours and family."""
-    chart = Chart(job.problem.space, job.start)
+    """Every evaluated point: weights, objective, worst error and increment over training contours and family."""
+    chart, error = Chart(job.problem.space, job.start), f"rms_{job.machine.error}_error"
     return [
         {
-            "descent": row.start, **weights_of(chart.weights(jnp.asarray(row.z))), "objective": row.objective,
+            "descent": row.start, **plain_weights(chart.weights(jnp.asarray(row.z))), "objective": row.objective,
             "violation": row.violation, "diverged": row.diverged,
-            "rms_contour_error": float(np.max(row.metrics.rms_contour_error)),
+            error: float(np.max(getattr(row.metrics, error))),
             "rms_increment": float(np.max(row.metrics.rms_increment)),
         }
         for row in tuned.history

@@ -1,70 +1,50 @@
-"""Names for the command line and for the contract tests: plants, controllers, contours.
+"""Names for the command line and for the contract tests: machines, plants, controllers, contours.
 
 A newcomer adds one line here. `smooth`: derivatives agree with differences; `stable`: the closed loop, or the plant under a
-controller, settles on the Bridgeport table.
+controller, settles.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from experiments.designs import Design, changed
 from experiments.jobs import TOOLPATHS, Job, Pace, at_constant_feed, from_file
-from experiments.machines import Machine, bridgeport_machine, load_machine
+from experiments.linear_machines import bridgeport_machine
+from experiments.lq_designs import contouring_lq, preview_lq
+from experiments.machine_files import load_machine
+from experiments.machines import Machine
+from experiments.options import Controlled
 from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
-from jcontour.controller import Controller
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, Terminal
-from jcontour.controllers.observers import FilterObserver, PredictorObserver, kalman_gain
-from jcontour.controllers.preview_lq import PreviewLQ
+from jcontour.controllers.observers import PredictorObserver
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
-
-TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
 
 
 class Entry(NamedTuple):
     """One thing with a name.
 
     Attributes:
-        make: plants () -> Plant; controllers (machine, weights, preview) -> Controller; contours (pace) -> Job.
+        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) -> Job.
         line: what it is, in one line.
         smooth: differentiable where it is used.
         stable: its loop settles.
-        measures: what a controller is fed, "state" or "outputs".
+        on: name of the machine that it is for, or of one of them.
     """
 
     make: Callable[..., Any]
     line: str
     smooth: bool = True
     stable: bool = True
-    measures: str = "outputs"
-
-
-def contouring(terminal: Terminal) -> Callable[[Machine, LQWeights, int], Controller]:
-    """Maker of a contouring controller with this terminal, fed the state."""
-    return lambda machine, weights, preview: ContouringLQ(machine.model, weights, preview, terminal)
-
-
-def observed(
-    make: Callable[[Machine, LQWeights, int], Controller], form: type[FilterObserver] | type[PredictorObserver] = FilterObserver
-) -> Callable[[Machine, LQWeights, int], Controller]:
-    """The same controller behind a Kalman filter on the encoders."""
-
-    def observer(machine: Machine, weights: LQWeights, preview: int) -> Controller:
-        gain = kalman_gain(machine.model, machine.control_noise, machine.measurement_noise)
-        return form(make(machine, weights, preview), machine.model, gain)
-
-    return observer
-
-
-def _preview_lq(machine: Machine, weights: LQWeights, preview: int) -> Controller:
-    return PreviewLQ(machine.model, weights.alpha, weights.rho, preview)
+    on: str = "bridgeport"
 
 
 def _late(samples: int):
     return Delayed(bridgeport(), samples, 2, 2)
 
 
-_output, _riccati = contouring(TERMINALS["output"]), contouring(TERMINALS["riccati"])
+MACHINES: dict[str, Callable[[], Machine]] = {"bridgeport": bridgeport_machine}  # each under the name of one of the plants
 
 PLANTS = {
     "bridgeport": Entry(bridgeport, "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)", stable=False),
@@ -76,13 +56,13 @@ PLANTS = {
 }
 
 CONTROLLERS = {
-    "contouring-lq": Entry(observed(_output), "receding-horizon LQ contouring, output terminal, Kalman filter"),
-    "contouring-lq-riccati": Entry(observed(_riccati), "the same with the Riccati terminal"),
-    "contouring-lq-predictor": Entry(observed(_output, PredictorObserver), "the same with the predictor form of the observer"),
-    "contouring-lq-state": Entry(_output, "the same fed the true state", measures="state"),
-    "contouring-lq-riccati-state": Entry(_riccati, "Riccati terminal, fed the true state", measures="state"),
-    "preview-lq": Entry(observed(_preview_lq), "finite-preview LQ tracking (Tomizuka & Whitney), Kalman filter; beta unused"),
-    "preview-lq-state": Entry(_preview_lq, "the same fed the true state", measures="state"),
+    "contouring-lq": Entry(contouring_lq(), "receding-horizon LQ contouring, Kalman filter; --terminal chooses its end"),
+    "contouring-lq-riccati": Entry(contouring_lq("riccati"), "the same with the Riccati terminal"),
+    "contouring-lq-predictor": Entry(contouring_lq(observer=PredictorObserver), "the same with the predictor form of the observer"),
+    "contouring-lq-state": Entry(contouring_lq(measured="state"), "the same fed the true state"),
+    "contouring-lq-riccati-state": Entry(contouring_lq("riccati", "state"), "Riccati terminal, fed the true state"),
+    "preview-lq": Entry(preview_lq(), "finite-preview LQ tracking (Tomizuka & Whitney), Kalman filter; beta unused"),
+    "preview-lq-state": Entry(preview_lq("state"), "the same fed the true state"),
 }
 
 
@@ -112,10 +92,10 @@ def machine_named(name: str) -> Machine:
     Raises:
         MachineError: no such name, and no such file or a bad one.
     """
-    if name == "bridgeport":
-        return bridgeport_machine()
+    if name in MACHINES:
+        return MACHINES[name]()
     if not Path(name).suffix:
-        raise ValueError(f"plant: there is none named {name!r}; give bridgeport, or a JSON or npz file")
+        raise ValueError(f"plant: there is none named {name!r}; give {', '.join(MACHINES)}, or a JSON or npz file")
     return load_machine(name)
 
 
@@ -132,12 +112,16 @@ def job_named(name: str, pace: Pace) -> Job:
     return from_file(Path(name), pace)
 
 
-def controller_named(name: str) -> Entry:
-    """Catalogue entry of a controller.
+def design_for(machine: Machine, flags: Controlled) -> Design:
+    """The controller that the flags name, for this machine; its start has been built once, on the host.
 
     Raises:
-        ValueError: no such name.
+        ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
+    name = flags.controller or machine.usual.controller
     if name not in CONTROLLERS:
         raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(CONTROLLERS)}")
-    return CONTROLLERS[name]
+    design = CONTROLLERS[name].make(name, machine, flags)
+    design = replace(design, start=changed(design.start, flags.weights))
+    design.build(design.start)
+    return design

@@ -24,7 +24,7 @@ def run(first: Path, second: Path) -> dict[str, Any]:
     changed = {key: [one.get(key) for one in flags] for key in keys if flags[0].get(key) != flags[1].get(key)}
     try:
         rows = _rows(*results)
-        weights = {name: [one["weights"][name] for one in results] for name in ("alpha", "beta", "rho")}
+        weights = {name: [one["weights"][name] for one in results] for name in results[0]["weights"]}
         safety = {name: [one["safety"][name] for one in results] for name in ("largest_frozen_spectral_radius", "delay_samples")}
     except (KeyError, TypeError):
         raise runs.RunError(f"{first}, {second}: their results are not those of this version's tune") from None

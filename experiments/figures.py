@@ -31,11 +31,12 @@ def draw_tuned(dataset: xr.Dataset, points: list[dict[str, Any]], summary: dict[
 
 
 def draw_runs(dataset: xr.Dataset, folder: Path) -> list[Path]:
-    """Every contour with its magnified error, and the errors over time, on the nominal plant."""
+    """Every contour in a plane with its magnified error, and the errors over time, on the nominal plant."""
     made = []
     for name in dataset.contour.values:
         runs = dataset.sel(contour=name).isel(plant=0)
-        made.append(_saved(folder / f"contour-{name}.png", lambda runs=runs, name=name: contour_with_error(runs, str(name))))
+        if dataset.sizes["axis"] > 1:
+            made.append(_saved(folder / f"contour-{name}.png", lambda runs=runs, name=name: contour_with_error(runs, str(name))))
         made.append(_saved(folder / f"errors-{name}.png", lambda runs=runs, name=name: errors_over_time(runs, str(name))))
     return made
 
@@ -112,7 +113,7 @@ def trade_off(points: list[dict[str, Any]], summary: dict[str, Any]) -> Figure:
     sound = [p for p in points if not p["diverged"]]
     within = np.array([p["violation"] is None or p["violation"] <= 1e-6 for p in sound], bool)
     increment = np.array([p["rms_increment"] for p in sound])
-    error = 1e6 * np.array([p["rms_contour_error"] for p in sound])
+    error = 1e6 * np.array([p[f"rms_{summary['error']}_error"] for p in sound])
     axes.plot(increment[within], error[within], "o", color=OTHER, markersize=5, label="evaluated, within the limits")
     if not within.all():
         axes.plot(increment[~within], error[~within], "o", mfc="none", color=OTHER, markersize=5, label="evaluated, limit exceeded")
@@ -124,8 +125,9 @@ def trade_off(points: list[dict[str, Any]], summary: dict[str, Any]) -> Figure:
             x, y = increment[found], error[found]
             axes.plot(x, y, marker, color=COLOURS[design], markersize=13, label=design, linestyle="none", zorder=5)
     axes.set(
-        xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]", ylabel="worst RMS contour error [um]",
-        xscale="log", yscale="log", title="Trade-off over training contours and family (smooth machine)",
+        xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]",
+        ylabel=f"worst RMS {summary['error']} error [um]", xscale="log", yscale="log",
+        title="Trade-off over training contours and family (smooth machine)",
     )  # fmt: skip
     for one in (axes.xaxis, axes.yaxis):
         _plain_ticks(one)
@@ -146,12 +148,14 @@ def front(summary: dict[str, Any]) -> Figure:
     missed = [p for p in summary["points"] if not p["feasible"]]
     for points, style, label in ((sound, "o-", "tuned for this budget"), (missed, "o", "budget not met")):
         if points:
-            error = [1e6 * p["rms_contour_error"] for p in points]
+            error = [1e6 * p[f"rms_{summary['error']}_error"] for p in points]
             face = TUNED if points is sound else "none"
             axes.plot([p["rms_increment"] for p in points], error, style, color=TUNED, mfc=face, label=label)
-    unit = summary["machine"]["control_unit"]
-    axes.set(xlabel=f"worst RMS control increment [{unit} per sample]", ylabel="worst RMS contour error [um]", xscale="log", yscale="log")
-    axes.set(title="Front over contours and family (smooth machine)")
+    axes.set(
+        xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]",
+        ylabel=f"worst RMS {summary['error']} error [um]", xscale="log", yscale="log",
+        title="Front over contours and family (smooth machine)",
+    )  # fmt: skip
     for one in (axes.xaxis, axes.yaxis):
         _plain_ticks(one)
     axes.grid(color="0.9", which="both")
@@ -176,7 +180,8 @@ def _edge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _place(points: list[dict[str, Any]], weights: dict[str, Any]) -> int | None:
-    same = [k for k, p in enumerate(points) if all(np.allclose(p[name], weights[name], rtol=1e-9) for name in ("alpha", "beta", "rho"))]
+    named = {name: value for name, value in weights.items() if value is not None}
+    same = [k for k, p in enumerate(points) if all(np.allclose(p[name], value, rtol=1e-9) for name, value in named.items())]
     return same[0] if same else None
 
 

@@ -16,15 +16,16 @@ import xarray as xr
 from rich.console import Console
 
 from experiments import figures, runs, tables
+from experiments.catalogue import machine_named
 from experiments.checkpoints import load_state, save_state
-from experiments.datasets import save_dataset
+from experiments.datasets import metric_unit, save_dataset
+from experiments.designs import plain_weights
 from experiments.options import Front, Storage, Tune
 from experiments.progress import progress_of
 from experiments.tuning_runs import TuningRun, flag_paths, named_limits, resumed, tuning_run
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 
-CONTOURS = ("square",)
 EFFORT = {"scatter": 8, "starts": 2, "tolerance": 1e-4}  # for each budget, which begins where the one before ended
 
 
@@ -43,17 +44,21 @@ def command(flags: Front) -> int:
     console = tables.console_of(quiet=flags.json)
     with runs.locked(folder), runs.resumable("front", folder):
         points = _traced(flags, first, folder, console)
-        summary = runs.plain({"machine": {"control_unit": first.machine.control_unit}, "points": points})
-        _store(summary, folder)
+        summary = runs.plain({
+            "machine": {"control_unit": first.machine.control_unit}, "error": first.machine.error, "controller": first.design.name,
+            "weights": first.design.free(), "points": points,
+        })  # fmt: skip
+        _store(summary, first.design.units(), folder)
     if flags.json:
         print(runs.json_text({"run": str(folder), **summary}))
         return 0
+    error = f"rms_{summary['error']}_error"
     rows = [
-        [tables.digits(p["budget"]), *(tables.digits(p[n]) for n in ("rms_increment", "alpha", "beta")),
-         tables.digits(1e6 * p["rms_contour_error"]), "yes" if p["feasible"] else "NO"]
+        [tables.digits(p["budget"]), *(tables.digits(p[n]) for n in ("rms_increment", *summary["weights"])),
+         tables.digits(1e6 * p[error]), "yes" if p["feasible"] else "NO"]
         for p in summary["points"]
     ]  # fmt: skip
-    headings = ["budget", "RMS increment", "alpha", "beta", "worst RMS contour um", "feasible"]
+    headings = ["budget", "RMS increment", *summary["weights"], f"worst RMS {summary['error']} um", "feasible"]
     console.print(tables.plain_table("Front (smooth machine)", headings, rows, text_columns=0))
     tables.say(console, f"Run folder: {folder}")
     return 0
@@ -61,7 +66,7 @@ def command(flags: Front) -> int:
 
 def _tuning_run(flags: Front) -> TuningRun:
     shared = {f.name: getattr(flags, f.name) for f in fields(Storage)}
-    return tuning_run(Tune(**{**shared, "parts": flags.parts or CONTOURS, **EFFORT}))
+    return tuning_run(Tune(**{**shared, "parts": flags.parts or machine_named(flags.plant).usual.front, **EFFORT}))
 
 
 def _traced(flags: Front, job: TuningRun, folder: Path, console: Console) -> list[dict[str, Any]]:
@@ -70,7 +75,7 @@ def _traced(flags: Front, job: TuningRun, folder: Path, console: Console) -> lis
     problems = [replace(job.problem, limits=AtMost(**limits, rms_increment=budget)) for budget in budgets]
     places = [folder / f"budget-{k}" for k in range(len(budgets))]
     state = _load(places)
-    with progress_of(console, job.settings) as show:
+    with progress_of(console, job.settings, job.machine.error) as show:
         while not done(problems, state):
             state = advance_front(problems, job.start, job.settings, state)
             k = len(state.histories)
@@ -105,16 +110,14 @@ def _budgets(flags: Front, job: TuningRun, folder: Path) -> list[float]:
 
 def _point(budget: float, found: FrontPoint) -> dict[str, Any]:
     metrics = {name: float(np.max(getattr(found.metrics, name))) for name in ("rms_contour_error", "rms_tracking_error", "rms_increment")}
-    weights = {name: float(getattr(found.weights, name)) for name in ("alpha", "beta", "rho")}
+    weights = {name: value for name, value in plain_weights(found.weights).items() if isinstance(value, float)}
     return {"budget": budget, **weights, **metrics, "objective": found.objective, "feasible": bool(found.feasible)}
 
 
-def _store(summary: dict[str, Any], folder: Path) -> None:
+def _store(summary: dict[str, Any], weight_units: dict[str, str], folder: Path) -> None:
     points, unit = summary["points"], summary["machine"]["control_unit"]
-    units = {
-        "alpha": "m-2", "beta": "m-2", "rho": f"1/({unit})^2", "rms_contour_error": "m", "rms_tracking_error": "m", "rms_increment": unit,
-        "feasible": "1",
-    }  # fmt: skip
+    metrics = {name: metric_unit(name, unit) for name in ("rms_contour_error", "rms_tracking_error", "rms_increment")}
+    units = weight_units | metrics | {"feasible": "1"}
     data = {name: (("budget",), np.array([float(p[name]) for p in points]), {"units": of}) for name, of in units.items()}
     budget = ("budget", [p["budget"] for p in points], {"units": unit})
     save_dataset(xr.Dataset(data, {"budget": budget}, {"title": "jcontour front", **runs.versions()}), folder / "front.nc")

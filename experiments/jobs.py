@@ -59,6 +59,11 @@ class Job(NamedTuple):
     at_rest: bool
     feed_law: str
 
+    @property
+    def samples(self) -> int:
+        """Control steps of the run."""
+        return self.arc.size
+
     def reference(self, dt: float, preview: int) -> Reference:
         """Samples of the run, with `preview` more appended.
 

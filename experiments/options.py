@@ -35,16 +35,20 @@ class MachineFlags(Common):
 class Controlled(MachineFlags):
     """The controller and its first weights."""
 
+    controller: str | None = None
+    """A name from `jcontour list`; the usual one of the machine when not given."""
+    weights: tuple[str, ...] = ()
+    """First weights by name, each as NAME=VALUE, instead of the controller's own."""
     preview: int = 10  # the paper's usual horizon
-    """Horizon of the controller [samples]; not tuned here, see `jcontour sweep`."""
+    """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`."""
     terminal: Terminal = "output"  # the paper's better performing choice
-    """Cost at the end of the horizon: output error, or the Riccati solution (stable on straight lines)."""
+    """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution (stable on straight lines)."""
     alpha: float = 1.2  # with beta = 20 the best contour error that McNab & Tsao found by hand (Table 1, case II)
-    """Start weight on the tracking error [1/m^2]."""
+    """LQ: start weight on the tracking error [1/m^2]."""
     beta: float = 20.0
-    """Start weight on the contour error [1/m^2]."""
+    """LQ: start weight on the contour error [1/m^2]."""
     rho: float = 2e-9
-    """Weight on the control [1/control unit^2]; fixed, because only alpha/rho and beta/rho matter."""
+    """LQ: weight on the control [1/control unit^2]; fixed, because only alpha/rho and beta/rho matter."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +85,16 @@ class Storage(Limited):
 
 @dataclass(frozen=True)
 class Tune(Storage):
-    """Tune the weights of the contouring controller by gradient: on your toolpaths, or on the built-in training set."""
+    """Tune the weights of a controller by gradient: on your toolpaths, or on the machine's built-in training set."""
 
     parts: Positional[tuple[str, ...]] = ()
-    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; cam, circle, square if none."""
+    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; the machine's usual if none."""
     objective: Objective = "worst"
-    """What is made small: the worst, or the mean, RMS contour error over contours and plants."""
+    """What is made small: the worst, or the mean, RMS error over contours and plants, of the contour (a single axis: of tracking)."""
     nominal_only: bool = False
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
     stage_profile: bool = False
-    """Also tune a positive weight for every sample of the horizon."""
+    """LQ: also tune a positive weight for every sample of the horizon."""
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones
@@ -107,10 +111,8 @@ class Tune(Storage):
 class Simulate(Controlled):
     """Simulate one controller on one contour: table, figures, netCDF."""
 
-    contour: Positional[str] = "circle"
-    """A name from `jcontour list`, or a toolpath file (.ngc, .csv)."""
-    controller: str = "contouring-lq"
-    """A name from `jcontour list`."""
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .csv); what is usual on the machine when not given."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 
@@ -150,14 +152,16 @@ class Sweep(Storage):
 
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .csv) or names from `jcontour list`; circle and square when none is given."""
+    vary: tuple[str, ...] = ()
+    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample; alphas and betas when not given."""
     alphas: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
-    """Weights on the tracking error [1/m^2]: a grid, or the range of the random sample."""
+    """LQ: weights on the tracking error [1/m^2]: a grid, or the range of the random sample."""
     betas: tuple[float, ...] = (0.0, 1.0, 5.0, 20.0)
-    """Weights on the contour error [1/m^2]: a grid, or the range of the random sample."""
+    """LQ: weights on the contour error [1/m^2]: a grid, or the range of the random sample."""
     previews: tuple[int, ...] = (5, 10, 20)
-    """Horizons [samples]."""
+    """Horizons of an LQ controller [samples]."""
     samples: int = 0  # the grid
-    """Random weights between the smallest and largest alpha and beta; 0 takes the grid."""
+    """Random weights between the smallest and the largest values; 0 takes the grid."""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,10 @@ class Course(NamedTuple):
         references = stack_references([job.reference(dt, preview) for job in jobs])
         return cls(tuple(jobs), tuple(training), tuple(name for name, _ in plants), references, stack_plants([p for _, p in plants]))
 
+    def jobs_seen(self, trained: bool) -> list[Job]:
+        """The jobs that the tuner has seen, or those that it has not."""
+        return [job for job, seen in zip(self.jobs, self.training, strict=True) if seen is trained]
+
 
 def replay(controller: Controller, course: Course) -> Replay:
     """Run the controller over the whole course.

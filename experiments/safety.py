@@ -3,21 +3,21 @@
 import equinox as eqx
 import numpy as np
 
-from experiments.machines import Machine
+from experiments.machines import Machine, Measured
 from experiments.replays import Course, Replay, measured_speeds, scored
 from jcontour.controller import Controller
 from jcontour.evaluation import member
-from jcontour.plants.wrappers import Encoders
 from jcontour.stability import DELAY_SEARCH, GAIN_SEARCH, margins
 
 PROBES = 48  # frozen loops per contour: they depend on direction and bend of the path only; as many as `margins` probes at once
 NEAR = 0.9  # of a limit, from which on there is a warning
 
 
-def path_margins(controller: Controller, machine: Machine, course: Course) -> dict:
+def path_margins(controller: Controller, machine: Machine, course: Course, measured: Measured) -> dict:
     """Spectral radius, gain and delay margins over the training paths, every path frozen at up to `PROBES` of its scored samples."""
+    sensors = machine.sensed if measured == "outputs" else lambda plant: plant
     found = [
-        margins(machine.model, controller, _thinned(member(course.references, k)), measured=Encoders)
+        margins(machine.model, controller, _thinned(member(course.references, k)), measured=sensors)
         for k, trained in enumerate(course.training)
         if trained
     ]

@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 
 from experiments import runs, tables
-from experiments.catalogue import controller_named, job_named, machine_named
+from experiments.catalogue import design_for, job_named, machine_named
+from experiments.designs import Design, plain_weights
 from experiments.jobs import Pace
 from experiments.machines import Machine
 from experiments.options import Simulate
 from experiments.replays import Course, Replay, replay
-from jcontour.controllers.contouring_lq import LQWeights
-from jcontour.plant import Plant
 
 
 def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
@@ -22,15 +21,14 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
         ValueError: bad input; nothing has been written then.
     """
     machine = machine_named(flags.plant)
-    entry = controller_named(flags.controller)
-    weights = LQWeights(flags.alpha, flags.beta, flags.rho)
-    job = job_named(flags.contour, Pace.of(flags, machine))
-    controller = entry.make(machine, weights, flags.preview)
-    course = Course.of([job], [False], _plants(machine, entry.measures), flags.preview)
-    found = replay(controller, course)
-    inputs = [Path(name) for name in (flags.plant, flags.contour) if Path(name).suffix]
+    design = design_for(machine, flags)
+    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
+    course = Course.of([job], [False], plants, design.preview)
+    found = replay(design.build(design.start), course)
+    inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
     folder = runs.create(flags.out or runs.default_folder("simulate"), "simulate", flags, inputs)
-    summary = runs.plain(_summary(flags, machine, course, found))
+    summary = runs.plain(_summary(design, course, found))
     _store(machine, course, found, folder, summary)
     return summary, folder
 
@@ -47,21 +45,15 @@ def command(flags: Simulate) -> int:
     return 0
 
 
-def _plants(machine: Machine, measures: str) -> list[tuple[str, Plant]]:
-    """The family behind encoders, or with the whole state measured for controllers that need it."""
-    smooth = machine.family(quantised=False)
-    plants = machine.family(quantised=True) if measures == "outputs" else [encoders.plant for encoders in smooth]
-    return [(name, plant) for (name, _, _), plant in zip(machine.members, plants, strict=True)]
-
-
-def _summary(flags: Simulate, machine: Machine, course: Course, found: Replay) -> dict[str, Any]:
+def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:
     metrics = {
         plant: {name: np.asarray(values)[0, k] for name, values in vars(found.metrics).items()} for k, plant in enumerate(course.plants)
     }
+    machine, job = design.machine, course.jobs[0]
     return {
-        "machine": {"name": machine.name, "control_unit": machine.control_unit, "axes": machine.axes},
-        "controller": flags.controller, "contour": course.jobs[0].name, "feed_law": course.jobs[0].feed_law,
-        "samples": course.jobs[0].arc.size, "preview": flags.preview, "plants": metrics,
+        "machine": {"name": machine.name, "control_unit": machine.control_unit, "axes": machine.axes, "truth": machine.truth},
+        "controller": design.name, "weights": plain_weights(design.start), "error": machine.error, "contour": job.name,
+        "feed_law": job.feed_law, "samples": job.samples, **design.settings(), "plants": metrics,
     }  # fmt: skip
 
 

@@ -59,23 +59,28 @@ def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[st
     return table
 
 
+def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
+    """Columns that mean something: on a single axis there is no contour error apart from that of tracking."""
+    return tuple(column for column in COLUMNS if error == "contour" or "contour" not in column[0])
+
+
 def design_tables(result: dict[str, Any]) -> list[Table]:
     """Start against tuned, training and held-out contours apart, nominal plant and worst of the family."""
-    columns = ["contour", "plant", "weights", *(heading for _, heading, _ in COLUMNS)]
+    columns = ["contour", "plant", "weights", *(heading for _, heading, _ in columns_of(result["error"]))]
     made = []
     for seen, title in ((True, "Training contours"), (False, "Held-out contours (never seen by the tuner)")):
-        rows = [row for contour in result["contours"] if contour["training"] is seen for row in _contour_rows(contour)]
+        rows = [row for one in result["contours"] if one["training"] is seen for row in _contour_rows(one, result["error"])]
         if rows:
-            made.append(plain_table(f"{title}, machine with quantised encoders", columns, rows, text_columns=3))
+            made.append(plain_table(f"{title}, machine with {result['machine']['truth']}", columns, rows, text_columns=3))
     return made
 
 
-def _contour_rows(contour: dict[str, Any]) -> list[list[str]]:
+def _contour_rows(contour: dict[str, Any], error: str) -> list[list[str]]:
     rows = []
     for plant in ("nominal", "worst"):
         for design, metrics in contour["metrics"].items():
             lost = metrics[plant]["diverged"]
-            cells = ["diverged" if lost else digits(_scaled(metrics[plant][name], factor)) for name, _, factor in COLUMNS]
+            cells = ["diverged" if lost else digits(_scaled(metrics[plant][name], factor)) for name, _, factor in columns_of(error)]
             first_of_plant = design == next(iter(contour["metrics"]))
             rows.append(["" if rows else contour["name"], plant if first_of_plant else "", design, *cells])
     return rows
@@ -94,22 +99,25 @@ def show_tuned(result: dict[str, Any], folder: str, console: Console) -> None:
 
 def values_block(result: dict[str, Any]) -> list[str]:
     """The block "use these values"."""
-    weights, safety, unit = result["weights"], result["safety"], result["machine"]["control_unit"]
+    safety = result["safety"]
     lines = [
         "",
         "USE THESE VALUES" if result["usable"] else "DO NOT USE THESE VALUES: see the warnings",
-        f"  alpha     {weights['alpha']:.6g} 1/m^2      alpha/rho  {weights['alpha'] / weights['rho']:.6g} ({unit})^2/m^2",
-        f"  beta      {weights['beta']:.6g} 1/m^2      beta/rho   {weights['beta'] / weights['rho']:.6g} ({unit})^2/m^2",
-        f"  rho       {weights['rho']:.6g} 1/({unit})^2 (fixed)",
-        f"  preview   {result['preview']} samples, {result['terminal']} terminal",
+        *(f"  {line}" for line in result["values"]),
     ]
-    if weights["stage"]:
-        lines.append("  stage     " + " ".join(f"{value:.4g}" for value in weights["stage"]))
     lines += [
-        f"How safe they are (frozen loops with the Kalman filter, up to {safety['probes_per_contour']} points of each training contour)",
+        f"How safe they are (frozen loops, up to {safety['probes_per_contour']} points of each training contour)",
         *(f"  {name:<23}  {value:<24} start: {before}" for name, value, before in _safety_rows(safety, result["safety_of_start"])),
     ]
+    lines += [f"Gap of the machine with {result['machine']['truth']} to the smooth one that was tuned", *map(_gap_line, result["gap"])]
     return [*lines, *(f"WARNING: {line}" for line in result["warnings"])]
+
+
+def _gap_line(row: dict[str, Any]) -> str:
+    where = f"  {row['contour']}, {row['plant']}"
+    if row["relative"] is None:
+        return f"{where}: diverged"
+    return f"{where:<25} {1e6 * row['smooth']:.5g} -> {1e6 * row['true']:.5g} um RMS ({100 * row['relative']:+.2f} %)"
 
 
 def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
@@ -141,9 +149,11 @@ def _delay(safety: dict[str, Any]) -> str:
 
 def plant_table(summary: dict[str, Any]) -> Table:
     """A simulation: one row per plant of the family."""
+    columns = columns_of(summary["error"])
     rows = [
-        [plant, *("diverged" if metrics["diverged"] else digits(_scaled(metrics[name], factor)) for name, _, factor in COLUMNS)]
+        [plant, *("diverged" if metrics["diverged"] else digits(_scaled(metrics[name], factor)) for name, _, factor in columns)]
         for plant, metrics in summary["plants"].items()
     ]
-    title = f"{summary['controller']} on {summary['contour']}, {summary['samples']} samples, {summary['feed_law']}, encoders quantised"
-    return plain_table(title, ["plant", *(heading for _, heading, _ in COLUMNS)], rows)
+    machine = summary["machine"]
+    title = f"{summary['controller']} on {summary['contour']}, {summary['samples']} samples, {summary['feed_law']}, {machine['truth']}"
+    return plain_table(title, ["plant", *(heading for _, heading, _ in columns)], rows)

@@ -1,33 +1,31 @@
-"""From flags to a tuning problem: machine, jobs, family, controller, weights, limits."""
+"""From flags to a tuning problem: machine, design, jobs, family, limits."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-import jax.numpy as jnp
 import numpy as np
 
-from experiments.catalogue import TERMINALS, contouring, job_named, machine_named
+from experiments.catalogue import design_for, job_named, machine_named
+from experiments.designs import Design
 from experiments.jobs import Job, Pace
 from experiments.machines import Machine
 from experiments.options import Limited, Storage, Tune
 from experiments.replays import Course
 from experiments.runs import RunError, opened
 from jcontour.controller import Controller
-from jcontour.controllers.contouring_lq import LQWeights
-from jcontour.controllers.observers import FilterObserver, kalman_gain
 from jcontour.evaluation import stack_plants, stack_references
-from tuning.objectives import AtMost, mean_contour_error, worst_contour_error
-from tuning.parameters import LQSpace, Positive
+from tuning.objectives import AtMost, Objective, mean_contour_error, mean_tracking_error, worst_contour_error, worst_tracking_error
+from tuning.parameters import Weights
 from tuning.problem import Problem
 from tuning.tune import Settings
 
 F = TypeVar("F", bound=Storage)
 
-TRAINING = ("cam", "circle", "square")
-HELD_OUT = ("bracket", "ellipse", "lemniscate")  # the bracket's length would triple the minute that training takes
-OWN_HELD_OUT = ("circle", "ellipse", "lemniscate")  # quick ones beside a part of the user's own
-OBJECTIVES = {"worst": worst_contour_error, "mean": mean_contour_error}
+OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
+    ("worst", "contour"): worst_contour_error, ("mean", "contour"): mean_contour_error,
+    ("worst", "tracking"): worst_tracking_error, ("mean", "tracking"): mean_tracking_error,
+}  # fmt: skip
 LIMITS = {  # flag -> metric, factor to SI
     "max_tracking_error_um": ("rms_tracking_error", 1e-6),
     "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
@@ -45,27 +43,31 @@ class TuningRun:
     """Everything that a tuning run consists of.
 
     Attributes:
+        design: of the controller; its start is where the run begins.
         problem: on the smooth machines; the tuner sees nothing else.
-        course: training and held-out contours, on the machines with quantised encoders.
-        observer_gain: of the Kalman filter.
+        course: training and held-out contours, on the true machines.
     """
 
     flags: Tune
     machine: Machine
+    design: Design
     problem: Problem
-    start: LQWeights
     settings: Settings
     course: Course
-    observer_gain: np.ndarray
 
-    def controller(self, weights: LQWeights) -> Controller:
+    @property
+    def start(self) -> Weights:
+        """Weights that the run begins with."""
+        return self.design.start
+
+    def controller(self, weights: Weights) -> Controller:
         """What the weights build."""
         return self.problem.build(weights)
 
     @property
     def training_samples(self) -> int:
         """Samples of all training contours."""
-        return sum(job.arc.size for job, trained in zip(self.course.jobs, self.course.training, strict=True) if trained)
+        return sum(job.samples for job, trained in zip(self.course.jobs, self.course.training, strict=True) if trained)
 
 
 def tuning_run(flags: Tune) -> TuningRun:
@@ -75,38 +77,22 @@ def tuning_run(flags: Tune) -> TuningRun:
         ValueError: a flag, a file or their combination is wrong.
     """
     machine = machine_named(flags.plant)
-    start, settings = start_weights(flags), tuner_settings(flags)
-    pace = Pace.of(flags, machine)
-    training = [job_named(name, pace) for name in flags.parts or TRAINING]
-    held_out = [job_named(name, pace) for name in (OWN_HELD_OUT if flags.parts else HELD_OUT) if name not in flags.parts]
-    gain = kalman_gain(machine.model, machine.control_noise, machine.measurement_noise)
-    make = contouring(TERMINALS[flags.terminal])
-
-    def build(weights: LQWeights) -> Controller:
-        return FilterObserver(make(machine, weights, flags.preview), machine.model, gain)
-
-    build(start)  # raises what is wrong with the weights, on the host
+    design, settings = design_for(machine, flags), tuner_settings(flags)
+    design.check_start()
+    pace, usual = Pace.of(flags, machine), machine.usual
+    training = [job_named(name, pace) for name in flags.parts or usual.training]
+    held_out = [job_named(name, pace) for name in (usual.beside_own if flags.parts else usual.held_out) if name not in flags.parts]
     training = _distinct(training)
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
-    course = Course.of(_distinct(jobs), seen, list(zip(_names(machine), machine.family(quantised=True), strict=True)), flags.preview)
+    plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
+    course = Course.of(_distinct(jobs), seen, plants, design.preview)
+    family = machine.smooth_family(design.measured)
     problem = Problem(
-        build, stack_plants(_tuned_family(flags, machine)),
-        stack_references([job.reference(machine.model.dt, flags.preview) for job in training]),
-        OBJECTIVES[flags.objective], _space(flags), AtMost(**named_limits(flags)),
+        design.build, stack_plants(family[:1] if flags.nominal_only else family),
+        stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
+        OBJECTIVES[flags.objective, machine.error], design.space, AtMost(**named_limits(flags)),
     )  # fmt: skip
-    return TuningRun(flags, machine, problem, start, settings, course, np.asarray(gain))
-
-
-def start_weights(flags: Limited) -> LQWeights:
-    """Weights that the run begins with.
-
-    Raises:
-        ValueError: a weight is negative, not finite, or all are zero; tuning needs alpha and beta above zero.
-    """
-    if flags.preview < 1:
-        raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
-    stage = jnp.ones(flags.preview) if getattr(flags, "stage_profile", False) else None
-    return LQWeights(flags.alpha, flags.beta, flags.rho, stage)
+    return TuningRun(flags, machine, design, problem, settings, course)
 
 
 def tuner_settings(flags: Any) -> Settings:
@@ -154,22 +140,6 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
         return folder, type(flags)(**{**known, "json": flags.json, "out": None, "resume": None})
     except (TypeError, KeyError):
         raise RunError(f"{folder}: its settings are not those of this version's {command}") from None
-
-
-def _space(flags: Tune) -> LQSpace:
-    for name in ("alpha", "beta"):
-        if not getattr(flags, name) > 0:
-            raise ValueError(f"{name}: tuning needs a start above zero, received {getattr(flags, name)}")
-    return LQSpace(stage=Positive()) if flags.stage_profile else LQSpace()
-
-
-def _tuned_family(flags: Tune, machine: Machine):
-    family = machine.family(quantised=False)
-    return family[:1] if flags.nominal_only else family
-
-
-def _names(machine: Machine) -> list[str]:
-    return [name for name, _, _ in machine.members]
 
 
 def _distinct(jobs: list[Job]) -> list[Job]:

@@ -8,12 +8,13 @@ import xarray as xr
 from rich.console import Console
 
 from experiments import runs, tables
-from experiments.catalogue import TERMINALS
 from experiments.datasets import save_dataset
+from experiments.lq_designs import TERMINALS, LQDesign
 from experiments.machines import Machine
 from experiments.options import Tune, Verify
 from experiments.tuning_runs import TuningRun, resumed, tuning_run
 from jcontour.controllers.contouring_lq import LQWeights
+from jcontour.controllers.observers import FilterObserver
 from jcontour.evaluation import member
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.solvers import solver_named
@@ -25,12 +26,15 @@ def command(flags: Verify) -> int:
     folder, tune = resumed(Tune(resume=flags.run), "tune")
     weights = runs.read_json(folder, runs.RESULT)["weights"]
     job, solver = tuning_run(tune), solver_named(flags.solver)
+    design = job.design
+    if not isinstance(design, LQDesign) or not design.name.startswith("contouring-lq") or design.observer is not FilterObserver:
+        raise ValueError(f"verify: the constrained MPC has the weights of contouring-lq; {folder} tuned {design.name}")
     limits = limits_of(flags, job.machine)
     if not any(bounds is not None for bounds in limits):
         raise ValueError(f"verify: {job.machine.name} states no limits; give --max-control, --max-increment, --max-speed-mm-s or another")
     out = runs.create(flags.out or runs.default_folder("verify"), "verify", flags, [])
     console = tables.console_of(quiet=flags.json)
-    replayed = Replayed(job.machine.model, LQWeights(**weights), job.flags.preview, job.observer_gain, TERMINALS[job.flags.terminal])
+    replayed = Replayed(job.machine.model, LQWeights(**weights), design.preview, design.fed_gain, TERMINALS[design.terminal])
     gaps = []
     with console.status("replaying under limits"):
         for gap in verify(replayed, limits, _references(job), _plants(job), solver, None if flags.fallback == "stop" else flags.fallback):
@@ -64,7 +68,7 @@ def limits_of(flags: Verify, machine: Machine) -> Limits:
 
 
 def _references(job: TuningRun) -> dict[str, Any]:
-    return {one.name: one.reference(job.machine.model.dt, job.flags.preview) for one in job.course.jobs}
+    return {one.name: one.reference(job.machine.model.dt, job.design.preview) for one in job.course.jobs}
 
 
 def _plants(job: TuningRun) -> dict[str, Any]:

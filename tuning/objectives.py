@@ -26,6 +26,16 @@ def worst_contour_error(metrics: Metrics) -> Float[Array, " v"]:
     return jnp.ravel(metrics.rms_contour_error)
 
 
+def mean_tracking_error(metrics: Metrics) -> Float[Array, " 1"]:
+    """Mean over contours and plants of the RMS tracking error [m]."""
+    return jnp.mean(metrics.rms_tracking_error)[None]
+
+
+def worst_tracking_error(metrics: Metrics) -> Float[Array, " v"]:
+    """RMS tracking error [m] of every contour and plant: the worst case counts, exactly."""
+    return jnp.ravel(metrics.rms_tracking_error)
+
+
 def no_limits(metrics: Metrics) -> Float[Array, " 0"]:
     """Nothing to respect."""
     return jnp.zeros((0,), metrics.rms_contour_error.dtype)

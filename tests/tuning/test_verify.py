@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.machines import bridgeport_machine
+from experiments.linear_machines import bridgeport_machine
 from jcontour.contours import circle
 from jcontour.controllers.contouring_lq import LQWeights
 from jcontour.controllers.observers import kalman_gain
@@ -18,7 +18,7 @@ PREVIEW, DT = 4, 0.5e-3
 def tuned():
     machine = bridgeport_machine()
     gain = kalman_gain(machine.model, machine.control_noise, machine.measurement_noise)
-    plants = dict(zip([name for name, *_ in machine.members], machine.family(quantised=True), strict=True))
+    plants = dict(zip(machine.family_names, machine.true_family(), strict=True))
     replayed = Replayed(machine.model, LQWeights(3.0, 5.0, 2e-9), PREVIEW, gain)
     references = {"circle": along(circle(1e-3), 5e-5 * np.arange(120), DT, PREVIEW, at_rest=False)}
     return replayed, references, {name: plants[name] for name in list(plants)[:2]}

@@ -7,10 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import experiments.machines
-from experiments.machines import Machine, MachineError, bridgeport_machine, load_machine, machine_from
+import experiments.machine_files
+from experiments.checks import MachineError
+from experiments.linear_machines import bridgeport_machine
+from experiments.machine_files import load_machine, machine_from
+from experiments.machines import Machine
 
-EXAMPLE = Path(experiments.machines.__file__).parent / "machines" / "example.json"
+EXAMPLE = Path(experiments.machine_files.__file__).parent / "machines" / "example.json"
 FIELDS = json.loads(EXAMPLE.read_text())
 
 
