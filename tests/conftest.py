@@ -1,5 +1,7 @@
 """Shared by all tests: warnings are errors, and the machines that many tests drive."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -36,3 +38,28 @@ def two_axes():
     C = np.zeros((2, 4))
     C[0, 0] = C[1, 2] = 1.0
     return LinearPlant(A, B, C, 1e-3)
+
+
+@cache
+def _closed_loop(name: str):
+    """Nominal smooth plant, controller with its own start weights, and a short reference in motion, of a catalogued controller."""
+    from experiments.catalogue import CONTROLLERS, MACHINES, design_for
+    from experiments.options import Simulate
+    from jcontour.contours import circle, line
+    from jcontour.references import along
+
+    machine = MACHINES[CONTROLLERS[name].on]()
+    design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
+    plant = machine.model if design.measured == "state" else machine.smooth_family()[0]
+    contour = line([0.0], [1e-2]) if len(machine.axes) == 1 else circle(1e-3)
+
+    def reference(steps: int):
+        return along(contour, 2.5e-5 * np.arange(steps), plant.dt, design.preview, at_rest=False)
+
+    return plant, design.build(design.start), reference
+
+
+@pytest.fixture(scope="session")
+def closed_loop():
+    """Name of a controller in the catalogue -> (plant, controller, steps -> reference)."""
+    return _closed_loop

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from experiments.catalogue import CONTROLLERS, PLANTS
-from experiments.machines import bridgeport_machine
+from experiments.linear_machines import bridgeport_machine
 from jcontour.contours import circle
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
 from jcontour.mpc.loop import HostController, StepReport, Stopped, loop, reported_loop
 from jcontour.mpc.qp import QP, Unsolved
-from jcontour.plants.wrappers import Encoders
 from jcontour.references import along
 from jcontour.simulation import simulate
 
@@ -33,28 +32,24 @@ def same(found, wanted, relative=1e-12):
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_loop_is_simulate_for_every_controller(name):
-    machine, entry, reference = bridgeport_machine(), CONTROLLERS[name], on_circle()
-    plant = machine.model if entry.measures == "state" else Encoders(machine.model)
-    controller = entry.make(machine, WEIGHTS, PREVIEW)
+def test_loop_is_simulate_for_every_controller(closed_loop, name):
+    plant, controller, reference = closed_loop(name)
+    reference = reference(12)
     start = plant.initial_state(reference.position[0], reference.start_increment)
-    start = start + 1e-6 * np.random.default_rng(0).standard_normal(start.shape)
+    start = jax.tree.map(lambda x: x + 1e-6 if np.issubdtype(x.dtype, np.floating) else x, start)
     same(loop(plant, controller, reference, start), simulate(plant, controller, reference, start))
 
 
 @pytest.mark.parametrize("name", PLANTS)
-def test_loop_is_simulate_on_every_plant(name):
+def test_loop_is_simulate_on_every_plant(closed_loop, name):
+    if PLANTS[name].on != "bridgeport":
+        pytest.skip("its controllers are run on it above")
     machine, reference = bridgeport_machine(), on_circle()
     plant = PLANTS[name].make()
-    if plant.dt != reference.dt or len(reference.position[0]) != plant.output(plant.initial_state(*np.zeros((2, 2)))).size:
-        pytest.skip("another sample period or number of axes")
     measured = jax.tree.leaves(plant.measure(plant.initial_state(*np.zeros((2, 2)))))
     wanted = "contouring-lq-state" if measured[0].size == machine.model.states else "contouring-lq"
-    try:
-        controller = CONTROLLERS[wanted].make(machine, WEIGHTS, PREVIEW)
-        rollout = simulate(plant, controller, reference)
-    except TypeError:
-        pytest.skip("measures neither the state nor the outputs of the Bridgeport table")
+    controller = closed_loop(wanted)[1]
+    rollout = simulate(plant, controller, reference)
     same(loop(plant, controller, reference), rollout)
 
 
