@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.metrics import Metrics
-from tuning.objectives import AtMost, mean_contour_error, no_limits, worst_contour_error
+from tuning.objectives import AtMost, mean_contour_error, mean_tracking_error, no_limits, worst_contour_error, worst_tracking_error
 
 NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
 ERRORS = np.array([[1e-6, 4e-6], [3e-6, 2e-6]])
@@ -19,6 +19,9 @@ def test_objectives():
     there = metrics(rms_contour_error=jnp.asarray(ERRORS))
     np.testing.assert_allclose(mean_contour_error(there), [2.5e-6])
     np.testing.assert_allclose(worst_contour_error(there), ERRORS.ravel())
+    behind = metrics(rms_tracking_error=jnp.asarray(ERRORS))
+    np.testing.assert_allclose(mean_tracking_error(behind), [2.5e-6])
+    np.testing.assert_allclose(worst_tracking_error(behind), ERRORS.ravel())
     assert no_limits(there).shape == (0,)
 
 
