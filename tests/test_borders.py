@@ -43,12 +43,12 @@ IMPORTS = {name: set(imported_names(path)) for name, path in MODULES.items()}
 
 
 def reached(name):
-    """All modules of this project that a module names, directly or not; the library's front door does not count."""
-    seen, pending = set(), [name]
+    """All modules of this project that a module names, directly or not; the front doors of its own packages do not count."""
+    seen, pending, own = set(), [name], {name.rsplit(".", k)[0] for k in range(1, name.count(".") + 1)}
     while pending:
         for found in IMPORTS.get(pending.pop(), ()):
             parts = found.split(".")
-            for inner in {".".join(parts[:k]) for k in range(2, len(parts) + 1)} & MODULES.keys() - seen:
+            for inner in {".".join(parts[:k]) for k in range(2, len(parts) + 1)} & MODULES.keys() - seen - own:
                 seen.add(inner)
                 pending.append(inner)
     return seen

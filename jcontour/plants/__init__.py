@@ -2,8 +2,10 @@
 
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
-from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
+from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated, Sensed
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [
@@ -14,12 +16,16 @@ __all__ = [
     "Encoders",
     "FlexibleAxis",
     "FrictionXYTable",
+    "Gantry",
+    "GantryParameters",
     "LinearMotor",
     "Quantised",
     "Saturated",
+    "Sensed",
     "SmoothFlexibleAxis",
     "bridgeport",
     "thesis_axis",
+    "thesis_gantry",
     "thesis_motor",
     "xy_table",
 ]

@@ -1,5 +1,6 @@
 """What stands between a controller and an ideal machine: sensors, delays, saturation, disturbances. Each wraps any plant."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -44,6 +45,16 @@ class Encoders(_Wrapper):
     def measure(self, state) -> Float[Array, " m"]:
         """y [m]."""
         return self.plant.output(state)
+
+
+class Sensed(_Wrapper):
+    """What `sensors` make of the measurement: a traceable function, such as the motor encoders of a machine whose state is measured."""
+
+    sensors: Callable[[Any], Array]
+
+    def measure(self, state) -> Array:
+        """sensors(measurement)."""
+        return self.sensors(self.plant.measure(state))
 
 
 class Quantised(_Wrapper):
