@@ -46,11 +46,20 @@ class CascadeGains(eqx.Module):
     def __init__(self, position, velocity, integral_time, feedforward=0.0, inertia=0.0, viscous=0.0, coulomb=0.0):
         loops = {"position": position, "velocity": velocity, "integral_time": integral_time, "feedforward": feedforward}
         for name, value in {**loops, "inertia": inertia, "viscous": viscous, "coulomb": coulomb}.items():
-            if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
-                raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-            setattr(self, name, jnp.asarray(value, float))
+            setattr(self, name, checked_gain(name, value))
         if is_concrete(integral_time) and not np.all(np.asarray(integral_time) > 0):
             raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
+
+
+def checked_gain(name: str, value) -> Array:
+    """The gain as an array.
+
+    Raises:
+        ValueError: it is negative or not finite.
+    """
+    if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
+        raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
+    return jnp.asarray(value, float)
 
 
 class CascadePlan(eqx.Module):
