@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour.kernels.dispatch import suits_lanes
 from jcontour.kernels.window_sweep import window_plan
 from jcontour.linear import AffinePlan, LinearPlant, is_concrete, spectral_radius
 
@@ -31,9 +32,9 @@ class CostToGo(NamedTuple):
 
 def receding_horizon_plan(
     model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
-    terminal: CostToGo,
+    terminal: CostToGo | None,
 ) -> AffinePlan:  # fmt: skip
-    """Gains F, f (u = f - F x) of every step of a run.
+    """Gains F, f (u = f - F x) of every step of a run: by the GPU's kernels where they take the plant, by `window_sweep` elsewhere.
 
     Args:
         model: A, B, C.
@@ -41,10 +42,19 @@ def receding_horizon_plan(
         y_d: desired output at every sample [m].
         stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the terminal).
         R: control weight.
-        terminal: cost to go at j = N_p for every step, T in front.
+        terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is weighted like the others, by stage
+            times Q, and then S has to be T + N_p exactly.
     """
-    seen = terminal.g.shape[0] + stage.shape[0]
+    seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
+    if suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal):
+        from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
+
+        end = () if terminal is None else tuple(terminal)
+        return AffinePlan(*lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end))  # pyright: ignore[reportGeneralTypeIssues]
+    if terminal is None:
+        cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
+        terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
     return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))
@@ -64,6 +74,11 @@ def readable_plan(
 
     first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
     return first_control(model, R, first)
+
+
+def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, "T m"]) -> CostToGo:
+    """(y - y_d)' Q (y - y_d) as a cost to go: the last stage of eqs. 12 and 13, with the minus of g restored."""
+    return CostToGo(model.C.T @ Q @ model.C, -jnp.einsum("tij,tj->ti", Q, y_d) @ model.C)
 
 
 def one_stage_back(model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]) -> CostToGo:

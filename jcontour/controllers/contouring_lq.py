@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.linear import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
 from jcontour.references import Reference
-from jcontour.riccati import CostToGo, check_dare, dare, receding_horizon_plan
+from jcontour.riccati import CostToGo, check_dare, dare, output_cost, receding_horizon_plan
 
 
 class LQWeights(eqx.Module):
@@ -57,8 +57,7 @@ class OutputTerminal(Terminal):
     def cost(self, model, weights, Q, reference, preview) -> CostToGo:
         """McNab & Tsao, eqs. 12 and 13, with the minus of the terminal g restored."""
         window = slice(preview, preview + reference.steps)
-        weighted = jnp.einsum("tij,tj->ti", Q[window], reference.position[window])
-        return CostToGo(model.C.T @ Q[window] @ model.C, -weighted @ model.C)
+        return output_cost(model, Q[window], reference.position[window])
 
 
 class RiccatiTerminal(Terminal):
@@ -122,11 +121,13 @@ class ContouringLQ(Controller):
         """
         check_preview(self, reference)
         stage = jnp.ones(self.preview, self.model.A.dtype) if self.weights.stage is None else self.weights.stage
-        Q = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent)
-        cost = self.terminal.cost(self.model, self.weights, Q, reference, self.preview)
-        terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
-        R = control_weight(self.model, self.weights)
-        return receding_horizon_plan(self.model, Q, reference.position, stage, R, terminal)
+        seen = reference.steps + self.preview
+        Q, y_d = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent[:seen]), reference.position[:seen]
+        terminal = None
+        if not isinstance(self.terminal, OutputTerminal):
+            cost = self.terminal.cost(self.model, self.weights, Q, reference, self.preview)
+            terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
+        return receding_horizon_plan(self.model, Q, y_d, stage, control_weight(self.model, self.weights), terminal)
 
     def initial_memory(self, reference: Reference) -> None:
         """None: the law is static."""

@@ -1,0 +1,106 @@
+"""A closed loop scored on a GPU: outputs and controls from the kernel, scored where they lie, no rollout returned.
+
+The kernel leaves signals with the batch behind time, and there they are scored, by any function of one run in JAX: turning them
+round for a `vmap` outside would cost as much as the loop itself. The derivative reaches the plan and the first state; where the
+plant or the reference moves, it is that of the scan.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array
+
+from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every_member, in_pieces
+from jcontour.kernels.loop_lanes import cotangents, runs
+from jcontour.linear import Pattern
+
+Score = Callable[[Array, Array, Any], Any]  # outputs (T, m), controls (T, p), reference -> numbers
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
+def lane_score(pattern: Pattern, score: Score, A, B, C, F, f, start, reference) -> Any:
+    """score(y, u, reference) of x(k+1) = A x + B u, u = f - F x, y = C x from x(0) = `start`; its results as numbers of A's type."""
+    return _run(pattern, score, False, A, B, C, F, f, start, reference)[0]
+
+
+def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, reference):
+    """The score, and the signals y, u, x that its derivative wants to know."""
+    samples, tree = jax.tree.flatten(reference)
+    numbers = jax.eval_shape(partial(_scored, score), jnp.zeros((f.shape[0], C.shape[0]), A.dtype), f, reference)
+
+    def of_member(signals, *samples):
+        y, u, *_ = signals
+        return [*jax.tree.leaves(_scored(score, y.T, u.T, tree.unflatten(samples))), *(signals if keep else ())]
+
+    def whole(*operands):
+        loop, samples = operands[:6], operands[6:]
+        axes = [Batch.of(loop).together, *(sample.axes for sample in samples)]
+        return for_every_member(of_member, axes)(runs(pattern, loop, keep), *(sample.array for sample in samples))
+
+    found = batch_last(_cut(F, whole))(A, B, C, *_time_last(F, f), start, *samples)
+    signals = found[len(jax.tree.leaves(numbers)) :]
+    return jax.tree.unflatten(jax.tree.structure(numbers), found[: len(found) - len(signals)]), signals
+
+
+def _fwd(pattern: Pattern, score: Score, *arguments):
+    values = jax.tree.map(lambda leaf: leaf.value, arguments)
+    if any(leaf.perturbed for leaf in jax.tree.leaves((arguments[:3], arguments[6]))):
+        return lane_score(pattern, score, *values), (values, None)
+    numbers, signals = _run(pattern, score, True, *values)
+    return numbers, (values, signals)
+
+
+def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
+    values, signals = kept
+    numbers_bar = jax.tree.map(dense, numbers_bar, is_leaf=lambda bar: isinstance(bar, SymbolicZero))
+    if signals is None:
+        return jax.vjp(partial(scanned_score, score), *values)[1](numbers_bar)
+    A, B, C, F, f, _, reference = values
+    samples, tree = jax.tree.flatten(reference)
+
+    def of_member(y, u, *rest):
+        def numbers(y, u):
+            return jax.tree.leaves(_scored(score, y.T, u.T, tree.unflatten(rest[: len(samples)])))
+
+        return jax.vjp(numbers, y, u)[1](list(rest[len(samples) :]))
+
+    def whole(*operands):
+        A, B, C, F, x, *scored = operands
+        everything = Batch.of(scored).together
+        bars = for_every_member(of_member, [operand.axes for operand in scored])(*(operand.array for operand in scored))
+        return cotangents(pattern, (A, B, C, F, x, *(Operand(bar, everything) for bar in bars)))
+
+    y, u, x = signals
+    operands = A, B, C, _time_last(F, f)[0], x, y, u, *samples, *jax.tree.leaves(numbers_bar)
+    F_bar, f_bar, start_bar = batch_last(_cut(F, whole))(*operands)
+    return None, None, None, jnp.transpose(F_bar, (2, 0, 1)), f_bar.T, start_bar, None
+
+
+lane_score.defvjp(_fwd, _bwd, symbolic_zeros=True)
+
+
+def scanned_score(score: Score, A, B, C, F, f, start, reference):
+    """`lane_score` as the equations say it."""
+
+    def step(x, plan):
+        u = plan[1] - plan[0] @ x
+        return A @ x + B @ u, (C @ x, u)
+
+    return _scored(score, *jax.lax.scan(step, start, (F, f))[1], reference)
+
+
+def _scored(score: Score, y, u, reference):
+    """The score with flags as numbers, so that all of it has a cotangent."""
+    return jax.tree.map(lambda number: number.astype(y.dtype), score(y, u, reference))
+
+
+def _cut(F, function: Callable) -> Callable:
+    return lambda *operands: in_pieces(function, operands, F.size)
+
+
+def _time_last(F, f):
+    return jnp.transpose(F, (1, 2, 0)), f.T

@@ -1,0 +1,205 @@
+"""What the GPU kernels share: a lane for every member of the batch, all batch axes behind those of the arrays.
+
+Every `vmap` puts its axis behind those of the arrays that it touches, the outermost last, and leaves the others as they are: what
+does not differ between members is neither copied nor moved. The lane of member b at step t has the number t B + b. Lanes beyond
+the last one do its work again and write the same numbers, so nothing is masked.
+"""
+
+import warnings
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from math import prod
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.custom_batching import custom_vmap
+from jax.custom_derivatives import SymbolicZero
+from jax.experimental import pallas as pl
+from jax.experimental.pallas import triton
+from jaxtyping import Array
+
+from jcontour.kernels.dispatch import on_gpu
+
+LANES = 128  # of one program, one thread each
+WARP = 32
+MOST_NUMBERS = 2**31  # an array that a kernel sees is indexed with 32 bits
+
+
+class Operand(NamedTuple):
+    """An array and the batch axes at its end, by number: 0 is that of the innermost `vmap`."""
+
+    array: Array
+    axes: tuple[int, ...] = ()
+
+    @property
+    def core(self) -> tuple[int, ...]:
+        """Shape without the batch."""
+        return self.array.shape[: self.array.ndim - len(self.axes)]
+
+    def fixed(self) -> "Operand":
+        """As rows of numbers that hold for the whole run: (row, member)."""
+        return Operand(self.array.reshape(prod(self.core), -1), self.axes)
+
+    def timed(self) -> "Operand":
+        """As rows of numbers for every sample, the last axis but the batch: (row, sample and member)."""
+        return Operand(self.array.reshape(prod(self.core[:-1]), -1), self.axes)
+
+
+class Rows(NamedTuple):
+    """An operand as the lanes of a program read it."""
+
+    ref: Any
+    member: Any  # of the operand's own axes, for every lane
+    members: int
+
+    def fixed(self, row):
+        """A number that holds for the whole run."""
+        return self.ref[row, self.member]
+
+    def sample(self, row, sample):
+        """A number of one sample."""
+        return self.ref[row, sample * self.members + self.member]
+
+
+class Batch(NamedTuple):
+    """The batch axes that some operands have together, the innermost first, their sizes, and the axes of every operand: static."""
+
+    together: tuple[int, ...]
+    sizes: tuple[int, ...]
+    axes: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of(cls, operands: Sequence[Operand]) -> "Batch":
+        """The batch of some operands."""
+        sizes = {axis: size for array, axes in operands for axis, size in zip(axes, array.shape[array.ndim - len(axes) :], strict=True)}
+        together = tuple(sorted(sizes))
+        return cls(together, tuple(sizes[axis] for axis in together), tuple(axes for _, axes in operands))
+
+    @property
+    def members(self) -> int:
+        """Size of the whole batch."""
+        return prod(self.sizes)
+
+    def rows(self, refs, member) -> list[Rows]:
+        """The operands for lanes of these members."""
+        return [Rows(ref, *self._own(axes, member)) for ref, axes in zip(refs, self.axes, strict=True)]
+
+    def _own(self, axes: tuple[int, ...], member) -> tuple[Any, int]:
+        """The member of an operand with these axes that belongs to a member of the batch, and how many it has."""
+        if axes == self.together:
+            return member, self.members
+        own, stride = 0, 1
+        for axis, size in zip(reversed(self.together), reversed(self.sizes), strict=True):
+            if axis in axes:
+                own, stride = own + member % size * stride, stride * size
+            member = member // size
+        return own, stride
+
+
+class Lanes(NamedTuple):
+    """The lanes of one program: flat number, step and member of the batch."""
+
+    index: Array
+    step: Array
+    member: Array
+
+    @classmethod
+    def of(cls, program, steps: int, members: int, count: int = LANES) -> "Lanes":
+        """Lanes program * count onwards."""
+        index = jnp.minimum(program * count + jnp.arange(count, dtype=jnp.int32), steps * members - 1)
+        return cls(index, index // members, index % members)
+
+
+def processors() -> int:
+    """Multiprocessors of the device, or of a usual one where JAX does not know."""
+    return getattr(jax.devices()[0], "core_count", None) or 128
+
+
+def launch(kernel: Callable, programs: int, operands: Sequence[Operand], results: Sequence[tuple[int, ...]], lanes: int = LANES) -> Any:
+    """Run `kernel` with every array whole; without a GPU it is interpreted, for tests."""
+    dtype = operands[0].array.dtype
+    with warnings.catch_warnings():  # JAX means to replace its Triton backend; the other one has no float64
+        warnings.filterwarnings("ignore", "The Pallas Triton backend is deprecated")
+        return pl.pallas_call(
+            kernel,
+            out_shape=[jax.ShapeDtypeStruct(shape, dtype) for shape in results],
+            grid=(programs,),
+            interpret=not on_gpu(),
+            compiler_params=triton.CompilerParams(num_warps=max(lanes // WARP, 1), num_stages=1),
+        )(*(operand.array for operand in operands))
+
+
+def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array]]:
+    """`function` of operands, whose results have every batch axis behind, as a function of arrays under any number of `vmap`s."""
+
+    def under(axes: tuple[tuple[int, ...], ...], depth: int):
+        @custom_vmap
+        def mapped(*arrays):
+            return function(*(Operand(*both) for both in zip(arrays, axes, strict=True)))
+
+        @mapped.def_vmap
+        def one_more(_, touched, *arrays):
+            arrays = [jnp.moveaxis(array, 0, -1) if moved else array for array, moved in zip(arrays, touched, strict=True)]
+            deeper = tuple((*own, depth) if moved else own for own, moved in zip(axes, touched, strict=True))
+            results = under(deeper, depth + 1)(*arrays)
+            return [jnp.moveaxis(array, -1, 0) for array in results], [True] * len(results)
+
+        return mapped
+
+    return lambda *arrays: under(((),) * len(arrays), 0)(*arrays)
+
+
+def for_every_member(function: Callable, axes: Sequence[tuple[int, ...]]) -> Callable:
+    """`function` of the arrays of one member, as one of arrays and with results whose batch axes are behind."""
+    for axis in range(1 + max((axis for own in axes for axis in own), default=-1)):
+        function = jax.vmap(function, in_axes=tuple(-1 if axis in own else None for own in axes), out_axes=-1)
+    return function
+
+
+def in_pieces(function: Callable[..., list[Array]], operands: Sequence[Operand], rows: int) -> list[Array]:
+    """`function` of operands, the batch cut in halves along its longest axis until `rows` numbers per member can be indexed."""
+    batch = Batch.of(operands)
+    size, longest = max(zip(batch.sizes, batch.together, strict=True), default=(1, 0))
+    if rows * batch.members < MOST_NUMBERS or size == 1:
+        return function(*operands)
+
+    def cut(operand: Operand, first: int, last: int) -> Operand:
+        if longest not in operand.axes:
+            return operand
+        axis = len(operand.core) + operand.axes.index(longest)
+        return Operand(jax.lax.slice_in_dim(operand.array, first, last, axis=axis), operand.axes)
+
+    ends = (0, size // 2, size)
+    pieces = [in_pieces(function, [cut(operand, *part) for operand in operands], rows) for part in pairwise(ends)]
+    behind = batch.together.index(longest) - len(batch.together)
+    return [jnp.concatenate(pair, axis=behind) for pair in zip(*pieces, strict=True)]
+
+
+def vectors(values, like: Array) -> tuple[Array, ...]:
+    """Numbers that a loop carries, each a vector over the lanes, those that are known to be zero too."""
+    return tuple(jnp.broadcast_to(jnp.asarray(value, like.dtype), like.shape) for value in values)
+
+
+def dense(bar: Any) -> Array:
+    """A cotangent as an array, whether anything reached it or not."""
+    shape, dtype = bar.shape, bar.dtype
+    return jnp.zeros(shape, dtype) if isinstance(bar, SymbolicZero) else bar
+
+
+def dot(pairs, onto=None):
+    """Sum of the products of pairs and of `onto`; 0 where there is nothing."""
+    for a, b in pairs:
+        onto = a * b if onto is None else fused(a, b, onto)
+    return 0.0 if onto is None else onto
+
+
+def fused(a, b, c):
+    """a b + c with one rounding, in one instruction: Pallas would make two of it, and half the speed."""
+    if not on_gpu():
+        return a * b + c
+    a, b, c = jnp.broadcast_arrays(a, b, c)
+    width, register = ("f64", "d") if c.dtype == jnp.float64 else ("f32", "f")
+    instruction, kinds = f"fma.rn.{width} $0, $1, $2, $3;", f"={register},{register},{register},{register}"
+    like = [jax.ShapeDtypeStruct(c.shape, c.dtype)]
+    return triton.elementwise_inline_asm(instruction, args=[a, b, c], constraints=kinds, pack=1, result_shape_dtypes=like)[0]

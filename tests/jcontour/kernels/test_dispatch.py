@@ -1,0 +1,35 @@
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.kernels import dispatch
+from jcontour.linear import Pattern
+from jcontour.plants import bridgeport
+
+
+def test_nothing_of_pallas_is_loaded_before_it_is_needed():
+    look = "import sys, jcontour, jcontour.evaluation, jcontour.controllers; sys.exit('jax.experimental.pallas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", look]).returncode == 0
+
+
+def test_a_cpu_keeps_the_sweep_in_xla():
+    plant = bridgeport()
+    assert dispatch.on_gpu() == (jax.default_backend() == "gpu")
+    assert dispatch.suits_lanes(plant.pattern, plant) == dispatch.on_gpu()
+
+
+@pytest.mark.parametrize(("types", "wanted"), [((float, float), True), ((float, np.float32), False), ((np.float16,), False)])
+def test_one_type_for_all_numbers(monkeypatch, types, wanted):
+    monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
+    assert dispatch.suits_lanes(bridgeport().pattern, *(jnp.zeros(2, one) for one in types)) == wanted
+
+
+def test_a_plant_that_would_unroll_too_far_is_left_to_xla(monkeypatch):
+    monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
+    dense = {n: Pattern.of(np.ones((n, n)), np.ones((n, 3)), np.ones((3, n))) for n in (16, 24)}
+    assert [dispatch.suits_lanes(dense[n], jnp.zeros(1)) for n in dense] == [True, False]
+    assert dispatch.multiplications(dense[16]) > dispatch.multiplications(bridgeport().pattern)

@@ -1,0 +1,100 @@
+"""The GPU's scored closed loop against the scan; without a GPU its kernels are interpreted."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.kernels.dispatch import on_gpu
+from jcontour.kernels.lane_score import lane_score, scanned_score
+
+pytestmark = pytest.mark.filterwarnings("ignore:The Pallas Triton backend is deprecated")
+
+
+def case(problems, sizes, inputs, outputs, steps):
+    plant, random = problems.machine(sizes, inputs, outputs), np.random.default_rng(3)
+    shapes = (steps, inputs, plant.states), (steps, inputs), (plant.states,), (steps, outputs)
+    F, f, start, reference = (jnp.asarray(random.standard_normal(shape)) for shape in shapes)
+    return plant, (0.1 * F, f, start, (reference, jnp.arange(steps) != 1))
+
+
+def score(y, u, reference):
+    """A number and a flag of every signal."""
+    wanted, mask = reference
+    error = jnp.where(mask[:, None], y - wanted, 0.0)
+    return {"error": jnp.sum(jnp.sin(error)), "control": jnp.sum(u**2), "far": jnp.max(jnp.abs(error)) > 1.0}
+
+
+def kernel(plant, *run):
+    return lane_score(plant.pattern, score, plant.A, plant.B, plant.C, *run)
+
+
+def scan(plant, *run):
+    return scanned_score(score, plant.A, plant.B, plant.C, *run)
+
+
+def number(run):
+    def value(plant, *arguments):
+        found = run(plant, *arguments)
+        return found["error"] + 0.1 * found["control"]
+
+    return value
+
+
+@pytest.mark.parametrize(("sizes", "inputs", "outputs", "steps"), [((2, 1), 2, 2, 5), ((3,), 1, 2, 4)])
+def test_equals_the_scan(problems, sizes, inputs, outputs, steps):
+    plant, run = case(problems, sizes, inputs, outputs, steps)
+    problems.close(problems.quick(kernel)(plant, *run), problems.quick(scan)(plant, *run), 1e-13)
+    problems.close(*(problems.quick(jax.grad(number(f), (1, 2, 3)))(plant, *run) for f in (kernel, scan)), 1e-12)
+
+
+def test_a_plant_or_a_reference_that_moves(problems):
+    plant, run = case(problems, (2,), 1, 1, 4)
+
+    def value(run_of):
+        return lambda plant, shift: number(run_of)(plant, *run[:3], (run[3][0] + shift, run[3][1]))
+
+    problems.close(*(problems.quick(jax.grad(value(f), (0, 1)))(plant, 0.1) for f in (kernel, scan)), 1e-12)
+
+
+def test_a_family_shares_a_plan(problems):
+    plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
+    family = jax.tree.map(lambda leaf: leaf * jnp.array([0.9, 1.0, 1.1]).reshape(3, *[1] * leaf.ndim), plant)
+
+    def spread(run):
+        def of_family(F, f, starts):
+            def of_one(start, wanted):
+                return jax.vmap(lambda one: number(run)(one, F, f, start, (wanted, mask)))(family)
+
+            return jnp.sum(jnp.cos(jax.vmap(of_one)(starts, jnp.stack([wanted, -wanted]))))
+
+        return problems.quick(jax.value_and_grad(of_family, (0, 1, 2)))
+
+    starts = jnp.stack([start, -start])
+    problems.close(spread(kernel)(F, f, starts), spread(scan)(F, f, starts), 1e-12)
+
+
+def test_only_the_reference_differs(problems):
+    plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
+    batch = jnp.stack([wanted, 2 * wanted])
+
+    def runs(run):
+        return problems.quick(jax.vmap(lambda wanted: jax.value_and_grad(number(run), 2)(plant, F, f, start, (wanted, mask))))
+
+    problems.close(runs(kernel)(batch), runs(scan)(batch), 1e-12)
+
+
+@pytest.mark.skipif(not on_gpu(), reason="no GPU")
+def test_many_runs_on_a_gpu(problems):
+    plant, (F, f, start, reference) = case(problems, (6, 5, 5), 3, 3, 200)
+    batch = jnp.linspace(0.0, 1.0, 77)
+
+    def runs(run):
+        def of_one(a):
+            return run(plant, a * F, f, start, reference), jax.grad(number(run), (1, 2, 3))(plant, a * F, f, start, reference)
+
+        return jax.jit(lambda: jax.vmap(of_one)(batch))
+
+    found, again, wanted = runs(kernel)(), runs(kernel)(), runs(scan)()
+    problems.close(found, wanted, 1e-11)
+    assert all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True))
