@@ -14,6 +14,8 @@ from jaxtyping import Array, Float
 
 from jcontour.plant import Plant
 
+ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's precision
+
 
 class Pattern(NamedTuple):
     """Where A, B and C may be non-zero: hashable, so that it can steer compilation."""
@@ -139,6 +141,15 @@ def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
     finite = np.asarray(np.isfinite(M).all(axis=(-1, -2)))
     values = np.abs(np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))).max(axis=-1)
     return np.where(finite, values, np.inf)
+
+
+def check_stable(name: str, M) -> None:
+    """Raise ValueError, with the eigenvalues, unless all are inside the unit circle; traced values pass unchecked."""
+    if not is_concrete(M) or spectral_radius(M) < 1 - ROUNDING:
+        return
+    M = np.asarray(M)
+    values = np.array2string(np.linalg.eigvals(M), precision=6, max_line_width=10**6) if np.isfinite(M).all() else "not finite"
+    raise ValueError(f"{name} is not stable: needs all eigenvalues inside the unit circle, they are {values}")
 
 
 class Axis(NamedTuple):

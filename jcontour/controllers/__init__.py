@@ -4,15 +4,18 @@ from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.controllers.command_shaping import CommandShaped
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
 from jcontour.controllers.cross_coupled import ConstantCoupling, CrossCoupled, CrossGains, VariableCoupling
+from jcontour.controllers.disturbance_observer import DisturbanceObserver
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, DisturbanceRejection, EulerLESO, ExactLESO
 from jcontour.controllers.filters import Biquad, Filtered, low_pass, notch
-from jcontour.controllers.observers import FilterObserver, PredictorObserver, kalman_gain
+from jcontour.controllers.observers import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
+from jcontour.controllers.pole_placement import damped_poles, placed_gain
 from jcontour.controllers.precompensation import Precompensated
 from jcontour.controllers.preview_lq import PreviewLQ
+from jcontour.controllers.reduced_observer import ReducedObserver
+from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target, quasi_steady_target
 from jcontour.controllers.task_frame import TaskFrame
 
 __all__ = [
-    "NLESO",
     "Biquad",
     "Cascade",
     "CascadeGains",
@@ -22,20 +25,31 @@ __all__ = [
     "CrossCoupled",
     "CrossGains",
     "CurrentLESO",
+    "DisturbanceObserver",
     "DisturbanceRejection",
     "EulerLESO",
     "ExactLESO",
     "FilterObserver",
     "Filtered",
     "LQWeights",
+    "NLESO",
+    "OffsetFreeObserver",
     "OutputTerminal",
     "Precompensated",
     "PredictorObserver",
     "PreviewLQ",
+    "ReducedObserver",
     "RiccatiTerminal",
+    "StateFeedback",
     "TaskFrame",
     "VariableCoupling",
+    "damped_poles",
     "kalman_gain",
     "low_pass",
+    "lq_gain",
+    "moving_target",
     "notch",
+    "offset_free_gain",
+    "placed_gain",
+    "quasi_steady_target",
 ]

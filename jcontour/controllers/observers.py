@@ -2,7 +2,8 @@
 
 With innovation v = y - C xh and steady-state gain L:
     xf = xh + L v,    xh(k+1) = A xf + B u.
-The filter form feeds xf to the controller (it has the current measurement in time), the predictor form xh (it does not).
+The filter form feeds xf to the controller (it has the current measurement in time), the predictor form xh (it does not). The offset-free
+form estimates a constant disturbance d of the controls beside the state, and cancels it: LQG with integral action.
 """
 
 from typing import Any, NamedTuple
@@ -12,9 +13,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Wrapper
-from jcontour.linear import LinearPlant
+from jcontour.linear import LinearPlant, check_stable, is_concrete
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare
+from jcontour.sensors import row
 
 
 class ObserverMemory(NamedTuple):
@@ -25,26 +27,45 @@ class ObserverMemory(NamedTuple):
 
 
 class _Observer(Wrapper):
-    """What both forms share; `gain` is the filter gain L (n, m), `start` the first estimate (from the reference when None)."""
+    """What both forms share.
+
+    Args:
+        controller: fed the estimate.
+        model: of the machine; its output is the tool.
+        gain: the filter gain L (n, q).
+        start: the first estimate; from the reference when not given.
+        measured: C (q, n) of what the sensors show; the model's when not given.
+
+    Raises:
+        ValueError: the gain has the wrong shape, or A - A L C has an eigenvalue that is not inside the unit circle.
+    """
 
     controller: Controller
     model: LinearPlant
-    gain: Float[Array, "n m"]
+    gain: Float[Array, "n q"]
     start: Float[Array, " n"] | None = None
+    measured: Float[Array, "q n"] | None = None
+
+    def __check_init__(self):
+        check_gain(self.model.A, self._C, self.gain)
+
+    @property
+    def _C(self) -> Float[Array, "q n"]:
+        return self.model.C if self.measured is None else self.measured
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins."""
         known = self.model.initial_state(reference.position[0], reference.start_increment) if self.start is None else self.start
         return ObserverMemory(known, self.controller.initial_memory(reference))
 
-    def _update(self, memory: ObserverMemory, measurement: Float[Array, " m"]) -> Float[Array, " n"]:
-        return memory.estimate + self.gain @ (measurement - self.model.C @ memory.estimate)
+    def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:
+        return memory.estimate + self.gain @ (row(measurement) - self._C @ memory.estimate)
 
 
 class FilterObserver(_Observer):
     """The controller acts on the estimate that includes the current measurement."""
 
-    def step(self, memory: ObserverMemory, plan: Any, measurement: Float[Array, " m"]) -> tuple[ObserverMemory, Float[Array, " p"]]:
+    def step(self, memory: ObserverMemory, plan: Any, measurement: Any) -> tuple[ObserverMemory, Float[Array, " p"]]:
         """Correct, control, predict."""
         filtered = self._update(memory, measurement)
         inner, control = self.controller.step(memory.inner, plan, filtered)
@@ -54,10 +75,53 @@ class FilterObserver(_Observer):
 class PredictorObserver(_Observer):
     """The controller acts on the prediction from the samples before: its control is ready when the sample is taken."""
 
-    def step(self, memory: ObserverMemory, plan: Any, measurement: Float[Array, " m"]) -> tuple[ObserverMemory, Float[Array, " p"]]:
+    def step(self, memory: ObserverMemory, plan: Any, measurement: Any) -> tuple[ObserverMemory, Float[Array, " p"]]:
         """Control, correct, predict."""
         inner, control = self.controller.step(memory.inner, plan, memory.estimate)
         return ObserverMemory(self.model.step(self._update(memory, measurement), control), inner), control
+
+
+class OffsetFreeMemory(NamedTuple):
+    """The predicted state and disturbance, and the memory of the controller inside."""
+
+    estimate: Float[Array, " n"]
+    disturbance: Float[Array, " p"]
+    inner: Any
+
+
+class OffsetFreeObserver(Wrapper):
+    """Filter form for x(k+1) = A x + B (u + d), d constant: u = u_inside - d_f, so that no constant load leaves an error.
+
+    Args:
+        controller: fed the estimate of x.
+        model: of the machine without disturbance; its output is the tool.
+        gain: the filter gain L (n + p, q) of [x, d]; see `offset_free_gain`.
+        measured: C (q, n) of what the sensors show.
+
+    Raises:
+        ValueError: as `FilterObserver`, for [x, d].
+    """
+
+    controller: Controller
+    model: LinearPlant
+    gain: Float[Array, "n+p q"]
+    measured: Float[Array, "q n"]
+
+    def __check_init__(self):
+        A, C = _with_disturbance(self.model, self.measured)
+        check_gain(A, C, self.gain)
+
+    def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
+        """The estimate starts where the reference says the run begins, undisturbed."""
+        start = self.model.initial_state(reference.position[0], reference.start_increment)
+        return OffsetFreeMemory(start, jnp.zeros(self.model.inputs, start.dtype), self.controller.initial_memory(reference))
+
+    def step(self, memory: OffsetFreeMemory, plan: Any, measurement: Any) -> tuple[OffsetFreeMemory, Float[Array, " p"]]:
+        """Correct, control, cancel, predict: the model is driven by the control inside, u + d."""
+        correction = self.gain @ (row(measurement) - self.measured @ memory.estimate)
+        filtered, disturbance = memory.estimate + correction[: self.model.states], memory.disturbance + correction[self.model.states :]
+        inner, control = self.controller.step(memory.inner, plan, filtered)
+        return OffsetFreeMemory(self.model.step(filtered, control), disturbance, inner), control - disturbance
 
 
 def kalman_gain(model: LinearPlant, control_noise, measurement_noise) -> Float[Array, "n m"]:
@@ -79,6 +143,41 @@ def kalman_gain(model: LinearPlant, control_noise, measurement_noise) -> Float[A
     V = jnp.diag((deviation / jnp.max(deviation)) ** 2)
     check_dare(model.A.T, model.C.T, B @ B.T, V)
     return _filter_gain(model.A, B, model.C, V)
+
+
+def offset_free_gain(model: LinearPlant, measured, control_noise, drift, measurement_noise) -> Float[Array, "n+p q"]:
+    """Kalman filter gain of [x, d] for `OffsetFreeObserver`, where d walks at random.
+
+    Args:
+        model: of the machine without disturbance.
+        measured: C (q, n) of what the sensors show.
+        control_noise: standard deviation on each control (p,) or one for all.
+        drift: standard deviation of the change of d per sample, likewise, in the unit of the control; more of it integrates faster.
+        measurement_noise: standard deviation on each measurement (q,) or one for all.
+
+    Raises:
+        ValueError: as `kalman_gain`.
+    """
+    A, C = _with_disturbance(model, measured)
+    n, p = model.states, model.inputs
+    B = jnp.zeros((n + p, 2 * p), A.dtype).at[:n, :p].set(model.B).at[n:, p:].set(jnp.eye(p))
+    noise = jnp.concatenate([jnp.broadcast_to(jnp.asarray(size, A.dtype), (p,)) for size in (control_noise, drift)])
+    return kalman_gain(LinearPlant(A, B, C, model.dt), noise, measurement_noise)
+
+
+def check_gain(A: Float[Array, "n n"], C: Float[Array, "q n"], gain: Float[Array, "n q"]) -> None:
+    """Raise ValueError unless the gain has the shape (n, q) and its observer is stable; traced values pass unchecked."""
+    if jnp.shape(gain) != (A.shape[0], C.shape[0]):
+        raise ValueError(f"gain: needs shape ({A.shape[0]}, {C.shape[0]}), received {jnp.shape(gain)}")
+    if is_concrete(A, C, gain):
+        check_stable("gain: the observer", A - A @ gain @ C)
+
+
+def _with_disturbance(model: LinearPlant, measured) -> tuple[Float[Array, "n+p n+p"], Float[Array, "q n+p"]]:
+    n, p = model.states, model.inputs
+    A = jnp.eye(n + p, dtype=model.A.dtype).at[:n, :n].set(model.A).at[:n, n:].set(model.B)
+    measured = jnp.asarray(measured, model.A.dtype)
+    return A, jnp.concatenate([measured, jnp.zeros((measured.shape[0], p), measured.dtype)], axis=1)
 
 
 @jax.jit

@@ -2,6 +2,7 @@
 
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis_model import euler_model, zoh_model
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
@@ -24,8 +25,10 @@ __all__ = [
     "Sensed",
     "SmoothFlexibleAxis",
     "bridgeport",
+    "euler_model",
     "thesis_axis",
     "thesis_gantry",
     "thesis_motor",
     "xy_table",
+    "zoh_model",
 ]

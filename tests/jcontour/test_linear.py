@@ -6,7 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
-from jcontour.linear import LinearPlant, Pattern, decoupled_axes, spectral_radius, steady_motion, with_input_delay, with_input_gains, zoh
+from jcontour.linear import (
+    LinearPlant,
+    Pattern,
+    check_stable,
+    decoupled_axes,
+    spectral_radius,
+    steady_motion,
+    with_input_delay,
+    with_input_gains,
+    zoh,
+)  # fmt: skip
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers import Delayed
 
@@ -168,3 +178,13 @@ def test_integers_become_floats():
     plant = LinearPlant([[1, 0], [0, 1]], [[1], [0]], [[1, 0]], 1)
     assert plant.A.dtype == plant.B.dtype == plant.C.dtype == jnp.float64
     assert (plant.states, plant.inputs, plant.axes, plant.dt) == (2, 1, 1, 1.0)
+
+
+def test_unstable_matrices_are_named_with_their_eigenvalues():
+    check_stable("loop", np.diag([0.5, -0.999]))
+    jax.jit(lambda M: check_stable("loop", M))(2 * np.eye(2))  # traced: not looked at
+    for matrix, values in ((np.diag([0.5, -1.5]), "0.5 +-1.5"), ([[1.0, 1.0], [0.0, 1.0]], "1. +1."), ([[np.nan]], "not finite")):
+        with pytest.raises(
+            ValueError, match=f"^loop is not stable: needs all eigenvalues inside the unit circle, they are .{{0,2}}{values}"
+        ):
+            check_stable("loop", np.asarray(matrix))

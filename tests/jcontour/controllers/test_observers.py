@@ -6,11 +6,16 @@ from scipy.linalg import solve_discrete_are
 
 from jcontour.contours import line
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
-from jcontour.controllers.observers import FilterObserver, PredictorObserver, kalman_gain
+from jcontour.controllers.observers import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
+from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target
+from jcontour.friction import Friction
 from jcontour.linear import LinearPlant, spectral_radius
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers import Encoders
-from jcontour.references import along
+from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis_model import zoh_model
+from jcontour.plants.wrappers import Disturbed, Encoders
+from jcontour.point_to_point import PointToPoint
+from jcontour.references import along, in_time
 from jcontour.simulation import simulate
 
 
@@ -87,3 +92,52 @@ def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, la
         memory = controller.initial_memory(reference)
         controls = [controller.step(memory, row, jnp.asarray(y))[1] for y in ([0.0, 0.0], [1e-6, 0.0])]
         assert (np.abs(controls[0] - controls[1]).max() > 0) == uses
+
+
+MODEL = zoh_model(thesis_axis(), 1e-3)
+MOTOR = np.eye(4)[:2]
+FEEDBACK = StateFeedback(lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL))
+NOISE = (0.05, [1e-6, 1e-3])
+
+
+def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
+    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    whole, seen = np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]), np.hstack([MOTOR, np.zeros((2, 1))])
+    scale = np.diag([1e6, 1e3])  # of the measurements, for SciPy's sake
+    W = np.block([[B @ B.T * 0.05**2, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 0.02**2)]])
+    P = solve_discrete_are(whole.T, (scale @ seen).T, W, np.eye(2))
+    wanted = P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
+    np.testing.assert_allclose(offset_free_gain(MODEL, MOTOR, 0.05, 0.02, [1e-6, 1e-3]), wanted, rtol=1e-7, atol=1e-9)
+
+
+def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
+    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
+    gain = kalman_gain(LinearPlant(MODEL.A, MODEL.B, MOTOR, 1e-3), *NOISE)
+    plain = FilterObserver(FEEDBACK, MODEL, gain, measured=MOTOR)
+    integral = OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)
+    frictionless = AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1)
+    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jnp.full((1, 1), 0.5))
+    errors = [abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01) for controller in (plain, integral)]
+    assert errors[0] > 5e-5 and errors[1] < 1e-9
+
+
+def test_without_a_load_integral_action_is_state_feedback():
+    """Separation: an observer that starts right changes nothing."""
+    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
+    wanted = simulate(MODEL, FEEDBACK, task)
+    found = simulate(
+        MODEL, OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2), np.eye(4)), task
+    )
+    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max())
+
+
+def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
+    for make in (
+        lambda: FilterObserver(FEEDBACK, MODEL, -np.ones((4, 2)), measured=MOTOR),
+        lambda: PredictorObserver(FEEDBACK, MODEL, np.zeros((4, 1))),
+        lambda: OffsetFreeObserver(FEEDBACK, MODEL, np.zeros((5, 2)), MOTOR),
+    ):
+        with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
+            make()
+    with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
+        FilterObserver(FEEDBACK, MODEL, np.zeros((4, 1)), measured=MOTOR)
