@@ -129,8 +129,8 @@ def _gap(contour: str, plant: str, without: Metrics, run: Run, stopped: Stopped 
     )  # fmt: skip
 
 
-def acting_fraction(control: Float[np.ndarray, "T p"] | None, limits: Limits) -> float:
-    """Fraction of the steps whose control, or its change from the step before, is at a limit; 0 without a step."""
+def acting_fraction(control: ArrayLike | None, limits: Limits) -> float:
+    """Fraction of the steps whose control (T, p), or its change from the step before, is at a limit; 0 without a step."""
     if control is None:
         return 0.0
     u = np.asarray(control)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from jcontour.contour import Contour
 from jcontour.linear import LinearPlant
@@ -123,7 +123,7 @@ class MPCC(HostController):
 
     preview = 0
 
-    def __init__(self, model: LinearPlant, contour: Contour, lower=-0.5, upper=0.5, speed_limit: float = 0.25,
+    def __init__(self, model: LinearPlant, contour: Contour, lower: ArrayLike = -0.5, upper: ArrayLike = 0.5, speed_limit: float = 0.25,
                  weights: ContouringWeights | None = None, horizon: int | Sequence[int] = 7, solver: Solver | None = None,
                  arrival: float = ARRIVAL):  # fmt: skip
         self.model, self.contour, self.weights = model, contour, ContouringWeights() if weights is None else weights
