@@ -1,6 +1,5 @@
 """The `jcontour` command. Everything heavy is imported by the command that needs it, so that --help answers at once."""
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -28,10 +27,12 @@ BAD_INPUT, INTERRUPTED = 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    os.environ.setdefault("XLA_FLAGS", "--xla_force_host_platform_device_count=1")  # runs are batched by loops: one device
     try:
         flags, run = _chosen(arguments)
-        return run(flags)
+        if not isinstance(flags, options.Spreading):
+            return run(flags)
+        with import_module("experiments.spreading").prepared(flags) as flags:
+            return run(flags)
     except KeyboardInterrupt as interruption:
         how = str(interruption)
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
@@ -45,7 +46,7 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.reproduce").chosen(arguments[1], arguments[2:])
     flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
-    return flags, import_module(COMMANDS[type(flags)][1]).command
+    return flags, lambda flags: import_module(COMMANDS[type(flags)][1]).command(flags)  # devices are set up before it is imported
 
 
 def _any_command() -> Any:

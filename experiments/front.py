@@ -20,7 +20,7 @@ from experiments.catalogue import machine_named
 from experiments.checkpoints import load_state, save_state
 from experiments.datasets import metric_unit, save_dataset
 from experiments.designs import plain_weights
-from experiments.options import Front, Storage, Tune
+from experiments.options import Front, Spreading, Tune
 from experiments.progress import progress_of
 from experiments.tuning_runs import TuningRun, flag_paths, named_limits, resumed, tuning_run
 from tuning.objectives import AtMost
@@ -65,7 +65,7 @@ def command(flags: Front) -> int:
 
 
 def _tuning_run(flags: Front) -> TuningRun:
-    shared = {f.name: getattr(flags, f.name) for f in fields(Storage)}
+    shared = {f.name: getattr(flags, f.name) for f in fields(Spreading)}
     return tuning_run(Tune(**{**shared, "parts": flags.parts or machine_named(flags.plant).usual.front, **EFFORT}))
 
 

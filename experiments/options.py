@@ -84,7 +84,18 @@ class Storage(Limited):
 
 
 @dataclass(frozen=True)
-class Tune(Storage):
+class Spreading(Storage):
+    """What it runs on; a run may go on elsewhere than it began."""
+
+    devices: str = "1"  # so that a run ends in the same digits on every computer
+    """Devices of every host that contours are spread over: GPUs, or else cores of the CPU; `all`, or a number."""
+    hosts: bool = False
+    """Join the hosts that JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID, or a cluster's own variables, name: start the
+    same command on each."""
+
+
+@dataclass(frozen=True)
+class Tune(Spreading):
     """Tune the weights of a controller by gradient: on your toolpaths, or on the machine's built-in training set."""
 
     parts: Positional[tuple[str, ...]] = ()
@@ -133,7 +144,7 @@ class Listing(Common):
 
 
 @dataclass(frozen=True)
-class Front(Storage):
+class Front(Spreading):
     """Trace the trade-off between contour error and control increment, under a tracking cap if one is given."""
 
     parts: Positional[tuple[str, ...]] = ()
@@ -147,7 +158,7 @@ class Front(Storage):
 
 
 @dataclass(frozen=True)
-class Sweep(Storage):
+class Sweep(Spreading):
     """Evaluate a grid, or a random sample, over weights x preview x contours."""
 
     parts: Positional[tuple[str, ...]] = ()
@@ -161,7 +172,9 @@ class Sweep(Storage):
     previews: tuple[int, ...] = (5, 10, 20)
     """Horizons of an LQ controller [samples]."""
     samples: int = 0  # the grid
-    """Random weights between the smallest and the largest values; 0 takes the grid."""
+    """Random weights between the smallest value above zero and the largest; 0 takes the grid."""
+    devices: str = "all"  # every design is computed by itself: no digit depends on it
+    """Devices of every host that designs are spread over: GPUs, or else cores of the CPU; `all`, or a number."""
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """`jcontour sweep`: metrics over weights x preview x contours x plants, on the true machines, stored as netCDF."""
 
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
@@ -17,13 +17,16 @@ from experiments.jobs import Job, Pace
 from experiments.machines import Machine
 from experiments.options import Sweep
 from experiments.replays import Course
+from experiments.spreading import batching_of
+from experiments.swept_parts import SweptParts
 from experiments.tuning_runs import flag_paths, resumed
-from jcontour.metrics import Metrics
+from jcontour.devices import Spread
+from jcontour.evaluation import Batching
 from tuning.sweep import grid, random_sample, sweep
 
-ROWS = "rows.npz"
-SAVE_EVERY = 8  # designs: at most these are done again after a kill
-NAMES = tuple(Metrics.__dataclass_fields__)
+PARTS = "parts"
+STEPS_ON_CPU = 2_000_000  # of one core at once: a few seconds, which a kill costs at most
+BYTES_PER_STEP = 2_000  # of a run on an accelerator, with room to spare
 
 
 def command(flags: Sweep) -> int:
@@ -53,7 +56,7 @@ def command(flags: Sweep) -> int:
 
 
 def sampled_values(flags: Sweep) -> dict[str, Float[Array, " D"]]:
-    """Values of the weights that vary: the grid, or random ones between the ends, even in the logarithm.
+    """Values of the weights that vary: the grid, or random ones from the least above zero to the largest, even in the logarithm.
 
     Raises:
         ValueError: nothing to sweep, or a value is wrong.
@@ -62,7 +65,8 @@ def sampled_values(flags: Sweep) -> dict[str, Float[Array, " D"]]:
         raise ValueError("previews, samples: need at least one preview, and samples of at least 0")
     varied = dict(map(_listed, flags.vary)) if flags.vary else {"alpha": flags.alphas, "beta": flags.betas}
     if flags.samples:
-        return random_sample(flags.samples, flags.seed, **{name: (min(values), max(values)) for name, values in varied.items()})
+        ends = {name: (min((value for value in values if value > 0), default=0.0), max(values)) for name, values in varied.items()}
+        return random_sample(flags.samples, flags.seed, **ends)
     return grid(**varied)
 
 
@@ -90,32 +94,41 @@ def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
 
 
 def _swept(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]], folder: Path) -> xr.Dataset:
-    rows, count = _load(folder), next(iter(values.values())).size
+    parts, count, batching = SweptParts(folder / PARTS), next(iter(values.values())).size, batching_of(flags)
     for number, preview in enumerate(flags.previews):
-        if len(rows) >= (number + 1) * count:
+        if parts.rows >= (number + 1) * count:
             continue
         design = _design(flags, machine, preview)
         plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
         course = Course.of(jobs, [False] * len(jobs), plants, design.preview)
+        at_once = min(count, designs_at_once(len(jobs) * len(plants) * course.references.steps, batching))
 
         def make(varied, design=design):
             return design.build(with_values(design.start, varied))
 
-        while (first := len(rows) - number * count) < count:
-            chunk = {name: column[first : first + SAVE_EVERY] for name, column in values.items()}
-            found = {name: np.asarray(row) for name, row in vars(sweep(make, chunk, course.family, course.references)).items()}
-            rows += [{name: found[name][k] for name in NAMES} for k in range(len(found["diverged"]))]
-            _save(folder, rows)
-    return _dataset(flags, machine, jobs, values, rows)
+        while (first := parts.rows - number * count) < count:
+            rows = np.minimum(np.arange(first, first + at_once), count - 1)  # always as many: one program
+            chunk = {name: column[rows] for name, column in values.items()}
+            found = sweep(make, chunk, course.family, course.references, batching=batching)
+            parts.add({name: np.asarray(row)[: count - first] for name, row in vars(found).items()})
+    return _dataset(flags, machine, jobs, values, parts.whole())
 
 
-def _dataset(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]], rows) -> xr.Dataset:
+def designs_at_once(steps: int, batching: Batching | None) -> int:
+    """Designs in one program, of so many steps each: as many as the memory of an accelerator holds, or a few seconds of a CPU."""
+    devices = batching.mesh.size if isinstance(batching, Spread) else 1
+    memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
+    at_once = STEPS_ON_CPU if memory is None else memory // BYTES_PER_STEP
+    return max(1, devices * at_once // steps)
+
+
+def _dataset(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]], found: dict[str, Any]) -> xr.Dataset:
     dims, design = ("preview", "sample", "contour", "plant"), _design(flags, machine, flags.previews[0])
     shape = (len(flags.previews), next(iter(values.values())).size, len(jobs), len(machine.family_names))
     data = {}
-    for name in NAMES:
-        found = np.array([row[name] for row in rows]).reshape(shape)
-        data[name] = (dims, found.astype("i1") if found.dtype == bool else found, {"units": metric_unit(name, machine.control_unit)})
+    for name in found:
+        column = found[name].reshape(shape)
+        data[name] = (dims, column.astype("i1") if column.dtype == bool else column, {"units": metric_unit(name, machine.control_unit)})
     coordinates = {
         "preview": ("preview", list(flags.previews), {"units": "samples"}), "contour": [job.name for job in jobs],
         "plant": machine.family_names,
@@ -135,19 +148,3 @@ def _summary(dataset: xr.Dataset, names: tuple[str, ...], error: str) -> dict[st
         for p, preview in enumerate(dataset.preview.values) if np.isfinite(worst[p]).any() for i in [int(np.argmin(worst[p]))]
     ]  # fmt: skip
     return {"points": int(lost.size), "diverged": int(lost.sum()), "best": best}
-
-
-def _save(folder: Path, rows: list[dict[str, np.ndarray]]) -> None:
-    arrays = {name: np.array([row[name] for row in rows]) for name in NAMES}
-    runs.write(folder / ROWS, lambda temporary: np.savez(temporary, **arrays))  # pyright: ignore[reportArgumentType]
-
-
-def _load(folder: Path) -> list[dict[str, np.ndarray]]:
-    if not (folder / ROWS).exists():
-        return []
-    try:
-        with np.load(folder / ROWS, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in NAMES}
-    except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile) as error:
-        raise runs.RunError(f"{folder / ROWS}: cannot be read ({error})") from None
-    return [{name: arrays[name][k] for name in NAMES} for k in range(len(arrays["diverged"]))]

@@ -10,9 +10,10 @@ from experiments.catalogue import design_for, job_named, machine_named
 from experiments.designs import Design
 from experiments.jobs import Job, Pace
 from experiments.machines import Machine
-from experiments.options import Limited, Storage, Tune
+from experiments.options import Limited, Spreading, Tune
 from experiments.replays import Course
 from experiments.runs import RunError, opened
+from experiments.spreading import batching_of
 from jcontour.controller import Controller
 from jcontour.evaluation import stack_plants, stack_references
 from tuning.objectives import AtMost, Objective, mean_contour_error, mean_tracking_error, worst_contour_error, worst_tracking_error
@@ -20,7 +21,7 @@ from tuning.parameters import Weights
 from tuning.problem import Problem
 from tuning.tune import Settings
 
-F = TypeVar("F", bound=Storage)
+F = TypeVar("F", bound=Spreading)
 
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
     ("worst", "contour"): worst_contour_error, ("mean", "contour"): mean_contour_error,
@@ -91,6 +92,7 @@ def tuning_run(flags: Tune) -> TuningRun:
         design.build, stack_plants(family[:1] if flags.nominal_only else family),
         stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
         OBJECTIVES[flags.objective, machine.error], design.space, AtMost(**named_limits(flags)),
+        batching=batching_of(flags),
     )  # fmt: skip
     return TuningRun(flags, machine, design, problem, settings, course)
 
@@ -122,14 +124,15 @@ def flag_paths(flags: Any) -> list[Path]:
 
 
 def resumed(flags: F, command: str) -> tuple[Path, F]:
-    """Folder and flags of the run that `--resume` names; it reads its own copies of its input files.
+    """Folder and flags of the run that `--resume` names; it reads its own copies of its input files, on the devices named now.
 
     Raises:
         ValueError: other flags are given as well, or the folder does not hold a run of this command.
     """
     folder = flags.resume
     assert folder is not None
-    given = [f.name for f in fields(flags) if f.name not in ("json", "resume") and getattr(flags, f.name) != f.default]
+    new = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
+    given = [f.name for f in fields(flags) if f.name not in ("resume", *new) and getattr(flags, f.name) != f.default]
     if given:
         raise ValueError(f"resume: the run keeps its own settings; leave out --{given[0].replace('_', '-')}")
     stored = opened(folder, command)
@@ -137,7 +140,7 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     try:
         known = {key: tuple(value) if isinstance(value, list) else value for key, value in stored["flags"].items()}
         known |= {"plant": copies.get(known["plant"], known["plant"]), "parts": tuple(copies.get(name, name) for name in known["parts"])}
-        return folder, type(flags)(**{**known, "json": flags.json, "out": None, "resume": None})
+        return folder, type(flags)(**{**known, **new, "out": None, "resume": None})
     except (TypeError, KeyError):
         raise RunError(f"{folder}: its settings are not those of this version's {command}") from None
 

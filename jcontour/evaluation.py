@@ -51,17 +51,18 @@ def evaluate(
         plants: `stack_plants([...])`, axis 0.
         references: `stack_references([...])`, axis 0.
         window: samples a..b-1 that are scored; all when not given.
-        batching: how contours are batched; chosen by the platform when not given.
+        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen by the platform when not given.
 
     Raises:
         ValueError: as `simulate` and `score`.
     """
     check_run(plants, controller, references)
-    batching = platform_batching() if batching is None else batching
+    each = platform_batching()
+    batching = each if batching is None else batching
 
     def on_contour(reference: Reference) -> Metrics:
         plan = controller.prepare(reference)
-        return batching(lambda plant: _followed(plant, controller, plan, reference, window), plants)
+        return each(lambda plant: _followed(plant, controller, plan, reference, window), plants)
 
     return batching(on_contour, references)
 

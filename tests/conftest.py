@@ -1,7 +1,8 @@
-"""Shared by all tests: warnings are errors, and the machines that many tests drive."""
+"""Shared by all tests: warnings are errors, a CPU is two devices, and the machines that many tests drive."""
 
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
 
@@ -9,6 +10,8 @@ from jcontour.linear import LinearPlant
 
 
 def pytest_configure(config):
+    jax.config.update("jax_num_cpu_devices", 2)
+    jax.devices()  # from here on they stay
     config.addinivalue_line("filterwarnings", "error")
     config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
     config.addinivalue_line("filterwarnings", "ignore:.*os.fork.*:RuntimeWarning")  # subprocess of the command-line tests

@@ -36,7 +36,7 @@ class Problem(eqx.Module):
         limits: metrics -> vector that must not be above zero.
         space: one parameter per weight, see `parameters`.
         window: samples a..b-1 that are scored; all when None.
-        batching: how contours and plants are batched; chosen by the platform when None.
+        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen by the platform when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)

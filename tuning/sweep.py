@@ -32,10 +32,10 @@ def sweep(
         plants: the family, stacked.
         references: the contours, stacked.
         window: samples a..b-1 that are scored; all when not given.
-        batching: how designs, contours and plants are batched; chosen by the platform when not given.
+        batching: how designs are batched, on one device or on several (`devices.Spread`); chosen by the platform when not given.
     """
     batching = platform_batching() if batching is None else batching
-    return batching(lambda weights: evaluate(build(weights), plants, references, window, batching), designs)
+    return batching(lambda weights: evaluate(build(weights), plants, references, window), designs)
 
 
 def grid(**values: Sequence[float]) -> dict[str, Float[Array, " D"]]:

@@ -55,6 +55,8 @@ def test_missing_part(capsys, tmp_path):
         (["--scatter", "-1"], "scatter"),
         (["--plant", "lathe"], "lathe"),
         (["--plant", "lathe.json"], "lathe.json"),
+        (["--devices", "some"], "devices"),
+        (["--devices", "3"], "devices: needs 1 to 2"),
         (["--resume", "nowhere"], "nowhere"),
         (["--resume", "nowhere", "--seed", "3"], "leave out --seed"),
     ],
@@ -132,7 +134,7 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
 
 LONG = {  # command -> flags, the file that tells that it is in the middle, the files that have to agree
     "front": (["circle", "--points", "2"], "budget-0/state.npz", ("result.json", "budgets.json")),
-    "sweep": (["circle", "--alphas", "1", "2", "4", "--betas", "0", "1", "5", "20", "--previews", "4", "6"], "rows.npz", ("result.json",)),
+    "sweep": (["circle", "--alphas", "1", "2", "4", "--betas", "0", "1", "5", "20", "--previews", "4", "6"], "parts", ("result.json",)),
 }
 
 
