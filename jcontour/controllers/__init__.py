@@ -7,6 +7,7 @@ from jcontour.controllers.cross_coupled import ConstantCoupling, CrossCoupled, C
 from jcontour.controllers.disturbance_observer import DisturbanceObserver
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, DisturbanceRejection, EulerLESO, ExactLESO
 from jcontour.controllers.filters import Biquad, Filtered, low_pass, notch
+from jcontour.controllers.integral_lqg import IntegralLQG, integral_lq_gains
 from jcontour.controllers.observers import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
 from jcontour.controllers.pole_placement import damped_poles, placed_gain
 from jcontour.controllers.precompensation import Precompensated
@@ -31,6 +32,7 @@ __all__ = [
     "ExactLESO",
     "FilterObserver",
     "Filtered",
+    "IntegralLQG",
     "LQWeights",
     "NLESO",
     "OffsetFreeObserver",
@@ -44,6 +46,7 @@ __all__ = [
     "TaskFrame",
     "VariableCoupling",
     "damped_poles",
+    "integral_lq_gains",
     "kalman_gain",
     "low_pass",
     "lq_gain",

@@ -62,6 +62,12 @@ def checked_gain(name: str, value) -> Array:
     return jnp.asarray(value, float)
 
 
+def check_limit(limit) -> None:
+    """Raise ValueError unless the limits of the control, the same in both directions, are above zero; traced values pass unchecked."""
+    if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
+        raise ValueError(f"limit: needs to be above zero, received {limit}")
+
+
 class CascadePlan(eqx.Module):
     """Where every axis should be [m], its velocity from there to the next sample [m/s], and the control u_r that the motion needs."""
 
@@ -92,8 +98,7 @@ class Cascade(Controller):
     def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit=np.inf):
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
-        if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
-            raise ValueError(f"limit: needs to be above zero, received {limit}")
+        check_limit(limit)
         if not sensors.velocity:
             raise ValueError("sensors: the velocity loop needs the velocities measured, received positions only")
         self.gains, self.sensors, self.dt, self.limit, self.preview = gains, sensors, float(dt), jnp.asarray(limit, float), 1

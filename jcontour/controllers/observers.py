@@ -3,16 +3,19 @@
 With innovation v = y - C xh and steady-state gain L:
     xf = xh + L v,    xh(k+1) = A xf + B u.
 The filter form feeds xf to the controller (it has the current measurement in time), the predictor form xh (it does not). The offset-free
-form estimates a constant disturbance d of the controls beside the state, and cancels it: LQG with integral action.
+form estimates a constant disturbance d of the controls beside the state, and cancels it; `integral_lqg` has an integral instead.
 """
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Wrapper
+from jcontour.controllers.cascade import check_limit
 from jcontour.linear import LinearPlant, check_stable, is_concrete
 from jcontour.references import Reference
 from jcontour.riccati import check_dare, dare
@@ -92,24 +95,29 @@ class OffsetFreeMemory(NamedTuple):
 class OffsetFreeObserver(Wrapper):
     """Filter form for x(k+1) = A x + B (u + d), d constant: u = u_inside - d_f, so that no constant load leaves an error.
 
+    A control at its limit does not disturb the estimate, which is driven by the u that acts.
+
     Args:
         controller: fed the estimate of x.
         model: of the machine without disturbance; its output is the tool.
         gain: the filter gain L (n + p, q) of [x, d]; see `offset_free_gain`.
         measured: C (q, n) of what the sensors show.
+        limit: of the control, +-: one number or one for each; none when infinite.
 
     Raises:
-        ValueError: as `FilterObserver`, for [x, d].
+        ValueError: as `FilterObserver`, for [x, d]; or a limit is not above zero.
     """
 
     controller: Controller
     model: LinearPlant
     gain: Float[Array, "n+p q"]
     measured: Float[Array, "q n"]
+    limit: Float[Array, "*p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
         A, C = _with_disturbance(self.model, self.measured)
         check_gain(A, C, self.gain)
+        check_limit(self.limit)
 
     def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
         """The estimate starts where the reference says the run begins, undisturbed."""
@@ -117,11 +125,12 @@ class OffsetFreeObserver(Wrapper):
         return OffsetFreeMemory(start, jnp.zeros(self.model.inputs, start.dtype), self.controller.initial_memory(reference))
 
     def step(self, memory: OffsetFreeMemory, plan: Any, measurement: Any) -> tuple[OffsetFreeMemory, Float[Array, " p"]]:
-        """Correct, control, cancel, predict: the model is driven by the control inside, u + d."""
+        """Correct, control, cancel, predict: the model is driven by u + d."""
         correction = self.gain @ (row(measurement) - self.measured @ memory.estimate)
         filtered, disturbance = memory.estimate + correction[: self.model.states], memory.disturbance + correction[self.model.states :]
         inner, control = self.controller.step(memory.inner, plan, filtered)
-        return OffsetFreeMemory(self.model.step(filtered, control), disturbance, inner), control - disturbance
+        control = jnp.clip(control - disturbance, -self.limit, self.limit)
+        return OffsetFreeMemory(self.model.step(filtered, control + disturbance), disturbance, inner), control
 
 
 def kalman_gain(model: LinearPlant, control_noise, measurement_noise) -> Float[Array, "n m"]:

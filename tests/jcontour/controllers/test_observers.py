@@ -13,7 +13,7 @@ from jcontour.linear import LinearPlant, spectral_radius
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis_model import zoh_model
-from jcontour.plants.wrappers import Disturbed, Encoders
+from jcontour.plants.wrappers import Disturbed, Encoders, Saturated, Sensed
 from jcontour.point_to_point import PointToPoint
 from jcontour.references import along, in_time
 from jcontour.simulation import simulate
@@ -129,6 +129,18 @@ def test_without_a_load_integral_action_is_state_feedback():
         MODEL, OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2), np.eye(4)), task
     )
     np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max())
+
+
+def test_at_a_limit_the_disturbance_is_not_mistaken():
+    """Told of the limit, the observer finds but what is left of its wrong start; untold, it takes the missing control for a load."""
+    rest = along(line([0.0], [0.1]), np.zeros(400), 1e-3, 1, at_rest=True)
+    start, gain = MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)), offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
+    machine = Saturated(Sensed(MODEL, lambda x: x[:2]), jnp.array([2.0]))
+    found = [np.abs(simulate(machine, OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, limit), rest, start).memory.disturbance[50:]).max()
+             for limit in (np.inf, 2.0)]  # fmt: skip
+    assert found[0] > 10.0 and found[1] < 1.0
+    with pytest.raises(ValueError, match="^limit: "):
+        OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, -1.0)
 
 
 def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
