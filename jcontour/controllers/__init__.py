@@ -13,6 +13,7 @@ from jcontour.controllers.pole_placement import damped_poles, placed_gain
 from jcontour.controllers.precompensation import Precompensated
 from jcontour.controllers.preview_lq import PreviewLQ
 from jcontour.controllers.reduced_observer import ReducedObserver
+from jcontour.controllers.shaped import Shaped
 from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target, quasi_steady_target
 from jcontour.controllers.task_frame import TaskFrame
 
@@ -42,6 +43,7 @@ __all__ = [
     "PreviewLQ",
     "ReducedObserver",
     "RiccatiTerminal",
+    "Shaped",
     "StateFeedback",
     "TaskFrame",
     "VariableCoupling",

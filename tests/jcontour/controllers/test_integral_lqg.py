@@ -86,7 +86,6 @@ def test_two_axes_are_each_on_their_own():
     machine = Disturbed(FlexibleAxis(pair(), DT), jnp.array([[0.5, -0.2]]))
     run = simulate(machine, law, task)
     np.testing.assert_allclose(run.output[-1], [0.03, -0.04], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(run.final_memory.share, [0.5, -0.2], rtol=0, atol=1e-2)  # all of the load
     apart = np.kron(np.ones((1, 4)), np.ones((2, 2)) - np.eye(2)).astype(bool)
     assert np.abs(law.feedback.gain[apart]).max() < 1e-9 * np.abs(law.feedback.gain).max()
 
