@@ -6,10 +6,11 @@ from jcontour.plants.flexible_axis_model import euler_model, zoh_model
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
-from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated, Sensed
+from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated, Sensed
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [
+    "CountingEncoders",
     "Delayed",
     "Disturbed",
     "DriveParameters",
@@ -19,6 +20,7 @@ __all__ = [
     "FrictionXYTable",
     "Gantry",
     "GantryParameters",
+    "LateSensors",
     "LinearMotor",
     "Quantised",
     "Saturated",

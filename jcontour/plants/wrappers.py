@@ -4,12 +4,15 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from jcontour.linear import is_concrete
 from jcontour.plant import Plant, State
+from jcontour.sensors import Sensors
 
 
 class _Wrapper(Plant):
@@ -75,6 +78,87 @@ class Quantised(_Wrapper):
         return self.resolution * jnp.round(self.plant.measure(state) / self.resolution)
 
 
+class CountingEncoders(_Wrapper):
+    """Positions in whole counts of `resolution`, and as speeds the difference of two readings, as a drive has them. Not smooth.
+
+        q(k) = resolution * round(x(k) / resolution),    v(k) = (q(k) - q(k-1)) / dt
+    The measurement is (q, v). Noise of the plant inside is there before the rounding.
+
+    Args:
+        plant: whose positions are measured.
+        sensors: where they stand in its measurement.
+        resolution: [m] per count.
+
+    Raises:
+        ValueError: the resolution is not positive.
+    """
+
+    sensors: Sensors
+    resolution: float = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not self.resolution > 0:
+            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
+
+    def initial_state(self, position, increment) -> State:
+        """The plant inside, and the reading one sample before."""
+        return self.plant.initial_state(position, increment), self._read(self.plant.initial_state(position - increment, increment))
+
+    def step(self, state, control) -> State:
+        """The plant inside; the reading of now becomes that before."""
+        return self.plant.step(state[0], control), self._read(state[0])
+
+    def output(self, state) -> Float[Array, " m"]:
+        """That of the plant inside."""
+        return self.plant.output(state[0])
+
+    def measure(self, state) -> tuple[Array, Array]:
+        """(q, v)."""
+        inner, before = state
+        now = self._read(inner)
+        return now, (now - before) / self.dt
+
+    def _read(self, inner: State) -> Float[Array, " m"]:
+        return self.resolution * jnp.round(self.sensors.positions(self.plant.measure(inner)) / self.resolution)
+
+
+class LateSensors(_Wrapper):
+    """The measurement is `samples` old: bus and filter times of the sensors. What was before the start is steady motion.
+
+    The line has a fixed `depth` and a traced tap, so that plants of delay 0..depth batch.
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: Int[Array, ""]
+    depth: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        _check_line(self.samples, self.depth)
+
+    def initial_state(self, position, increment) -> State:
+        """The plant inside, and what it measured at the samples before, the last one first."""
+        before = [self.plant.initial_state(position - k * increment, increment) for k in range(1, self.depth + 1)]
+        return self.plant.initial_state(position, increment), jax.tree.map(lambda *m: jnp.stack(m), *map(self.plant.measure, before))
+
+    def step(self, state, control) -> State:
+        """The plant inside; the line moves on."""
+        return self.plant.step(state[0], control), jax.tree.map(lambda line: line[:-1], self._line(state))
+
+    def output(self, state) -> Float[Array, " m"]:
+        """That of the plant inside."""
+        return self.plant.output(state[0])
+
+    def measure(self, state) -> Any:
+        """That of the plant inside, `samples` ago."""
+        return jax.tree.map(lambda line: line[self.samples], self._line(state))
+
+    def _line(self, state: State) -> Any:
+        inner, line = state
+        return jax.tree.map(lambda now, before: jnp.concatenate([now[None], before]), self.plant.measure(inner), line)
+
+
 class Saturated(_Wrapper):
     """The control is limited to +-limit (p,) before it acts.
 
@@ -107,10 +191,7 @@ class Delayed(_Wrapper):
     inputs: int = eqx.field(static=True)
 
     def __check_init__(self):
-        if self.depth < 1:
-            raise ValueError(f"depth: the delay line needs at least one place, received {self.depth}")
-        if is_concrete(self.samples) and not np.all((0 <= np.asarray(self.samples)) & (np.asarray(self.samples) <= self.depth)):
-            raise ValueError(f"samples: needs a delay from 0 to the depth {self.depth}, received {self.samples}")
+        _check_line(self.samples, self.depth)
 
     def initial_state(self, position, increment) -> State:
         """The plant inside, and an empty line."""
@@ -132,7 +213,7 @@ class Delayed(_Wrapper):
 
 
 class Disturbed(_Wrapper):
-    """Sequences that act from outside: `force` (T, p) adds to the control, `noise` (T, q) to the measurement.
+    """Sequences that act from outside: `force` (T, p) adds to the control, `noise` (T, q) to the measurement, all its leaves in a row.
 
     The state carries a counter; beyond the end of a sequence its last row holds.
     """
@@ -156,7 +237,17 @@ class Disturbed(_Wrapper):
     def measure(self, state) -> Any:
         """The measurement of the plant inside, plus noise."""
         measurement = self.plant.measure(state[0])
-        return measurement if self.noise is None else measurement + _row(self.noise, state[1])
+        if self.noise is None:
+            return measurement
+        flat, shaped = ravel_pytree(measurement)
+        return shaped(flat + _row(self.noise, state[1]))
+
+
+def _check_line(samples: Int[Array, ""], depth: int) -> None:
+    if depth < 1:
+        raise ValueError(f"depth: the delay line needs at least one place, received {depth}")
+    if is_concrete(samples) and not np.all((0 <= np.asarray(samples)) & (np.asarray(samples) <= depth)):
+        raise ValueError(f"samples: needs a delay from 0 to the depth {depth}, received {samples}")
 
 
 def _row(sequence: Float[Array, "T d"], k: Int[Array, ""]) -> Float[Array, " d"]:

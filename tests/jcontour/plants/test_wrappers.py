@@ -3,17 +3,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.plants.wrappers import Delayed, Disturbed, Encoders, Quantised, Saturated
+from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
+from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated
+from jcontour.sensors import Sensors, motors
 
 
 def run(plant, state, controls):
     """Outputs, measurements and last state."""
+    outputs, (measurements,), last = run_any(plant, state, controls)
+    return outputs, measurements, last
+
+
+def run_any(plant, state, controls):
+    """The same, with the leaves of the measurements in a list."""
 
     def step(state, control):
         return plant.step(state, control), (plant.output(state), plant.measure(state))
 
     last, (outputs, measurements) = jax.lax.scan(step, state, jnp.asarray(controls))
-    return np.asarray(outputs), np.asarray(measurements), last
+    return np.asarray(outputs), [np.asarray(leaf) for leaf in jax.tree.leaves(measurements)], last
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +54,44 @@ def test_quantised_measures_whole_counts_and_moves_as_before(two_axes, start, co
     for bad in (0.0, -1e-6, float("nan")):
         with pytest.raises(ValueError, match="resolution"):
             Quantised(two_axes, bad)
+
+
+def test_counting_encoders_count_and_difference(two_axes, start, controls, plain):
+    count = 0.8e-6
+    plant = CountingEncoders(two_axes, Sensors((0, 2)), count)
+    first = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    outputs, (position, speed), _ = run_any(plant, first, controls)
+    np.testing.assert_array_equal(outputs, plain[0])
+    wanted = count * np.round(plain[1][:, [0, 2]] / count)
+    before = count * np.round((np.array([[1e-3, 2e-3]]) - [[1e-5, 0.0]]) / count)
+    np.testing.assert_allclose(position, wanted, rtol=1e-13)
+    np.testing.assert_allclose(speed, np.diff(np.concatenate([before, wanted]), axis=0) / two_axes.dt, rtol=0, atol=1e-12)
+    with pytest.raises(ValueError, match="^resolution"):
+        CountingEncoders(two_axes, Sensors((0, 2)), 0.0)
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2])
+def test_late_sensors_show_what_was(samples):
+    """Motor of the flexible axis under a push; before the start it moved steadily."""
+    axis, push = FlexibleAxis(thesis_axis(), 1e-3), np.full((6, 1), 3.0)
+    at, increment = jnp.array([0.01]), jnp.array([1e-4])
+    _, now, _ = run_any(axis, axis.initial_state(at, increment), push)
+    plant = LateSensors(axis, jnp.asarray(samples), 2)
+    _, late, _ = run_any(plant, plant.initial_state(at, increment), push)
+    for k in range(2):
+        np.testing.assert_array_equal(late[k][samples:], now[k][: 6 - samples])
+    np.testing.assert_allclose(late[0][:samples, 0], [0.01 - 1e-4 * (samples - k) for k in range(samples)], rtol=1e-13)
+
+
+def test_noise_is_there_before_the_counts_of_a_late_motor():
+    noise = jnp.array([[0.6e-6, 9.0]])
+    inside = Disturbed(FlexibleAxis(thesis_axis(), 1e-3), noise=noise)
+    plant = LateSensors(CountingEncoders(inside, motors(1), 1e-6), jnp.asarray(1), 1)
+    position, speed = plant.measure(plant.initial_state(jnp.array([0.02]), jnp.zeros(1)))
+    np.testing.assert_allclose(position, [0.020001], rtol=1e-12)
+    np.testing.assert_allclose(speed, [0.0], atol=1e-12)
+    seen, fast = inside.measure(inside.initial_state(jnp.array([0.02]), jnp.zeros(1)))
+    np.testing.assert_allclose([seen[0], fast[0]], [0.0200006, 9.0], rtol=1e-12)
 
 
 def test_saturated_clips_each_control(two_axes, start, controls):
