@@ -1,4 +1,5 @@
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import equinox as eqx
@@ -6,10 +7,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import simpson, solve_ivp
 
+from jcontour.contours import line
+from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.friction import Friction
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
+from jcontour.point_to_point import PointToPoint, ToAndFro, thesis_task_a
+from jcontour.references import in_time
+from jcontour.sensors import motors
+from jcontour.simulation import simulate
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
 DT = 1e-3
@@ -91,21 +98,120 @@ def test_without_friction_it_is_the_linear_equation(kind):
     np.testing.assert_allclose(np.concatenate(getattr(state, "motion", state)), exact, rtol=1e-7, atol=1e-9)
 
 
-def test_energy_is_lost_in_the_damper_only():
-    axis = FlexibleAxis(ideal(), DT, substeps=100)
+def by_the_rules(p, dt, wanted, substep=5e-5):
+    """States and currents under the thesis's cascade, one number at a time, as the reference description tells it."""
+    M, m, k, c = (float(value[0]) for value in (p.motor_mass, p.tool_mass, p.stiffness, p.damping))
+    k_t, tau = float(p.force_constant[0]), float(p.pole_pitch[0])
+    f_c, f_s, v_s, b_v = (float(v[0]) for v in (p.friction.coulomb, p.friction.stribeck, p.friction.stribeck_speed, p.friction.viscous))
+    S, C = (np.asarray(rows)[0] for rows in (p.cogging_sine, p.cogging_cosine))
+    angles = 2 * np.pi / tau * np.arange(1, S.size + 1)
+
+    def drive(x, u):
+        return k_t * u - S @ np.sin(angles * x[0]) - C @ np.cos(angles * x[0]) - k * (x[0] - x[2]) - c * (x[1] - x[3])
+
+    def rates(x, u, mode):
+        link = k * (x[0] - x[2]) + c * (x[1] - x[3])
+        friction = mode * (f_c + f_s / (1 + (x[1] / v_s) ** 2)) + b_v * x[1]
+        return np.array([x[1], (drive(x, u) - friction) / M, x[3], link / m] if mode else [0, 0, x[3], link / m])
+
+    x, mode, integral, states, currents = np.array([wanted[0], 0, wanted[0], 0.0]), 0, 0.0, [], []
+    for r in wanted:
+        error = K_PP * (r - x[0]) - x[1]
+        integral += dt * error
+        u = K_PV * (error + integral / T_IV)
+        states.append(x)
+        currents.append(u)
+        for _ in range(round(dt / substep)):
+            if mode == 0 and abs(drive(x, u)) > f_c + f_s:
+                mode = int(np.sign(drive(x, u)))
+            k1 = rates(x, u, mode)
+            k2 = rates(x + substep / 2 * k1, u, mode)
+            k3 = rates(x + substep / 2 * k2, u, mode)
+            x = x + substep / 6 * (k1 + 2 * k2 + 2 * k3 + rates(x + substep * k3, u, mode))
+            if mode * x[1] <= 0:
+                x, mode = x * [1, 0, 1, 1], 0
+    return np.array(states), np.array(currents)
+
+
+OTHERS = {
+    "half stiffness": (1e-3, {"stiffness": 1454.0}, PointToPoint(0.01, 0.1, 4.0)),
+    "s-curve at 4 kHz": (2.5e-4, {}, PointToPoint(0.01, 0.2, 6.0, 300.0)),
+    "to and fro, all else different": (
+        2.5e-4,
+        {"motor_mass": 12.0, "tool_mass": 1.5, "damping": 8.0, "force_constant": 30.0, "pole_pitch": 0.03, "cogging_sine": [5.0, -2.0],
+         "cogging_cosine": [1.0, 3.0], "friction": Friction(8.0, 5.0, 0.05, 40.0)},
+        ToAndFro(0.01, 25.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("dt", "changes", "law"), OTHERS.values(), ids=OTHERS)
+def test_other_axes_and_tasks_go_by_the_rules(dt, changes, law):
+    """Stick, slip and reversal included: with the library's own cascade and references."""
+    thesis = thesis_axis()
+    parameters = AxisParameters(**{field.name: getattr(thesis, field.name) for field in fields(thesis)} | changes)
+    task = in_time(line([0.0], [0.01]), law, 0.3, dt, dwell=0.01)
+    run = simulate(FlexibleAxis(parameters, dt), Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), dt), task)
+    states, currents = by_the_rules(parameters, dt, np.asarray(task.position)[:-1, 0])
+    np.testing.assert_allclose(np.concatenate(run.state.motion, axis=1), states, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(run.control[:, 0], currents, rtol=0, atol=1e-9)
+    sticks = np.asarray(run.state.mode)[:, 0]
+    assert (sticks == 0).any() and (sticks == 1).any()
+
+
+def substep_states(axis, start, currents):
+    """Every substep of a run with a current (T,) for every sample: motion (N + 1, 4) and modes, N = T * substeps."""
+    fine = type(axis)(axis.parameters, axis.dt / axis.substeps, substeps=1)
+
+    def step(state, control):
+        after = fine.step(state, control[None])
+        return after, after
+
+    _, states = jax.jit(lambda start, u: jax.lax.scan(step, start, u))(start, jnp.repeat(jnp.asarray(currents), axis.substeps))
+    states = jax.tree.map(lambda first, rest: np.concatenate([np.asarray(first)[None], rest]), start, states)
+    motion, mode = (states.motion, states.mode[:, 0]) if hasattr(states, "motion") else (states, np.sign(states.motor_speed[:, 0]))
+    return np.concatenate(motion, axis=1), mode
+
+
+def per_sample(power, axis):
+    """Simpson's integral of a power over every sample, from its values at the substeps."""
+    windows = np.stack([power[k * axis.substeps : (k + 1) * axis.substeps + 1] for k in range((len(power) - 1) // axis.substeps)])
+    return simpson(windows, dx=axis.dt / axis.substeps, axis=1)
+
+
+@pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
+def test_left_alone_it_loses_its_energy_in_the_damper_only(kind):
+    """Every sample of a second of free motion, to 1e-9 J of about 1 J."""
+    axis = kind(ideal(), DT)
     start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.002, -0.3)))
-    states = [axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)]
-    step = eqx.filter_jit(axis.step)
-    for _ in range(50):
-        states.append(step(states[-1], jnp.zeros(1)))
-    energy = np.array([axis.parameters.energy(state.motion)[0] for state in states])
-    closing = np.array([(state.motion.motor_speed - state.motion.tool_speed)[0] for state in states])
-    lost = 2.1 * DT * (closing[:-1] ** 2 + closing[1:] ** 2) / 2  # trapezoids: good to the third order of the sample
-    assert np.all(np.diff(energy) < 0)
-    np.testing.assert_allclose(energy[0] - energy[-1], lost.sum(), rtol=2e-3)
-    undamped = FlexibleAxis(ideal(damping=0.0), DT)
-    free = eqx.filter_jit(undamped.step)(states[0], jnp.zeros(1))
-    np.testing.assert_allclose(undamped.parameters.energy(free.motion), energy[0], rtol=0, atol=1e-9)
+    if kind is FlexibleAxis:
+        start = axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)
+    x, _ = substep_states(axis, start, np.zeros(1000))
+    energy = (39.62 * x[:, 1] ** 2 + 0.38 * x[:, 3] ** 2 + 2908.0 * (x[:, 0] - x[:, 2]) ** 2) / 2
+    lost = per_sample(2.1 * (x[:, 1] - x[:, 3]) ** 2, axis)
+    change = np.diff(energy[:: axis.substeps])
+    np.testing.assert_allclose(change, -lost, rtol=0, atol=1e-9)
+    assert np.all(change <= 1e-12) and lost.sum() > 0.02
+    np.testing.assert_allclose(axis.parameters.energy(Motion(*x.T[:, -1:])), energy[-1], rtol=1e-12)
+
+
+def test_with_friction_cogging_and_current_the_work_balances():
+    """Task A's first half second under the cascade, from stick to cruise: current, cogging, friction and damper account for the energy."""
+    axis, p = FlexibleAxis(thesis_axis(), DT), thesis_axis()
+    run = simulate(axis, Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT), thesis_task_a())
+    currents = np.asarray(run.control)[:500, 0]
+    x, mode = substep_states(axis, jax.tree.map(lambda rows: rows[0], run.state), currents)
+    np.testing.assert_allclose(x[:: axis.substeps][:500], np.concatenate(run.state.motion, axis=1)[:500], rtol=0, atol=1e-13)
+    speed, closing = x[:, 1], x[:, 1] - x[:, 3]
+    friction = mode * (36.36 + 22.04 / (1 + (speed / 2.82) ** 2)) + 250.9 * speed
+    angle = 2 * np.pi / 0.0875 * x[:, 0]
+    rows = zip([1, 2, 3], np.asarray(p.cogging_sine)[0], np.asarray(p.cogging_cosine)[0], strict=True)
+    stored = sum(0.0875 / (2 * np.pi * j) * (c * np.sin(j * angle) - s * np.cos(j * angle)) for j, s, c in rows)  # of the cogging
+    energy = (39.62 * speed**2 + 0.38 * x[:, 3] ** 2 + 2908.0 * (x[:, 0] - x[:, 2]) ** 2) / 2 + stored
+    given = 79.33 * currents * np.diff(x[:: axis.substeps, 0])
+    balance = np.diff(energy[:: axis.substeps]) - given + per_sample(friction * speed + 2.1 * closing**2, axis)
+    assert given.sum() > 2.0
+    assert abs(balance.sum()) < 1e-6 * given.sum() and np.abs(balance).max() < 1e-6
 
 
 def test_a_slider_below_break_away_does_not_move_and_above_does():
