@@ -1,0 +1,171 @@
+"""Filters, observers and the poles of whole loops against python-control, none of whose mathematics is shared."""
+
+import control
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from jcontour.contours import line
+from jcontour.controllers.cascade import Cascade, CascadeGains
+from jcontour.controllers.disturbance_observer import DisturbanceObserver
+from jcontour.controllers.extended_state_observers import CurrentLESO, DisturbanceRejection, Estimate, EulerLESO, ExactLESO
+from jcontour.controllers.filters import Filtered, low_pass, notch
+from jcontour.controllers.observers import FilterObserver, kalman_gain
+from jcontour.controllers.reduced_observer import ReducedObserver, thesis_gain
+from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target
+from jcontour.linear import LinearPlant
+from jcontour.plants.flexible_axis import thesis_axis
+from jcontour.plants.flexible_axis_model import zoh_model
+from jcontour.plants.wrappers import Sensed
+from jcontour.references import along
+from jcontour.sensors import motors
+
+DT, W, B0 = 1e-3, 87.0, 79.33 / 39.62
+K_PP, K_PV, T_IV = 30.0, 55.67, 0.04
+MODEL = zoh_model(thesis_axis(), DT)
+MOTOR = np.eye(4)[:2]
+MACHINE = Sensed(MODEL, lambda x: x[:2])
+CASCADE = Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT)
+RAMP = along(line([0.0], [0.1]), 1e-4 * np.arange(3), DT, 1, at_rest=False)
+STEP = np.ones(300)
+
+FILTERS = {
+    "notch": (notch(W, 0.85, 0.05, DT), ([1, 2 * 0.85 * 0.05 * W, W**2], [1, 2 * 0.05 * W, W**2]), None),
+    "prewarped notch": (notch(900.0, 0.2, 0.3, DT, prewarp=True), ([1, 108.0, 900.0**2], [1, 540.0, 900.0**2]), 900.0),
+    "low pass": (low_pass(500.0, 0.7, DT), ([500.0**2], [1, 700.0, 500.0**2]), 500.0),
+}
+
+
+@pytest.mark.parametrize(("found", "analogue", "prewarp"), FILTERS.values(), ids=FILTERS)
+def test_filters(found, analogue, prewarp):
+    """Frequency response up to Nyquist, poles, step response."""
+    warped = {} if prewarp is None else {"prewarp_frequency": prewarp}
+    wanted = control.c2d(control.tf(*analogue), DT, "tustin", **warped)
+    ours = control.tf(np.asarray(found.numerator), [1.0, *np.asarray(found.denominator)], DT)
+    z = np.exp(1j * DT * np.geomspace(1.0, 0.999 * np.pi / DT, 50))
+    np.testing.assert_allclose(ours(z), wanted(z), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9)
+    stepped = jax.lax.scan(lambda memory, x: found.step(memory, x), jnp.zeros(2), jnp.asarray(STEP))[1]
+    np.testing.assert_allclose(stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9)
+
+
+def estimates(observer, controls, positions):
+    """(T, 3) of an observer that starts at zero: row k is the estimate at k, from what was before it and the position there."""
+
+    def step(carry, sample):
+        estimate, control, before = carry
+        now = observer.update(estimate, control, before, sample[1:])
+        return (now, sample[:1], sample[1:]), jnp.concatenate(now)
+
+    none = jnp.zeros(1)
+    rows = jnp.stack([jnp.asarray(controls), jnp.asarray(positions)], axis=1)
+    return np.asarray(jax.lax.scan(step, (Estimate(none, none, none), none, none), rows)[1])
+
+
+@pytest.mark.parametrize(("kind", "method"), [(ExactLESO, "zoh"), (EulerLESO, "euler")])
+def test_extended_state_observers(kind, method):
+    """(2.10) from [u, y] to its three states, discretised by python-control, under noise."""
+    w = 350.0
+    F, G = [[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]], [[0, 3 * w], [B0, 3 * w**2], [0, w**3]]
+    wanted = control.c2d(control.ss(F, G, np.eye(3), np.zeros((3, 2))), DT, method)
+    u, y = np.random.default_rng(0).standard_normal((2, 300)) * [[1.0], [1e-3]]
+    response = control.forced_response(wanted, U=np.stack([u, y])).outputs.T
+    np.testing.assert_allclose(estimates(kind(w, B0, DT), u, y), response, rtol=1e-9, atol=1e-9 * np.abs(response).max(axis=0).min())
+    tuned = control.poles(wanted)
+    np.testing.assert_allclose(np.poly(tuned), np.poly([np.exp(-w * DT) if method == "zoh" else 1 - w * DT] * 3), rtol=0, atol=1e-9)
+
+
+def poles(controller, plant=MACHINE):
+    """Of the loop of plant and controller: the Jacobian of one sample."""
+    plan = jax.tree.map(lambda rows: rows[0], controller.prepare(RAMP))
+    flat, unravel = ravel_pytree((plant.initial_state(RAMP.position[0], RAMP.start_increment), controller.initial_memory(RAMP)))
+
+    def step(z):
+        state, memory = unravel(z)
+        memory, control = controller.step(memory, plan, plant.measure(state))
+        return ravel_pytree((plant.step(state, control), memory))[0]
+
+    return np.linalg.eigvals(np.asarray(jax.jit(jax.jacfwd(step))(flat)))
+
+
+def closed(*blocks):
+    """Poles of the negative feedback loop through these blocks, the first at its input, by python-control in state space."""
+    around = blocks[0]
+    for block in blocks[1:]:
+        around = block * around
+    return control.feedback(around, control.ss([], [], [], np.eye(1), DT)).poles()
+
+
+def same(found, wanted):
+    """Equal as sets, zeros of the bookkeeping aside."""
+    found, wanted = (p[np.abs(p) > 1e-6] for p in (found, wanted))
+    assert found.size == wanted.size
+    for pole in wanted:
+        assert np.abs(found - pole).min() < 1e-9
+    return True
+
+
+AXIS = control.ss(*(np.asarray(M) for M in (MODEL.A, MODEL.B)), MOTOR, np.zeros((2, 1)), DT)
+PI = control.tf2ss(control.tf([K_PV * (1 + DT / T_IV), -K_PV], [1, -1], DT))
+SPEED = control.ss([], [], [], [[K_PP, 1.0]], DT)
+
+
+def test_poles_of_the_cascade():
+    assert same(poles(CASCADE), closed(AXIS, SPEED, PI))
+
+
+def test_poles_of_the_cascade_behind_a_notch():
+    found, analogue, _ = FILTERS["notch"]
+    notched = control.tf2ss(control.c2d(control.tf(*analogue), DT, "tustin"))
+    assert same(poles(Filtered(CASCADE, found, 1)), closed(AXIS, SPEED, PI, notched))
+
+
+def test_poles_of_disturbance_rejection():
+    """The current estimator of the motor as a double integrator, closed by hand: xi+ = (I - l C)(A xi + b u) + l y+."""
+    w, p = 300.0, np.exp(-0.3)
+    A, b = np.array([[1, DT, DT**2 / 2], [0, 1, DT], [0, 0, 1]]), B0 * np.array([[DT**2 / 2], [DT], [0]])
+    gain = np.array([[1 - p**3], [3 * (1 - p) ** 2 * (1 + p) / (2 * DT)], [(1 - p) ** 3 / DT**2]])
+    correct, M, B = np.eye(3) - gain @ [[1.0, 0, 0]], np.asarray(MODEL.A), np.asarray(MODEL.B)
+    # state [x(k), integral, xi(k)], all updated at the sample: u = PI(x, integral) - zeta / b0
+    error = np.array([[-K_PP, -1.0, 0, 0]])
+    law = np.hstack([K_PV * error, np.array([[K_PV / T_IV]]), [[0, 0, -1 / B0]]])  # of [x, integral(k), xi]
+    x_next = np.hstack([M, np.zeros((4, 4))]) + B @ law
+    integral_next = np.hstack([np.zeros((1, 4)), [[1.0]], np.zeros((1, 3))]) + DT * error @ x_next
+    xi_next = correct @ (np.hstack([np.zeros((3, 5)), A]) + b @ law) + gain @ x_next[:1]
+    wanted = np.linalg.eigvals(np.vstack([x_next, integral_next, xi_next]))
+    assert same(poles(DisturbanceRejection(CASCADE, CurrentLESO(w, B0, DT), motors(1))), wanted)
+
+
+def test_poles_of_a_disturbance_observer():
+    """u = u_inside - d, d = Q (P_n^-1 x_m - u), so u = (u_inside - Q P_n^-1 x_m) / (1 - Q), with twice the states of the loop."""
+    w = 120.0
+    D = np.poly(np.exp(DT * np.roots([1.0, np.sqrt(2) * w, w**2])))
+    low_passed = D.sum() / 2 * np.array([1.0, 1.0])
+    inverse = control.tf2ss(control.tf(D.sum() / (B0 * DT**2) * np.array([1.0, -2.0, 1.0]), D, DT))
+    rest = control.tf2ss(control.tf(D, np.polysub(D, low_passed), DT))
+    wanted = closed(AXIS, PI * SPEED + inverse * control.ss([], [], [], [[1.0, 0.0]], DT), rest)
+    found = poles(DisturbanceObserver(CASCADE, motors(1), w, B0, DT))
+    twice = np.roots(D)  # what 1 / (1 - Q) cancels
+    assert same(np.concatenate([found, twice]), wanted)
+
+
+FEEDBACK = StateFeedback(lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL))
+
+
+def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
+    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    feedback = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
+    scale = np.diag([1e6, 1e3])  # counts of one standard deviation, for the conditioning of its equation
+    filtering = control.dlqe(A, B, scale @ MOTOR, np.array([[0.05**2]]), np.eye(2))[2]
+    L = kalman_gain(LinearPlant(MODEL.A, MODEL.B, MOTOR, DT), 0.05, [1e-6, 1e-3])
+    assert same(poles(FilterObserver(FEEDBACK, MODEL, L, measured=MOTOR)), np.concatenate([feedback, filtering]))
+
+
+def test_poles_of_the_reduced_observer():
+    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    wanted = np.concatenate(
+        [np.linalg.eigvals(A - B @ np.asarray(FEEDBACK.gain)), np.linalg.eigvals(A[2:, 2:] - thesis_gain() @ A[:2, 2:])]
+    )
+    assert same(poles(ReducedObserver(FEEDBACK, MODEL, thesis_gain())), wanted)
