@@ -3,6 +3,9 @@
 import json
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from jcontour.plants.gantry_parameters import GantryParameters
@@ -35,3 +38,42 @@ def odd_gantry():
         tool_offset=-0.13, joint_stiffness=9e5, lateral_stiffness=4e5, head_constant=35.0, drive_constant=80.0, head_viscous=90.0,
         drive_viscous=310.0,
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def gantry_path(gantry_data):
+    """Line, circle, line of the reference data: position and velocity at every sample, and which samples lie on the circle."""
+    data, dt = gantry_data("closed_loop"), 2e-3
+    R, line, v, a, T = (data["path"][key] for key in ("R", "line", "v", "a", "T"))
+    steps = data["closed_loop"]["steps"]
+    time, ramp = np.minimum(np.arange(steps + 1) * dt, T), v / a
+    total = 2 * line + 2 * np.pi * R
+    arc = np.where(time < ramp, a * time**2 / 2, v * (time - ramp / 2))
+    arc = np.where(time > T - ramp, total - a * (T - time) ** 2 / 2, arc)
+    angle = (arc - line) / R
+    on_circle = (angle > 0) & (angle < 2 * np.pi)
+    straight = np.where(angle <= 0, arc - line, arc - line - 2 * np.pi * R)
+    position = np.where(on_circle, R * np.array([np.cos(angle), np.sin(angle)]), np.array([np.full_like(arc, R), straight])).T
+    return position[:-1], np.diff(position, axis=0) / dt, on_circle[:-1]
+
+
+@pytest.fixture(scope="session")
+def gantry_loop():
+    """(plant, gains, position, velocity, start) -> final state, and states, currents and tools under the reference's controller."""
+
+    def proportional(parameters, gains, wanted, speed, state):
+        x, y, _, dx, dy, _ = state
+        along = gains["kpx"] * (wanted[0] - x) + gains["kdx"] * (speed[0] - dx) + parameters.head_viscous * speed[0]
+        across = gains["kpy"] * (wanted[1] + parameters.tool_offset - y) + gains["kdy"] * (speed[1] - dy)
+        across = (across + 2 * parameters.drive_viscous * speed[1]) / (2 * parameters.drive_constant)
+        return jnp.clip(jnp.stack([along / parameters.head_constant, across, across]), -gains["u_max"], gains["u_max"])
+
+    def loop(plant, gains, position, velocity, start):
+        def step(state, row):
+            control = proportional(plant.parameters, gains, *row, plant.measure(state))
+            return plant.step(state, control), (state, control, plant.output(state))
+
+        final, rows = jax.lax.scan(step, start, (position, velocity))
+        return final, *rows
+
+    return loop

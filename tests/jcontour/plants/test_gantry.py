@@ -107,40 +107,11 @@ def test_energy_changes_by_the_work_of_the_motors_and_their_friction(odd_gantry)
     np.testing.assert_allclose(balance, energy, rtol=1e-9)
 
 
-def path(data):
-    """Line, circle, line of the reference data: position and velocity at every sample, which sample lies on the circle."""
-    R, line, v, a, T = (data["path"][key] for key in ("R", "line", "v", "a", "T"))
-    steps = data["closed_loop"]["steps"]
-    time, ramp = np.minimum(np.arange(steps + 1) * DT, T), v / a
-    total = 2 * line + 2 * np.pi * R
-    arc = np.where(time < ramp, a * time**2 / 2, v * (time - ramp / 2))
-    arc = np.where(time > T - ramp, total - a * (T - time) ** 2 / 2, arc)
-    angle = (arc - line) / R
-    on_circle = (angle > 0) & (angle < 2 * np.pi)
-    straight = np.where(angle <= 0, arc - line, arc - line - 2 * np.pi * R)
-    position = np.where(on_circle, R * np.array([np.cos(angle), np.sin(angle)]), np.array([np.full_like(arc, R), straight])).T
-    return position[:-1], np.diff(position, axis=0) / DT, on_circle[:-1]
-
-
-def proportional(parameters, gains, wanted, speed, state):
-    """The currents of the reference's controller."""
-    x, y, _, dx, dy, _ = state
-    along = gains["kpx"] * (wanted[0] - x) + gains["kdx"] * (speed[0] - dx) + parameters.head_viscous * speed[0]
-    across = gains["kpy"] * (wanted[1] + parameters.tool_offset - y) + gains["kdy"] * (speed[1] - dy)
-    across = (across + 2 * parameters.drive_viscous * speed[1]) / (2 * parameters.drive_constant)
-    return jnp.clip(jnp.stack([along / parameters.head_constant, across, across]), -gains["u_max"], gains["u_max"])
-
-
-def test_reference_closed_loop(gantry_data, reference_gantry):
+def test_reference_closed_loop(gantry_data, gantry_path, gantry_loop, reference_gantry):
     data, plant = gantry_data("closed_loop"), Gantry(reference_gantry, DT)
-    position, velocity, on_circle = path(data)
-
-    def step(state, row):
-        control = proportional(reference_gantry, data["controller"], *row, state)
-        return plant.step(state, control), (state, control, plant.output(state))
-
+    position, velocity, on_circle = gantry_path
     start = plant.initial_state(jnp.asarray(position[0]), jnp.zeros(2))
-    final, (states, controls, tools) = jax.jit(lambda: jax.lax.scan(step, start, (position, velocity)))()
+    final, states, controls, tools = jax.jit(lambda: gantry_loop(plant, data["controller"], position, velocity, start))()
     for sample in data["closed_loop"]["samples"]:
         k = sample["k"]
         np.testing.assert_allclose(states[k], sample["x"], rtol=0, atol=1e-11)
@@ -152,24 +123,19 @@ def test_reference_closed_loop(gantry_data, reference_gantry):
     np.testing.assert_allclose(np.sqrt(np.mean(error**2)), data["closed_loop"]["rms_contour"], rtol=1e-9)
 
 
-def test_derivatives_of_a_closed_loop_are_those_of_differences(gantry_data, odd_gantry):
+def test_derivatives_of_a_closed_loop_are_those_of_differences(gantry_data, gantry_path, gantry_loop, odd_gantry):
     """Reverse and forward mode, to a gain, a mass and the joint's stiffness."""
-    data = gantry_data("closed_loop")
-    position, velocity, _ = path(data)
+    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
     position, velocity = position[400:460], velocity[400:460]
     off = jnp.array([1e-4, -1e-4, 2e-3, 0.0, 0.0, 0.1])  # twisted, so that joints and drives matter
 
     def loss(change):
-        gains = {**data["controller"], "kpx": data["controller"]["kpx"] * (1 + change[0])}
         scaled = eqx.tree_at(lambda p: p.drive_mass_1, odd_gantry, odd_gantry.drive_mass_1 * (1 + change[1]))
         scaled = eqx.tree_at(lambda p: p.joint_stiffness, scaled, scaled.joint_stiffness * (1 + change[2]))
         plant = Gantry(scaled, DT)
-
-        def step(state, row):
-            return plant.step(state, proportional(odd_gantry, gains, *row, state)), plant.output(state) - row[0]
-
         start = plant.initial_state(jnp.asarray(position[0]), jnp.asarray(velocity[0]) * DT) + off
-        return jnp.log(jnp.mean(jax.lax.scan(step, start, (position, velocity))[1] ** 2))
+        tools = gantry_loop(plant, {**gains, "kpx": gains["kpx"] * (1 + change[0])}, position, velocity, start)[-1]
+        return jnp.log(jnp.mean((tools - position) ** 2))
 
     at = jnp.zeros(3)
     reverse, forward = jax.jit(jax.value_and_grad(loss)), jax.jit(jax.jacfwd(loss))(at)
