@@ -43,7 +43,10 @@ class CascadeGains(eqx.Module):
     viscous: Float[Array, "*m"]
     coulomb: Float[Array, "*m"]
 
-    def __init__(self, position, velocity, integral_time, feedforward=0.0, inertia=0.0, viscous=0.0, coulomb=0.0):
+    def __init__(
+        self, position, velocity, integral_time, feedforward: ArrayLike = 0.0, inertia: ArrayLike = 0.0, viscous: ArrayLike = 0.0,
+        coulomb: ArrayLike = 0.0,
+    ):  # fmt: skip
         loops = {"position": position, "velocity": velocity, "integral_time": integral_time, "feedforward": feedforward}
         for name, value in {**loops, "inertia": inertia, "viscous": viscous, "coulomb": coulomb}.items():
             setattr(self, name, checked_gain(name, value))
