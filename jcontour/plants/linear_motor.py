@@ -3,7 +3,8 @@
     u_d = R i_d + L di_d/dt - w L i_q,    u_q = R i_q + L di_q/dt + w L i_d + k_e v,    w = p pi v / tau       (3.3), (3.4)
     force = k_t i_q,    k_t = 3/2 k_e                                                                         (3.6)
 In one complex number i = i_d + j i_q this is L di/dt = u - (R + j w L) i - j k_e v. Over a period of the drive the voltage is held and the
-speed taken as constant; the current then follows exactly, and the axis is pushed by its mean. That splits the two at second order.
+speed taken as constant; the current then follows exactly. The axis is pushed by the mean current that the speed before would leave, and
+the current follows the mean of the speeds before and after: second order in the period.
 
 The thesis leaves the current controller to the drive. Here it is the usual one: a PI law for each of d and q that cancels the pole of
 the winding, with the rotation and the back EMF fed forward, so that the current answers a command like a first-order lag.
@@ -150,8 +151,10 @@ class DrivenAxis(Plant):
         wanted = self.bandwidth * motor.inductance * error + integral + fed_forward
         voltage = wanted * jnp.minimum(1, self.voltage_limit / jnp.maximum(jnp.abs(wanted), 1e-300))
         integral = jnp.where(voltage == wanted, integral, _complex(state.integral))  # held while the voltage is limited
-        after, mean = motor.advance(current, voltage, speed, h)
-        return DrivenState(self.axis.step(state.axis, mean.imag), _real(after), _real(integral), _real(voltage))
+        pushed = self.axis.step(state.axis, motor.advance(current, voltage, speed, h)[1].imag)
+        mean_speed = (speed + self.axis.measure(pushed)[1]) / 2
+        after, _ = motor.advance(current, voltage, mean_speed, h)
+        return DrivenState(pushed, _real(after), _real(integral), _real(voltage))
 
 
 def _check_force(axis: Plant, motor: LinearMotor) -> None:
