@@ -1,0 +1,20 @@
+"""Commissionings of the thesis's axis, simulated once."""
+
+import pytest
+
+from jcontour.plants.flexible_axis import thesis_axis
+from jcontour.plants.linear_motor import thesis_motor
+from tuning.identification.axis import identify
+from tuning.identification.commissioning import Commissioning
+
+
+@pytest.fixture(scope="session")
+def records():
+    """Electrical test, sweep and moves with the usual instruments."""
+    return Commissioning(thesis_axis(), thesis_motor(), seed=1).thesis_tests()
+
+
+@pytest.fixture(scope="session")
+def found(records):
+    """What they say."""
+    return identify(records)

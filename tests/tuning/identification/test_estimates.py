@@ -1,0 +1,68 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tuning.identification.estimates import Estimate, autocorrelation, coloured_covariance, joined, scaled_inverse
+
+COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
+
+
+def test_interval_and_choice():
+    one = Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE)
+    assert one["b"] == 10.0 and one.deviation("b") == pytest.approx(0.3)
+    np.testing.assert_allclose(one.interval("a"), [2 - 0.2 * 1.959964, 2 + 0.2 * 1.959964], rtol=1e-6)
+    swapped = one.chosen(("b", "a"))
+    assert swapped["a"] == 2.0 and swapped.covariance[0, 0] == 0.09 and swapped.covariance[0, 1] == 0.01
+
+
+def test_derived_follows_the_rule_of_products():
+    """Variance of a product: a^2 var b + b^2 var a + 2 a b cov."""
+    one = Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE)
+    made = one.derived(lambda v: v | {"product": v["a"] * v["b"], "root": jnp.sqrt(v["a"])})
+    assert made.names == ("a", "b", "product", "root") and made["product"] == 20.0
+    assert made.deviation("product") ** 2 == pytest.approx(4 * 0.09 + 100 * 0.04 + 2 * 20 * 0.01)
+    assert made.deviation("root") == pytest.approx(0.2 / (2 * np.sqrt(2)))
+
+
+def test_joined_estimates_are_independent():
+    both = joined(Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE), Estimate(("c",), np.array([1.0]), np.array([[0.25]])))
+    assert both.names == ("a", "b", "c") and both.deviation("c") == 0.5
+    np.testing.assert_array_equal(both.covariance[:2, :2], COVARIANCE)
+    np.testing.assert_array_equal(both.covariance[2, :2], 0)
+
+
+def test_covariance_of_a_mean_under_correlated_noise():
+    """Var of the mean of n values with correlation rho^|k|, in closed form."""
+    n, rho, variance = 400, 0.8, 3.0
+    expected = variance / n**2 * (n * (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (1 - rho) ** 2)
+    found = coloured_covariance([np.ones((n, 1))], [variance * rho ** np.arange(n)])
+    np.testing.assert_allclose(found, [[expected]], rtol=1e-12)
+
+
+def test_covariance_over_runs_is_that_of_the_whole_matrix():
+    random = np.random.default_rng(2)
+    slopes = [random.normal(size=(30, 2)), random.normal(size=(5, 2))]
+    correlation = 0.5 ** np.arange(8)
+    dense = np.zeros((35, 35))
+    for start, end in ((0, 30), (30, 35)):
+        for k in range(start, end):
+            for m in range(start, end):
+                dense[k, m] = correlation[abs(k - m)] if abs(k - m) < 8 else 0.0
+    J = np.concatenate(slopes)
+    gain = np.linalg.pinv(J)
+    np.testing.assert_allclose(coloured_covariance(slopes, [correlation] * 2), gain @ dense @ gain.T, rtol=1e-10)
+
+
+def test_autocorrelation_by_hand():
+    """Products within runs only: (1 + 4 + 9 + 16) / 4, then (1 * 2 + 3 * 4) / 4; the third and last lag of four counts half."""
+    runs = [np.array([1.0, 2.0]), np.array([3.0, 4.0])]
+    np.testing.assert_allclose(autocorrelation(runs, 1), [7.5, 3.5])
+    np.testing.assert_allclose(autocorrelation([np.ones(8)], 3), [1, 7 / 8, 6 / 8, 5 / 8 / 2])
+
+
+def test_inverse_across_magnitudes_and_of_what_is_not_seen():
+    scale, inner = np.array([1e-12, 1.0, 1e12]), np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
+    inverse = scaled_inverse(inner * np.outer(scale, scale)) * np.outer(scale, scale)
+    np.testing.assert_allclose(inverse @ inner, np.eye(3), atol=1e-12)
+    blind = scaled_inverse(np.array([[1.0, 1.0], [1.0, 1.0]]))
+    assert blind[0, 0] > 1e14 and blind[1, 1] > 1e14

@@ -1,0 +1,122 @@
+"""A flexible axis from the records of its commissioning: every parameter with its interval, and what the data cannot tell.
+
+The order is that of Yuan, section 3.3: the winding gives k_e and with it the force scale k_t = 3/2 k_e; the link between motor and end
+effector follows from their two positions alone; one balance of forces over all sliding motion gives masses, friction and cogging.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.friction import Friction
+from jcontour.plants.flexible_axis import AxisParameters
+from tuning.identification.estimates import Estimate, joined
+from tuning.identification.forces import ForceFit, fit_forces
+from tuning.identification.link import LinkFit, fit_link
+from tuning.identification.records import Record, electrical, mechanical, with_tool
+from tuning.identification.separability import notes, stribeck_separated
+from tuning.identification.slides import WINDOW
+from tuning.identification.winding import WindingFit, fit_winding
+
+PASSED = 0.9  # periods of the link in one window of the force balance: the vibration has to show in it
+NOT_FORCES = ("curvature", "pole_pitch")  # of the balance: what does not depend on the force scale
+
+
+@dataclass(frozen=True)
+class IdentifiedAxis:
+    """What the data say.
+
+    Attributes:
+        estimate: every parameter under its name in `AxisParameters`, `Friction` and `LinearMotor`; beside them total_mass, break_away
+            (f_c + f_s), stiffness_per_mass, damping_per_mass, constant_force, drop, curvature, sine_j and cosine_j.
+        winding: of the electrical test, or None.
+        link: between motor and end effector, or None.
+        forces: the balance.
+        parameters: the model; None without an end effector, for it then has only one mass.
+        notes: what could not be told apart, and which experiment would.
+    """
+
+    estimate: Estimate
+    winding: WindingFit | None
+    link: LinkFit | None
+    forces: ForceFit
+    parameters: AxisParameters | None
+    notes: tuple[str, ...]
+
+
+def identify(records: Sequence[Record], force_constant: float | None = None, pole_pitch: float | None = None) -> IdentifiedAxis:
+    """Fit all there is.
+
+    Args:
+        records: electrical tests (with a voltage) and motion; where some motion has the end effector, only that counts.
+        force_constant: k_t [N/A], instead of an electrical test.
+        pole_pitch: tau [m] where it is known.
+
+    Raises:
+        ValueError: there is neither an electrical test nor k_t or there are both, there is no motion, or a fit says what it lacks.
+    """
+    _check_positive(force_constant=force_constant, pole_pitch=pole_pitch)
+    if bool(electrical(records)) == (force_constant is not None):
+        raise ValueError("force_constant: needs an electrical test (with voltage_q), or its value, and not both")
+    if not mechanical(records):
+        raise ValueError("motion: there is no test of the moving axis (without voltage_q); masses, friction and cogging need one")
+    winding = None if electrical(records) == [] else fit_winding(records)
+    scale = _given(force_constant) if winding is None else winding.estimate.derived(lambda v: v | {"force_constant": 1.5 * v["back_emf"]})
+    flexible = with_tool(records)
+    link = fit_link(flexible) if flexible else None
+    window = WINDOW if link is None else min(WINDOW, PASSED * 2 * np.pi / np.sqrt(link.estimate["stiffness_per_mass"]))
+    forces = fit_forces(flexible or mechanical(records), scale["force_constant"], pole_pitch, window)
+    estimate = _together(scale, link, forces)
+    parameters = None if link is None else _parameters(estimate, forces)
+    return IdentifiedAxis(estimate, winding, link, forces, parameters, tuple(notes(estimate, forces)))
+
+
+def _check_positive(**values: float | None) -> None:
+    for name, value in values.items():
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+
+
+def _given(force_constant: float | None) -> Estimate:
+    return Estimate(("force_constant",), np.array([force_constant]), np.zeros((1, 1)))
+
+
+def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estimate:
+    """All parameters with their joint covariance: the force scale multiplies masses and forces."""
+    k_t = scale["force_constant"]
+
+    def physical(value):
+        found = dict(value)
+        for name in forces.estimate.names:
+            if name not in NOT_FORCES:
+                found[name] = value[name] * value["force_constant"] / k_t
+        if link is not None:
+            found["motor_mass"] = found["total_mass"] - found["tool_mass"]
+            found["stiffness"] = value["stiffness_per_mass"] * found["tool_mass"]
+            found["damping"] = value["damping_per_mass"] * found["tool_mass"]
+        if "curvature" in value:
+            found["stribeck"] = found["drop"] / value["curvature"]
+            found["coulomb"] = found["break_away"] - found["stribeck"]
+            found["stribeck_speed"] = jnp.abs(value["curvature"]) ** -0.5
+        return found
+
+    return joined(scale, *([] if link is None else [link.estimate]), forces.estimate).derived(physical)
+
+
+def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
+    """The model. Friction whose parts cannot be told apart is given a shape that is right up to the fastest speed of the data."""
+    if stribeck_separated(estimate):
+        stribeck, stribeck_speed = estimate["stribeck"], estimate["stribeck_speed"]
+    else:
+        stribeck_speed = 2 * forces.fastest
+        stribeck = float(np.clip(estimate["drop"] * stribeck_speed**2, 0.0, estimate["break_away"]))
+    orders = range(1, forces.cogging.count + 1)
+    return AxisParameters(
+        *(estimate[name] for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant")),
+        friction=Friction(max(estimate["break_away"] - stribeck, 0.0), stribeck, stribeck_speed, max(estimate["viscous"], 0.0)),
+        cogging_sine=[estimate[f"sine_{j}"] for j in orders],
+        cogging_cosine=[estimate[f"cosine_{j}"] for j in orders],
+        pole_pitch=estimate["pole_pitch"] if "pole_pitch" in estimate.names else forces.cogging.pole_pitch,
+    )

@@ -1,0 +1,108 @@
+"""Estimated parameters with their covariance, when the residuals are not white.
+
+A least-squares fit of r(theta) with Jacobian J has, to first order, theta - truth = -(J'J)^-1 J'e. Encoder counts, filters and what a model
+lacks make e coloured, and the usual s^2 (J'J)^-1 then promises too much. Here
+
+    cov = (J'J)^-1  [sum_kl J_k' c(k - l) J_l]  (J'J)^-1
+
+with c the autocorrelation of the residuals (Klein & Morelli, Aircraft System Identification, 2006, section 5.3): a model of it where its
+causes are known, otherwise that of the residuals themselves.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import fftconvolve
+from scipy.stats import norm
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values with names and covariance.
+
+    Attributes:
+        names: (n,).
+        values: (n,).
+        covariance: (n, n).
+    """
+
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a name."""
+        return float(self.values[self.names.index(name)])
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation."""
+        k = self.names.index(name)
+        return float(np.sqrt(self.covariance[k, k]))
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Ends of the 95 % confidence interval."""
+        half = float(norm.ppf((1 + CONFIDENCE) / 2)) * self.deviation(name)
+        return self[name] - half, self[name] + half
+
+    def derived(self, function: Callable[[dict], dict]) -> "Estimate":
+        """Of what `function` makes of the values by name: a traceable map of such dictionaries; covariance to first order."""
+
+        def row(values):
+            return jnp.stack(list(function(dict(zip(self.names, values, strict=True))).values()))
+
+        names = tuple(function(dict(zip(self.names, self.values, strict=True))))
+        values, slopes = np.asarray(row(self.values)), np.asarray(jax.jacfwd(row)(self.values))
+        return Estimate(names, values, slopes @ self.covariance @ slopes.T)
+
+    def chosen(self, names: Sequence[str]) -> "Estimate":
+        """Some of them."""
+        rows = [self.names.index(name) for name in names]
+        return Estimate(tuple(names), self.values[rows], self.covariance[np.ix_(rows, rows)])
+
+
+def joined(*estimates: Estimate) -> Estimate:
+    """Independent estimates side by side."""
+    names = tuple(name for one in estimates for name in one.names)
+    ends = np.cumsum([0] + [len(one.names) for one in estimates])
+    covariance = np.zeros((ends[-1], ends[-1]))
+    for start, end, one in zip(ends[:-1], ends[1:], estimates, strict=True):
+        covariance[start:end, start:end] = one.covariance
+    return Estimate(names, np.concatenate([one.values for one in estimates]), covariance)
+
+
+def coloured_covariance(
+    jacobians: Sequence[Float[np.ndarray, "T n"]], correlations: Sequence[Float[np.ndarray, " L"]]
+) -> Float[np.ndarray, "n n"]:
+    """Covariance of a least-squares fit to runs of rows without gaps; residuals of run k have the autocorrelation `correlations[k]`."""
+    spread, information = 0.0, 0.0
+    for J, one_sided in zip(jacobians, correlations, strict=True):
+        c = one_sided[: len(J)]
+        two_sided = np.concatenate([c[:0:-1], c])[:, None]
+        spread = spread + J.T @ fftconvolve(J, two_sided, axes=0)[len(c) - 1 : len(c) - 1 + len(J)]
+        information = information + J.T @ J
+    inverse = scaled_inverse(np.asarray(information))
+    return inverse @ np.asarray(spread) @ inverse
+
+
+def autocorrelation(residuals: Sequence[Float[np.ndarray, " T"]], lags: int) -> Float[np.ndarray, " lags+1"]:
+    """Mean of r(k) r(k + l) for l = 0..lags, as it is over the first half of them and tapered to nothing over the second.
+
+    The flat top keeps correlations of up to half the lags unbiased (Politis & Romano, J. Time Series Analysis 16, 1995).
+    """
+    rows = sum(len(r) for r in residuals)
+    products = [sum(float(r[: max(len(r) - lag, 0)] @ r[lag:]) for r in residuals) for lag in range(lags + 1)]
+    return np.array(products) / rows * np.minimum(1, 2 * (1 - np.arange(lags + 1) / (lags + 1)))
+
+
+def scaled_inverse(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Inverse of a positive matrix whose rows may differ by many orders of magnitude; directions that are not seen come out huge."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    values = np.maximum(values, np.finfo(float).eps * len(scale))
+    return (vectors / values) @ vectors.T / np.outer(scale, scale)

@@ -1,0 +1,156 @@
+"""Masses, friction and cogging from one balance of forces over all motion of the axis.
+
+    M a_m + M_e (a_e - a_m) + s (f_0 - q v^2 / (1 + w v^2)) + b_v v + F_0 + F_c(x_m) = k_t i        (3.1) + (3.2) of Yuan
+with M = M_m + M_e the total mass, s the direction of sliding, F_0 a constant push of cables or slope, and F_c the harmonics of (3.7). It
+holds wherever the motor slides, at any speed and acceleration, so that plateaus of a speed sweep, runs up and vibrations all count. The
+friction is the Lorentzian of (3.8) in numbers that data can tell apart: f_0 = f_c + f_s, q = f_s / v_s^2, w = 1 / v_s^2.
+
+All is linear but w and the pole pitch, so that these two alone are searched, the others following by linear least squares (variable
+projection, Golub & Pereyra 1973).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+from tuning.identification.cogging import Harmonics, Spectrum, harmonics, spectrum
+from tuning.identification.estimates import Estimate, autocorrelation, coloured_covariance
+from tuning.identification.records import Record
+from tuning.identification.slides import SLOWEST, WINDOW, Slide, slides
+
+CORRELATED = 12  # rows, three windows, over which residuals may be correlated: windows that overlap are, and a little more
+CURVATURES = (0.0, 1.0, 10.0, 100.0)  # starts of w, over the largest speed squared
+LEAST_CURVATURE = -0.9  # likewise; near -1 the friction has a pole
+SIGNIFICANT = 5.0  # deviations of w: its deviation is a linear one and too small where w comes out of noise
+STRETCHED = 0.5  # most that the pole pitch may change in the fit, relative
+NO_COGGING = Harmonics(1.0, 0)
+COMPLEX_STEP = 1e-30  # for derivatives that are exact to rounding
+
+
+class ForceFit(NamedTuple):
+    """The balance as fitted at a known k_t.
+
+    Attributes:
+        estimate: total_mass, tool_mass, break_away f_0, viscous, constant_force, drop q, curvature w, pole_pitch, sine_j, cosine_j; without
+            tool_mass, curvature or pole_pitch where the data do not show it or it was given.
+        slides: where the motor slid.
+        residuals: of every slide (R,) [N].
+        spectrum: of what is left over without cogging.
+        cogging: its pole pitch before the fit, and how many harmonics are in the fit.
+    """
+
+    estimate: Estimate
+    slides: list[Slide]
+    residuals: list[Float[np.ndarray, " R"]]
+    spectrum: Spectrum
+    cogging: Harmonics
+
+    @property
+    def fastest(self) -> float:
+        """Largest sliding speed [m/s]."""
+        return _fastest(self.slides)
+
+
+def fit_forces(records: Sequence[Record], force_constant: float, pole_pitch: float | None = None, window: float = WINDOW) -> ForceFit:
+    """Fit all slides of all records at once.
+
+    Args:
+        records: without voltages, all of them with the end effector or none.
+        force_constant: k_t [N/A].
+        pole_pitch: [m] where it is known; otherwise it is the period of the strongest line, and is fitted.
+        window: [s] of a row.
+
+    Raises:
+        ValueError: the motor hardly slides, in one direction only, or the travel is too short for the harmonics of cogging.
+    """
+    found = [slide for record in records for slide in slides(record, window)]
+    if {slide.direction for slide in found} != {-1.0, 1.0}:
+        raise ValueError(
+            f"motion: the motor needs to slide both ways, faster than {1e3 * SLOWEST:g} mm/s for longer than {2 * window:.2g} s at a time"
+        )
+    lines = _left_over(_fit(found, force_constant, NO_COGGING, ("curvature",)), found)
+    cogging = harmonics(lines, pole_pitch)
+    pitch = ("pole_pitch",) if cogging.count and pole_pitch is None else ()
+    fit = _fit(found, force_constant, cogging, (*pitch, "curvature"))
+    if not fit.estimate["curvature"] > SIGNIFICANT * fit.estimate.deviation("curvature"):
+        fit = _fit(found, force_constant, cogging, pitch)
+    return ForceFit(fit.estimate, found, fit.residuals, lines, cogging)
+
+
+class _Fit(NamedTuple):
+    estimate: Estimate
+    residuals: list[Float[np.ndarray, " R"]]
+
+
+def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, searched: tuple[str, ...]) -> _Fit:
+    """Least squares over all slides; of pole_pitch and curvature those in `searched` are free, the others pitch as given and zero."""
+    fixed = {"curvature": 0.0, "pole_pitch": cogging.pole_pitch}
+    scale = {"curvature": _fastest(found) ** -2, "pole_pitch": cogging.pole_pitch}
+    least = {"curvature": LEAST_CURVATURE, "pole_pitch": -STRETCHED}
+    most = {"curvature": np.inf, "pole_pitch": STRETCHED}
+    ends = np.cumsum([len(slide.time) for slide in found])[:-1]
+    force = force_constant * np.concatenate([slide.current for slide in found])
+
+    def shape(z):
+        return fixed | {name: fixed[name] + scale[name] * x for name, x in zip(searched, z, strict=True)}
+
+    def columns(z):
+        return np.concatenate([_columns(slide, cogging.count, **shape(z)) for slide in found])
+
+    def solved(z):
+        matrix = columns(z)
+        linear = np.linalg.lstsq(matrix, force, rcond=None)[0]
+        return linear, matrix @ linear - force
+
+    def residual(z):
+        return solved(z)[1]
+
+    starts = [np.array([w * (name == "curvature") for name in searched]) for w in CURVATURES]
+    z = min(starts, key=lambda z: np.sum(residual(z) ** 2))
+    if searched:
+        bounds = [least[name] for name in searched], [most[name] for name in searched]
+        z = least_squares(residual, z, bounds=bounds).x
+    steps = COMPLEX_STEP * 1j * np.eye(len(searched))
+    linear, left = solved(z)
+    bent = [(columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name] for step, name in zip(steps, searched, strict=True)]
+    slopes = np.split(np.column_stack([columns(z), *bent]), ends)
+    residuals = np.split(left, ends)
+    covariance = coloured_covariance(slopes, [autocorrelation(residuals, CORRELATED)] * len(slopes))
+    names = (*_linear_names(found, cogging.count), *searched)
+    return _Fit(Estimate(names, np.append(linear, [shape(z)[name] for name in searched]), covariance), residuals)
+
+
+def _columns(slide: Slide, count: int, curvature: complex, pole_pitch: complex) -> np.ndarray:
+    """What every linear parameter is multiplied by (R, n), in the order of `_linear_names`."""
+    squared, ones = slide.speed**2, np.ones(len(slide.time))
+    fall = squared / (1 + curvature * squared) @ slide.weights
+    angle = 2 * np.pi / pole_pitch * slide.position
+    sine, cosine = [np.sin(angle)], [np.cos(angle)]
+    for _ in range(count - 1):  # angle addition
+        s, c = sine[-1], cosine[-1]
+        sine.append(s * cosine[0] + c * sine[0])
+        cosine.append(c * cosine[0] - s * sine[0])
+    waves = [wave @ slide.weights for wave in (sine + cosine if count else [])]
+    whip = [] if slide.whip is None else [slide.whip]
+    return np.stack([slide.inertia, *whip, slide.direction * ones, slide.drag, ones, -slide.direction * fall, *waves], axis=1)
+
+
+def _linear_names(found: Sequence[Slide], count: int) -> list[str]:
+    tool = [] if found[0].whip is None else ["tool_mass"]
+    waves = [f"{kind}_{j}" for kind in ("sine", "cosine") for j in range(1, count + 1)]
+    return ["total_mass", *tool, "break_away", "viscous", "constant_force", "drop", *waves]
+
+
+def _left_over(fit: _Fit, found: Sequence[Slide]) -> Spectrum:
+    """Spectrum of minus the residual over the slower half of all rows, where windows are short against a pole pitch."""
+    speed = np.concatenate([np.abs(slide.speed @ slide.weights) for slide in found])
+    position = np.concatenate([slide.position @ slide.weights for slide in found])
+    slow = speed <= np.median(speed)
+    return spectrum(position[slow], -np.concatenate(fit.residuals)[slow])
+
+
+def _fastest(found: Sequence[Slide]) -> float:
+    return float(max(np.abs(slide.speed).max() for slide in found))

@@ -1,0 +1,76 @@
+"""What the data of a commissioning cannot tell apart, and which experiment would."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tuning.identification.estimates import Estimate
+from tuning.identification.forces import ForceFit
+
+FRICTION = ("coulomb", "stribeck", "stribeck_speed")
+TOOL = ("tool_mass", "stiffness", "damping")
+SEPARATED = 0.25  # half-width over value: a wider interval says no more than the order of magnitude
+FOURTH = 5.0  # how much worse the term in v^4 is known than the one in v^2, at the fastest speed; 2 to 3 in good sweeps
+PUSHED = 0.05  # of the break-away force: a constant force above it is worth a word
+
+
+def separated(estimate: Estimate, name: str) -> bool:
+    """Whether the interval says more than the order of magnitude."""
+    low, high = estimate.interval(name)
+    return bool(np.isfinite(high - low) and high - low <= 2 * SEPARATED * abs(estimate[name]))
+
+
+def stribeck_separated(estimate: Estimate) -> bool:
+    """Whether f_c, f_s and v_s each come out on their own."""
+    return "curvature" in estimate.names and estimate["curvature"] > 0 and all(separated(estimate, name) for name in FRICTION)
+
+
+def tool_separated(estimate: Estimate) -> bool:
+    """Whether M_e comes out, and with it k_s and c_s; only the ratios k_s / M_e and c_s / M_e do not need it."""
+    return "tool_mass" in estimate.names and separated(estimate, "tool_mass")
+
+
+def unseparated(estimate: Estimate) -> set[str]:
+    """Parameters whose numbers mean nothing."""
+    return (set() if stribeck_separated(estimate) else set(FRICTION)) | (set() if tool_separated(estimate) else set(TOOL))
+
+
+def notes(estimate: Estimate, forces: ForceFit) -> Iterator[str]:
+    """One line for everything that the data leave open."""
+    if "back_emf" not in estimate.names:
+        yield "force_constant: taken as given; every mass and force is as wrong as it is, and an electrical test would measure it"
+    if not forces.cogging.count:
+        yield "cogging: no harmonic stands out of the noise; a slower sweep over more pole pitches would show smaller ones"
+    if not stribeck_separated(estimate):
+        yield (
+            f"{', '.join(FRICTION)}: not separated by speeds up to {forces.fastest:.2g} m/s; break_away, the sum of the first two, and the "
+            f"curve up to there are known; a sweep to {telling_speed(estimate, forces.fastest):.2g} m/s or more would separate them"
+        )
+    if "tool_mass" not in estimate.names:
+        yield f"{', '.join(TOOL)}: not seen without tool_position; record the end effector beside the motor"
+    elif not tool_separated(estimate):
+        hertz = np.sqrt(estimate["stiffness_per_mass"]) / (2 * np.pi)
+        yield (
+            f"{', '.join(TOOL)}: not separated, the end effector pushes back too little against {estimate['total_mass']:.3g} kg; their "
+            f"ratios are known; a current on top of the control that shakes the sliding axis near {hertz:.3g} Hz, the end effector's own "
+            "frequency, would separate them"
+        )
+    low, high = estimate.interval("constant_force")
+    if max(low, -high) > PUSHED * estimate["break_away"]:
+        yield (
+            f"constant_force: {estimate['constant_force']:.3g} N help one way and hinder the other (a slope, a cable, an offset of the "
+            "current); the model has no such force"
+        )
+
+
+def telling_speed(estimate: Estimate, fastest: float) -> float:
+    """Speed [m/s] up to which a sweep as good as this one would separate f_c, f_s and v_s.
+
+    After -q v^2 the next term of the dry friction is q w v^4, and its deviation, some times that of q over v^2, falls with v^4. How large
+    w is has to be guessed: that half of the break-away force falls off, f_s = q / w = f_0 / 2.
+    """
+    deviation = estimate.deviation("drop")
+    drop = max(estimate["drop"], deviation)
+    curved = 2 * drop**2 / estimate["break_away"]
+    needed = SEPARATED * curved / 1.96
+    return max((FOURTH * deviation * fastest**2 / needed) ** 0.25, 1.5 * fastest)
