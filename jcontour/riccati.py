@@ -13,9 +13,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.kernels.dispatch import suits_lanes
+from jcontour.kernels.dispatch import block_length, suits_lanes, suits_spans
+from jcontour.kernels.sliding_window import sliding_plan
 from jcontour.kernels.window_sweep import window_plan
 from jcontour.linear import AffinePlan, LinearPlant, is_concrete, spectral_radius
 
@@ -31,22 +33,28 @@ class CostToGo(NamedTuple):
 
 
 def receding_horizon_plan(
-    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
-    terminal: CostToGo | None,
+    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array | np.ndarray, " N_p"],
+    R: Float[Array, "p p"], terminal: CostToGo | None,
 ) -> AffinePlan:  # fmt: skip
-    """Gains F, f (u = f - F x) of every step of a run: by the GPU's kernels where they take the plant, by `window_sweep` elsewhere.
+    """Gains F, f (u = f - F x) of every step of a run.
+
+    Long windows whose stage profile is known to be uniform are composed from spans (`kernels.sliding_window`), others are swept
+    stage by stage: by the GPU's kernels where they take the plant, by `kernels.window_sweep` elsewhere.
 
     Args:
         model: A, B, C.
         Q: output weight at every sample, S = T + N_p.
         y_d: desired output at every sample [m].
-        stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the terminal).
+        stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the terminal); traced, or known.
         R: control weight.
         terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is weighted like the others, by stage
             times Q, and then S has to be T + N_p exactly.
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
+    if suits_spans(stage if terminal is None else stage[:-1]):
+        return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
+    stage = jnp.asarray(stage)
     if suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal):
         from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
 
@@ -58,6 +66,15 @@ def receding_horizon_plan(
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
     return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))
+
+
+def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
+    """By spans; without a terminal the last sample belongs to them."""
+    steps = Q.shape[0] - preview
+    window = preview if terminal is None else preview - 1
+    end = None if terminal is None else jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
+    seen = slice(1, steps + window)
+    return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps))
 
 
 def readable_plan(

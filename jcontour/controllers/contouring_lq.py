@@ -120,7 +120,7 @@ class ContouringLQ(Controller):
             ValueError: the reference looks less far ahead than the controller.
         """
         check_preview(self, reference)
-        stage = jnp.ones(self.preview, self.model.A.dtype) if self.weights.stage is None else self.weights.stage
+        stage = np.ones(self.preview, self.model.A.dtype) if self.weights.stage is None else self.weights.stage
         seen = reference.steps + self.preview
         Q, y_d = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent[:seen]), reference.position[:seen]
         terminal = None

@@ -1,11 +1,16 @@
 """Which kernels run here; light to import, so that a CPU never loads the GPU's."""
 
+import math
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from jcontour.linear import Pattern
+from jcontour.linear import Pattern, is_concrete
 
 MOST_MULTIPLICATIONS = 9000  # of one stage, unrolled: about 16 coupled states; beyond, registers and the compiler's patience end
+SHORTEST_WINDOW = {"cpu": 80, "gpu": 150}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward on a CPU)
+LONGEST_ROW = 100  # blocks side by side on a CPU: their matrices stay in a core's second-level cache
 
 
 def on_gpu() -> bool:
@@ -25,3 +30,19 @@ def multiplications(pattern: Pattern) -> int:
     n, p = len(pattern.A), len(pattern.B[0])
     filled = sum(map(sum, (*pattern.A, *pattern.B)))
     return filled * n + filled * (n + p) // 2 + n * (n + 1) // 2 * p
+
+
+def suits_spans(stage) -> bool:
+    """Whether a window is long enough, and its stage profile known to be uniform, for a sweep at a price that does not grow with it.
+
+    A profile that falls geometrically would need R to fall with it: spans are alike up to a scale of J against C only as long as
+    that scale is the same at every sample, and the ratio of Q to R is not.
+    """
+    shortest = SHORTEST_WINDOW["gpu" if on_gpu() else "cpu"]
+    return len(stage) >= shortest and is_concrete(stage) and bool(np.all(np.asarray(stage) == np.asarray(stage)[0]))
+
+
+def block_length(window: int, steps: int) -> int:
+    """Samples of a block: many small ones for a GPU; on a CPU no more than its cache holds."""
+    side_by_side = 1 if on_gpu() else -(-steps // LONGEST_ROW)
+    return min(window, max(2 * math.isqrt(window), side_by_side))

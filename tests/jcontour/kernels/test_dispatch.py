@@ -33,3 +33,20 @@ def test_a_plant_that_would_unroll_too_far_is_left_to_xla(monkeypatch):
     dense = {n: Pattern.of(np.ones((n, n)), np.ones((n, 3)), np.ones((3, n))) for n in (16, 24)}
     assert [dispatch.suits_lanes(dense[n], jnp.zeros(1)) for n in dense] == [True, False]
     assert dispatch.multiplications(dense[16]) > dispatch.multiplications(bridgeport().pattern)
+
+
+def test_spans_are_for_long_windows_whose_profile_is_known_to_be_uniform():
+    shortest = dispatch.SHORTEST_WINDOW["gpu" if dispatch.on_gpu() else "cpu"]
+    assert dispatch.suits_spans(np.ones(shortest)) and dispatch.suits_spans(np.full(shortest, 0.3))
+    assert not dispatch.suits_spans(np.ones(shortest - 1)) and not dispatch.suits_spans(np.ones(0))
+    assert not dispatch.suits_spans(np.linspace(1, 2, shortest))
+    traced = []
+    jax.eval_shape(lambda stage: traced.append(dispatch.suits_spans(stage)), jnp.ones(shortest))
+    assert traced == [False]
+
+
+@pytest.mark.parametrize("steps", [1, 500, 10**6])
+def test_blocks_fit_their_windows_and_are_not_many(steps):
+    for window in (*range(1, 50), 1000, 4096):
+        length = dispatch.block_length(window, steps)
+        assert 1 <= length <= window and window // length <= max(1, length)
