@@ -58,3 +58,9 @@ def check_preview(controller: Controller, reference: Reference) -> None:
         raise ValueError(
             f"preview: the controller looks {controller.preview} samples ahead, the reference was made with {reference.preview}"
         )
+
+
+def check_period(dt: float, reference: Reference) -> None:
+    """Raise ValueError unless the reference has the sample period [s] that the controller was made for."""
+    if reference.dt != dt:
+        raise ValueError(f"dt: the controller is sampled every {dt} s, the reference every {reference.dt} s")

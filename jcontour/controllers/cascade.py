@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller
+from jcontour.controller import Controller, check_period
 from jcontour.linear import is_concrete
 from jcontour.references import Reference
 from jcontour.sensors import Sensors
@@ -115,8 +115,7 @@ class Cascade(Controller):
         axes = self.sensors.axes
         if reference.position.shape[-1] != axes:
             raise ValueError(f"sensors: the reference has {reference.position.shape[-1]} axes, the controller reads {axes}")
-        if reference.dt != self.dt:
-            raise ValueError(f"dt: the controller is sampled every {self.dt} s, the reference every {reference.dt} s")
+        check_period(self.dt, reference)
         now, later = reference.position[: reference.steps], reference.position[1 : reference.steps + 1]
         velocity, gains = (later - now) / self.dt, self.gains
         acceleration = jnp.diff(velocity, axis=0, prepend=reference.start_increment[None] / self.dt) / self.dt

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Wrapper, check_period
 from jcontour.linear import is_concrete
 from jcontour.references import Reference
 from jcontour.sensors import Sensors
@@ -68,8 +68,7 @@ class DisturbanceObserver(Wrapper):
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        if reference.dt != self.dt:
-            raise ValueError(f"dt: the observer is sampled every {self.dt} s, the reference every {reference.dt} s")
+        check_period(self.dt, reference)
         if reference.position.shape[-1] != self.sensors.axes:
             raise ValueError(f"sensors: the reference has {reference.position.shape[-1]} axes, the observer reads {self.sensors.axes}")
         now, (_, inverse, _) = reference.position[0], self._filters()

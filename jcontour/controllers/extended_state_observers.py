@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Wrapper, check_period
 from jcontour.linear import is_concrete
 from jcontour.references import Reference
 from jcontour.sensors import Sensors
@@ -170,8 +170,7 @@ class DisturbanceRejection(Wrapper):
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        if reference.dt != self.observer.dt:
-            raise ValueError(f"dt: the observer is sampled every {self.observer.dt} s, the reference every {reference.dt} s")
+        check_period(self.observer.dt, reference)
         increment = reference.start_increment
         if increment.shape[-1] != self.sensors.axes:
             raise ValueError(f"sensors: the reference has {increment.shape[-1]} axes, the observer reads {self.sensors.axes}")

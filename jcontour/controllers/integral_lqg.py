@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller
+from jcontour.controller import Controller, check_period
 from jcontour.controllers.cascade import check_limit
 from jcontour.controllers.observers import check_gain
 from jcontour.controllers.state_feedback import StateFeedback, lq_gain
@@ -67,7 +67,7 @@ class IntegralLQG(Controller):
     limit: Float[Array, "*p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
-        check_gain(self.model.A, self.measured, self.filter_gain)
+        check_gain(self.model.A, self.measured, self.filter_gain, "filter_gain")
         wanted = (self.model.inputs, self.sensors.axes)
         if self.integral_gain.shape != wanted:
             raise ValueError(f"integral_gain: needs shape {wanted}, received {self.integral_gain.shape}")
@@ -91,8 +91,7 @@ class IntegralLQG(Controller):
         Raises:
             ValueError: the reference has another sample period.
         """
-        if reference.dt != self.model.dt:
-            raise ValueError(f"dt: the controller is sampled every {self.model.dt} s, the reference every {reference.dt} s")
+        check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         return IntegralMemory(start, jnp.zeros(self.model.inputs, start.dtype))
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Wrapper, check_period
 from jcontour.controllers.cascade import check_limit
 from jcontour.linear import LinearPlant, check_stable, is_concrete
 from jcontour.references import Reference
@@ -57,7 +57,12 @@ class _Observer(Wrapper):
         return self.model.C if self.measured is None else self.measured
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
-        """The estimate starts where the reference says the run begins."""
+        """The estimate starts where the reference says the run begins.
+
+        Raises:
+            ValueError: the reference has another sample period.
+        """
+        check_period(self.model.dt, reference)
         known = self.model.initial_state(reference.position[0], reference.start_increment) if self.start is None else self.start
         return ObserverMemory(known, self.controller.initial_memory(reference))
 
@@ -120,7 +125,12 @@ class OffsetFreeObserver(Wrapper):
         check_limit(self.limit)
 
     def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
-        """The estimate starts where the reference says the run begins, undisturbed."""
+        """The estimate starts where the reference says the run begins, undisturbed.
+
+        Raises:
+            ValueError: the reference has another sample period.
+        """
+        check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         return OffsetFreeMemory(start, jnp.zeros(self.model.inputs, start.dtype), self.controller.initial_memory(reference))
 
@@ -133,25 +143,27 @@ class OffsetFreeObserver(Wrapper):
         return OffsetFreeMemory(self.model.step(filtered, control + disturbance), disturbance, inner), control
 
 
-def kalman_gain(model: LinearPlant, control_noise, measurement_noise) -> Float[Array, "n m"]:
+def kalman_gain(model: LinearPlant, control_noise, measurement_noise, measured=None) -> Float[Array, "n q"]:
     """Steady-state Kalman filter gain L = P C' (C P C' + V)^-1 with P from the dual Riccati equation.
 
     The process noise enters with the control: W = B diag(control_noise^2) B'; V = diag(measurement_noise^2). Lengths are
     rescaled to one measurement deviation before solving, because in metres the equation is too badly scaled to trust.
 
     Args:
-        model: the machine; its state is estimated from its outputs.
+        model: the machine.
         control_noise: standard deviation on each control (p,) or one for all.
-        measurement_noise: standard deviation on each output [m], (m,) or one for all.
+        measurement_noise: standard deviation on each measurement, (q,) or one for all; that of the least precise sets the unit.
+        measured: C (q, n) of what the sensors show; the model's outputs when not given.
 
     Raises:
-        ValueError: the equation has no stabilising solution (a state that the outputs do not show does not die out).
+        ValueError: the equation has no stabilising solution (a state that the sensors do not show does not die out).
     """
-    deviation = jnp.broadcast_to(jnp.asarray(measurement_noise, model.A.dtype), (model.axes,))
+    C = model.C if measured is None else jnp.asarray(measured, model.A.dtype)
+    deviation = jnp.broadcast_to(jnp.asarray(measurement_noise, model.A.dtype), (C.shape[0],))
     B = model.B * jnp.asarray(control_noise, model.A.dtype) / jnp.max(deviation)
     V = jnp.diag((deviation / jnp.max(deviation)) ** 2)
-    check_dare(model.A.T, model.C.T, B @ B.T, V)
-    return _filter_gain(model.A, B, model.C, V)
+    check_dare(model.A.T, C.T, B @ B.T, V)
+    return _filter_gain(model.A, B, C, V)
 
 
 def offset_free_gain(model: LinearPlant, measured, control_noise, drift, measurement_noise) -> Float[Array, "n+p q"]:
@@ -174,12 +186,12 @@ def offset_free_gain(model: LinearPlant, measured, control_noise, drift, measure
     return kalman_gain(LinearPlant(A, B, C, model.dt), noise, measurement_noise)
 
 
-def check_gain(A: Float[Array, "n n"], C: Float[Array, "q n"], gain: Float[Array, "n q"]) -> None:
+def check_gain(A: Float[Array, "n n"], C: Float[Array, "q n"], gain: Float[Array, "n q"], name: str = "gain") -> None:
     """Raise ValueError unless the gain has the shape (n, q) and its observer is stable; traced values pass unchecked."""
     if jnp.shape(gain) != (A.shape[0], C.shape[0]):
-        raise ValueError(f"gain: needs shape ({A.shape[0]}, {C.shape[0]}), received {jnp.shape(gain)}")
+        raise ValueError(f"{name}: needs shape ({A.shape[0]}, {C.shape[0]}), received {jnp.shape(gain)}")
     if is_concrete(A, C, gain):
-        check_stable("gain: the observer", A - A @ gain @ C)
+        check_stable(f"{name}: the observer", A - A @ gain @ C)
 
 
 def _with_disturbance(model: LinearPlant, measured) -> tuple[Float[Array, "n+p n+p"], Float[Array, "q n+p"]]:

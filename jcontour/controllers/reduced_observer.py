@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Wrapper, check_period
 from jcontour.linear import LinearPlant, check_stable
 from jcontour.references import Reference
 from jcontour.sensors import row
@@ -48,7 +48,12 @@ class ReducedObserver(Wrapper):
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
     def initial_memory(self, reference: Reference) -> ReducedMemory:
-        """The state in which the reference begins."""
+        """The state in which the reference begins.
+
+        Raises:
+            ValueError: the reference has another sample period.
+        """
+        check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         measured, rest = jnp.split(start, [self.gain.shape[1]])
         return ReducedMemory(rest - self.gain @ measured, self.controller.initial_memory(reference))

@@ -54,7 +54,7 @@ class AxisParameters(eqx.Module):
 
     Raises:
         ValueError: a mass, the force constant or the pitch is not above zero, stiffness or damping is negative, or the numbers of
-            harmonics differ.
+            harmonics differ or one of them is not finite; or a value is there for another number of axes than there are motor masses.
     """
 
     motor_mass: Axes
@@ -79,6 +79,12 @@ class AxisParameters(eqx.Module):
         self.cogging_sine, self.cogging_cosine = (jnp.atleast_2d(jnp.asarray(c, float)) for c in (cogging_sine, cogging_cosine))
         if self.cogging_sine.shape != self.cogging_cosine.shape:
             raise ValueError(f"cogging_cosine: needs shape {self.cogging_sine.shape}, received {self.cogging_cosine.shape}")
+        for name in ("cogging_sine", "cogging_cosine"):
+            if is_concrete(getattr(self, name)) and not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name}: every entry needs to be finite, received {np.asarray(getattr(self, name))}")
+        for name in ("tool_mass", "stiffness", "damping", "force_constant", "pole_pitch", "cogging_sine"):
+            if getattr(self, name).shape[0] not in (1, self.axes):
+                raise ValueError(f"{name}: needs one value, or one for each of {self.axes} axes, received {getattr(self, name).shape[0]}")
 
     @property
     def axes(self) -> int:
@@ -131,8 +137,10 @@ class _Axis(Plant):
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
         count = round(dt / SUBSTEP) if substeps is None else substeps
-        if count < 1 or (substeps is None and abs(count * SUBSTEP - dt) > 1e-9 * dt):
+        if substeps is None and (count < 1 or abs(count * SUBSTEP - dt) > 1e-9 * dt):
             raise ValueError(f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number")
+        if count < 1 or count != int(count):
+            raise ValueError(f"substeps: needs a whole number, at least one, received {substeps}")
         self.substeps = int(count)
 
     def _motion(self, position, increment) -> Motion:

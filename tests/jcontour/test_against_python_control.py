@@ -15,7 +15,6 @@ from jcontour.controllers.filters import Filtered, low_pass, notch
 from jcontour.controllers.observers import FilterObserver, kalman_gain
 from jcontour.controllers.reduced_observer import ReducedObserver, thesis_gain
 from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target
-from jcontour.linear import LinearPlant
 from jcontour.plants.flexible_axis import thesis_axis
 from jcontour.plants.flexible_axis_model import zoh_model
 from jcontour.plants.wrappers import Sensed
@@ -159,7 +158,7 @@ def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     feedback = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
     scale = np.diag([1e6, 1e3])  # counts of one standard deviation, for the conditioning of its equation
     filtering = control.dlqe(A, B, scale @ MOTOR, np.array([[0.05**2]]), np.eye(2))[2]
-    L = kalman_gain(LinearPlant(MODEL.A, MODEL.B, MOTOR, DT), 0.05, [1e-6, 1e-3])
+    L = kalman_gain(MODEL, 0.05, [1e-6, 1e-3], MOTOR)
     assert same(poles(FilterObserver(FEEDBACK, MODEL, L, measured=MOTOR)), np.concatenate([feedback, filtering]))
 
 

@@ -9,7 +9,7 @@ from jcontour.controllers.integral_lqg import IntegralLQG, integral_lq_gains, po
 from jcontour.controllers.observers import FilterObserver, OffsetFreeObserver, kalman_gain, offset_free_gain
 from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.friction import Friction
-from jcontour.linear import LinearPlant, with_input_gains
+from jcontour.linear import with_input_gains
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis_model import zoh_model
 from jcontour.plants.wrappers import Disturbed, Saturated, Sensed
@@ -34,7 +34,7 @@ def designed(model, axes=1, limit=np.inf):
     measured, sensors = np.eye(4 * axes)[: 2 * axes], motors(axes)
     weights = (np.kron(Q, np.eye(axes)), np.kron(Q_I, np.eye(axes)), np.eye(axes))
     K, K_i = integral_lq_gains(model, positions_of(sensors, measured), *weights)
-    L = kalman_gain(LinearPlant(model.A, model.B, measured, DT), 0.05, np.repeat(NOISE, axes))
+    L = kalman_gain(model, 0.05, np.repeat(NOISE, axes), measured)
     return IntegralLQG(StateFeedback(K, moving_target(model)), K_i, model, L, measured, sensors, limit)
 
 
@@ -64,7 +64,7 @@ def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter():
 
 
 LOADS = {"load": (1.0, 0.5), "input gain": (0.8, 0.0), "both": (1.2, -0.3)}
-KALMAN = kalman_gain(LinearPlant(MODEL.A, MODEL.B, MOTOR, DT), 0.05, NOISE)
+KALMAN = kalman_gain(MODEL, 0.05, NOISE, MOTOR)
 FEEDBACK = StateFeedback(lq_gain(MODEL, Q, R), moving_target(MODEL))
 OFFSET_FREE = OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, NOISE), MOTOR)
 
@@ -124,7 +124,7 @@ def test_bad_input_is_named():
     for changes, words in [
         ({"integral_gain": -LQG.integral_gain}, r"^integral_gain: the loop is not stable: .* they are \["),
         ({"integral_gain": np.zeros((1, 2))}, r"^integral_gain: needs shape \(1, 1\)"),
-        ({"filter_gain": np.zeros((4, 2))}, r"^gain: the observer is not stable: .* they are \["),
+        ({"filter_gain": np.zeros((4, 2))}, r"^filter_gain: the observer is not stable: .* they are \["),
         ({"limit": 0.0}, "^limit: needs to be above zero"),
     ]:
         with pytest.raises(ValueError, match=words):

@@ -112,7 +112,7 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
 
 def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
-    gain = kalman_gain(LinearPlant(MODEL.A, MODEL.B, MOTOR, 1e-3), *NOISE)
+    gain = kalman_gain(MODEL, *NOISE, MOTOR)
     plain = FilterObserver(FEEDBACK, MODEL, gain, measured=MOTOR)
     integral = OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)
     frictionless = AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1)
@@ -151,5 +151,10 @@ def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
     ):
         with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
             make()
+    slow = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3)
+    for observer in (FilterObserver(FEEDBACK, MODEL, kalman_gain(MODEL, *NOISE, MOTOR), measured=MOTOR),
+                     OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)):  # fmt: skip
+        with pytest.raises(ValueError, match="^dt: the controller is sampled every 0.001 s, the reference every 0.002 s"):
+            observer.initial_memory(slow)
     with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
         FilterObserver(FEEDBACK, MODEL, np.zeros((4, 1)), measured=MOTOR)

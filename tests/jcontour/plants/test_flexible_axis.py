@@ -277,7 +277,14 @@ def test_bad_parameters_are_named(name):
 def test_bad_axes_are_named():
     with pytest.raises(ValueError, match="cogging_cosine"):
         ideal(cogging_cosine=[0.0, 1.0])
+    with pytest.raises(ValueError, match="cogging_sine: every entry"):
+        ideal(cogging_sine=[np.nan])
+    with pytest.raises(ValueError, match="stiffness: needs one value, or one for each of 1 axes, received 2"):
+        ideal(stiffness=[1e3, 2e3])
     with pytest.raises(ValueError, match="does not divide"):
         FlexibleAxis(ideal(), 1.3e-4)
+    for count in (0, 2.5):
+        with pytest.raises(ValueError, match=f"substeps: needs a whole number, at least one, received {count}"):
+            FlexibleAxis(ideal(), DT, count)
     with pytest.raises(ValueError, match="dt"):
         SmoothFlexibleAxis(ideal(), 0.0)
