@@ -1,0 +1,36 @@
+"""What `jcontour reproduce yuan-gantry` prints."""
+
+from typing import Any
+
+from rich.console import Console
+
+from experiments.tables import digits, plain_table, worded_table
+
+
+def show(summary: dict[str, Any], console: Console) -> None:
+    """Frequencies, engines, statements."""
+    rows = [
+        [f"{row['head_m']:g}", "kept" if row["coupling"] else "as printed", f"{row['antiresonance_hz']:.2f}", f"{row['resonance_hz']:.2f}"]
+        for row in summary["responses"]
+    ]
+    columns = ("head m", "coupling M_e x_h", "anti-resonance Hz", "resonance Hz")
+    console.print(plain_table("Fig. 5.6: from the current of a drive to its speed", columns, rows, text_columns=2))
+    show_engines(summary["engines"], console)
+    words = [(row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]]
+    console.print(worded_table("Statements", ("where", "the paper", "the simulation", "verdict"), words))
+
+
+def show_engines(engines: list[dict[str, Any]], console: Console) -> None:
+    """Agreement and rates of the engines."""
+    ours = engines[0]
+    rows = [
+        [row["engine"], "-" if row is ours else f"{row['difference']:.1e}", *_rate(row["single"], ours["single"]),
+         *_rate(row["batched"], ours["batched"])]
+        for row in engines
+    ]  # fmt: skip
+    alone, together = ("million steps\na second", "of ours"), ("a thousand at once:\nmillion steps a second", "of ours")
+    console.print(plain_table("Runge-Kutta steps of 0.25 ms in every engine", ("engine", "difference\nof a step", *alone, *together), rows))
+
+
+def _rate(rate: float | None, ours: float) -> tuple[str, str]:
+    return ("-", "-") if rate is None else (digits(rate / 1e6), f"{rate / ours:.2g}")
