@@ -78,6 +78,16 @@ class Quantised(_Wrapper):
         return self.resolution * jnp.round(self.plant.measure(state) / self.resolution)
 
 
+class FirstStates(_Wrapper):
+    """Of a linear plant only the first `count` states are measured."""
+
+    count: int = eqx.field(static=True)
+
+    def measure(self, state) -> Array:
+        """x_1 ... x_count."""
+        return self.plant.measure(state)[: self.count]
+
+
 class CountingEncoders(_Wrapper):
     """Positions in whole counts of `resolution`, and as speeds the difference of two readings, as a drive has them. Not smooth.
 

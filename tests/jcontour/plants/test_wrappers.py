@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
-from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated
+from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, FirstStates, LateSensors, Quantised, Saturated
 from jcontour.sensors import Sensors, motors
 
 
@@ -92,6 +92,14 @@ def test_noise_is_there_before_the_counts_of_a_late_motor():
     np.testing.assert_allclose(speed, [0.0], atol=1e-12)
     seen, fast = inside.measure(inside.initial_state(jnp.array([0.02]), jnp.zeros(1)))
     np.testing.assert_allclose([seen[0], fast[0]], [0.0200006, 9.0], rtol=1e-12)
+
+
+def test_first_states_are_measured(two_axes, start, controls, plain):
+    outputs, measurements, last = run(FirstStates(two_axes, 3), start, controls)
+    np.testing.assert_array_equal(outputs, plain[0])
+    assert measurements.shape[1] == 3
+    np.testing.assert_array_equal(measurements[0], start[:3])
+    np.testing.assert_array_equal(last, plain[2])
 
 
 def test_saturated_clips_each_control(two_axes, start, controls):
