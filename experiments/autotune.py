@@ -19,7 +19,7 @@ from experiments.options import Tune
 from experiments.progress import progress_of
 from experiments.replays import Replay, replay
 from experiments.safety import limit_warnings, path_margins
-from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, named_limits, resumed, tuning_run
+from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, resumed, tuning_run
 from tuning.parameters import Chart, Weights
 from tuning.tune import Tuned, TuneState, advance, result
 
@@ -89,7 +89,7 @@ def _proved(job: TuningRun, weights: Weights) -> Proof:
 def describe(job: TuningRun, console: Console) -> None:
     """Say what is tuned."""
     machine, flags, course = job.machine, job.flags, job.course
-    limits = ", ".join(f"{name} <= {value:.6g}" for name, value in named_limits(flags).items()) or "none"
+    limits = ", ".join(f"{name} <= {value:.6g}" for name, value in job.limits.items()) or "none"
     facts = machine.facts() | {
         "Family": "; ".join(course.plants) + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
         "Training": "; ".join(f"{one.name} ({one.samples} samples, {one.feed_law})" for one in course.jobs_seen(True)),
@@ -122,7 +122,7 @@ def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, 
         "start": plain_weights(job.start), "weights": weights, "values": job.design.values(weights),
         "feasible": tuned.feasible, "violation": tuned.violation if np.isfinite(tuned.violation) else None,
         "usable": bool(tuned.feasible and not lost and safety["largest_frozen_spectral_radius"] < 1),
-        "limits": named_limits(job.flags),
+        "limits": job.limits,
         "evaluated_points": len(tuned.history), "diverged_points": tuned.diverged_points, "diverged_starts": tuned.diverged_starts,
         "descents": state.start + 1, "plants": job.course.plants, "safety": safety,
         "safety_of_start": proofs["start"].safety, "warnings": warnings,

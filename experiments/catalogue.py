@@ -9,16 +9,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from experiments import axis_laws as laws
+from experiments.axis_designs import axis_design
+from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
 from experiments.designs import Design, changed
-from experiments.jobs import TOOLPATHS, Job, Pace, at_constant_feed, from_file
+from experiments.jobs import TOOLPATHS, Job, Pace, Run, at_constant_feed, from_file
 from experiments.linear_machines import bridgeport_machine
 from experiments.lq_designs import contouring_lq, preview_lq
 from experiments.machine_files import load_machine
 from experiments.machines import Machine
+from experiments.motions import s_curve, task_a, task_b
 from experiments.options import Controlled
 from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
+from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, EulerLESO, ExactLESO
 from jcontour.controllers.observers import PredictorObserver
+from jcontour.controllers.state_feedback import moving_target, quasi_steady_target
+from jcontour.input_shaping import zv
 from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
 
 
@@ -26,10 +36,11 @@ class Entry(NamedTuple):
     """One thing with a name.
 
     Attributes:
-        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) -> Job.
+        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) -> Job or Motion.
         line: what it is, in one line.
         smooth: differentiable where it is used.
         stable: its loop settles.
+        still: a plant that stays where it is at rest without control.
         on: name of the machine that it is for, or of one of them.
     """
 
@@ -37,6 +48,7 @@ class Entry(NamedTuple):
     line: str
     smooth: bool = True
     stable: bool = True
+    still: bool = True
     on: str = "bridgeport"
 
 
@@ -44,7 +56,11 @@ def _late(samples: int):
     return Delayed(bridgeport(), samples, 2, 2)
 
 
-MACHINES: dict[str, Callable[[], Machine]] = {"bridgeport": bridgeport_machine}  # each under the name of one of the plants
+MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of the plants
+    "bridgeport": bridgeport_machine,
+    "flexible-axis": thesis_machine,
+    "flexible-axes": biaxial_machine,
+}
 
 PLANTS = {
     "bridgeport": Entry(bridgeport, "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)", stable=False),
@@ -53,7 +69,27 @@ PLANTS = {
     "bridgeport-quantised": Entry(
         lambda: Quantised(Encoders(bridgeport()), 0.8e-6), "the same with encoder counts of 0.8 um", smooth=False, stable=False
     ),
+    "flexible-axis": Entry(
+        lambda: FlexibleAxis(thesis_axis(), 1e-3),
+        "linear motor, spring and end effector, stick and slip, cogging (Yuan); tuned on its twin",
+        smooth=False,
+        on="flexible-axis",
+    ),
+    "flexible-axis-smooth": Entry(
+        lambda: SmoothFlexibleAxis(thesis_axis(), 1e-3),
+        "its smooth twin: dry friction turns within 1 mm/s, so that cogging makes it creep",
+        still=False,
+        on="flexible-axis",
+    ),
+    "flexible-axes": Entry(
+        lambda: FlexibleAxis(biaxial_axes(), 1e-3), "two different flexible axes at right angles", smooth=False, on="flexible-axes"
+    ),
 }
+
+
+def _on_axis(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
+    return Entry(axis_design(line, law, *gains), line, on="flexible-axis")
+
 
 CONTROLLERS = {
     "contouring-lq": Entry(contouring_lq(), "receding-horizon LQ contouring, Kalman filter; --terminal chooses its end"),
@@ -63,6 +99,61 @@ CONTROLLERS = {
     "contouring-lq-riccati-state": Entry(contouring_lq("riccati", "state"), "Riccati terminal, fed the true state"),
     "preview-lq": Entry(preview_lq(), "finite-preview LQ tracking (Tomizuka & Whitney), Kalman filter; beta unused"),
     "preview-lq-state": Entry(preview_lq("state"), "the same fed the true state"),
+    "cascade": _on_axis("P position loop around a PI velocity loop", laws.cascade, laws.loops),
+    "cascade-feedforward": _on_axis(
+        "P-PI cascade fed what the motion needs: speed, inertia, viscous and dry friction", laws.cascade, laws.loops, laws.feedforward
+    ),
+    "cascade-notch": _on_axis("P-PI cascade through a notch", laws.with_notch(laws.cascade), laws.loops, laws.notched),
+    "cascade-low-pass": _on_axis("P-PI cascade through a low pass", laws.with_low_pass(laws.cascade), laws.loops, laws.smoothed),
+    "cascade-leso": _on_axis(
+        "P-PI cascade with a linear extended state observer", laws.with_observer(laws.cascade, CurrentLESO), laws.loops, laws.rejection
+    ),
+    "cascade-leso-exact": _on_axis(
+        "the same, its observer one sample late under zero-order hold",
+        laws.with_observer(laws.cascade, ExactLESO),
+        laws.loops,
+        laws.rejection,
+    ),
+    "cascade-leso-euler": _on_axis("the same by forward Euler", laws.with_observer(laws.cascade, EulerLESO), laws.loops, laws.rejection),
+    "cascade-nleso": _on_axis(
+        "P-PI cascade with a nonlinear extended state observer",
+        laws.with_observer(laws.cascade, NLESO),
+        laws.loops,
+        laws.rejection,
+        laws.linear_range,
+    ),
+    "cascade-dob": _on_axis("P-PI cascade with a disturbance observer", laws.with_inverse(laws.cascade), laws.loops, laws.inverted),
+    "pole-placement": _on_axis(
+        "state feedback by its poles, moving target, reduced observer",
+        laws.behind_reduced_observer(laws.placed(moving_target)),
+        laws.poles,
+    ),
+    "lqr": _on_axis(
+        "linear-quadratic state feedback, moving target, reduced observer",
+        laws.behind_reduced_observer(laws.quadratic(moving_target)),
+        laws.state_weights,
+    ),
+    "lqr-quasi-steady": _on_axis(
+        "the same with the thesis's target, at rest wherever the reference is",
+        laws.behind_reduced_observer(laws.quadratic(quasi_steady_target)),
+        laws.state_weights,
+    ),
+    "cascade-zv": _on_axis(
+        "P-PI cascade with feedforward behind a zero-vibration shaper",
+        laws.with_shaper(laws.cascade, zv),
+        laws.loops,
+        laws.feedforward,
+        laws.vibration,
+    ),
+    "lqg": _on_axis(
+        "linear-quadratic state feedback, Kalman filter, integral action", laws.integral_lqg, laws.state_weights, laws.integrated
+    ),
+    "lqg-offset-free": _on_axis(
+        "linear-quadratic state feedback, Kalman filter that finds the load and cancels it",
+        laws.behind_offset_free_filter(laws.quadratic(moving_target)),
+        laws.state_weights,
+        laws.drifting,
+    ),
 }
 
 
@@ -75,6 +166,15 @@ def _wave(pace: Pace) -> Job:
     return at_constant_feed("wave", spline(points), pace)
 
 
+def _ring(pace: Pace) -> Job:
+    return at_constant_feed("ring", circle(25e-3), pace)
+
+
+def _rounded_square(pace: Pace) -> Job:
+    corners = 25e-3 * np.array([[1, 0], [0.9, 0.9], [0, 1], [-0.9, 0.9], [-1, 0], [-0.9, -0.9], [0, -1], [0.9, -0.9], [1, 0]])
+    return at_constant_feed("rounded-square", spline(corners), pace)
+
+
 CONTOURS = {
     "circle": Entry(lambda pace: at_constant_feed("circle", circle(1e-3), pace), "circle of 1 mm radius, constant feed"),
     "square": Entry(_square, "square of 2 mm, constant feed, corners and all"),
@@ -83,6 +183,11 @@ CONTOURS = {
     "wave": Entry(_wave, "cubic spline through five points, open"),
     "bracket": Entry(lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace), "bracket with fillets, holes and a slot, 12 x 8 mm, G-code"),
     "cam": Entry(lambda pace: from_file(TOOLPATHS / "cam.ngc", pace), "cam profile of a few hundred segments and arcs, G-code"),
+    "ring": Entry(_ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
+    "rounded-square": Entry(_rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"),
+    "task-a": Entry(task_a, "point to point, trapezoidal (Yuan)", on="flexible-axis"),
+    "task-b": Entry(task_b, "to and fro along a cosine (Yuan)", on="flexible-axis"),
+    "s-curve": Entry(s_curve, "point to point with limited jerk", on="flexible-axis"),
 }
 
 
@@ -99,7 +204,7 @@ def machine_named(name: str) -> Machine:
     return load_machine(name)
 
 
-def job_named(name: str, pace: Pace) -> Job:
+def job_named(name: str, pace: Pace) -> Run:
     """Job of a catalogue name or a toolpath file.
 
     Raises:

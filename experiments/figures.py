@@ -61,20 +61,25 @@ def contour_with_error(runs: xr.Dataset, name: str) -> Figure:
 
 
 def errors_over_time(runs: xr.Dataset, name: str) -> Figure:
-    """Contour error, tracking error and control increment over time."""
+    """Contour error (of a single axis: its tool), tracking error and control increment over time."""
     time, counted = runs.time.values, runs.scored.values.astype(bool)
     figure, rows = plt.subplots(3, 1, figsize=(8.0, 7.0), sharex=True, layout="constrained")
+    alone = runs.sizes["axis"] == 1
     for design in runs.design.values:
         one = runs.sel(design=design)
         signals = (
-            1e6 * np.linalg.norm(one.contour_error.values, axis=-1),
+            1e3 * one.output.values[:, 0] if alone else 1e6 * np.linalg.norm(one.contour_error.values, axis=-1),
             1e6 * np.linalg.norm(one.output.values - one.reference.values, axis=-1),
             np.append(np.linalg.norm(np.diff(one.control.values, axis=0), axis=-1), np.nan),
         )
         for axes, signal in zip(rows, signals, strict=True):
             axes.plot(time, np.where(counted, signal, np.nan), color=COLOURS.get(str(design), TUNED), linewidth=0.8, label=str(design))
     unit = runs.control.attrs.get("units", "control unit")
-    for axes, label in zip(rows, ("contour error [um]", "tracking error [um]", f"increment [{unit}]"), strict=True):
+    if alone:
+        rows[0].plot(time, np.where(counted, 1e3 * runs.reference.values[:, 0], np.nan), color=DESIRED, linewidth=0.8, linestyle="--")
+    for axes, label in zip(
+        rows, ("tool [mm]" if alone else "contour error [um]", "tracking error [um]", f"increment [{unit}]"), strict=True
+    ):
         axes.set(ylabel=label)
         axes.grid(color="0.9")
         axes.margins(x=0.01)

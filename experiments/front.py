@@ -9,8 +9,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from rich.console import Console
@@ -22,7 +20,7 @@ from experiments.datasets import metric_unit, save_dataset
 from experiments.designs import plain_weights
 from experiments.options import Front, Spreading, Tune
 from experiments.progress import progress_of
-from experiments.tuning_runs import TuningRun, flag_paths, named_limits, resumed, tuning_run
+from experiments.tuning_runs import TuningRun, flag_paths, resumed, start_metrics, tuning_run
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 
@@ -71,8 +69,7 @@ def _tuning_run(flags: Front) -> TuningRun:
 
 def _traced(flags: Front, job: TuningRun, folder: Path, console: Console) -> list[dict[str, Any]]:
     budgets = _budgets(flags, job, folder)
-    limits = named_limits(flags)
-    problems = [replace(job.problem, limits=AtMost(**limits, rms_increment=budget)) for budget in budgets]
+    problems = [replace(job.problem, limits=AtMost(**{**job.limits, "rms_increment": budget})) for budget in budgets]
     places = [folder / f"budget-{k}" for k in range(len(budgets))]
     state = _load(places)
     with progress_of(console, job.settings, job.machine.error) as show:
@@ -101,8 +98,7 @@ def _budgets(flags: Front, job: TuningRun, folder: Path) -> list[float]:
     """From the smallest to the largest, even in the logarithm; kept in the run folder once chosen."""
     path = folder / "budgets.json"
     if not path.exists():
-        metrics = eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(job.problem, job.start)
-        needed = float(jnp.max(metrics.rms_increment))
+        needed = float(np.max(start_metrics(job.problem, job.start).rms_increment))
         least, most = flags.least_increment or needed / 2, flags.most_increment or 2 * needed
         runs.write_json(path, {"budgets": np.geomspace(least, most, flags.points)})
     return json.loads(path.read_text())["budgets"]

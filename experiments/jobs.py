@@ -1,4 +1,4 @@
-"""What is machined: a contour, how fast the tool goes along it, and which samples of the run are scored."""
+"""What a machine does: a contour, how fast the tool goes along it and which samples are scored; or the motion of a single axis."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from experiments.machines import Machine
 from experiments.options import MachineFlags
 from jcontour.contour import Contour
 from jcontour.feed_laws import constant_feed, trapezoidal
-from jcontour.references import Reference, along
+from jcontour.references import Law, Reference, along, in_time
 from jcontour.toolpaths import ToolpathError, read_csv, read_gcode
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
@@ -22,16 +22,23 @@ TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
 class Pace(NamedTuple):
-    """How fast: feed [m/s] or None for the programmed one, path acceleration [m/s^2], and the limits of the machine."""
+    """How fast: feed [m/s] and path acceleration [m/s^2], each None where it is not given, on a machine with its limits."""
 
     machine: Machine
     feed: float | None
-    acceleration: float
+    acceleration: float | None
 
     @property
     def feed_or_default(self) -> float:
         """Feed [m/s] of contours that have no programme."""
         return FEED * MM_PER_MIN if self.feed is None else self.feed
+
+    @property
+    def acceleration_or_default(self) -> float:
+        """Path acceleration [m/s^2] where none is given: what the machine can do."""
+        limit = self.machine.limits.acceleration
+        own = ACCELERATION if limit is None else float(limit.min())
+        return own if self.acceleration is None else self.acceleration
 
     @classmethod
     def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
@@ -43,10 +50,8 @@ class Pace(NamedTuple):
         for name, value in (("feed-mm-per-min", flags.feed_mm_per_min), ("acceleration", flags.acceleration)):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        limit = machine.limits.acceleration
-        own = ACCELERATION if limit is None else float(limit.min())
         feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
-        return cls(machine, feed, own if flags.acceleration is None else flags.acceleration)
+        return cls(machine, feed, flags.acceleration)
 
 
 class Job(NamedTuple):
@@ -75,8 +80,38 @@ class Job(NamedTuple):
         return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
 
 
+class Motion(NamedTuple):
+    """A run of a single axis from one end of a line to the other, by a law of time."""
+
+    name: str
+    contour: Contour
+    law: Law
+    duration: float
+    dwell: float
+    dt: float
+    feed_law: str
+
+    @property
+    def samples(self) -> int:
+        """Control steps of the run."""
+        return round(self.duration / self.dt) + 1
+
+    def reference(self, dt: float, preview: int) -> Reference:
+        """Samples of the run, with `preview` more appended.
+
+        Raises:
+            ValueError: as `references.in_time`.
+        """
+        return in_time(self.contour, self.law, self.duration, dt, preview, self.dwell)
+
+
+Run = Job | Motion
+
+
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
     """In motion from the first sample; a closed contour is run twice and scored the second time, when the entry has died out."""
+    if contour.axes > pace.machine.model.axes:
+        raise ValueError(f"contour: {name} needs {contour.axes} axes, {pace.machine.name} has {pace.machine.model.axes}")
     contour = _lifted(contour, pace.machine.model.axes)
     dt, feed = pace.machine.model.dt, pace.feed_or_default
     lap = constant_feed(contour, feed, dt)
@@ -101,6 +136,8 @@ def from_file(path: Path, pace: Pace) -> Job:
 
 def _read(path: Path, pace: Pace) -> Job:
     machine = pace.machine
+    if machine.model.axes == 1:
+        raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
     if path.suffix.lower() == ".csv":
         contour = _lifted(read_csv(path), machine.model.axes)
         if contour.axes != machine.model.axes:
@@ -111,7 +148,9 @@ def _read(path: Path, pace: Pace) -> Job:
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
-    arc = trapezoidal(contour, np.where(rapid, rapid_speed, feed), machine.model.dt, pace.acceleration, speed, machine.limits.acceleration)
+    arc = trapezoidal(
+        contour, np.where(rapid, rapid_speed, feed), machine.model.dt, pace.acceleration_or_default, speed, machine.limits.acceleration
+    )
     piece = np.clip(np.searchsorted(np.asarray(contour.start), arc, side="right") - 1, 0, rapid.size - 1)
     return Job(path.stem, contour, arc, ~rapid[piece], True, f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min")
 

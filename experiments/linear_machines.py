@@ -13,6 +13,16 @@ from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
 
+USUAL = Usual(
+    "contouring-lq",
+    training=("cam", "circle", "square"),
+    held_out=("bracket", "ellipse", "lemniscate"),  # the bracket's length would triple the minute that training takes
+    beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
+    simulated="circle",
+    front=("square",),
+    swept=("circle", "square"),
+)
+
 
 @dataclass(frozen=True)
 class LinearMachine(Machine):
@@ -31,16 +41,12 @@ class LinearMachine(Machine):
     delay: int
     encoder_resolution: float
     control_noise: float
-    usual: ClassVar[Usual] = Usual(
-        "contouring-lq",
-        training=("cam", "circle", "square"),
-        held_out=("bracket", "ellipse", "lemniscate"),  # the bracket's length would triple the minute that training takes
-        beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
-        simulated="circle",
-        front=("square",),
-        swept=("circle", "square"),
-    )
     truth: ClassVar[str] = "quantised encoders"
+
+    @property
+    def usual(self) -> Usual:
+        """Contouring on short parts."""
+        return USUAL
 
     @property
     def members(self) -> list[tuple[str, np.ndarray, int]]:

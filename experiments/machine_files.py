@@ -16,6 +16,8 @@ A JSON object, or an npz with the same names (`limits.speed` for what is nested)
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain 10 % off does
 
+Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
+
 `experiments/machines/example.json` is one. The tool starts in steady motion, so every axis needs one input and one output of its own.
 """
 
@@ -28,6 +30,8 @@ from typing import Any
 import numpy as np
 
 from experiments import checks
+from experiments.axis_files import axis_from, is_axis
+from experiments.axis_machines import flexible_machine
 from experiments.checks import MachineError
 from experiments.linear_machines import LinearMachine
 from experiments.machines import Machine, MachineLimits
@@ -108,6 +112,8 @@ def _npz_fields(content: bytes) -> dict[str, Any]:
 
 
 def _machine(fields: dict[str, Any], name: str) -> Machine:
+    if is_axis(fields):
+        return flexible_machine(axis_from(fields, name))
     checks.known("file", fields, FIELDS)
     for required in ("A", "B", "C", "dt"):
         if required not in fields:

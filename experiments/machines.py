@@ -31,6 +31,7 @@ class Usual(NamedTuple):
         held_out: what the tuner never sees.
         beside_own: held out beside parts of the user's own.
         simulated, front, swept: what these commands run.
+        effort: greatest RMS control of tuned weights where it is not limited, in multiples of what the start needs; None for any.
     """
 
     controller: str
@@ -40,6 +41,7 @@ class Usual(NamedTuple):
     simulated: str
     front: tuple[str, ...]
     swept: tuple[str, ...]
+    effort: float | None = None
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,6 @@ class Machine(abc.ABC):
         axes: names, one per output.
         control_unit: text for tables and figures.
         limits: greatest magnitudes.
-        usual: what the commands take where nothing is said.
         truth: what the true family has and the smooth one has not, in a few words.
     """
 
@@ -61,13 +62,17 @@ class Machine(abc.ABC):
     axes: tuple[str, ...]
     control_unit: str
     limits: MachineLimits
-    usual: ClassVar[Usual]
     truth: ClassVar[str]
 
     @property
     def error(self) -> str:
         """The error that counts: along a path that of the contour, on a single axis that of tracking."""
         return "contour" if len(self.axes) > 1 else "tracking"
+
+    @property
+    @abc.abstractmethod
+    def usual(self) -> Usual:
+        """What the commands take where nothing is said."""
 
     @property
     @abc.abstractmethod

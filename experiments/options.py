@@ -63,6 +63,8 @@ class Limited(Controlled):
     """Limit on the peak contour error [um]."""
     max_rms_control: float | None = None
     """Limit on the RMS of the control vector [control unit]."""
+    max_effort: float | None = None
+    """Limit on the same as a multiple of what the start weights need; 1.2 on flexible axes when neither is given."""
     max_peak_control: float | None = None
     """Limit on the peak of the control vector [control unit]."""
     max_rms_increment: float | None = None

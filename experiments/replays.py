@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.jobs import Job
+from experiments.jobs import Run
+from experiments.machines import Machine, Measured
 from jcontour.controller import Controller
-from jcontour.evaluation import platform_batching, stack_plants, stack_references
+from jcontour.evaluation import family_batching, platform_batching, stack_plants, stack_references
 from jcontour.metrics import Metrics, contour_error, score_signals
 from jcontour.plant import Plant
 from jcontour.references import Reference
@@ -37,20 +38,20 @@ class Course(NamedTuple):
         family: (plant,) stacked.
     """
 
-    jobs: tuple[Job, ...]
+    jobs: tuple[Run, ...]
     training: tuple[bool, ...]
     plants: tuple[str, ...]
     references: Reference
     family: Plant
 
     @classmethod
-    def of(cls, jobs: Sequence[Job], training: Sequence[bool], plants: Sequence[tuple[str, Plant]], preview: int) -> "Course":
-        """Course over named plants."""
-        dt = plants[0][1].dt
-        references = stack_references([job.reference(dt, preview) for job in jobs])
-        return cls(tuple(jobs), tuple(training), tuple(name for name, _ in plants), references, stack_plants([p for _, p in plants]))
+    def of(cls, jobs: Sequence[Run], training: Sequence[bool], machine: Machine, measured: Measured, preview: int) -> "Course":
+        """Course over the true machines of the family."""
+        references = stack_references([job.reference(machine.model.dt, preview) for job in jobs])
+        family = stack_plants(machine.true_family(measured))
+        return cls(tuple(jobs), tuple(training), tuple(machine.family_names), references, family)
 
-    def jobs_seen(self, trained: bool) -> list[Job]:
+    def jobs_seen(self, trained: bool) -> list[Run]:
         """The jobs that the tuner has seen, or those that it has not."""
         return [job for job, seen in zip(self.jobs, self.training, strict=True) if seen is trained]
 
@@ -67,8 +68,6 @@ def replay(controller: Controller, course: Course) -> Replay:
 
 @eqx.filter_jit
 def _replay(controller: Controller, family: Plant, references: Reference) -> tuple[Any, ...]:
-    batching = platform_batching()
-
     def on_contour(reference: Reference):
         plan = controller.prepare(reference)
 
@@ -76,10 +75,10 @@ def _replay(controller: Controller, family: Plant, references: Reference) -> tup
             run = follow(plant, controller, plan, reference)
             return score_signals(run.output, run.control, reference), run.output, run.control
 
-        metrics, output, control = batching(on_plant, family)
+        metrics, output, control = family_batching(family)(on_plant, family)
         return metrics, output, control, jax.vmap(lambda y: contour_error(y, reference))(output)
 
-    return batching(on_contour, references)
+    return platform_batching()(on_contour, references)
 
 
 def measured_speeds(output: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

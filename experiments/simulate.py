@@ -23,8 +23,7 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
     machine = machine_named(flags.plant)
     design = design_for(machine, flags)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
-    plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
-    course = Course.of([job], [False], plants, design.preview)
+    course = Course.of([job], [False], machine, design.measured, design.preview)
     found = replay(design.build(design.start), course)
     inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
     folder = runs.create(flags.out or runs.default_folder("simulate"), "simulate", flags, inputs)

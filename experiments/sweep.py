@@ -13,7 +13,7 @@ from experiments import runs, tables
 from experiments.catalogue import design_for, job_named, machine_named
 from experiments.datasets import metric_unit, save_dataset
 from experiments.designs import Design, by_name, plain_weights, with_values
-from experiments.jobs import Job, Pace
+from experiments.jobs import Pace, Run
 from experiments.machines import Machine
 from experiments.options import Sweep
 from experiments.replays import Course
@@ -78,7 +78,7 @@ def _listed(words: str) -> tuple[str, tuple[float, ...]]:
         raise ValueError(f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}") from None
 
 
-def _check(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]]) -> None:
+def _check(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]]) -> None:
     for preview in flags.previews:
         design = _design(flags, machine, preview)
         unknown = [name for name in values if name not in by_name(design.start)]
@@ -93,15 +93,14 @@ def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
     return design_for(machine, replace(flags, preview=preview))
 
 
-def _swept(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]], folder: Path) -> xr.Dataset:
+def _swept(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]], folder: Path) -> xr.Dataset:
     parts, count, batching = SweptParts(folder / PARTS), next(iter(values.values())).size, batching_of(flags)
     for number, preview in enumerate(flags.previews):
         if parts.rows >= (number + 1) * count:
             continue
         design = _design(flags, machine, preview)
-        plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
-        course = Course.of(jobs, [False] * len(jobs), plants, design.preview)
-        at_once = min(count, designs_at_once(len(jobs) * len(plants) * course.references.steps, batching))
+        course = Course.of(jobs, [False] * len(jobs), machine, design.measured, design.preview)
+        at_once = min(count, designs_at_once(len(jobs) * len(course.plants) * course.references.steps, batching))
 
         def make(varied, design=design):
             return design.build(with_values(design.start, varied))
@@ -122,7 +121,7 @@ def designs_at_once(steps: int, batching: Batching | None) -> int:
     return max(1, devices * at_once // steps)
 
 
-def _dataset(flags: Sweep, machine: Machine, jobs: list[Job], values: dict[str, Float[Array, " D"]], found: dict[str, Any]) -> xr.Dataset:
+def _dataset(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]], found: dict[str, Any]) -> xr.Dataset:
     dims, design = ("preview", "sample", "contour", "plant"), _design(flags, machine, flags.previews[0])
     shape = (len(flags.previews), next(iter(values.values())).size, len(jobs), len(machine.family_names))
     data = {}

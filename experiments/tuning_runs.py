@@ -1,21 +1,23 @@
 """From flags to a tuning problem: machine, design, jobs, family, limits."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import equinox as eqx
 import numpy as np
 
 from experiments.catalogue import design_for, job_named, machine_named
 from experiments.designs import Design
-from experiments.jobs import Job, Pace
-from experiments.machines import Machine
+from experiments.jobs import Pace, Run
+from experiments.machines import Machine, Usual
 from experiments.options import Limited, Spreading, Tune
 from experiments.replays import Course
 from experiments.runs import RunError, opened
 from experiments.spreading import batching_of
 from jcontour.controller import Controller
 from jcontour.evaluation import stack_plants, stack_references
+from jcontour.metrics import Metrics
 from tuning.objectives import AtMost, Objective, mean_contour_error, mean_tracking_error, worst_contour_error, worst_tracking_error
 from tuning.parameters import Weights
 from tuning.problem import Problem
@@ -47,6 +49,7 @@ class TuningRun:
         design: of the controller; its start is where the run begins.
         problem: on the smooth machines; the tuner sees nothing else.
         course: training and held-out contours, on the true machines.
+        limits: metric and bound in SI.
     """
 
     flags: Tune
@@ -55,6 +58,7 @@ class TuningRun:
     problem: Problem
     settings: Settings
     course: Course
+    limits: dict[str, float]
 
     @property
     def start(self) -> Weights:
@@ -85,16 +89,15 @@ def tuning_run(flags: Tune) -> TuningRun:
     held_out = [job_named(name, pace) for name in (usual.beside_own if flags.parts else usual.held_out) if name not in flags.parts]
     training = _distinct(training)
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
-    plants = list(zip(machine.family_names, machine.true_family(design.measured), strict=True))
-    course = Course.of(_distinct(jobs), seen, plants, design.preview)
+    course = Course.of(_distinct(jobs), seen, machine, design.measured, design.preview)
     family = machine.smooth_family(design.measured)
     problem = Problem(
         design.build, stack_plants(family[:1] if flags.nominal_only else family),
         stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
-        OBJECTIVES[flags.objective, machine.error], design.space, AtMost(**named_limits(flags)),
-        batching=batching_of(flags),
+        OBJECTIVES[flags.objective, machine.error], design.space, batching=batching_of(flags),
     )  # fmt: skip
-    return TuningRun(flags, machine, design, problem, settings, course)
+    limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
+    return TuningRun(flags, machine, design, replace(problem, limits=AtMost(**limits)), settings, course, limits)
 
 
 def tuner_settings(flags: Any) -> Settings:
@@ -116,6 +119,28 @@ def named_limits(flags: Limited) -> dict[str, float]:
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name.replace('_', '-')}: a limit needs to be finite and above zero, received {value}")
     return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
+
+
+def start_metrics(problem: Problem, start: Weights) -> Metrics:
+    """Metrics (contour, plant) of the first weights on the smooth machines."""
+    return eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(problem, start)
+
+
+def _effort_limit(flags: Limited, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
+    """Bound on the RMS control from what the start needs; none where it is bounded otherwise, or neither flags nor machine ask.
+
+    Raises:
+        ValueError: the flag is not above zero, or both kinds of bound are given.
+    """
+    effort = flags.max_effort
+    if effort is not None and flags.max_rms_control is not None:
+        raise ValueError("max-effort, max-rms-control: both limit the RMS control; give one of them")
+    if effort is not None and not (np.isfinite(effort) and effort > 0):
+        raise ValueError(f"max-effort: a limit needs to be finite and above zero, received {effort}")
+    effort = effort or usual.effort
+    if effort is None or flags.max_rms_control is not None:
+        return {}
+    return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
 
 
 def flag_paths(flags: Any) -> list[Path]:
@@ -145,9 +170,9 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
         raise RunError(f"{folder}: its settings are not those of this version's {command}") from None
 
 
-def _distinct(jobs: list[Job]) -> list[Job]:
+def _distinct(jobs: list[Run]) -> list[Run]:
     """Names are coordinates in the netCDF file: parts of the same name are numbered."""
-    named: list[Job] = []
+    named: list[Run] = []
     for job in jobs:
         names = {one.name for one in named}
         name = next(n for k in range(1, len(jobs) + 1) if (n := job.name if k == 1 else f"{job.name}-{k}") not in names)

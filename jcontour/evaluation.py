@@ -40,6 +40,11 @@ def platform_batching() -> Batching:
     return one_by_one if jax.default_backend() == "cpu" else all_at_once
 
 
+def family_batching(plants: Plant) -> Batching:
+    """That of the platform, unless the plants run faster side by side on any."""
+    return all_at_once if plants.side_by_side else platform_batching()
+
+
 def evaluate(
     controller: Controller, plants: Plant, references: Reference, window: tuple[int, int] | None = None,
     batching: Batching | None = None,
@@ -57,8 +62,8 @@ def evaluate(
         ValueError: as `simulate` and `score`.
     """
     check_run(plants, controller, references)
-    each = platform_batching()
-    batching = each if batching is None else batching
+    each = family_batching(plants)
+    batching = platform_batching() if batching is None else batching
 
     def on_contour(reference: Reference) -> Metrics:
         plan = controller.prepare(reference)

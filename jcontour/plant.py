@@ -14,6 +14,11 @@ class Plant(eqx.Module):
 
     dt: eqx.AbstractVar[float]
 
+    @property
+    def side_by_side(self) -> bool:
+        """Whether a family of it is fastest vectorised on a CPU too: of few numbers in many substeps, not of large matrices."""
+        return False
+
     @abc.abstractmethod
     def initial_state(self, position: Float[Array, " m"], increment: Float[Array, " m"]) -> State:
         """State whose tool passes through `position` [m] at a steady `increment` [m per sample]; a zero increment is rest."""

@@ -45,7 +45,7 @@ def two_axes():
 
 @cache
 def _closed_loop(name: str):
-    """Nominal smooth plant, controller with its own start weights, and a short reference in motion, of a catalogued controller."""
+    """Nominal smooth plant and the true one, controller with its own start weights, short references in motion, of a catalogued name."""
     from experiments.catalogue import CONTROLLERS, MACHINES, design_for
     from experiments.options import Simulate
     from jcontour.contours import circle, line
@@ -53,16 +53,16 @@ def _closed_loop(name: str):
 
     machine = MACHINES[CONTROLLERS[name].on]()
     design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
-    plant = machine.model if design.measured == "state" else machine.smooth_family()[0]
+    plants = [machine.model] * 2 if design.measured == "state" else [machine.smooth_family()[0], machine.true_family()[0]]
     contour = line([0.0], [1e-2]) if len(machine.axes) == 1 else circle(1e-3)
 
     def reference(steps: int):
-        return along(contour, 2.5e-5 * np.arange(steps), plant.dt, design.preview, at_rest=False)
+        return along(contour, 2.5e-5 * np.arange(steps), machine.model.dt, design.preview, at_rest=False)
 
-    return plant, design.build(design.start), reference
+    return plants, design.build(design.start), reference
 
 
 @pytest.fixture(scope="session")
 def closed_loop():
-    """Name of a controller in the catalogue -> (plant, controller, steps -> reference)."""
+    """Name of a controller in the catalogue -> ((smooth plant, true plant), controller, steps -> reference)."""
     return _closed_loop

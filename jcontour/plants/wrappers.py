@@ -25,6 +25,11 @@ class _Wrapper(Plant):
         """Sample period of the plant inside [s]."""
         return self.plant.dt
 
+    @property
+    def side_by_side(self) -> bool:
+        """As the plant inside."""
+        return self.plant.side_by_side
+
     def initial_state(self, position, increment) -> State:
         """That of the plant inside."""
         return self.plant.initial_state(position, increment)

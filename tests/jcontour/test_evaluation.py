@@ -5,9 +5,19 @@ import pytest
 
 from jcontour.contours import circle, line, polyline
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
-from jcontour.evaluation import all_at_once, evaluate, member, one_by_one, platform_batching, stack_plants, stack_references
+from jcontour.evaluation import (
+    all_at_once,
+    evaluate,
+    family_batching,
+    member,
+    one_by_one,
+    platform_batching,
+    stack_plants,
+    stack_references,
+)
 from jcontour.linear import with_input_gains
 from jcontour.metrics import score
+from jcontour.plants.flexible_axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.wrappers import Delayed
 from jcontour.references import along
 from jcontour.simulation import simulate
@@ -40,6 +50,11 @@ def references():
 def evaluated(controller, plants, references):
     batch = stack_plants(plants), stack_references(references)
     return {b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(c, p, r, WINDOW, b))(controller, *batch) for b in (one_by_one, all_at_once)}
+
+
+def test_flexible_axes_run_side_by_side_and_linear_plants_as_the_platform_likes(plants):
+    axes = stack_plants([Delayed(SmoothFlexibleAxis(thesis_axis(), 1e-3), jnp.asarray(d), 2, 1) for d in (0, 2)])
+    assert family_batching(axes) is all_at_once and family_batching(stack_plants(plants)) is platform_batching()
 
 
 def test_metrics_are_those_of_single_runs(evaluated, controller, plants, references):

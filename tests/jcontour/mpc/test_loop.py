@@ -33,7 +33,7 @@ def same(found, wanted, relative=1e-12):
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_loop_is_simulate_for_every_controller(closed_loop, name):
-    plant, controller, reference = closed_loop(name)
+    (plant, _), controller, reference = closed_loop(name)
     reference = reference(12)
     start = plant.initial_state(reference.position[0], reference.start_increment)
     start = jax.tree.map(lambda x: x + 1e-6 if np.issubdtype(x.dtype, np.floating) else x, start)

@@ -1,0 +1,125 @@
+"""Flexible axes as the commands see them: motor positions and speeds are measured, stiffness and masses are known to a fifth."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from experiments.axis_files import ENCODER_RESOLUTION, AxisFile
+from experiments.machines import Machine, MachineLimits, Measured, Usual
+from jcontour.linear import LinearPlant
+from jcontour.plant import Plant
+from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis_model import zoh_model
+from jcontour.plants.wrappers import Delayed, FirstStates, QuantisedPositions
+
+SAMPLE = 1e-3  # [s] of the thesis's controller
+SPREAD = 0.2  # of stiffness and masses
+TWIN_SUBSTEP = 2.5e-4  # [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5, at a fifth of the time
+LATE = 1  # most samples of delay that the model does not know: a drive's bus
+EFFORT = 1.2  # of the start's RMS current: a motor warms by its square, and near the limit of stability there is no end to it
+ALONE = Usual(
+    "cascade", training=("task-a",), held_out=("task-b", "s-curve"), beside_own=("task-b", "s-curve"), simulated="task-a",
+    front=("task-a",), swept=("task-a",), effort=EFFORT,
+)  # fmt: skip
+SIDE_BY_SIDE = Usual(
+    "cascade", training=("ring",), held_out=("rounded-square",), beside_own=("ring",), simulated="ring", front=("ring",),
+    swept=("ring",), effort=EFFORT,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FlexibleMachine(Machine):
+    """One flexible axis, or several side by side.
+
+    Attributes:
+        parameters: of the axes.
+        encoder_resolution: [m] per count of the motors' encoders.
+    """
+
+    parameters: AxisParameters
+    encoder_resolution: float
+    truth: ClassVar[str] = "stick, slip and encoder counts"
+
+    @property
+    def usual(self) -> Usual:
+        """Motions of a single axis, contours of several."""
+        return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
+
+    @property
+    def _members(self) -> list[tuple[str, float, float, int]]:
+        """Name, factors on stiffness and on both masses, samples late."""
+        corners = [(1 + a * SPREAD, 1 + b * SPREAD) for a, b in product((1, -1), repeat=2)]
+        off = [(f"stiffness x {stiffness:g}, masses x {mass:g}", stiffness, mass, 0) for stiffness, mass in corners]
+        return [("nominal", 1.0, 1.0, 0), *off, (f"{LATE} sample late", 1.0, 1.0, LATE)]
+
+    @property
+    def family_names(self) -> list[str]:
+        """Those of the members."""
+        return [name for name, *_ in self._members]
+
+    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """The smooth twins: dry friction turns within a millimetre per second."""
+        substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
+        return [self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured) for p, late in self._varied()]
+
+    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Stick and slip, behind encoders that count."""
+        family = [self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()]
+        return [QuantisedPositions(plant, self.encoder_resolution) for plant in family]
+
+    def sensed(self, model: LinearPlant) -> Plant:
+        """Positions and speeds of the motors, which are the first states."""
+        return FirstStates(model, 2 * len(self.axes))
+
+    def facts(self) -> dict[str, str]:
+        """Masses, link, sensors."""
+        p = self.parameters
+        masses = "; ".join(f"{m:g} + {e:g} kg" for m, e in zip(p.motor_mass, p.tool_mass, strict=True))
+        return {
+            "Machine": f"{self.name}: {'flexible axis' if p.axes == 1 else 'flexible axes'} {', '.join(self.axes)}, motor and end effector "
+            f"{masses}, dt {1e3 * self.model.dt:g} ms",
+            "Measured": f"position and speed of the motors, encoder {1e6 * self.encoder_resolution:g} um; the end effector is not",
+        }
+
+    def _varied(self) -> list[tuple[AxisParameters, int]]:
+        return [(_scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in self._members]
+
+    def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
+        if measured == "state":
+            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
+        return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
+
+
+def flexible_machine(axis: AxisFile) -> FlexibleMachine:
+    """The machine of an axis file."""
+    limits = MachineLimits(control=axis.current_limit)
+    return FlexibleMachine(axis.name, zoh_model(axis.parameters, axis.dt), axis.axes, "A", limits, axis.parameters, axis.encoder_resolution)
+
+
+def thesis_machine() -> FlexibleMachine:
+    """The test bench of Yuan's thesis, chapter 3."""
+    return flexible_machine(AxisFile("flexible-axis", thesis_axis(), SAMPLE, ("X",), ENCODER_RESOLUTION))
+
+
+def biaxial_axes() -> AxisParameters:
+    """Two such axes at right angles, the second lighter and softer."""
+    first = thesis_axis()
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), first, _scaled(first, 0.7, 0.6))
+
+
+def biaxial_machine() -> FlexibleMachine:
+    """What a contour needs of flexible axes."""
+    return flexible_machine(AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION))
+
+
+def _scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:
+    return eqx.tree_at(
+        lambda p: (p.stiffness, p.motor_mass, p.tool_mass), parameters,
+        (stiffness * parameters.stiffness, mass * parameters.motor_mass, mass * parameters.tool_mass),
+    )  # fmt: skip

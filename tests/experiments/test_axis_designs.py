@@ -1,0 +1,109 @@
+"""Every controller of flexible axes: the loop that its gains build, its derivatives by name, and the files it leaves."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.axis_laws import cascade, loops, quadratic, state_weights
+from experiments.axis_machines import biaxial_machine, thesis_machine
+from experiments.catalogue import CONTROLLERS, design_for
+from experiments.designs import with_values
+from experiments.jobs import Pace
+from experiments.linear_machines import bridgeport_machine
+from experiments.motions import task_a
+from experiments.options import Simulate
+from jcontour.controllers.state_feedback import moving_target
+from jcontour.point_to_point import thesis_task_a
+from jcontour.references import along
+from jcontour.simulation import simulate
+
+ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axis"]
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return thesis_machine()
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES])
+def test_every_gain_has_the_slope_that_differences_say(machine, name):
+    """Through the thesis's acceleration on the smooth twin, in the coordinates of the tuner: each gain alone."""
+    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[0]
+    whole = thesis_task_a(preview=design.preview)
+    arc = np.asarray(whole.arc)[100:400]
+    reference = along(whole.contour, arc[: arc.size - design.preview], whole.dt, design.preview, at_rest=False)
+
+    @jax.jit
+    def error(change):
+        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
+        run = simulate(plant, design.build(weights), reference)
+        return 1e3 * jnp.sqrt(jnp.mean((run.output - reference.position[: reference.steps]) ** 2))
+
+    none = {key: jnp.zeros(()) for key in design.start}
+    slopes = jax.jit(jax.grad(error))(none)
+    for key in design.start:
+        ahead, behind = (float(error({**none, key: jnp.asarray(s * 1e-4)})) for s in (1, -1))
+        assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-7), key
+
+
+def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
+    for name in ON_AXES:
+        design = design_for(machine, Simulate(controller=name))
+        design.check_start()
+        assert set(design.units()) == set(design.start) == set(design.free())
+        assert len(design.values(design.start)) == len(design.start)
+
+
+def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
+    pair = biaxial_machine()
+    start = loops(pair)["velocity"].start
+    p, thesis = pair.parameters, loops(machine)["velocity"].start
+    speed = start * p.force_constant / (p.motor_mass + p.tool_mass)
+    np.testing.assert_allclose(speed, thesis * 79.33 / 40.0, rtol=1e-12)
+    assert float(thesis) == pytest.approx(55.67)
+
+
+def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
+    pair = biaxial_machine()
+    weights = {name: gain.start for name, gain in state_weights(machine).items()}
+    both = quadratic(moving_target)(pair, weights).gain
+    alone = quadratic(moving_target)(machine, weights).gain
+    np.testing.assert_allclose(both[0, ::2], alone[0], rtol=1e-9)
+    np.testing.assert_array_equal(both[0, 1::2], 0.0)
+
+
+def test_the_drive_limits_the_current(machine):
+    limited = design_for(machine, Simulate(controller="cascade")).build(with_values(loops_start(machine), {}))
+    assert np.isinf(limited.limit)
+    axis = biaxial_machine()
+    axis.__dict__["limits"] = axis.limits._replace(control=np.array([3.0, 2.0]))
+    np.testing.assert_array_equal(cascade(axis, loops_start(axis)).limit, [3.0, 2.0])
+
+
+def loops_start(machine):
+    return {name: gain.start for name, gain in loops(machine).items()}
+
+
+def test_what_is_kept_of_a_design(machine, tmp_path):
+    design = design_for(machine, Simulate(controller="cascade-leso", weights=("position=40",)))
+    assert float(design.start["position"]) == 40.0
+    design.save(design.build(design.start), None, tmp_path)
+    kept = json.loads((tmp_path / "controller.json").read_text())
+    assert kept["dt"] == 1e-3 and kept["numbers"]["controller.gains.position"] == 40.0
+    assert kept["numbers"]["observer.bandwidth"] == 700.0
+    assert "position" in design.facts()["Free"] and design.settings() == {"preview": 1}
+
+
+def test_other_machines_are_refused(machine):
+    with pytest.raises(ValueError, match="cascade needs a flexible axis; bridgeport takes contouring-lq"):
+        design_for(bridgeport_machine(), Simulate(controller="cascade"))
+    with pytest.raises(ValueError, match="flexible-axis takes cascade"):
+        design_for(machine, Simulate(controller="contouring-lq"))
+
+
+def test_a_motion_is_long_enough(machine):
+    motion = task_a(Pace(machine, None, None))
+    assert motion.samples == 2201

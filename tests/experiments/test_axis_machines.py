@@ -1,0 +1,103 @@
+"""Flexible axes as machines: their family, what they measure, and the motions they make."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.axis_files import axis_fields, load_axis
+from experiments.axis_machines import biaxial_axes, biaxial_machine, flexible_machine, thesis_machine
+from experiments.catalogue import job_named, machine_named
+from experiments.jobs import TOOLPATHS, Pace
+from experiments.machine_files import load_machine
+from jcontour.plants.wrappers import FirstStates
+from jcontour.point_to_point import thesis_task_a, thesis_task_b
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return thesis_machine()
+
+
+def test_family_is_off_by_a_fifth_and_late(machine):
+    assert machine.family_names[0] == "nominal" and machine.family_names[-1] == "1 sample late"
+    smooth, true = machine.smooth_family(), machine.true_family()
+    assert len(smooth) == len(true) == len(machine.family_names) == 6
+    ratios = [
+        (float(late.plant.parameters.stiffness[0]) / 2908.0, float(late.plant.parameters.motor_mass[0]) / 39.62,
+         float(late.plant.parameters.tool_mass[0]) / 0.38, int(late.samples)) for late in smooth
+    ]  # fmt: skip
+    wanted = [(1, 1, 1, 0), (1.2, 1.2, 1.2, 0), (1.2, 0.8, 0.8, 0), (0.8, 1.2, 1.2, 0), (0.8, 0.8, 0.8, 0), (1, 1, 1, 1)]
+    np.testing.assert_allclose(ratios, wanted, rtol=1e-12)
+    with pytest.raises(ValueError, match="measures its motors"):
+        machine.true_family("state")
+
+
+def test_motors_are_measured_and_tools_are_felt():
+    pair = biaxial_machine()
+    position = jnp.array([0.01, -0.02])
+    for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.sensed(pair.model)):
+        start = plant.initial_state(position, jnp.array([1e-4, 0.0]))
+        measured = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))])
+        np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
+        np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
+    assert isinstance(pair.sensed(pair.model), FirstStates)
+
+
+def test_biaxial_axes_differ():
+    p = biaxial_axes()
+    np.testing.assert_allclose(p.motor_mass[1] / p.motor_mass[0], 0.6)
+    np.testing.assert_allclose(p.stiffness[1] / p.stiffness[0], 0.7)
+
+
+def test_a_file_is_the_built_in_machine(machine, tmp_path):
+    found = load_machine(TOOLPATHS.parent / "machines" / "thesis-axis.json")
+    assert found.error == "tracking" and found.axes == ("X",)
+    np.testing.assert_array_equal(found.model.A, machine.model.A)
+    np.testing.assert_array_equal(found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0])
+    fields = axis_fields(load_axis(TOOLPATHS.parent / "machines" / "thesis-axis.json"))
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
+    mine = machine_named(str(path))
+    assert mine.name == "mine" and float(mine.limits.control[0]) == 3.0
+    path.write_text(json.dumps({**fields, "motor_mass": -1.0}))
+    with pytest.raises(ValueError, match="mine.json: motor_mass"):
+        machine_named(str(path))
+
+
+def test_machine_says_what_it_is(machine):
+    facts = machine.facts()
+    assert "39.62 + 0.38 kg" in facts["Machine"] and "end effector is not" in facts["Measured"]
+    assert flexible_machine(load_axis(TOOLPATHS.parent / "machines" / "thesis-axis.json")).usual.controller == "cascade"
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())])
+def test_motions_are_the_tasks_of_the_thesis(machine, name, wanted):
+    motion = job_named(name, Pace(machine, None, None))
+    found = motion.reference(1e-3, 1)
+    assert found.steps == motion.samples == wanted.steps
+    np.testing.assert_allclose(found.position, wanted.position, rtol=0, atol=1e-15)
+
+
+def test_another_pace(machine):
+    motion = job_named("task-a", Pace(machine, 0.05, 2.0))
+    speed = np.diff(np.asarray(motion.reference(1e-3, 0).arc)) / 1e-3
+    assert speed.max() == pytest.approx(0.05) and np.diff(speed).max() / 1e-3 == pytest.approx(2.0)
+    curve = np.asarray(job_named("s-curve", Pace(machine, None, None)).reference(1e-3, 0).arc)
+    assert np.abs(np.diff(curve, 3)).max() / 1e-9 <= 100.0 * (1 + 1e-5) and curve[-1] == 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "machine", "pace", "says"),
+    [
+        ("task-b", thesis_machine(), (0.1, None), "leave them out"),
+        ("task-a", biaxial_machine(), (None, None), "single axis, flexible-axes has 2"),
+        ("circle", thesis_machine(), (None, None), "circle needs 2 axes, flexible-axis has 1"),
+        (str(TOOLPATHS / "cam.ngc"), thesis_machine(), (None, None), "needs a machine of two or three axes"),
+    ],
+)
+def test_runs_that_do_not_suit(name, machine, pace, says):
+    with pytest.raises(ValueError, match=says):
+        job_named(name, Pace(machine, *pace))
