@@ -16,7 +16,8 @@ from jcontour.linear import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis_model import zoh_model
-from jcontour.plants.wrappers import Delayed, FirstStates, QuantisedPositions
+from jcontour.plants.wrappers import CountingEncoders, Delayed, FineEncoders
+from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller
 SPREAD = 0.2  # of stiffness and masses
@@ -64,18 +65,19 @@ class FlexibleMachine(Machine):
         return [name for name, *_ in self._members]
 
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
-        """The smooth twins: dry friction turns within a millimetre per second."""
+        """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
-        return [self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured) for p, late in self._varied()]
+        family = [self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured) for p, late in self._varied()]
+        return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
 
     def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
-        """Stick and slip, behind encoders that count."""
+        """Stick and slip, behind encoders that count; the drives take speeds from their difference."""
         family = [self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()]
-        return [QuantisedPositions(plant, self.encoder_resolution) for plant in family]
+        return [CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution) for plant in family]
 
     def sensed(self, model: LinearPlant) -> Plant:
-        """Positions and speeds of the motors, which are the first states."""
-        return FirstStates(model, 2 * len(self.axes))
+        """Positions of the motors, which are the first states, and speeds by their difference."""
+        return FineEncoders(model, Sensors(range(len(self.axes))))
 
     def facts(self) -> dict[str, str]:
         """Masses, link, sensors."""
@@ -84,7 +86,7 @@ class FlexibleMachine(Machine):
         return {
             "Machine": f"{self.name}: {'flexible axis' if p.axes == 1 else 'flexible axes'} {', '.join(self.axes)}, motor and end effector "
             f"{masses}, dt {1e3 * self.model.dt:g} ms",
-            "Measured": f"position and speed of the motors, encoder {1e6 * self.encoder_resolution:g} um; the end effector is not",
+            "Measured": f"motors' positions by encoders of {1e6 * self.encoder_resolution:g} um, speeds by difference; no end effector",
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:

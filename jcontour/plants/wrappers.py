@@ -1,5 +1,6 @@
 """What stands between a controller and an ideal machine: sensors, delays, saturation, disturbances. Each wraps any plant."""
 
+import abc
 from collections.abc import Callable
 from typing import Any
 
@@ -83,37 +84,19 @@ class Quantised(_Wrapper):
         return self.resolution * jnp.round(self.plant.measure(state) / self.resolution)
 
 
-class FirstStates(_Wrapper):
-    """Of a linear plant only the first `count` states are measured."""
-
-    count: int = eqx.field(static=True)
-
-    def measure(self, state) -> Array:
-        """x_1 ... x_count."""
-        return self.plant.measure(state)[: self.count]
-
-
-class CountingEncoders(_Wrapper):
-    """Positions in whole counts of `resolution`, and as speeds the difference of two readings, as a drive has them. Not smooth.
-
-        q(k) = resolution * round(x(k) / resolution),    v(k) = (q(k) - q(k-1)) / dt
-    The measurement is (q, v). Noise of the plant inside is there before the rounding.
+class _SpeedsByDifference(_Wrapper):
+    """Positions as they are read, and as speeds the difference of two readings: (q, v), v(k) = (q(k) - q(k-1)) / dt.
 
     Args:
         plant: whose positions are measured.
         sensors: where they stand in its measurement.
-        resolution: [m] per count.
-
-    Raises:
-        ValueError: the resolution is not positive.
     """
 
     sensors: Sensors
-    resolution: float = eqx.field(static=True)
 
-    def __check_init__(self):
-        if not self.resolution > 0:
-            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
+    @abc.abstractmethod
+    def _read(self, inner: State) -> Float[Array, " m"]:
+        """q."""
 
     def initial_state(self, position, increment) -> State:
         """The plant inside, and the reading one sample before."""
@@ -132,6 +115,33 @@ class CountingEncoders(_Wrapper):
         inner, before = state
         now = self._read(inner)
         return now, (now - before) / self.dt
+
+
+class FineEncoders(_SpeedsByDifference):
+    """Encoders of a resolution too fine to matter: the smooth twin of `CountingEncoders`, as late as they are."""
+
+    def _read(self, inner: State) -> Float[Array, " m"]:
+        return self.sensors.positions(self.plant.measure(inner))
+
+
+class CountingEncoders(_SpeedsByDifference):
+    """Positions in whole counts of `resolution`, and as speeds the difference of two readings, as a drive has them. Not smooth.
+
+        q(k) = resolution * round(x(k) / resolution)
+    Noise of the plant inside is there before the rounding.
+
+    Args:
+        resolution: [m] per count.
+
+    Raises:
+        ValueError: the resolution is not positive.
+    """
+
+    resolution: float = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not self.resolution > 0:
+            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
 
     def _read(self, inner: State) -> Float[Array, " m"]:
         return self.resolution * jnp.round(self.sensors.positions(self.plant.measure(inner)) / self.resolution)

@@ -12,7 +12,7 @@ from experiments.axis_machines import biaxial_axes, biaxial_machine, flexible_ma
 from experiments.catalogue import job_named, machine_named
 from experiments.jobs import TOOLPATHS, Pace
 from experiments.machine_files import load_machine
-from jcontour.plants.wrappers import FirstStates
+from jcontour.plants.wrappers import FineEncoders
 from jcontour.point_to_point import thesis_task_a, thesis_task_b
 
 
@@ -26,8 +26,8 @@ def test_family_is_off_by_a_fifth_and_late(machine):
     smooth, true = machine.smooth_family(), machine.true_family()
     assert len(smooth) == len(true) == len(machine.family_names) == 6
     ratios = [
-        (float(late.plant.parameters.stiffness[0]) / 2908.0, float(late.plant.parameters.motor_mass[0]) / 39.62,
-         float(late.plant.parameters.tool_mass[0]) / 0.38, int(late.samples)) for late in smooth
+        (float(late.plant.plant.parameters.stiffness[0]) / 2908.0, float(late.plant.plant.parameters.motor_mass[0]) / 39.62,
+         float(late.plant.plant.parameters.tool_mass[0]) / 0.38, int(late.plant.samples)) for late in smooth
     ]  # fmt: skip
     wanted = [(1, 1, 1, 0), (1.2, 1.2, 1.2, 0), (1.2, 0.8, 0.8, 0), (0.8, 1.2, 1.2, 0), (0.8, 0.8, 0.8, 0), (1, 1, 1, 1)]
     np.testing.assert_allclose(ratios, wanted, rtol=1e-12)
@@ -43,7 +43,7 @@ def test_motors_are_measured_and_tools_are_felt():
         measured = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))])
         np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
         np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
-    assert isinstance(pair.sensed(pair.model), FirstStates)
+    assert isinstance(pair.sensed(pair.model), FineEncoders)
 
 
 def test_biaxial_axes_differ():
@@ -69,7 +69,7 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
 
 def test_machine_says_what_it_is(machine):
     facts = machine.facts()
-    assert "39.62 + 0.38 kg" in facts["Machine"] and "end effector is not" in facts["Measured"]
+    assert "39.62 + 0.38 kg" in facts["Machine"] and "1 um" in facts["Measured"]
     assert flexible_machine(load_axis(TOOLPATHS.parent / "machines" / "thesis-axis.json")).usual.controller == "cascade"
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
-from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, FirstStates, LateSensors, Quantised, Saturated
+from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, FineEncoders, LateSensors, Quantised, Saturated
 from jcontour.sensors import Sensors, motors
 
 
@@ -94,12 +94,15 @@ def test_noise_is_there_before_the_counts_of_a_late_motor():
     np.testing.assert_allclose([seen[0], fast[0]], [0.0200006, 9.0], rtol=1e-12)
 
 
-def test_first_states_are_measured(two_axes, start, controls, plain):
-    outputs, measurements, last = run(FirstStates(two_axes, 3), start, controls)
-    np.testing.assert_array_equal(outputs, plain[0])
-    assert measurements.shape[1] == 3
-    np.testing.assert_array_equal(measurements[0], start[:3])
-    np.testing.assert_array_equal(last, plain[2])
+def test_fine_encoders_are_counting_ones_with_tiny_counts(two_axes, start, controls, plain):
+    sensors = Sensors(position=(0, 2))
+    begin = (jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    fine, counting = FineEncoders(two_axes, sensors), CountingEncoders(two_axes, sensors, 1e-13)
+    found, wanted = (run_any(plant, plant.initial_state(*begin), controls) for plant in (fine, counting))
+    np.testing.assert_array_equal(found[0], plain[0])
+    for a, b in zip(found[1], wanted[1], strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=2e-10)
+    np.testing.assert_allclose(found[1][1][0], [1e-2, 0.0], atol=1e-12)
 
 
 def test_saturated_clips_each_control(two_axes, start, controls):
