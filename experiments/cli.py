@@ -16,6 +16,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Sweep: ("sweep", "experiments.sweep"),
     options.Verify: ("verify", "experiments.verify"),
     options.Trace: ("trace", "experiments.trace"),
+    options.Identify: ("identify", "experiments.identify"),
     options.Bench: ("bench", "experiments.bench"),
     options.Compare: ("compare", "experiments.compare"),
     options.Listing: ("list", "experiments.listing"),

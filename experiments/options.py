@@ -236,6 +236,26 @@ class Trace(Common):
 
 
 @dataclass(frozen=True)
+class Identify(Common):
+    """Fit a flexible axis to the data of its commissioning: every parameter with its 95 % interval, and what the data cannot tell."""
+
+    data: Positional[Path | None] = None
+    """CSV file: time, motor_position, current_q and more, by test (format: experiments/record_files.py)."""
+    demo: bool = False
+    """Instead of a file, the data of a simulated axis with quantised, noisy encoders; the file is kept in the run folder."""
+    seed: int = 0
+    """Seed of the noise of --demo."""
+    force_constant: float | None = None
+    """k_t [N/A], where the data have no electrical test."""
+    pole_pitch: float | None = None
+    """[m] of the motor, where it is known; the period of the cogging force when not given."""
+    encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
+    """Resolution of the motor's encoder [um], for the axis file."""
+    out: Path | None = None
+    """Run folder; runs/identify-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class Bench(Common):
     """Time the library on this computer: ratios against something run beside it, hardware and versions named."""
 

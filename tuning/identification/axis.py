@@ -21,6 +21,7 @@ from tuning.identification.slides import WINDOW
 from tuning.identification.winding import WindingFit, fit_winding
 
 PASSED = 0.9  # periods of the link in one window of the force balance: the vibration has to show in it
+LIGHT = 1e-3  # of the total mass
 NOT_FORCES = ("curvature", "pole_pitch")  # of the balance: what does not depend on the force scale
 
 
@@ -30,7 +31,7 @@ class IdentifiedAxis:
 
     Attributes:
         estimate: every parameter under its name in `AxisParameters`, `Friction` and `LinearMotor`; beside them total_mass, break_away
-            (f_c + f_s), stiffness_per_mass, damping_per_mass, constant_force, drop, curvature, sine_j and cosine_j.
+            (f_c + f_s), stiffness_per_mass, damping_per_mass, constant_force, drop, curvature; sine_j, cosine_j and amplitude_j.
         winding: of the electrical test, or None.
         link: between motor and end effector, or None.
         forces: the balance.
@@ -70,13 +71,20 @@ def identify(records: Sequence[Record], force_constant: float | None = None, pol
     forces = fit_forces(flexible or mechanical(records), scale["force_constant"], pole_pitch, window)
     estimate = _together(scale, link, forces)
     parameters = None if link is None else _parameters(estimate, forces)
-    return IdentifiedAxis(estimate, winding, link, forces, parameters, tuple(notes(estimate, forces)))
+    return IdentifiedAxis(estimate, winding, link, forces, parameters, (*_left_out(records), *notes(estimate, forces)))
 
 
 def _check_positive(**values: float | None) -> None:
     for name, value in values.items():
         if value is not None and not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+
+
+def _left_out(records: Sequence[Record]) -> list[str]:
+    without = [record.name for record in mechanical(records) if record.tool is None]
+    if not (without and with_tool(records)):
+        return []
+    return [f"motion: the tests {', '.join(without)} do not count, for they have no tool_position and others have it; record it in all"]
 
 
 def _given(force_constant: float | None) -> Estimate:
@@ -96,6 +104,8 @@ def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estima
             found["motor_mass"] = found["total_mass"] - found["tool_mass"]
             found["stiffness"] = value["stiffness_per_mass"] * found["tool_mass"]
             found["damping"] = value["damping_per_mass"] * found["tool_mass"]
+        for j in range(1, forces.cogging.count + 1):
+            found[f"amplitude_{j}"] = jnp.hypot(found[f"sine_{j}"], found[f"cosine_{j}"])
         if "curvature" in value:
             found["stribeck"] = found["drop"] / value["curvature"]
             found["coulomb"] = found["break_away"] - found["stribeck"]
@@ -106,15 +116,24 @@ def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estima
 
 
 def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
-    """The model. Friction whose parts cannot be told apart is given a shape that is right up to the fastest speed of the data."""
+    """The model.
+
+    Friction whose parts cannot be told apart is given a shape that is right up to the fastest speed of the data. The mass of an end
+    effector that cannot be seen may come out negative; the model then has a light one with the resonance that was found.
+    """
     if stribeck_separated(estimate):
         stribeck, stribeck_speed = estimate["stribeck"], estimate["stribeck_speed"]
     else:
         stribeck_speed = 2 * forces.fastest
         stribeck = float(np.clip(estimate["drop"] * stribeck_speed**2, 0.0, estimate["break_away"]))
+    tool_mass = max(estimate["tool_mass"], LIGHT * estimate["total_mass"])
     orders = range(1, forces.cogging.count + 1)
     return AxisParameters(
-        *(estimate[name] for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant")),
+        motor_mass=estimate["total_mass"] - tool_mass,
+        tool_mass=tool_mass,
+        stiffness=estimate["stiffness_per_mass"] * tool_mass,
+        damping=estimate["damping_per_mass"] * tool_mass,
+        force_constant=estimate["force_constant"],
         friction=Friction(max(estimate["break_away"] - stribeck, 0.0), stribeck, stribeck_speed, max(estimate["viscous"], 0.0)),
         cogging_sine=[estimate[f"sine_{j}"] for j in orders],
         cogging_cosine=[estimate[f"cosine_{j}"] for j in orders],

@@ -23,9 +23,8 @@ from tuning.identification.slides import SLOWEST, WINDOW, Slide, slides
 
 CORRELATED = 12  # rows, three windows, over which residuals may be correlated: windows that overlap are, and a little more
 CURVATURES = (0.0, 1.0, 10.0, 100.0)  # starts of w, over the largest speed squared
-LEAST_CURVATURE = -0.9  # likewise; near -1 the friction has a pole
 SIGNIFICANT = 5.0  # deviations of w: its deviation is a linear one and too small where w comes out of noise
-STRETCHED = 0.5  # most that the pole pitch may change in the fit, relative
+BOUNDS = {"curvature": (-0.9, np.inf), "pole_pitch": (-0.5, 0.5)}  # of w, likewise: friction has a pole at -1; of the pitch's stretch
 NO_COGGING = Harmonics(1.0, 0)
 COMPLEX_STEP = 1e-30  # for derivatives that are exact to rounding
 
@@ -89,8 +88,6 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     """Least squares over all slides; of pole_pitch and curvature those in `searched` are free, the others pitch as given and zero."""
     fixed = {"curvature": 0.0, "pole_pitch": cogging.pole_pitch}
     scale = {"curvature": _fastest(found) ** -2, "pole_pitch": cogging.pole_pitch}
-    least = {"curvature": LEAST_CURVATURE, "pole_pitch": -STRETCHED}
-    most = {"curvature": np.inf, "pole_pitch": STRETCHED}
     ends = np.cumsum([len(slide.time) for slide in found])[:-1]
     force = force_constant * np.concatenate([slide.current for slide in found])
 
@@ -108,11 +105,10 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     def residual(z):
         return solved(z)[1]
 
-    starts = [np.array([w * (name == "curvature") for name in searched]) for w in CURVATURES]
+    starts = [np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES]
     z = min(starts, key=lambda z: np.sum(residual(z) ** 2))
     if searched:
-        bounds = [least[name] for name in searched], [most[name] for name in searched]
-        z = least_squares(residual, z, bounds=bounds).x
+        z = least_squares(residual, z, bounds=tuple(zip(*(BOUNDS[name] for name in searched), strict=True))).x
     steps = COMPLEX_STEP * 1j * np.eye(len(searched))
     linear, left = solved(z)
     bent = [(columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name] for step, name in zip(steps, searched, strict=True)]

@@ -9,6 +9,13 @@ from tuning.identification.forces import ForceFit
 
 FRICTION = ("coulomb", "stribeck", "stribeck_speed")
 TOOL = ("tool_mass", "stiffness", "damping")
+EXPERIMENTS = {  # what would tell a parameter that usual data do tell
+    "inductance": "steps of the voltage, recorded at a higher rate,",
+    "back_emf": "faster motion in the electrical test",
+    "total_mass": "runs up to speed at a higher acceleration",
+    "viscous": "a sweep over a wider range of speeds",
+    "damping_per_mass": "sharper moves, recorded until the end effector is still,",
+}
 SEPARATED = 0.25  # half-width over value: a wider interval says no more than the order of magnitude
 FOURTH = 5.0  # how much worse the term in v^4 is known than the one in v^2, at the fastest speed; 2 to 3 in good sweeps
 PUSHED = 0.05  # of the break-away force: a constant force above it is worth a word
@@ -30,15 +37,24 @@ def tool_separated(estimate: Estimate) -> bool:
     return "tool_mass" in estimate.names and separated(estimate, "tool_mass")
 
 
+def undetermined(estimate: Estimate) -> list[str]:
+    """Parameters of `EXPERIMENTS` that these data do not tell."""
+    return [name for name in EXPERIMENTS if name in estimate.names and not separated(estimate, name)]
+
+
 def unseparated(estimate: Estimate) -> set[str]:
     """Parameters whose numbers mean nothing."""
-    return (set() if stribeck_separated(estimate) else set(FRICTION)) | (set() if tool_separated(estimate) else set(TOOL))
+    hidden = set(undetermined(estimate))
+    hidden |= {"motor_mass"} & set(estimate.names) if "total_mass" in hidden else set()
+    return hidden | (set() if stribeck_separated(estimate) else set(FRICTION)) | (set() if tool_separated(estimate) else set(TOOL))
 
 
 def notes(estimate: Estimate, forces: ForceFit) -> Iterator[str]:
     """One line for everything that the data leave open."""
     if "back_emf" not in estimate.names:
         yield "force_constant: taken as given; every mass and force is as wrong as it is, and an electrical test would measure it"
+    for name in undetermined(estimate):
+        yield f"{name}: not separated; {EXPERIMENTS[name]} would tell it"
     if not forces.cogging.count:
         yield "cogging: no harmonic stands out of the noise; a slower sweep over more pole pitches would show smaller ones"
     if not stribeck_separated(estimate):

@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis import thesis_axis
 from jcontour.plants.linear_motor import thesis_motor
-from tuning.identification.axis import identify
+from tuning.identification.axis import _parameters, identify
 from tuning.identification.commissioning import Commissioning
 
 TRUTH = {
@@ -11,21 +13,18 @@ TRUTH = {
     "total_mass": 40.0, "motor_mass": 39.62, "tool_mass": 0.38, "stiffness_per_mass": 2908.0 / 0.38, "damping_per_mass": 2.1 / 0.38,
     "stiffness": 2908.0, "damping": 2.1, "break_away": 58.4, "viscous": 250.9, "drop": 22.04 / 2.82**2, "pole_pitch": 0.0875,
     "sine_1": 4.07, "sine_2": 0.95, "sine_3": -0.72, "cosine_1": 9.20, "cosine_2": -0.26, "cosine_3": 0.57,
+    "amplitude_1": np.hypot(4.07, 9.20), "amplitude_2": np.hypot(0.95, 0.26), "amplitude_3": np.hypot(0.72, 0.57),
 }  # fmt: skip
 WITHIN = {  # relative: what the issue of this demonstration asks for, or better
     "force_constant": 0.01, "viscous": 0.01, "total_mass": 0.01, "break_away": 0.01, "stiffness_per_mass": 0.001, "damping_per_mass": 0.01,
 }  # fmt: skip
 
 
-def amplitude(value, j):
-    return np.hypot(value[f"sine_{j}"], value[f"cosine_{j}"])
-
-
 def test_thesis_axis_within_a_few_per_cent(found):
     for name, tolerance in WITHIN.items():
         assert found.estimate[name] == pytest.approx(TRUTH[name], rel=tolerance), name
     for j in (1, 2, 3):
-        assert amplitude(found.estimate, j) == pytest.approx(amplitude(TRUTH, j), rel=0.03), j
+        assert found.estimate[f"amplitude_{j}"] == pytest.approx(TRUTH[f"amplitude_{j}"], rel=0.03), j
 
 
 def test_intervals_hold_the_truth(found):
@@ -37,7 +36,7 @@ def test_intervals_hold_the_truth(found):
 def test_model_is_that_of_the_estimate(found):
     p, value = found.parameters, found.estimate
     for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant", "pole_pitch"):
-        assert float(getattr(p, name)[0]) == value[name]
+        assert float(getattr(p, name)[0]) == pytest.approx(value[name], rel=1e-12), name
     np.testing.assert_array_equal(p.cogging_sine[0], [value[f"sine_{j}"] for j in (1, 2, 3)])
     for speed in (0.0, 0.1, 0.2, 0.35):  # friction is right up to the fastest speed of the data, although its parts are not known
         truth = thesis_axis().friction.slipping(1.0, speed)
@@ -61,6 +60,24 @@ def test_without_an_end_effector(records):
     assert found.estimate["viscous"] == pytest.approx(250.9, rel=0.01)
 
 
+def test_motion_without_the_end_effector_beside_motion_with_it(found, records):
+    """It is left out, and that is said."""
+    more = identify([*records, records[1]._replace(name="bare", tool=None)])
+    assert more.notes == (
+        "motion: the tests bare do not count, for they have no tool_position and others have it; record it in all", *found.notes
+    )  # fmt: skip
+    np.testing.assert_array_equal(more.estimate.values, found.estimate.values)
+
+
+def test_an_end_effector_lighter_than_nothing_still_makes_a_model(found):
+    """As noise may have it: the resonance stays, the mass is a thousandth of the whole."""
+    values = np.where(np.array(found.estimate.names) == "tool_mass", -0.1, found.estimate.values)
+    p = _parameters(replace(found.estimate, values=values), found.forces)
+    total = found.estimate["total_mass"]
+    assert float(p.tool_mass[0]) == pytest.approx(1e-3 * total) and float((p.tool_mass + p.motor_mass)[0]) == pytest.approx(total)
+    assert float((p.stiffness / p.tool_mass)[0]) == pytest.approx(found.estimate["stiffness_per_mass"])
+
+
 def test_what_is_missing_or_wrong(records):
     electrical, *motion = records
     with pytest.raises(ValueError, match="needs an electrical test .* or its value, and not both"):
@@ -77,7 +94,10 @@ def test_what_is_missing_or_wrong(records):
 
 @pytest.mark.slow
 def test_intervals_cover_as_often_as_they_promise():
-    """40 commissionings with their own noise: all errors together are within the 95 % intervals in 90 to 99 % of the cases."""
+    """Commissionings with their own noise, in the loop and in the records: the 95 % intervals hold the truth in 90 to 99 %.
+
+    Here all parameters together; the README says how often each one is held over 200 seeds.
+    """
     errors = []
     for seed in range(40):
         estimate = identify(Commissioning(thesis_axis(), thesis_motor(), seed=seed).thesis_tests()).estimate

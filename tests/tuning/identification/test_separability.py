@@ -1,5 +1,7 @@
 """That the experiments which the notes ask for do separate what they say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from tuning.identification.axis import identify
 from tuning.identification.commissioning import Commissioning, Passes
 from tuning.identification.estimates import Estimate
 from tuning.identification.instruments import Instruments
-from tuning.identification.separability import separated, stribeck_separated, telling_speed, tool_separated, unseparated
+from tuning.identification.separability import notes, separated, stribeck_separated, telling_speed, tool_separated, unseparated
 
 COARSE = Instruments(resolution=5e-6, encoder_noise=2e-6, current_noise=0.2)
 
@@ -24,6 +26,25 @@ def test_normal_speeds_do_not_separate_the_parts_of_friction(found):
     assert unseparated(found.estimate) == {"coulomb", "stribeck", "stribeck_speed"}
     (note,) = found.notes
     assert note.startswith("coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s")
+
+
+def test_what_usual_data_tell_and_these_do_not(found):
+    """The same values with a damper and a mass that are known to half of themselves only."""
+    covariance = found.estimate.covariance.copy()
+    for name in ("damping_per_mass", "total_mass"):
+        k = found.estimate.names.index(name)
+        covariance[k, k] = (0.25 * found.estimate.values[k]) ** 2
+    vague = replace(found.estimate, covariance=covariance)
+    assert unseparated(vague) == {"coulomb", "stribeck", "stribeck_speed", "damping_per_mass", "total_mass", "motor_mass"}
+    said = list(notes(vague, found.forces))
+    assert "total_mass: not separated; runs up to speed at a higher acceleration would tell it" in said
+    assert any(note.startswith("damping_per_mass: not separated; sharper moves") for note in said)
+
+
+def test_a_constant_push_is_mentioned(found):
+    names = np.array(found.estimate.names)
+    pushed = replace(found.estimate, values=np.where(names == "constant_force", -5.0, found.estimate.values))
+    assert any(note.startswith("constant_force: -5 N help one way") for note in notes(pushed, found.forces))
 
 
 @pytest.mark.slow
