@@ -22,12 +22,14 @@ from jcontour.plant import Plant
 from jcontour.references import Reference, pad
 from jcontour.simulation import check_run, follow, start_state
 
+KEPT = 16  # members whose intermediate numbers a derivative may keep, about 1 MB each for 500 steps; running again costs 40 % of its time
 Batching = Callable[[Callable, Any], Any]  # (function of one member, batch of members with axis 0 in front) -> batch of results
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
-    """`lax.map`: memory of a single member, fastest on a CPU."""
-    return jax.lax.map(function, members)
+    """`lax.map`: memory of a single member, fastest on a CPU. The derivative of a large batch runs every member a second time for it."""
+    size = jnp.shape(jax.tree.leaves(members)[0])[0]
+    return jax.lax.map(jax.checkpoint(function) if size > KEPT else function, members)
 
 
 def all_at_once(function: Callable, members: Any) -> Any:

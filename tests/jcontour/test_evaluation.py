@@ -108,3 +108,21 @@ def test_a_batch_that_does_not_suit_is_refused(controller, plants):
     short = stack_references([along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 2, at_rest=False)])
     with pytest.raises(ValueError, match="preview"):
         evaluate(controller, stack_plants(plants), short)
+
+
+def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
+    def value(scale, members):
+        def one(x):
+            return jnp.sum(jax.lax.scan(lambda y, _: (jnp.sin(scale * y),) * 2, x, length=100)[1])
+
+        return jnp.sum(one_by_one(one, members))
+
+    def compiled(size):
+        members = jnp.linspace(0, 1, 10 * size).reshape(size, 10)
+        return jax.jit(jax.grad(value)).lower(1.1, members).compile(), members
+
+    (few, _), (many, members) = compiled(1), compiled(1024)
+    assert many.memory_analysis().temp_size_in_bytes <= 2 * few.memory_analysis().temp_size_in_bytes
+    alone = [few(1.1, members[k : k + 1]) for k in range(0, 1024, 64)]
+    np.testing.assert_allclose(compiled(16)[0](1.1, members[::64]), sum(alone), rtol=1e-12)
+    np.testing.assert_allclose(many(1.1, jnp.repeat(members[::64], 64, axis=0)), 64 * sum(alone), rtol=1e-11)
