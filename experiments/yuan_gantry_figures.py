@@ -51,13 +51,15 @@ def bode(summary: dict[str, Any]) -> Figure:
 def path(summary: dict[str, Any]) -> Figure:
     """Fig. 5.11, and along it the twist (Fig. 5.13) and the contour error."""
     found = summary["path"]
-    left, right = (figure := Figure(figsize=(10.0, 5.0), layout="constrained")).subfigures(1, 2, width_ratios=(1, 1.4))
-    plan, (twist, error) = left.subplots(), np.ravel(right.subplots(2, 1, sharex=True))
+    figure = Figure(figsize=(10.0, 5.0), layout="constrained")
+    panels = figure.subplot_mosaic([["plan", "twist"], ["plan", "error"]], width_ratios=(1, 1.4))
+    plan, twist, error = (panels[name] for name in ("plan", "twist", "error"))
     plan.plot(*(1e3 * np.array(found["wanted_m"])).T, color="0.5", linewidth=2.5, label="path")
     plan.plot(*(1e3 * np.array(found["tool_m"])).T, color="tab:blue", linewidth=0.9, label="tool")
     plan.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]", title="Fig. 5.11: line, circle, line")
     plan.legend(frameon=False, loc="upper left")
     twist.plot(found["time_s"], 1e6 * np.array(found["twist_rad"]), color="tab:blue", linewidth=0.9)
+    twist.sharex(error)
     twist.set(ylabel="twist of the beam [urad]", title=f"peak {1e6 * found['peak_twist_rad']:.3g}, allowed {1e6 * LARGEST_TWIST:g} urad")
     error.plot(found["time_s"], 1e6 * np.array(found["contour_error_m"]), color="tab:red", linewidth=0.9)
     error.set(xlabel="time [s]", ylabel="contour error [um]")
