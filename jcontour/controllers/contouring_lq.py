@@ -25,16 +25,16 @@ class LQWeights(eqx.Module):
     Args:
         alpha: weight on the tracking error [1/m^2].
         beta: weight on the contour error [1/m^2].
-        rho: weight on the control [1/control unit^2].
+        rho: weight on the control [1/control unit^2]: one number, R = rho I, or the symmetric matrix R (p, p) itself.
         stage: positive profile (N_p,) over the horizon, the last entry for the terminal; ones when not given.
 
     Raises:
-        ValueError: a weight is negative or not finite, alpha and beta are both zero, rho or a stage entry is not positive.
+        ValueError: a weight is negative or not finite, alpha and beta are both zero, rho (an eigenvalue) or a stage entry is not positive.
     """
 
     alpha: Float[Array, ""]
     beta: Float[Array, ""]
-    rho: Float[Array, ""]
+    rho: Float[Array, ""] | Float[Array, "p p"]
     stage: Float[Array, " N_p"] | None = None
 
     def __init__(self, alpha, beta, rho, stage=None):
@@ -95,7 +95,8 @@ class ContouringLQ(Controller):
         terminal: cost at the end of the horizon.
 
     Raises:
-        ValueError: preview not a whole number or < 1, a stage profile of another length, a RiccatiTerminal without a stabilising solution.
+        ValueError: preview not a whole number or < 1, a stage profile or a matrix rho of another size, a RiccatiTerminal without a
+            stabilising solution.
     """
 
     model: LinearPlant
@@ -109,9 +110,9 @@ class ContouringLQ(Controller):
         self.terminal = OutputTerminal() if terminal is None else terminal  # the paper's better performing choice
         if weights.stage is not None and weights.stage.shape != (self.preview,):
             raise ValueError(f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}")
+        R = control_weight(model, weights)
         if isinstance(self.terminal, RiccatiTerminal):
-            Q_max = (weights.alpha + weights.beta) * model.C.T @ model.C
-            check_dare(model.A, model.B, Q_max, control_weight(model, weights))
+            check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
 
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference.
@@ -149,8 +150,22 @@ def contour_weight(alpha, beta, tangent: Float[Array, "*batch m"]) -> Float[Arra
 
 
 def control_weight(model: LinearPlant, weights: LQWeights) -> Float[Array, "p p"]:
-    """R = rho I."""
-    return weights.rho * jnp.eye(model.inputs, dtype=model.A.dtype)
+    """R = rho I, or R itself.
+
+    Raises:
+        ValueError: R is of another size.
+    """
+    rho, p = weights.rho, model.inputs
+    if rho.shape not in ((), (p, p)):
+        raise ValueError(f"rho: needs one number or shape ({p}, {p}), received {rho.shape}")
+    return rho if rho.ndim else rho * jnp.eye(p, dtype=model.A.dtype)
+
+
+def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[Array, "p p"]:
+    """R of u' R u = rho (|u|^2 + difference (u_first - u_second)^2): two drives of one axis are kept from fighting each other."""
+    apart = np.zeros(inputs)
+    apart[first], apart[second] = 1.0, -1.0
+    return rho * (np.eye(inputs) + difference * np.outer(apart, apart))
 
 
 def _float(value) -> Array:
@@ -161,6 +176,8 @@ def _float(value) -> Array:
 def _check_weights(weights: LQWeights) -> None:
     values = {name: getattr(weights, name) for name in ("alpha", "beta", "rho", "stage")}
     concrete = {name: np.asarray(v) for name, v in values.items() if v is not None and is_concrete(v)}
+    if np.ndim(concrete.get("rho", 0.0)) == 2:
+        concrete["rho"] = np.linalg.eigvalsh(concrete["rho"])
     for name, value in concrete.items():
         positive = name in ("rho", "stage")
         if not np.isfinite(value).all() or (value < 0).any() or (positive and (value == 0).any()):

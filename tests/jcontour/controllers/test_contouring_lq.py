@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight
+from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, balanced, contour_weight
 from jcontour.linear import LinearPlant, SteadyMotion
 from jcontour.references import from_samples
 from jcontour.simulation import simulate
@@ -42,7 +42,8 @@ def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
             root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
             rows.append(root @ forced)
             target.append(root @ (x_d[k] - free))
-    rows.append(np.sqrt(float(weights.rho)) * np.eye(preview * p))
+    R = np.asarray(weights.rho) if np.ndim(weights.rho) else float(weights.rho) * np.eye(p)
+    rows.append(np.kron(np.eye(preview), np.linalg.cholesky(R).T))
     target.append(np.zeros(preview * p))
     return np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=None)[0][:p]
 
@@ -51,6 +52,7 @@ CASES = {
     "three axes": (3, 9, 4, LQWeights(0.7, 3.0, 0.2)),
     "profile": (2, 5, 6, LQWeights(0.7, 3.0, 0.2, [0.5, 2.0, 1.0, 0.3, 4.0, 1.5])),
     "no tracking weight": (2, 5, 3, LQWeights(0.0, 3.0, 0.2)),
+    "a weight for every pair of controls": (3, 7, 4, LQWeights(0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0))),
     "one sample": (2, 4, 1, LQWeights(2.0, 1.0, 0.05, [3.0])),
 }
 
@@ -68,7 +70,8 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
     H_N = x_d = None
     if terminal == "riccati":
         A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
-        H_N = solve_discrete_are(A, B, float(weights.alpha + weights.beta) * C.T @ C, float(weights.rho) * np.eye(B.shape[1]))
+        R = np.asarray(weights.rho) if np.ndim(weights.rho) else float(weights.rho) * np.eye(B.shape[1])
+        H_N = solve_discrete_are(A, B, float(weights.alpha + weights.beta) * C.T @ C, R)
         y_d = np.asarray(reference.position)[preview - 1 :]
         x_d = y_d[1:] @ Sy.T + np.diff(y_d, axis=0) @ Sv.T
     for k in (0, 1, T - 1):
@@ -117,6 +120,7 @@ def test_contour_weight_forgives_what_is_along():
         ((1.0, np.inf, 1.0), "beta"),
         ((1.0, 1.0, 0.0), "rho: needs a finite weight above zero"),
         ((1.0, 1.0, -1.0), "rho"),
+        ((1.0, 1.0, [[1.0, 2.0], [2.0, 1.0]]), "rho: needs a finite weight above zero"),
         ((0.0, 0.0, 1.0), "alpha, beta"),
         ((1.0, 1.0, 1.0, [1.0, 0.0]), "stage"),
         ((1.0, 1.0, 1.0, [1.0, np.nan]), "stage"),
@@ -134,6 +138,8 @@ def test_bad_controllers_are_named(two_axes):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match=r"stage.*shape \(3,\), received \(2,\)"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1, [1.0, 1.0]), 3)
+    with pytest.raises(ValueError, match=r"rho: needs one number or shape \(2, 2\), received \(3, 3\)"):
+        ContouringLQ(two_axes, LQWeights(1, 1, np.eye(3)), 3)
     out_of_reach = LinearPlant(np.diag([1.1, 0.5]), [[0.0], [1.0]], np.eye(2), 1.0)
     with pytest.raises(ValueError, match="no stabilising solution"):
         ContouringLQ(out_of_reach, LQWeights(1, 1, 1), 3, RiccatiTerminal())
