@@ -57,6 +57,7 @@ class LinearPlant(Plant):
         C: output matrix (m, n); outputs are positions [m].
         dt: sample period [s].
         pattern: non-zero pattern; derived from the matrices when they are concrete.
+        motion: its maps of steady motion, where its axes are coupled; see `steady_motion`.
 
     Raises:
         ValueError: a matrix has the wrong shape or is not finite, or `dt` is not positive.
@@ -65,12 +66,13 @@ class LinearPlant(Plant):
     A: Float[Array, "n n"]
     B: Float[Array, "n p"]
     C: Float[Array, "m n"]
+    motion: SteadyMotion | None
     dt: float = eqx.field(static=True)
     pattern: Pattern = eqx.field(static=True)
 
-    def __init__(self, A, B, C, dt: float, pattern: Pattern | None = None):
+    def __init__(self, A, B, C, dt: float, pattern: Pattern | None = None, motion: SteadyMotion | None = None):
         self.A, self.B, self.C = (_floating(matrix) for matrix in (A, B, C))
-        self.dt = float(dt)
+        self.dt, self.motion = float(dt), motion
         _check_shapes(self.A, self.B, self.C, self.dt)
         self.pattern = Pattern.of(A, B, C) if pattern is None else pattern
 
@@ -182,7 +184,7 @@ def decoupled_axes(pattern: Pattern) -> tuple[Axis, ...]:
 
 
 def steady_motion(plant: LinearPlant) -> SteadyMotion:
-    """Maps Sy, Sv of a plant made of decoupled single-input axes: the state of a tool in steady motion.
+    """Maps Sy, Sv of a plant: the state of a tool in steady motion. Its own where it has them; of decoupled single-input axes otherwise.
 
     Each axis with n_i states solves, for x and the constant control u that carries it on,
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
@@ -191,6 +193,8 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     Raises:
         ValueError: an axis does not have one input and one output, or cannot hold a steady motion; give the maps then.
     """
+    if plant.motion is not None:
+        return plant.motion
     axes = decoupled_axes(plant.pattern)
     for axis in axes:
         if len(axis.inputs) != 1 or len(axis.outputs) != 1:
