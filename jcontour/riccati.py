@@ -77,6 +77,24 @@ def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | 
     return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps))
 
 
+def scheduled_plan(
+    models: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    terminal: CostToGo,
+) -> AffinePlan:  # fmt: skip
+    """The same for a machine that changes along the path: A_j, B_j, C_j are those of sample k + j, `models` stacked over all S samples."""
+    steps, preview = terminal.g.shape[0], stage.shape[0]
+
+    def at(rows, j):
+        return jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, j, steps), rows)
+
+    def sweep(cost, j):
+        model, Q_j, y_j = at((models, Q, y_d), j)
+        return one_stage_back(model, R, cost, stage[j - 1] * Q_j, y_j), None
+
+    first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
+    return first_control(at(models, 0), R, first)
+
+
 def readable_plan(
     model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
     terminal: CostToGo,
@@ -99,13 +117,13 @@ def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, 
 
 
 def one_stage_back(model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]) -> CostToGo:
-    """(H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13."""
+    """(H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13, of one model for all steps or of one for each."""
     A, B, C = model.A, model.B, model.C
     K, _ = _gain(model, R, cost)
     closed = A - B @ K
-    H = A.T @ cost.H @ closed + C.T @ Q_j @ C
-    g = _apply(jnp.swapaxes(closed, -1, -2), cost.g) - _apply(Q_j, y_j) @ C
-    return CostToGo((H + jnp.swapaxes(H, -1, -2)) / 2, g)
+    H = A.mT @ cost.H @ closed + C.mT @ Q_j @ C
+    g = _apply(closed.mT, cost.g) - _apply(C.mT, _apply(Q_j, y_j))
+    return CostToGo((H + H.mT) / 2, g)
 
 
 def first_control(model: LinearPlant, R, cost: CostToGo) -> AffinePlan:
@@ -115,9 +133,9 @@ def first_control(model: LinearPlant, R, cost: CostToGo) -> AffinePlan:
 
 
 def _gain(model: LinearPlant, R, cost: CostToGo) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
-    BH = model.B.T @ cost.H
+    BH = model.B.mT @ cost.H
     inverse = small_inverse(BH @ model.B + R)
-    return inverse @ (BH @ model.A), -_apply(inverse, cost.g @ model.B)
+    return inverse @ (BH @ model.A), -_apply(inverse, _apply(model.B.mT, cost.g))
 
 
 def dare(A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]) -> Float[Array, "n n"]:
@@ -165,15 +183,19 @@ def _dare_loop(A, B, Q, R):
 
 
 def small_inverse(M: Float[Array, "*batch p p"]) -> Float[Array, "*batch p p"]:
-    """Inverse in closed form up to 2 x 2, which halves the run and compile time of the sweep; LU beyond."""
+    """Inverse in closed form up to 3 x 3, which halves the run and compile time of the sweep; LU beyond."""
     if M.shape[-1] == 1:
         return 1 / M
     if M.shape[-1] == 2:
         a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
         adjugate = jnp.stack([jnp.stack([d, -b], -1), jnp.stack([-c, a], -1)], -2)
         return adjugate / (a * d - b * c)[..., None, None]
+    if M.shape[-1] == 3:
+        first, second, third = M[..., 0, :], M[..., 1, :], M[..., 2, :]
+        adjugate = jnp.stack([jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)], -1)
+        return adjugate / jnp.sum(first * adjugate[..., 0], axis=-1)[..., None, None]
     return jnp.linalg.inv(M)
 
 
-def _apply(matrices: Float[Array, "T a b"], vectors: Float[Array, "T b"]) -> Float[Array, "T a"]:
+def _apply(matrices: Float[Array, "*T a b"], vectors: Float[Array, "T b"]) -> Float[Array, "T a"]:
     return jnp.einsum("...ij,...j->...i", matrices, vectors)

@@ -8,11 +8,13 @@ from jcontour.controllers.disturbance_observer import DisturbanceObserver
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, DisturbanceRejection, EulerLESO, ExactLESO
 from jcontour.controllers.filters import Biquad, Filtered, low_pass, notch
 from jcontour.controllers.integral_lqg import IntegralLQG, integral_lq_gains
+from jcontour.controllers.motors import OfMotors
 from jcontour.controllers.observers import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
 from jcontour.controllers.pole_placement import damped_poles, placed_gain
 from jcontour.controllers.precompensation import Precompensated
 from jcontour.controllers.preview_lq import PreviewLQ
 from jcontour.controllers.reduced_observer import ReducedObserver
+from jcontour.controllers.scheduled_lq import ScheduledLQ
 from jcontour.controllers.shaped import Shaped
 from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target, quasi_steady_target
 from jcontour.controllers.task_frame import TaskFrame
@@ -36,6 +38,7 @@ __all__ = [
     "IntegralLQG",
     "LQWeights",
     "NLESO",
+    "OfMotors",
     "OffsetFreeObserver",
     "OutputTerminal",
     "Precompensated",
@@ -43,6 +46,7 @@ __all__ = [
     "PreviewLQ",
     "ReducedObserver",
     "RiccatiTerminal",
+    "ScheduledLQ",
     "Shaped",
     "StateFeedback",
     "TaskFrame",

@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jcontour.linear import LinearPlant, spectral_radius
-from jcontour.riccati import CostToGo, check_dare, dare, lqr_gain, receding_horizon_plan, small_inverse
+from jcontour.riccati import CostToGo, check_dare, dare, lqr_gain, receding_horizon_plan, scheduled_plan, small_inverse
 
 
 def system(seed, states, inputs, radius=1.2):
@@ -67,7 +67,7 @@ def test_traced_values_pass_unchecked():
     jax.eval_shape(lambda A: check_dare(A, jnp.ones((2, 1)), jnp.eye(2), jnp.eye(1)), jnp.eye(2))
 
 
-@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_small_inverse(size):
     M = np.random.default_rng(size).standard_normal((6, size, size)) + 3 * np.eye(size)
     np.testing.assert_allclose(small_inverse(jnp.asarray(M)), np.linalg.inv(M), rtol=1e-12, atol=1e-14)
@@ -94,3 +94,27 @@ def test_gain_schedule_is_the_textbook_recursion_of_each_step():
         M = np.linalg.inv(B.T @ H @ B + R)
         np.testing.assert_allclose(plan.F[k], M @ B.T @ H @ A, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(plan.f[k], -M @ B.T @ g, rtol=1e-9, atol=1e-10)
+
+
+def test_scheduled_gains_take_the_model_of_each_sample():
+    """The same recursion with A, B, C of sample k + j."""
+    random = np.random.default_rng(7)
+    T, N, n, m, p = 4, 5, 4, 2, 3
+    A, B, C = (random.standard_normal((T + N, *shape)) for shape in ((n, n), (n, p), (m, n)))
+    root, y_d = random.standard_normal((T + N, m, m)), random.standard_normal((T + N, m))
+    Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3, 2.0])
+    H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
+    g_N = random.standard_normal((T, n))
+    arrays, terminal = map(jnp.asarray, (Q, y_d, stage, R)), CostToGo(jnp.asarray(H_N), jnp.asarray(g_N))
+    models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))(A, B, C)
+    plan = eqx.filter_jit(scheduled_plan)(models, *arrays, terminal)
+    for k in range(T):
+        H, g = H_N[k], g_N[k]
+        for j in range(N - 1, 0, -1):
+            A_j, B_j, C_j, Q_j = A[k + j], B[k + j], C[k + j], stage[j - 1] * Q[k + j]
+            K = np.linalg.solve(B_j.T @ H @ B_j + R, B_j.T @ H @ A_j)
+            g = (A_j - B_j @ K).T @ g - C_j.T @ Q_j @ y_d[k + j]
+            H = A_j.T @ H @ (A_j - B_j @ K) + C_j.T @ Q_j @ C_j
+        M = np.linalg.inv(B[k].T @ H @ B[k] + R)
+        np.testing.assert_allclose(plan.F[k], M @ B[k].T @ H @ A[k], rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(plan.f[k], -M @ B[k].T @ g, rtol=1e-9, atol=1e-10)

@@ -22,7 +22,7 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
 
     T = np.asarray(jax.jacfwd(MotorEncoders(odd_gantry))(rest))
     slopes = [np.asarray(jax.jacfwd(rates, argument)(rest, still)) for argument in (0, 1)]
-    A, B, _, _, _ = cont2discrete((*slopes, np.eye(6), np.zeros((6, 3))), DT)
+    A, B, _, _, _ = cont2discrete((slopes[0], slopes[1], np.eye(6), np.zeros((6, 3))), DT)
     C = np.pad(np.asarray(jax.jacfwd(odd_gantry.tool)(rest[:3])), ((0, 0), (0, 3)))
     model = motor_model(odd_gantry, HEAD, DT)
     np.testing.assert_allclose(model.A, T @ A @ np.linalg.inv(T), rtol=1e-9, atol=1e-11)
