@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
+from scipy.linalg import expm
 
 from jcontour.linear import steady_motion
 from jcontour.plants.gantry import EquationOfMotion
@@ -21,12 +21,12 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
         return jnp.concatenate([state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))])
 
     T = np.asarray(jax.jacfwd(MotorEncoders(odd_gantry))(rest))
-    slopes = [np.asarray(jax.jacfwd(rates, argument)(rest, still)) for argument in (0, 1)]
-    A, B, _, _, _ = cont2discrete((slopes[0], slopes[1], np.eye(6), np.zeros((6, 3))), DT)
+    A, B = (np.asarray(jax.jacfwd(rates, argument)(rest, still)) for argument in (0, 1))
+    discrete = expm(DT * np.block([[A, B], [np.zeros((3, 9))]]))
     C = np.pad(np.asarray(jax.jacfwd(odd_gantry.tool)(rest[:3])), ((0, 0), (0, 3)))
     model = motor_model(odd_gantry, HEAD, DT)
-    np.testing.assert_allclose(model.A, T @ A @ np.linalg.inv(T), rtol=1e-9, atol=1e-11)
-    np.testing.assert_allclose(model.B, T @ B, rtol=1e-9, atol=1e-14)
+    np.testing.assert_allclose(model.A, T @ discrete[:6, :6] @ np.linalg.inv(T), rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(model.B, T @ discrete[:6, 6:], rtol=1e-9, atol=1e-14)
     np.testing.assert_allclose(model.C, C @ np.linalg.inv(T), rtol=1e-12, atol=1e-14)
 
 
