@@ -119,8 +119,12 @@ class Contour(eqx.Module):
         wrapped = jnp.where(wrapped >= length, 0.0, wrapped)  # -1e-20 rounds to a whole lap
         return jnp.where(self.closed, wrapped, jnp.clip(arc, 0.0, length))
 
+    @property
+    def _count(self):
+        return jnp.sum(self.mask, dtype=jnp.int32)
+
     def _index(self, inside):
-        return jnp.clip(jnp.searchsorted(self.start, inside, side="right") - 1, 0, jnp.sum(self.mask) - 1)
+        return jnp.clip(jnp.searchsorted(self.start, inside, side="right") - 1, 0, self._count - 1)
 
     def _pieces(self, index) -> Piece:
         pieces = self.pieces
@@ -152,20 +156,20 @@ def _nearest(contour: Contour, point, arc, reach):
     begin = jnp.where(contour.closed, begin, jnp.maximum(begin, 0.0))
     end = jnp.where(contour.closed, end, jnp.minimum(end, length))
     inside = contour._inside(begin)
-    count = jnp.sum(contour.mask)
+    first, lap = contour._index(inside), begin - inside  # laps unroll a closed contour
+    count = contour._count
 
     def walk(state):
-        index, lap, best, least, pending = state
-        piece = contour._pieces(index)
-        first = piece.start + lap  # laps unroll a closed contour
-        low = jnp.clip(begin - first, 0.0, piece.extent)
-        high = jnp.clip(end - first, low, piece.extent)
+        k, best, least, _ = state
+        again = first + k >= count  # a window is a lap at most
+        piece = contour._pieces(jnp.where(again, first + k - count, first + k))
+        start = piece.start + jnp.where(again, lap + length, lap)
+        low = jnp.clip(begin - start, 0.0, piece.extent)
+        high = jnp.clip(end - start, low, piece.extent)
         s, square = contour._foot(piece, point, low, high)
-        better = pending & (square < least)
-        best, least = jnp.where(better, first + s, best), jnp.where(better, square, least)
-        pending &= first + piece.extent < end
-        last = index + 1 == count
-        return jnp.where(last, 0, index + 1), jnp.where(last, lap + length, lap), best, least, pending
+        better = usable & ((k == 0) | (start < end)) & (square < least)
+        best, least = jnp.where(better, start + s, best), jnp.where(better, square, least)
+        return k + 1, best, least, jnp.any(usable & (start + piece.extent < end))
 
-    state = (contour._index(inside), begin - inside, arc, jnp.full(shape, jnp.inf, dtype), usable)
-    return contour._inside(jax.lax.while_loop(lambda state: jnp.any(state[-1]), walk, state)[2])
+    state = (jnp.int32(0), arc, jnp.full(shape, jnp.inf, dtype), jnp.any(usable))
+    return contour._inside(jax.lax.while_loop(lambda state: state[-1], walk, state)[1])

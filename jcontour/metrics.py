@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Shaped
 
 from jcontour.references import Reference
 from jcontour.simulation import Rollout
@@ -39,25 +39,25 @@ class Metrics(eqx.Module):
     diverged: Bool[Array, ""]
 
 
-def tracking_error(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "T m"]:
+def tracking_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
     """e = y - y_d [m]."""
-    return output - reference.position[: reference.steps]
+    return output - _over_runs(reference.position[: reference.steps], output)
 
 
-def projected_error(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "T m"]:
+def projected_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
     """eps = (I - r r') e [m], the linear estimate of the contour error (McNab & Tsao, eq. 3)."""
-    error, tangent = tracking_error(output, reference), reference.tangent[: reference.steps]
+    error, tangent = tracking_error(output, reference), _over_runs(reference.tangent[: reference.steps], output)
     return error - jnp.sum(error * tangent, axis=-1, keepdims=True) * tangent
 
 
-def contour_error(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "T m"]:
+def contour_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
     """y - p(s*) [m], s* the nearest point of the true geometry around the sample's own arc length.
 
     The search is held fixed under differentiation, which is exact for the distance: (y - p) is normal to the path there.
     """
     error = _norm(jax.lax.stop_gradient(tracking_error(output, reference)))
     reach = jnp.where(error <= reference.contour.size, SEARCH_REACH * error, 0.0)  # a diverged sample is not worth a search
-    nearest = reference.contour.nearest(output, reference.arc[: reference.steps], reach)
+    nearest = reference.contour.nearest(output, _over_runs(reference.arc[: reference.steps], error), reach)
     return output - reference.contour.position(nearest)
 
 
@@ -72,7 +72,10 @@ def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None
 
 
 def score_signals(output, control, reference: Reference, window: tuple[int, int] | None = None) -> Metrics:
-    """`score` from the two signals it needs, outputs (T, m) [m] and controls (T, p)."""
+    """`score` from the two signals it needs, outputs (T, m) [m] and controls (T, p).
+
+    Axes between those two are runs of one reference, and then every number has these axes (*runs).
+    """
     first, last = (0, reference.steps) if window is None else window
     if not 0 <= first < last <= reference.steps:
         raise ValueError(f"window: needs 0 <= a < b <= {reference.steps} steps, received {window}")
@@ -80,22 +83,30 @@ def score_signals(output, control, reference: Reference, window: tuple[int, int]
     mask = reference.mask[: reference.steps] & (index >= first) & (index < last)
     pairs = mask[1:] & mask[:-1]
     tracking = tracking_error(output, reference)
-    lost = jnp.where(mask, ~(_norm(tracking) <= reference.contour.size), False)
+    distance = _norm(tracking)
+    lost = jnp.where(_over_runs(mask, distance), ~(distance <= reference.contour.size), False)
     return Metrics(
         *_rms_and_peak(contour_error(output, reference), mask),
         *_rms_and_peak(projected_error(output, reference), mask),
         *_rms_and_peak(tracking, mask),
         *_rms_and_peak(control, mask),
         *_rms_and_peak(jnp.diff(control, axis=0), pairs),
-        duration=jnp.sum(mask) * jnp.asarray(reference.dt, output.dtype),
-        diverged=jnp.any(lost) | ~jnp.all(jnp.isfinite(jnp.where(mask[:, None], control, 0.0))),
+        duration=jnp.broadcast_to(jnp.sum(mask) * jnp.asarray(reference.dt, output.dtype), output.shape[1:-1]),
+        diverged=jnp.any(lost, axis=0) | ~jnp.all(jnp.isfinite(jnp.where(_over_runs(mask, control), control, 0.0)), axis=(0, -1)),
     )
 
 
-def _rms_and_peak(vectors: Float[Array, "T d"], mask: Bool[Array, " T"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    square = jnp.sum(jnp.where(mask[:, None], vectors, 0.0) ** 2, axis=-1)
-    mean = jnp.sum(square) / jnp.maximum(jnp.sum(mask), 1)
-    return _sqrt(mean), _sqrt(jnp.max(square, initial=0.0))
+def _rms_and_peak(vectors: Float[Array, "T *runs d"], mask: Bool[Array, " T"]) -> tuple[Float[Array, "*runs"], Float[Array, "*runs"]]:
+    square = jnp.sum(jnp.where(_over_runs(mask, vectors), vectors, 0.0) ** 2, axis=-1)
+    if square.ndim > 1:  # many runs: XLA for GPUs would compute the signal inside both reductions, which takes twice as long as the loop
+        square = jax.lax.optimization_barrier(square)
+    mean = jnp.sum(square, axis=0) / jnp.maximum(jnp.sum(mask), 1)
+    return _sqrt(mean), _sqrt(jnp.max(square, axis=0, initial=0.0))
+
+
+def _over_runs(samples: Shaped[Array, "T *one"], like: Shaped[Array, "T *runs"]) -> Shaped[Array, "T *spread"]:
+    """Samples of the reference with as many axes as `like`, the new ones behind time."""
+    return jnp.expand_dims(samples, tuple(range(1, 1 + like.ndim - samples.ndim)))
 
 
 def _norm(vectors: Float[Array, "*batch d"]) -> Float[Array, "*batch"]:

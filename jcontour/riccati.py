@@ -52,10 +52,11 @@ def receding_horizon_plan(
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
-    if suits_spans(stage if terminal is None else stage[:-1]):
+    lanes = suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal)
+    if suits_spans(stage if terminal is None else stage[:-1], lanes):
         return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
     stage = jnp.asarray(stage)
-    if suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal):
+    if lanes:
         from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
 
         end = () if terminal is None else tuple(terminal)

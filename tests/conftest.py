@@ -16,6 +16,7 @@ def pytest_configure(config):
     config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
     config.addinivalue_line("filterwarnings", "ignore:.*os.fork.*:RuntimeWarning")  # subprocess of the command-line tests
     config.addinivalue_line("filterwarnings", "ignore::ResourceWarning")
+    config.addinivalue_line("filterwarnings", "ignore:The Pallas Triton backend is deprecated")  # the other one has no float64
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:

@@ -8,8 +8,10 @@ import numpy as np
 
 from jcontour.linear import Pattern, is_concrete
 
-MOST_MULTIPLICATIONS = 9000  # of one stage, unrolled: about 16 coupled states; beyond, registers and the compiler's patience end
-SHORTEST_WINDOW = {"cpu": 80, "gpu": 150}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward on a CPU)
+MOST_MULTIPLICATIONS = 1500  # of one stage, unrolled: 8 coupled states; beyond, the derivative takes minutes to compile
+MOST_REGISTERS = 110  # for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep is faster
+SHORTEST_WINDOW = {"cpu": 80, "gpu": 150, "lanes": 500}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward
+# on a CPU; lanes are faster up to 1700, but their derivative keeps numbers for every sample that a step sees)
 LONGEST_ROW = 100  # blocks side by side on a CPU: their matrices stay in a core's second-level cache
 
 
@@ -22,23 +24,29 @@ def on_gpu() -> bool:
 def suits_lanes(pattern: Pattern, *arrays) -> bool:
     """Whether the GPU kernels take a plant and numbers of these types; the sweep in XLA takes all."""
     types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
-    return on_gpu() and multiplications(pattern) <= MOST_MULTIPLICATIONS and types in ({jnp.dtype("float32")}, {jnp.dtype("float64")})
+    if not on_gpu() or types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
+        return False
+    n = len(pattern.A)
+    registers = (n * (n + 1) // 2 + n) * types.pop().itemsize // 4
+    return registers <= MOST_REGISTERS and multiplications(pattern) <= MOST_MULTIPLICATIONS
 
 
 def multiplications(pattern: Pattern) -> int:
-    """Multiplications of one Riccati stage over the non-zeros of M = [A B]: H M, M' (H M) and H - Hux' K."""
+    """Multiplications of one Riccati stage over the non-zeros of A and B: H B, H - H B L, P A and A' (P A)."""
     n, p = len(pattern.A), len(pattern.B[0])
-    filled = sum(map(sum, (*pattern.A, *pattern.B)))
-    return filled * n + filled * (n + p) // 2 + n * (n + 1) // 2 * p
+    of_A, of_B = (sum(map(sum, matrix)) for matrix in (pattern.A, pattern.B))
+    return of_B * n + n * (n + 1) // 2 * p + of_A * n + of_A * n // 2
 
 
-def suits_spans(stage) -> bool:
+def suits_spans(stage, lanes: bool = False) -> bool:
     """Whether a window is long enough, and its stage profile known to be uniform, for a sweep at a price that does not grow with it.
+
+    `lanes`: whether the plain sweep would be the GPU's kernels.
 
     A profile that falls geometrically would need R to fall with it: spans are alike up to a scale of J against C only as long as
     that scale is the same at every sample, and the ratio of Q to R is not.
     """
-    shortest = SHORTEST_WINDOW["gpu" if on_gpu() else "cpu"]
+    shortest = SHORTEST_WINDOW["lanes" if lanes else "gpu" if on_gpu() else "cpu"]
     return len(stage) >= shortest and is_concrete(stage) and bool(np.all(np.asarray(stage) == np.asarray(stage)[0]))
 
 

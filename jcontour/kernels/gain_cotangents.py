@@ -8,7 +8,7 @@ card holds, and each walks through many blocks of lanes.
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from itertools import product
+from itertools import chain, product
 
 import jax
 import jax.numpy as jnp
@@ -89,8 +89,8 @@ class Kept:
     def keep(self, j, K):
         """Of stage j, from 1."""
         rows, columns = self.shape
-        for u, i in product(range(rows), range(columns)):
-            self.scratch[(j - 1) * rows * columns + (u * columns + i), self.lanes] = K[u][i]
+        for row, number in enumerate(vectors(chain(*K), jnp.full(self.lanes.shape, 0.0, self.scratch.dtype))):
+            self.scratch[(j - 1) * rows * columns + row, self.lanes] = number
 
     def of(self, j):
         """What was kept."""

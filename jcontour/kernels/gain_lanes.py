@@ -1,8 +1,9 @@
 """The receding-horizon sweep on a GPU: one lane per step and member of the batch, H in registers.
 
-The equations are those of `window_sweep`, written out number by number over the static non-zeros of the plant: with a 1 behind
-the state and M = [A B],
-    Hz = M' H_{j+1} M,   G = (Hz_uu + R)^-1,   K_j = G Hz_ux,   H_j = Hz_xx - Hz_xu K_j + C' Q_j C
+The equations are those of `window_sweep`, with the inputs eliminated before the model acts, written out number by number over the
+static non-zeros of the plant. With a 1 behind the state, so that H has g in its last column,
+    G = (B' H B + R)^-1,   L = G B' H,   K = L A,   H_j = A' (H - H B L) A + C' Q_j C,   H = H_{j+1}
+Numbers that are known to be zero cost nothing: the first stages, in which H still has few, are written out one by one.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,10 +14,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax.experimental import pallas as pl
+from jaxtyping import Array
 
-from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, Rows, batch_last, dot, in_pieces, launch, vectors
+from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, Rows, batch_last, dot, in_pieces, is_zero, launch, vectors
 from jcontour.kernels.window_sweep import seen_entries, small_inverse
 from jcontour.linear import Pattern, decoupled_axes
+
+WRITTEN_OUT = 1  # stages at most: more save 3 %, and double the time to compile
 
 
 class Sizes(NamedTuple):
@@ -41,12 +45,12 @@ class Sizes(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """What is known of the numbers: parts that nothing couples, non-zero rows of every column of M, non-zeros of C.
+    """What is known of the numbers: states that nothing couples, non-zero rows of every column of M = [A B], non-zeros of C.
 
     Labels: states from 0, the 1 is n, inputs from n + 1.
     """
 
-    parts: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+    parts: tuple[tuple[int, ...], ...]
     rows: dict[int, tuple[int, ...]]
     C: tuple[tuple[int, int], ...]
     entries: tuple[tuple[int, int], ...]
@@ -57,7 +61,7 @@ class Shape(NamedTuple):
 def shape_of(pattern: Pattern) -> Shape:
     """The shape of all plants with one pattern."""
     n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
-    parts = tuple((axis.states, tuple(n + 1 + u for u in axis.inputs)) for axis in decoupled_axes(pattern))
+    parts = tuple(axis.states for axis in decoupled_axes(pattern))
     rows = {k: tuple(i for i in range(n) if pattern.A[i][k]) for k in range(n)}
     rows |= {n + 1 + u: tuple(i for i in range(n) if pattern.B[i][u]) for u in range(p)}
     C = tuple((a, i) for a in range(m) for i in range(n) if pattern.C[a][i])
@@ -70,23 +74,41 @@ def key(i: int, k: int) -> tuple[int, int]:
     return (i, k) if i <= k else (k, i)
 
 
-def control(shape: Shape, sizes: Sizes, M, R, H):
-    """Hz, K and G of one stage, every number a vector over lanes."""
-    n, Hz = sizes.n, {}
-    for (x, u), (y, v) in combinations_with_replacement(shape.parts, 2):
-        left, right = x + u, y + v
+class Choice(NamedTuple):
+    """The best control of one stage: H B, G and L, with the 1 behind the states."""
+
+    HB: list[list]
+    G: list[list]
+    L: list[list]
+
+
+def choice(shape: Shape, sizes: Sizes, M, R, H) -> Choice:
+    """The control that minimises one stage and the cost H that remains, every number a vector over lanes."""
+    inputs = range(sizes.n + 1, sizes.n + 1 + sizes.p)
+    HB = [[dot((H[key(i, k)], M[k, u]) for k in shape.rows[u]) for u in inputs] for i in range(sizes.n + 1)]
+    BHB = [[dot(((M[i, u], HB[i][v]) for i in shape.rows[u]), R[k][v]) for v in range(sizes.p)] for k, u in enumerate(inputs)]
+    G = small_inverse(BHB)
+    return Choice(HB, G, [[dot(zip(row, products, strict=True)) for products in HB] for row in G])
+
+
+def gain(shape: Shape, sizes: Sizes, M, L) -> list[list]:
+    """K = L A."""
+    return [[*(dot((row[i], M[i, k]) for i in shape.rows[k]) for k in range(sizes.n)), row[sizes.n]] for row in L]
+
+
+def before(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
+    """A' (H - H B L) A."""
+    n, L = sizes.n, chosen.L
+    P = {(i, k): dot(((-HB, row[k]) for HB, row in zip(chosen.HB[i], L, strict=True)), H[i, k]) for i, k in shape.entries}
+    H = {(i, n): dot((M[k, i], P[k, n]) for k in shape.rows[i]) for i in range(n)}
+    for left, right in combinations_with_replacement(shape.parts, 2):
         for c, column in enumerate(right):
-            heads = left[: c + 1] if (x, u) == (y, v) else left
+            heads = left[: c + 1] if left == right else left
             needed = sorted({i for head in heads for i in shape.rows[head]})
-            HM = {i: dot((H[key(i, k)], M[k, column]) for k in shape.rows[column]) for i in needed}
+            PA = {i: dot((P[key(i, k)], M[k, column]) for k in shape.rows[column]) for i in needed}
             for head in heads:
-                Hz[key(head, column)] = dot((M[i, head], HM[i]) for i in shape.rows[head])
-    for head, rows in shape.rows.items():
-        Hz[key(head, n)] = dot((M[i, head], H[i, n]) for i in rows)
-    inputs = range(n + 1, n + 1 + sizes.p)
-    G = small_inverse([[Hz[key(u, v)] + R[i][k] for k, v in enumerate(inputs)] for i, u in enumerate(inputs)])
-    K = [[dot((row[v], Hz[key(label, i)]) for v, label in enumerate(inputs)) for i in range(n + 1)] for row in G]
-    return Hz, K, G
+                H[key(head, column)] = dot((M[i, head], PA[i]) for i in shape.rows[head])
+    return H
 
 
 def weigh(shape: Shape, sizes: Sizes, C, H, cost):
@@ -101,13 +123,14 @@ def weigh(shape: Shape, sizes: Sizes, C, H, cost):
 
 
 class Data(NamedTuple):
-    """What a lane reads: model, control weight, and functions of the stage j for the weighted cost and the terminal."""
+    """What a lane reads: model, control weight, functions for the weighted cost of stage j and for the terminal, a zero per lane."""
 
     M: dict
     C: dict
     R: list
     cost: Callable
     start: Callable
+    nothing: Array
 
 
 def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> Data:
@@ -127,29 +150,32 @@ def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> 
         if sizes.ended:
             rows = [*(i * n + k for i, k in shape.entries[:-n]), *range(n)]
             return {e: end[e[1] == n].sample(row, lanes.step) for e, row in zip(shape.entries, rows, strict=True)}
-        nothing = jnp.full(lanes.index.shape, 0.0, cost.ref.dtype)
-        return weigh(shape, sizes, output, dict.fromkeys(shape.entries, nothing), of_sample(sizes.preview))
+        return weigh(shape, sizes, output, dict.fromkeys(shape.entries, 0.0), of_sample(sizes.preview))
 
-    return Data(M, output, weight, of_sample, start)
+    return Data(M, output, weight, of_sample, start, jnp.full(lanes.index.shape, 0.0, cost.ref.dtype))
 
 
 def swept(pattern: Pattern, sizes: Sizes, data: Data, keep: Callable | None = None):
     """K_0 and G; `keep(j, K_j)` is called for the stages before."""
     shape = shape_of(pattern)
 
-    def back(count, numbers):
-        j = sizes.preview - 1 - count
-        Hz, K, _ = control(shape, sizes, data.M, data.R, dict(zip(shape.entries, numbers, strict=True)))
+    def back(j, H):
+        chosen = choice(shape, sizes, data.M, data.R, H)
         if keep is not None:
-            keep(j, K)
-        H = {(i, k): dot(((-Hz[key(i, sizes.n + 1 + u)], K[u][k]) for u in range(sizes.p)), Hz[i, k]) for i, k in shape.entries}
-        H = weigh(shape, sizes, data.C, H, data.cost(j))
+            keep(j, gain(shape, sizes, data.M, chosen.L))
+        return weigh(shape, sizes, data.C, before(shape, sizes, data.M, H, chosen), data.cost(j))
+
+    H, last = data.start(), sizes.preview - 1
+    while last and sizes.preview - last <= WRITTEN_OUT and any(is_zero(number) for number in H.values()):
+        H, last = back(last, H), last - 1
+
+    def stage(count, numbers):
+        H = back(last - count, dict(zip(shape.entries, numbers, strict=True)))
         return vectors((H[entry] for entry in shape.entries), numbers[0])
 
-    H = data.start()
-    numbers = jax.lax.fori_loop(0, sizes.preview - 1, back, tuple(H[entry] for entry in shape.entries))
-    _, K, G = control(shape, sizes, data.M, data.R, dict(zip(shape.entries, numbers, strict=True)))
-    return K, G
+    numbers = jax.lax.fori_loop(0, last, stage, vectors((H[entry] for entry in shape.entries), data.nothing))
+    chosen = choice(shape, sizes, data.M, data.R, dict(zip(shape.entries, numbers, strict=True)))
+    return gain(shape, sizes, data.M, chosen.L), chosen.G
 
 
 def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, *refs):

@@ -1,7 +1,7 @@
 """A closed loop scored on a GPU: outputs and controls from the kernel, scored where they lie, no rollout returned.
 
-The kernel leaves signals with the batch behind time, and there they are scored, by any function of one run in JAX: turning them
-round for a `vmap` outside would cost as much as the loop itself. The derivative reaches the plan and the first state; where the
+The kernel leaves signals with the batch behind time, and there they are scored, all runs of one reference together: turning them
+round for a `vmap` outside would cost more than the loop itself. The derivative reaches the plan and the first state; where the
 plant or the reference moves, it is that of the scan.
 """
 
@@ -14,11 +14,11 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every_member, in_pieces
+from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every, in_pieces
 from jcontour.kernels.loop_lanes import cotangents, runs
 from jcontour.linear import Pattern
 
-Score = Callable[[Array, Array, Any], Any]  # outputs (T, m), controls (T, p), reference -> numbers
+Score = Callable[[Array, Array, Any], Any]  # outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1))
@@ -32,14 +32,14 @@ def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, refer
     samples, tree = jax.tree.flatten(reference)
     numbers = jax.eval_shape(partial(_scored, score), jnp.zeros((f.shape[0], C.shape[0]), A.dtype), f, reference)
 
-    def of_member(signals, *samples):
-        y, u, *_ = signals
-        return [*jax.tree.leaves(_scored(score, y.T, u.T, tree.unflatten(samples))), *(signals if keep else ())]
+    def of_reference(y, u, *samples):
+        return jax.tree.leaves(_scored(score, _time_first(y), _time_first(u), tree.unflatten(samples)))
 
     def whole(*operands):
         loop, samples = operands[:6], operands[6:]
-        axes = [Batch.of(loop).together, *(sample.axes for sample in samples)]
-        return for_every_member(of_member, axes)(runs(pattern, loop, keep), *(sample.array for sample in samples))
+        signals = [Operand(signal, Batch.of(loop).together) for signal in runs(pattern, loop, keep)]
+        found = for_every(_touched(samples), of_reference, (*signals[:2], *samples))
+        return [*found, *(signal.over(Batch.of(operands)).array for signal in signals if keep)]
 
     found = batch_last(_cut(F, whole))(A, B, C, *_time_last(F, f), start, *samples)
     signals = found[len(jax.tree.leaves(numbers)) :]
@@ -62,17 +62,19 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
     A, B, C, F, f, _, reference = values
     samples, tree = jax.tree.flatten(reference)
 
-    def of_member(y, u, *rest):
+    def of_reference(y, u, *rest):
         def numbers(y, u):
-            return jax.tree.leaves(_scored(score, y.T, u.T, tree.unflatten(rest[: len(samples)])))
+            return jax.tree.leaves(_scored(score, _time_first(y), _time_first(u), tree.unflatten(rest[: len(samples)])))
 
         return jax.vjp(numbers, y, u)[1](list(rest[len(samples) :]))
 
     def whole(*operands):
         A, B, C, F, x, *scored = operands
-        everything = Batch.of(scored).together
-        bars = for_every_member(of_member, [operand.axes for operand in scored])(*(operand.array for operand in scored))
-        return cotangents(pattern, (A, B, C, F, x, *(Operand(bar, everything) for bar in bars)))
+        batch, samples_end = Batch.of(scored), 2 + len(samples)
+        y, u, *bars = (operand.over(batch) for operand in (*scored[:2], *scored[samples_end:]))
+        own = scored[2:samples_end]
+        found = for_every(_touched(own), of_reference, (y, u, *own, *bars))
+        return cotangents(pattern, (A, B, C, F, x, *(Operand(bar, batch.together) for bar in found)))
 
     y, u, x = signals
     operands = A, B, C, _time_last(F, f)[0], x, y, u, *samples, *jax.tree.leaves(numbers_bar)
@@ -100,6 +102,15 @@ def _scored(score: Score, y, u, reference):
 
 def _cut(F, function: Callable) -> Callable:
     return lambda *operands: in_pieces(function, operands, F.size)
+
+
+def _touched(samples) -> set[int]:
+    """The batch axes along which the reference differs."""
+    return set(Batch.of(samples).together)
+
+
+def _time_first(signal):
+    return jnp.moveaxis(signal, 0, -1)
 
 
 def _time_last(F, f):

@@ -45,6 +45,11 @@ class Operand(NamedTuple):
         """As rows of numbers for every sample, the last axis but the batch: (row, sample and member)."""
         return Operand(self.array.reshape(prod(self.core[:-1]), -1), self.axes)
 
+    def over(self, batch: "Batch") -> "Operand":
+        """With all axes of a batch, the same numbers along those it does not have."""
+        sizes = (size if axis in self.axes else 1 for axis, size in zip(batch.together, batch.sizes, strict=True))
+        return Operand(jnp.broadcast_to(self.array.reshape(*self.core, *sizes), (*self.core, *batch.sizes)), batch.together)
+
 
 class Rows(NamedTuple):
     """An operand as the lanes of a program read it."""
@@ -150,11 +155,17 @@ def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array
     return lambda *arrays: under(((),) * len(arrays), 0)(*arrays)
 
 
-def for_every_member(function: Callable, axes: Sequence[tuple[int, ...]]) -> Callable:
-    """`function` of the arrays of one member, as one of arrays and with results whose batch axes are behind."""
-    for axis in range(1 + max((axis for own in axes for axis in own), default=-1)):
-        function = jax.vmap(function, in_axes=tuple(-1 if axis in own else None for own in axes), out_axes=-1)
-    return function
+def for_every(axes: set[int], function: Callable, operands: Sequence[Operand]) -> Any:
+    """`function` of the operands' arrays, for one member at a time of some batch axes; all others stay behind in arrays and results."""
+    left = set(Batch.of(operands).together) - axes
+
+    def behind(own, axis: int) -> int:
+        return -1 - sum(other > axis for other in left.intersection(own))
+
+    for axis in sorted(axes):
+        places = tuple(behind(own, axis) if axis in own else None for _, own in operands)
+        function = jax.vmap(function, in_axes=places, out_axes=behind(left, axis))
+    return function(*(operand.array for operand in operands))
 
 
 def in_pieces(function: Callable[..., list[Array]], operands: Sequence[Operand], rows: int) -> list[Array]:
@@ -187,11 +198,17 @@ def dense(bar: Any) -> Array:
     return jnp.zeros(shape, dtype) if isinstance(bar, SymbolicZero) else bar
 
 
-def dot(pairs, onto=None):
-    """Sum of the products of pairs and of `onto`; 0 where there is nothing."""
+def dot(pairs, onto: Any = 0.0) -> Any:
+    """Sum of the products of pairs and of `onto`, without those that are known to be zero."""
     for a, b in pairs:
-        onto = a * b if onto is None else fused(a, b, onto)
-    return 0.0 if onto is None else onto
+        if not (is_zero(a) or is_zero(b)):
+            onto = a * b if is_zero(onto) else fused(a, b, onto)
+    return onto
+
+
+def is_zero(number: Any) -> bool:
+    """Whether a number is known to be zero, whatever the data."""
+    return isinstance(number, float) and number == 0.0
 
 
 def fused(a, b, c):

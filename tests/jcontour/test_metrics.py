@@ -154,3 +154,15 @@ def test_gradient_of_the_contour_error_is_that_of_differences(bent):
     slope = np.sum(np.asarray(jax.jit(jax.grad(rms))(jnp.asarray(output))) * change)
     h = 1e-9
     assert slope == pytest.approx(float(rms(output + h * change) - rms(output - h * change)) / (2 * h), rel=1e-5)
+
+
+def test_many_runs_at_once_are_each_scored(bent):
+    random = np.random.default_rng(5)
+    output = desired(bent)[:, None] + 1e-6 * random.standard_normal((T, 3, 2))
+    output[5, 2] = np.nan
+    control = random.standard_normal((T, 3, 2))
+    together = score(output, control, bent, (1, 9))
+    for k in range(3):
+        alone = score(output[:, k], control[:, k], bent, (1, 9))
+        for found, wanted in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
+            np.testing.assert_allclose(found[k], wanted, rtol=1e-14)

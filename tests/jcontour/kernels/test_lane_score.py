@@ -8,8 +8,6 @@ import pytest
 from jcontour.kernels.dispatch import on_gpu
 from jcontour.kernels.lane_score import lane_score, scanned_score
 
-pytestmark = pytest.mark.filterwarnings("ignore:The Pallas Triton backend is deprecated")
-
 
 def case(problems, sizes, inputs, outputs, steps):
     plant, random = problems.machine(sizes, inputs, outputs), np.random.default_rng(3)
@@ -19,10 +17,11 @@ def case(problems, sizes, inputs, outputs, steps):
 
 
 def score(y, u, reference):
-    """A number and a flag of every signal."""
-    wanted, mask = reference
-    error = jnp.where(mask[:, None], y - wanted, 0.0)
-    return {"error": jnp.sum(jnp.sin(error)), "control": jnp.sum(u**2), "far": jnp.max(jnp.abs(error)) > 1.0}
+    """A number and a flag of every run."""
+    behind = tuple(range(1, y.ndim - 1))
+    wanted, mask = jnp.expand_dims(reference[0], behind), jnp.expand_dims(reference[1], (*behind, y.ndim - 1))
+    error = jnp.where(mask, y - wanted, 0.0)
+    return {"error": jnp.sum(jnp.sin(error), (0, -1)), "control": jnp.sum(u**2, (0, -1)), "far": jnp.max(jnp.abs(error), (0, -1)) > 1.0}
 
 
 def kernel(plant, *run):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.kernels import lanes
-from jcontour.kernels.lanes import Batch, Lanes, Operand, batch_last, dot, in_pieces
+from jcontour.kernels.lanes import Batch, Lanes, Operand, batch_last, dot, for_every, in_pieces
 
 x, y = jnp.arange(24.0).reshape(2, 4, 3), jnp.arange(2.0) + 1
 
@@ -54,6 +54,25 @@ def test_lanes_find_their_member_of_every_operand(axes):
             np.testing.assert_array_equal(np.broadcast_to(rows.sample(row, sample), 30), wanted[row, sample])
 
 
+@pytest.mark.parametrize("axes", [set(), {0}, {1}, {2}, {0, 2}, {1, 2}, {0, 1, 2}])
+def test_some_axes_one_at_a_time_and_the_others_together(axes):
+    wide, narrow = Operand(jnp.arange(120.0).reshape(4, 2, 3, 5), (0, 1, 2)), Operand(jnp.arange(8.0).reshape(4, 2), (0,))
+    left = 3 - len(axes)
+
+    def function(x, y):
+        assert x.ndim == 1 + left and y.ndim == 2 - len(axes & {0})
+        return x * jnp.expand_dims(y, tuple(range(y.ndim, x.ndim)))
+
+    np.testing.assert_array_equal(for_every(axes, function, (wide, narrow)), wide.array * narrow.array[:, :, None, None])
+
+
+def test_an_operand_over_a_whole_batch():
+    batch = Batch.of((Operand(jnp.zeros((2, 3)), (0, 1)),))
+    found = Operand(jnp.arange(6.0).reshape(2, 3), (1,)).over(batch)
+    assert found.axes == (0, 1) and found.core == (2,)
+    np.testing.assert_array_equal(found.array, np.broadcast_to(np.arange(6.0).reshape(2, 1, 3), (2, 2, 3)))
+
+
 @pytest.mark.parametrize("numbers", [100, 10, 4])
 def test_pieces_are_the_whole(monkeypatch, numbers):
     monkeypatch.setattr(lanes, "MOST_NUMBERS", numbers)
@@ -68,4 +87,9 @@ def test_lanes_beyond_the_last_repeat_it():
 
 
 def test_sums_of_products():
-    assert dot([]) == 0.0 and dot([(2.0, 3.0), (4.0, 5.0)]) == 26.0 and dot([(2.0, 3.0)], 1.0) == 7.0
+    assert (
+        dot([]) == 0.0
+        and dot([(0.0, jnp.nan), (2.0, 3.0)]) == 6.0
+        and dot([(2.0, 3.0), (4.0, 5.0)]) == 26.0
+        and dot([(2.0, 3.0)], 1.0) == 7.0
+    )

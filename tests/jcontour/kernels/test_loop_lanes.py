@@ -7,8 +7,6 @@ import pytest
 from jcontour.kernels.lanes import Operand
 from jcontour.kernels.loop_lanes import cotangents, runs, times, transposed
 
-pytestmark = pytest.mark.filterwarnings("ignore:The Pallas Triton backend is deprecated")
-
 
 def case(problems, steps=4, members=3):
     plant, random = problems.machine((2, 1), 2, 2), np.random.default_rng(3)
