@@ -1,106 +1,54 @@
-"""`jcontour bench`: how long one step of a constrained controller takes, by part and by solver."""
+"""`jcontour bench`: how fast the library is on this computer. Nothing is asserted; every number has something measured beside it."""
 
 import os
 import platform
 import time
-from collections.abc import Callable
-from importlib.metadata import version
-from typing import Any
-
-import numpy as np
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 
 from experiments import runs, tables
 from experiments.options import Bench
-from jcontour.mpc.contouring import MPCC, growing_blocks
-from jcontour.mpc.hildreth import Hildreth
-from jcontour.mpc.loop import reported_loop
-from jcontour.mpc.qp import QP
-from jcontour.mpc.solvers import DAQP, ProxQP, Solver
-from jcontour.periodic_splines import polar_lobes
-from jcontour.plants.xy_table import xy_table
-from jcontour.references import along
 
-HORIZONS = (7, 14, 20, 30)
-STEPS = 400  # of a closed loop: enough for a 99th percentile, few enough for the slow solvers
-WARM = 20  # steps that are not counted
-REPEATS = 5  # of every loop: what else the computer does falls on one or two of them
-FAST_PERIOD = 1e-4  # [s] the industrial period that the paper names as out of reach
-FAST_BLOCKS = growing_blocks(280, 9)  # 28 ms
+PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite")
 
 
 def command(flags: Bench) -> int:
-    """Measure and print; nothing is asserted."""
-    console = tables.console_of(quiet=flags.json)
+    """Measure and print one part: a module with `rows(flags)` and `show(console, rows)`."""
+    part = import_module(f"experiments.bench_{flags.what}")
+    console, summary = tables.console_of(quiet=flags.json), {"machine": hardware()}
     with console.status("measuring: keep the computer quiet"):
-        summary = runs.plain({"machine": hardware(), "rows": rows()})
+        summary = runs.plain({**summary, **part.rows(flags)})
     if flags.json:
         print(runs.json_text(summary))
         return 0
-    columns = [
-        "controller",
-        "solver",
-        "build us",
-        "solve and\ncheck us",
-        "whole step\nmedian us",
-        "99 %\nus",
-        "times NumPy's\nlinear solve",
-    ]
-    lines = [
-        [r["controller"], r["solver"], *(tables.digits(r[n]) for n in ("build", "solve", "step", "step_99", "ratio"))]
-        for r in summary["rows"]
-    ]
-    console.print(tables.plain_table("One step of MPCC on the X-Y table, process time", columns, lines, text_columns=2))
+    part.show(console, summary)
     tables.say(console, *(f"{name:<10} {value}" for name, value in summary["machine"].items()))
     return 0
 
 
 def hardware() -> dict[str, str]:
-    """What the numbers belong to."""
+    """What the numbers belong to, and how busy it was before."""
+    import jax
+
     try:
         with open("/proc/cpuinfo") as file:
             model = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), platform.processor())
     except OSError:
         model = platform.processor() or platform.machine()
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "daqp", "proxsuite", "jax"))
-    return {"cpu": f"{model}, {os.cpu_count()} cores", "load": f"{load} (one minute average, before)", "versions": packages,
-            "date": time.strftime("%Y-%m-%d")}  # fmt: skip
+    devices = jax.devices()
+    return {
+        "cpu": f"{model}, {os.cpu_count()} cores",
+        "devices": f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
+        "load": f"{load} (one minute average, before)",
+        "versions": ", ".join(f"{name} {found}" for name in PACKAGES if (found := _version(name)))
+        + f", Python {platform.python_version()}",
+        "date": time.strftime("%Y-%m-%d"),
+    }
 
 
-def rows() -> list[dict[str, Any]]:
-    """Every horizon with DAQP, the paper's horizon with every solver, and the fast period with blocked moves."""
-    cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
-    cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
-    cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
-    return [_measured(name, solver, period, horizon) for name, solver, period, horizon in cases]
-
-
-def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[str, Any]:
-    contour = polar_lobes(30e-3, 10e-3, 4)
-    controller = MPCC(xy_table(period), contour, solver=solver, horizon=horizon)
-    reference = along(contour, np.zeros(STEPS + WARM), period, 0, at_rest=True)
-    state = np.asarray(reported_loop(xy_table(period), controller, reference).rollout.state)
-    memories, problems = [controller.initial_memory(reference)], []
-    for x in state:
-        controller.write_qp(memories[-1], x)
-        problems.append(QP(*(np.array(field) for field in controller.qp)))
-        memories.append(controller.step(memories[-1], None, x)[0])
-    build, _ = _times([lambda m=m, x=x: controller.write_qp(m, x) for m, x in zip(memories, state, strict=False)])
-    step, step_99 = _times([lambda m=m, x=x: controller.step(m, None, x) for m, x in zip(memories, state, strict=False)])
-    solve, _ = _times([lambda problem=problem: solver.solve(problem) for problem in problems])
-    unconstrained, _ = _times([lambda problem=problem: np.linalg.solve(problem.H, problem.g) for problem in problems])
-    return {"controller": name, "solver": solver.name, "build": build, "solve": solve, "step": step, "step_99": step_99,
-            "ratio": step / unconstrained}  # fmt: skip
-
-
-def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
-    """Median and 99th percentile [us] of calls made one after the other, each the median over all rounds."""
-    rounds = [[_timed(call) for call in calls][WARM:] for _ in range(REPEATS)]
-    median, last = np.median([np.percentile(times, (50, 99)) for times in rounds], axis=0)
-    return 1e6 * float(median), 1e6 * float(last)
-
-
-def _timed(call: Callable[[], Any]) -> float:
-    before = time.process_time()
-    call()
-    return time.process_time() - before
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

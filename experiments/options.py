@@ -259,8 +259,11 @@ class Identify(Common):
 class Bench(Common):
     """Time the library on this computer: ratios against something run beside it, hardware and versions named."""
 
-    what: Positional[Literal["mpc"]] = "mpc"
-    """What is timed: one step of the constrained controllers, by part and by solver."""
+    what: Positional[Literal["mpc", "lq", "gantry"]] = "mpc"
+    """What is timed: one step of the constrained controllers, by part and by solver; whole runs of the LQ contouring controller; the
+    gantry in every engine."""
+    batch: tuple[int, ...] = ()
+    """LQ: runs at once; what suits the device when not given."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,86 @@
+"""How long a program in JAX takes to compile and to run, what memory it needs, and what the device can do at best."""
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.kernels.dispatch import on_gpu
+
+FEWEST, MOST, SECONDS = 3, 20, 1.0  # repetitions of a timed call, and how long they may take together
+CHAIN = 512  # multiplications in a row, to measure the rate of arithmetic
+SIDE_BY_SIDE = {"cpu": 2**14, "gpu": 2**21}  # to keep the device busy
+
+
+class Timing(NamedTuple):
+    """One program."""
+
+    compiling: float  # [s]
+    running: float  # [s] median
+    memory: int  # [bytes] arguments, results and what lies between
+
+
+def timed(function: Callable, *arguments) -> Timing:
+    """Compile, run once, then run until there are enough times."""
+    begin = time.perf_counter()
+    program = jax.jit(function).lower(*arguments).compile()
+    compiling = time.perf_counter() - begin
+
+    def call():
+        return jax.block_until_ready(program(*arguments))
+
+    call()
+    spent: list[float] = []
+    while len(spent) < FEWEST or (len(spent) < MOST and sum(spent) < SECONDS):
+        spent.append(seconds(call))
+    memory = program.memory_analysis()
+    needed = memory.temp_size_in_bytes + memory.argument_size_in_bytes + memory.output_size_in_bytes if memory else 0
+    return Timing(compiling, float(np.median(spent)), needed)
+
+
+def seconds(call: Callable[[], Any]) -> float:
+    """Wall time of a call."""
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
+
+
+def arithmetic_rate(dtype: np.dtype) -> float:
+    """Measured operations per second of multiplications and additions in registers."""
+    run, operations = _fused_chains(dtype) if on_gpu() else _chains(dtype)
+    return operations / timed(run, jnp.linspace(0.0, 1.0, SIDE_BY_SIDE[jax.default_backend()], dtype=dtype)).running
+
+
+def _chains(dtype: np.dtype) -> tuple[Callable, float]:
+    def run(x):
+        for _ in range(CHAIN):
+            x = x * x + x[0]
+        return x
+
+    return run, 2.0 * CHAIN * SIDE_BY_SIDE["cpu"]
+
+
+def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
+    """Eight chains in every lane, so that none waits for the one before."""
+    from jax.experimental import pallas as pl
+
+    from jcontour.kernels.lanes import LANES, Lanes, Operand, fused, launch
+
+    chains, members = 8, SIDE_BY_SIDE["gpu"]
+
+    def kernel(x, y):
+        lanes = Lanes.of(pl.program_id(0), 1, members)
+        start = x[lanes.index]
+
+        def body(_, values):
+            for _ in range(16):
+                values = tuple(fused(value, start, start) for value in values)
+            return values
+
+        ends = jax.lax.fori_loop(0, CHAIN, body, tuple(start * (1 + k) for k in range(chains)))
+        y[lanes.index] = sum(ends[1:], ends[0])
+
+    return lambda x: launch(kernel, members // LANES, [Operand(x)], [(members,)])[0], 2.0 * 16 * CHAIN * chains * members
