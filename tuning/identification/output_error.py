@@ -60,10 +60,11 @@ def output_error(
             found.append(rows)
         return found
 
-    found = least_squares(
-        lambda theta: np.concatenate(residuals(theta)), np.append(shared, own),
-        jac=lambda theta: np.concatenate(slopes(theta)), x_scale="jac",  # pyright: ignore[reportArgumentType]
-    )  # fmt: skip
+    with np.errstate(over="ignore"):  # a step to parameters that diverge has an infinite sum of squares, and is taken back
+        found = least_squares(
+            lambda theta: np.concatenate(residuals(theta)), np.append(shared, own),
+            jac=lambda theta: np.concatenate(slopes(theta)), x_scale="jac",  # pyright: ignore[reportArgumentType]
+        )  # fmt: skip
     return OutputError(found.x[:n], residuals(found.x), slopes(found.x), bool(found.success))
 
 

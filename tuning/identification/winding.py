@@ -24,7 +24,7 @@ from tuning.identification.records import Record, electrical
 
 NAMES = ("resistance", "inductance", "back_emf")
 CORRELATED = 5.0  # time constants of the winding over which residuals may be correlated
-STRAY = 0.05  # of i_q, RMS: more i_d than this and the equation is not the one of the drive
+STRAY = 0.2  # of i_q, RMS, noise included: at such speeds w L is a hundredth of R, so that less i_d does no harm
 
 
 class WindingFit(NamedTuple):
