@@ -4,6 +4,7 @@ The thesis's tables were measured on its test bench: our simulation of its model
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from experiments.yuan_tracking_claims import claims, table_rows
 from experiments.yuan_tracking_figures import draw
 from experiments.yuan_tracking_runs import BASELINE, Bench, Signals, gap_curve, metrics, on_the_family, tuned_weights
 from experiments.yuan_tracking_tables import show
+from jcontour.controller import Controller
 
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
@@ -79,20 +81,44 @@ def run(settings: Settings, folder: Path) -> dict[str, Any]:
 
 
 def _all_runs(bench: Bench, known: Sequence[str], to_tune: Sequence[str]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Rows of the ranking, and the signals of Figs 3.8 to 3.11."""
     rows, signals = [], {}
-    for name in known:
-        design = bench.design(name)
-        for gains, weights in [("start", design.start)] + ([("tuned", tuned_weights(name))] if name in to_tune else []):
-            controller = design.build(weights)
-            found = bench.signals(controller)
-            if gains == "start" and name in DRAWN:
-                signals[name] = {task: _thinned(one) for task, one in found.items()}
-            rows.append({
-                "controller": name, "gains": gains, "weights": {key: np.asarray(value).tolist() for key, value in weights.items()},
-                **{task: metrics(one) for task, one in found.items()}, "time_us": 1e6 * bench.time_per_sample(controller),
-                "family": on_the_family(bench, controller) if name in to_tune else [],
-            })  # fmt: skip
+    with ThreadPoolExecutor(2) as pool:  # compiling takes longer than simulating, and lets other threads go on
+        found = list(pool.map(lambda name: _of_one(bench, name, name in to_tune, bool(to_tune) and name == BASELINE), known))
+    for name, of_one in zip(known, found, strict=True):
+        if name in DRAWN:
+            signals[name] = {task: _thinned(one) for task, one in of_one[0].signals.items()}
+        rows += [_row(bench, one) for one in of_one]
     return rows, signals
+
+
+class _Tracked(NamedTuple):
+    """A controller with some gains, and what it does."""
+
+    name: str
+    gains: str
+    weights: dict[str, Any]
+    controller: Controller
+    signals: dict[str, Signals]
+    family: list[dict[str, Any]]
+
+
+def _of_one(bench: Bench, name: str, tune: bool, compared: bool) -> list[_Tracked]:
+    design = bench.design(name)
+    found = []
+    for gains, weights in [("start", design.start)] + ([("tuned", tuned_weights(name))] if tune else []):
+        controller = design.build(weights)
+        family = on_the_family(bench, controller) if tune or compared else []
+        found.append(_Tracked(name, gains, weights, controller, bench.signals(controller), family))
+    return found
+
+
+def _row(bench: Bench, one: _Tracked) -> dict[str, Any]:
+    return {
+        "controller": one.name, "gains": one.gains, "weights": {key: np.asarray(value).tolist() for key, value in one.weights.items()},
+        **{task: metrics(signals) for task, signals in one.signals.items()}, "family": one.family,
+        "time_us": 1e6 * bench.time_per_sample(one.controller),  # alone: the others have ended
+    }  # fmt: skip
 
 
 def _thinned(signals: Signals) -> dict[str, list[float]]:
