@@ -194,10 +194,13 @@ RUNS = {  # heading of a column -> what is in it, and its factor
     "with\nprofile": ("profile_ratio", 1.0),
     "times\nNumPy": ("times_numpy", 1.0),
     "% of\nrate": ("share_of_rate", 100.0),
+}
+COSTS = {
+    "batch": ("batch", 1.0),
     "compile\ns": ("compiling", 1.0),
-    "with\ngradient ": ("compiling_gradient", 1.0),
+    "with\ngradient": ("compiling_gradient", 1.0),
     "memory\nMB": ("memory", 1e-6),
-    "with\ngradient  ": ("memory_gradient", 1e-6),
+    "and with\ngradient": ("memory_gradient", 1e-6),
 }
 OTHERS = {
     "inputs": ("inputs", 1.0),
@@ -221,10 +224,11 @@ def show(console: Console, summary: dict[str, Any]) -> None:
     """Tables, and what the runs are compared with."""
 
     def table(title: str, key: str, words: dict[str, str], columns: dict[str, tuple[str, float]]) -> None:
-        lines = [[*(r[w] for w in words.values()), *(tables.digits(f * r[n]) for n, f in columns.values())] for r in summary[key]]
+        lines = [[*(r[w] for w in words.values()), *(_text(f * r[n]) for n, f in columns.values())] for r in summary[key]]
         console.print(tables.plain_table(title, [*words, *columns], lines, text_columns=len(words)))
 
     table(f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics", "runs", {"type": "type", "by": "by"}, RUNS)
+    table("What they take", "runs", {"type": "type", "by": "by"}, COSTS)
     table("Other sizes, float64, random machines on a straight line", "sizes", {"states of axes": "states", "by": "by"}, OTHERS)
     table("Long previews, float64, uniform profile", "previews", {}, WINDOWS)
     table("Devices, float64, the same batch on each", "devices", {}, DEVICES)
@@ -234,3 +238,8 @@ def show(console: Console, summary: dict[str, Any]) -> None:
         tables.say(console, f"{name:<14} {tables.digits(rate)} runs/s, float64, tracking and projected error only")
     for name, rate in summary["rates"].items():
         tables.say(console, f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: multiplications and additions in registers")
+
+
+def _text(value: float) -> str:
+    """Counts in full, everything else with four digits."""
+    return f"{value:,.0f}" if value >= 1e4 else tables.digits(value)
