@@ -63,7 +63,7 @@ def identify(records: Sequence[Record], force_constant: float | None = None, pol
         raise ValueError("force_constant: needs an electrical test (with voltage_q), or its value, and not both")
     if not mechanical(records):
         raise ValueError("motion: there is no test of the moving axis (without voltage_q); masses, friction and cogging need one")
-    winding = None if electrical(records) == [] else fit_winding(records)
+    winding = fit_winding(records) if electrical(records) else None
     scale = _given(force_constant) if winding is None else winding.estimate.derived(lambda v: v | {"force_constant": 1.5 * v["back_emf"]})
     flexible = with_tool(records)
     link = fit_link(flexible) if flexible else None

@@ -23,7 +23,7 @@ from scipy.signal import chirp
 from jcontour.contours import line
 from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis
-from jcontour.plants.linear_motor import DrivenAxis, DrivenState, LinearMotor
+from jcontour.plants.linear_motor import DrivenAxis, LinearMotor
 from jcontour.plants.wrappers import Disturbed
 from jcontour.point_to_point import PointToPoint
 from jcontour.references import in_time
@@ -87,10 +87,10 @@ class Commissioning:
         """Open loop: the current steps to and fro."""
         command = STEP * np.repeat(np.where(np.arange(STEPS) % 2, -1.0, 1.0), round(STEP_TIME / DRIVE))
         plant = self._instrumented(DRIVE, len(command))
-        driven, readings = _recorded(plant, _open_loop(plant, jnp.asarray(command)[:, None]))
-        current_d, current_q = self._noisy(driven.current[:-1, 0]).T
-        voltage = np.asarray(driven.voltage[1:, 0, 1])  # what a state holds was applied before it
-        return Record("electrical", DRIVE, readings[:-1, 0], current_q, voltage=voltage, current_d=current_d)
+        states = _open_loop(plant, jnp.asarray(command)[:, None])
+        current_d, current_q = self._noisy(states.driven.current[:-1, 0]).T
+        voltage = np.asarray(states.driven.voltage[1:, 0, 1])  # what a state holds was applied before it
+        return Record("electrical", DRIVE, _readings(plant, states)[:-1, 0], current_q, voltage=voltage, current_d=current_d)
 
     def motion(self, name: str, law: Passes, extra: Float[np.ndarray, " T"] | None = None) -> Record:
         """Closed loop along a law of time, with an extra current [A] on top of the control."""
@@ -98,8 +98,8 @@ class Commissioning:
         plant = self._instrumented(RECORDER, reference.steps)
         pushed = Disturbed(plant, force=None if extra is None else jnp.asarray(extra)[:, None])
         states = simulate(pushed, Cascade(CascadeGains(**GAINS), motors(1), RECORDER), reference).state[0]
-        _, readings = _recorded(plant, states)
-        return Record(name, RECORDER, readings[:-1, 0], self._noisy(states.current[1:, 0]), tool=readings[:-1, 1])
+        motor, tool = _readings(plant, states)[:-1].T
+        return Record(name, RECORDER, motor, self._noisy(states.current[1:, 0]), tool=tool)
 
     def shake(self) -> Record:
         """A steady speed, and a current whose frequency passes through that of the end effector."""
@@ -124,6 +124,6 @@ def _open_loop(plant: InstrumentedAxis, command: Float[Array, "T 1"]) -> Seen:
     return jax.lax.scan(lambda state, current: (plant.step(state, current), state), start, command)[1]
 
 
-def _recorded(plant: InstrumentedAxis, states: Seen) -> tuple[DrivenState, Float[np.ndarray, "T 2"]]:
-    """The drive's own states, and the readings of both encoders."""
-    return states.driven, np.asarray(jax.vmap(plant.readings)(states))
+def _readings(plant: InstrumentedAxis, states: Seen) -> Float[np.ndarray, "T 2"]:
+    """Of motor and end effector, at every state [m]."""
+    return np.asarray(jax.vmap(plant.readings)(states))

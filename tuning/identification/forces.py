@@ -22,8 +22,8 @@ from tuning.identification.records import Record
 from tuning.identification.slides import SLOWEST, WINDOW, Slide, slides
 
 CORRELATED = 12  # rows, three windows, over which residuals may be correlated: windows that overlap are, and a little more
-CURVATURES = (0.0, 1.0, 10.0, 100.0)  # starts of w, over the largest speed squared
-SIGNIFICANT = 5.0  # deviations of w: its deviation is a linear one and too small where w comes out of noise
+CURVATURES = (0.0, 10.0)  # starts of w, over the largest speed squared: it has local minima
+SIGNIFICANT = 3.5**2  # what w has to gain of the squares, over the variance of noise: as much as 3.5 deviations
 BOUNDS = {"curvature": (-0.9, np.inf), "pole_pitch": (-0.5, 0.5)}  # of w, likewise: friction has a pole at -1; of the pitch's stretch
 NO_COGGING = Harmonics(1.0, 0)
 COMPLEX_STEP = 1e-30  # for derivatives that are exact to rounding
@@ -73,9 +73,9 @@ def fit_forces(records: Sequence[Record], force_constant: float, pole_pitch: flo
     lines = _left_over(_fit(found, force_constant, NO_COGGING, ("curvature",)), found)
     cogging = harmonics(lines, pole_pitch)
     pitch = ("pole_pitch",) if cogging.count and pole_pitch is None else ()
-    fit = _fit(found, force_constant, cogging, (*pitch, "curvature"))
-    if not fit.estimate["curvature"] > SIGNIFICANT * fit.estimate.deviation("curvature"):
-        fit = _fit(found, force_constant, cogging, pitch)
+    fit, curved = (_fit(found, force_constant, cogging, searched) for searched in (pitch, (*pitch, "curvature")))
+    if _gain(fit, curved) > SIGNIFICANT:
+        fit = curved
     return ForceFit(fit.estimate, found, fit.residuals, lines, cogging)
 
 
@@ -105,10 +105,11 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     def residual(z):
         return solved(z)[1]
 
-    starts = [np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES]
-    z = min(starts, key=lambda z: np.sum(residual(z) ** 2))
+    z = np.zeros(0)
     if searched:
-        z = least_squares(residual, z, bounds=tuple(zip(*(BOUNDS[name] for name in searched), strict=True))).x
+        bounds = tuple(zip(*(BOUNDS[name] for name in searched), strict=True))
+        starts = [np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES]
+        z = min((least_squares(residual, start, bounds=bounds) for start in starts), key=lambda one: one.cost).x
     steps = COMPLEX_STEP * 1j * np.eye(len(searched))
     linear, left = solved(z)
     bent = [(columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name] for step, name in zip(steps, searched, strict=True)]
@@ -117,6 +118,14 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     covariance = coloured_covariance(slopes, [autocorrelation(residuals, CORRELATED)] * len(slopes))
     names = (*_linear_names(found, cogging.count), *searched)
     return _Fit(Estimate(names, np.append(linear, [shape(z)[name] for name in searched]), covariance), residuals)
+
+
+def _gain(fit: _Fit, wider: _Fit) -> float:
+    """How much more of the squares the wider fit explains, over the variance of its slow noise; of noise alone it is a chi-square."""
+    correlation = autocorrelation(wider.residuals, CORRELATED)
+    variance = correlation[0] + 2 * correlation[1:].sum()
+    squares, wider_squares = (float(np.sum(np.concatenate(one.residuals) ** 2)) for one in (fit, wider))
+    return (squares - wider_squares) / variance
 
 
 def _columns(slide: Slide, count: int, curvature: complex, pole_pitch: complex) -> np.ndarray:

@@ -59,6 +59,14 @@ def test_intervals_under_noise():
     assert np.abs(errors).max() < 4.5 and 0.8 < np.std(errors) < 1.2
 
 
+def test_friction_that_falls_within_the_speeds_of_a_sweep():
+    """At four speeds a parabola fits such a curve to 0.1 N with half the drag; it is the curve that has to be found."""
+    fit = fit_forces([swung(*one, noise=0.1) for one in ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))], K_T)
+    low, high = fit.estimate.interval("viscous")
+    assert low - (high - low) / 2 < VISCOUS < high + (high - low) / 2
+    assert fit.estimate["curvature"] == pytest.approx(STRIBECK_SPEED**-2, rel=0.15)
+
+
 def test_friction_that_does_not_fall_has_no_curvature():
     fit = fit_forces([swung(*swing, noise=0.1, falling=False) for swing in SWINGS], K_T)
     assert "curvature" not in fit.estimate.names
