@@ -51,5 +51,5 @@ def _ranking(summary: dict[str, Any]) -> Table:
         for row in ranked
     ]
     headings = ["controller", "gains", *(f"{task}\n{heading}" for task in "AB" for heading in RANKED.values()), "time"]
-    title = "Ranking: mean errors of motor and tool and largest deformation in mm, mean current in A; time per sample against the cascade's "
+    title = "Ranking: mean errors of motor and tool, largest deformation (mm), mean current (A); time per sample against the cascade's "
     return plain_table(title + f"({pace:.2g} us on this computer)", headings, rows, text_columns=2)
