@@ -52,6 +52,8 @@ def test_missing_part(capsys, tmp_path):
         (["--preview", "100000"], "preview"),
         (["--feed-mm-per-min", "0"], "feed"),
         (["--max-tracking-error-um", "-3"], "max-tracking-error-um"),
+        (["--max-effort", "0"], "max-effort"),
+        (["--max-effort", "1.2", "--max-rms-control", "90"], "give one of them"),
         (["--scatter", "-1"], "scatter"),
         (["--plant", "lathe"], "lathe"),
         (["--plant", "lathe.json"], "lathe.json"),
