@@ -11,7 +11,7 @@ from typing import Any
 from experiments.gantry_engines import engines
 from experiments.yuan_gantry_claims import claims
 from experiments.yuan_gantry_figures import draw
-from experiments.yuan_gantry_runs import along_the_path, responses
+from experiments.yuan_gantry_runs import along_the_path, identified, responses
 from experiments.yuan_gantry_tables import show
 
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
@@ -32,7 +32,7 @@ def run(settings: Settings, folder: Path) -> dict[str, Any]:
     """Compute everything; all that is found is in the summary, nothing is written to the folder."""
     summary: dict[str, Any] = {
         "source": SOURCE, "settings": asdict(settings), "responses": responses(), "path": along_the_path(),
-        "engines": engines(seconds=0.2 if settings.quick else 1.0),
+        "identified": identified(), "engines": engines(seconds=0.2 if settings.quick else 1.0),
     }  # fmt: skip
     summary["claims"] = claims(summary)
     return summary

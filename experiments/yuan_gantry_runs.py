@@ -16,10 +16,14 @@ from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.point_to_point import PointToPoint
 from jcontour.references import Reference, in_time
 from jcontour.simulation import simulate
+from tuning.identification.gantry import NAMES, Sheet, antiresonance, identify_gantry
+from tuning.identification.gantry_commissioning import HEADS as CHIRP_HEADS
+from tuning.identification.gantry_commissioning import commissioned
 
 HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
 FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]
 SAMPLE, RADIUS, FEED, ACCELERATION = 2e-3, 0.08, 0.1, 1.0  # section 5.5
+UNITS = ("kg", "kg m^2", "kg", "kg m", "N s/m", "N s/m", "N m/rad")  # of what is identified
 FREQUENCY, DAMPING = 30.0, 0.8  # [rad/s] of the follower: ours
 
 
@@ -95,3 +99,21 @@ def along_the_path() -> dict[str, Any]:
         "peak_twist_rad": float(jnp.max(jnp.abs(rollout.state[:, 2]))), "peak_contour_error_m": float(metrics.peak_contour_error),
         "rms_contour_error_m": float(metrics.rms_contour_error), "diverged": bool(metrics.diverged),
     }  # fmt: skip
+
+
+def identified() -> list[dict[str, Any]]:
+    """Section 5.2.2 on records of our machine: what the identification finds, and what is true."""
+    p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
+    estimate = identify_gantry(commissioned(p, seed=0), sheet)
+    imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
+    true = (p.total_mass, p.inertia(0.0), p.head_mass, imbalance, p.drive_viscous, p.head_viscous, p.joint_stiffness)
+    rows = [_found(f"{name}, {unit}", value, estimate, name) for name, unit, value in zip(NAMES, UNITS, true, strict=True)]
+    for head in CHIRP_HEADS:
+        printed = np.sqrt(2 * p.joint_stiffness / (p.inertia(head) + p.half_span**2 * p.total_mass)) / (2 * np.pi)
+        found = antiresonance(estimate, sheet, head, coupled=False)
+        rows.append(_found(f"anti-resonance by (5.12), head at {head:g} m, Hz", printed, found, "antiresonance"))
+    return rows
+
+
+def _found(name: str, true, estimate, key: str) -> dict[str, Any]:
+    return {"name": name.replace("_", " "), "true": float(true), "found": estimate[key], "interval": estimate.interval(key)}

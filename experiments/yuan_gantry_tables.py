@@ -8,13 +8,16 @@ from experiments.tables import digits, plain_table, worded_table
 
 
 def show(summary: dict[str, Any], console: Console) -> None:
-    """Frequencies, engines, statements."""
+    """Frequencies, what is identified, engines, statements."""
     rows = [
         [f"{row['head_m']:g}", "kept" if row["coupling"] else "as printed", f"{row['antiresonance_hz']:.2f}", f"{row['resonance_hz']:.2f}"]
         for row in summary["responses"]
     ]
     columns = ("head m", "coupling M_e x_h", "anti-resonance Hz", "resonance Hz")
     console.print(plain_table("Fig. 5.6: from the current of a drive to its speed", columns, rows, text_columns=2))
+    found = [[r["name"], *(f"{v:.6g}" for v in (r["true"], r["found"], *r["interval"]))] for r in summary["identified"]]
+    columns = ("", "true", "found", "95 % from", "to")
+    console.print(plain_table("Section 5.2.2: identified from chirps at two head positions", columns, found))
     show_engines(summary["engines"], console)
     words = [(row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]]
     console.print(worded_table("Statements", ("where", "the paper", "the simulation", "verdict"), words))
