@@ -1,86 +1,23 @@
-"""Controllers of flexible axes as the commands see them: gains by name, one number each, or one for each axis side by side."""
+"""Controllers of flexible axes as the commands see them: put together from parts, each with gains of its own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-import equinox as eqx
-import jax
-import numpy as np
-
-from experiments import runs
-from experiments.axis_laws import Gain, Gains, Law, Part
+from experiments.axis_laws import Law, Part
 from experiments.axis_machines import FlexibleMachine
-from experiments.designs import Design
+from experiments.gain_designs import GainDesign
 from experiments.machines import Machine
 from experiments.options import Controlled
-from experiments.replays import Course
-from jcontour.controller import Controller
 
 
-@dataclass(frozen=True)
-class AxisDesign(Design):
-    """A controller whose weights are gains with names.
-
-    Attributes:
-        machine: it gives the model and the limits.
-        law: what the gains build.
-        line: what it is, in words.
-        gains: what is tuned.
-    """
-
-    machine: FlexibleMachine
-    law: Law
-    line: str
-    gains: dict[str, Gain]
-
-    def build(self, weights: Gains) -> Controller:
-        """The law with these gains."""
-        return self.law(self.machine, weights)
-
-    def units(self) -> dict[str, str]:
-        """Those of the gains."""
-        return {name: gain.unit for name, gain in self.gains.items()}
-
-    def settings(self) -> dict[str, Any]:
-        """Preview."""
-        return {"preview": self.preview}
-
-    def facts(self) -> dict[str, str]:
-        """Law, and where its gains start."""
-        start = ", ".join(f"{name} {_words(self.start[name])}" for name in self.free())
-        return {"Controller": self.line, "Free": f"start {start}"}
-
-    def values(self, weights: dict[str, Any]) -> list[str]:
-        """Every gain with its unit."""
-        width = max(map(len, weights))
-        return [f"{name:<{width}}  {_words(value)} {self.gains[name].unit}".rstrip() for name, value in weights.items()]
-
-    def save(self, controller: Controller, course: Course, folder: Path) -> None:
-        """All numbers of the controller, whatever is inside, by their place."""
-        runs.write_json(folder / "controller.json", {"dt": self.machine.model.dt, "controller": self.line, "numbers": _numbers(controller)})
-
-
-def axis_design(line: str, law: Law, *gains: Part) -> Callable[[str, Machine, Controlled], AxisDesign]:
+def axis_design(line: str, law: Law, *gains: Part) -> Callable[[str, Machine, Controlled], GainDesign]:
     """Maker of a design from its parts: each part names its gains."""
 
-    def make(name: str, machine: Machine, flags: Controlled) -> AxisDesign:
+    def make(name: str, machine: Machine, flags: Controlled) -> GainDesign:
         if not isinstance(machine, FlexibleMachine):
             raise ValueError(f"controller: {name} needs a flexible axis; {machine.name} takes {machine.usual.controller}")
         named = {key: gain for part in gains for key, gain in part(machine).items()}
         start = {key: gain.start for key, gain in named.items()}
         space = {key: gain.parameter for key, gain in named.items()}
-        return AxisDesign(name, machine, start, space, 1, "outputs", law, line, named)
+        return GainDesign(name, machine, start, space, 1, "outputs", law, line, named)
 
     return make
-
-
-def _words(value: Any) -> str:
-    numbers = [value] if isinstance(value, float) else np.ravel(value)
-    return ", ".join(f"{float(number):.6g}" for number in numbers)
-
-
-def _numbers(controller: Controller) -> dict[str, Any]:
-    leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(controller, eqx.is_inexact_array))
-    return {jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf).tolist() for path, leaf in leaves}

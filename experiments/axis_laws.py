@@ -4,13 +4,14 @@ Every part names its gains once, where they start and where they may go, and eve
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.axis_machines import FlexibleMachine
+from experiments.gain_designs import Gain, Gains
 from jcontour.controller import Controller
 from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.controllers.disturbance_observer import DisturbanceObserver
@@ -26,20 +27,11 @@ from jcontour.input_shaping import Shaper
 from jcontour.linear import LinearPlant
 from jcontour.plants.flexible_axis import thesis_axis
 from jcontour.sensors import motors
-from tuning.parameters import Interval, Parameter, Positive
+from tuning.parameters import Interval
 
-Gains = dict[str, Any]  # name -> number, or one for each axis
 RATIO = Interval(0.02, 0.98)  # of damping: poles stay complex, and Ackermann's formula well conditioned
 SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
 CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
-
-
-class Gain(NamedTuple):
-    """Where a gain begins, its unit, and where it may go."""
-
-    start: Any
-    unit: str
-    parameter: Parameter = Positive()
 
 
 Part = Callable[[FlexibleMachine], dict[str, Gain]]
