@@ -17,9 +17,10 @@ from experiments.datasets import rollouts, save_dataset
 from experiments.designs import plain_weights
 from experiments.options import Tune
 from experiments.progress import progress_of
-from experiments.replays import Replay, replay
+from experiments.replays import Replay, replay, scored
 from experiments.safety import limit_warnings, path_margins
 from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, resumed, tuning_run
+from jcontour.evaluation import stack_plants
 from tuning.parameters import Chart, Weights
 from tuning.tune import Tuned, TuneState, advance, result
 
@@ -55,7 +56,7 @@ def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
         start = beside.submit(_proved, job, job.start)  # compiles on the second core while the tuner descends
         tuned, state = _descended(job, folder, console)
         proofs = {"start": start.result(), "tuned": _proved(job, tuned.weights)}
-    summary = summarise(job, tuned, state, proofs)
+    summary = summarise(job, tuned, state, proofs) | {"confirmed": confirmed(job, tuned, proofs["tuned"].replay)}
     summary["seconds"] = time.perf_counter() - began
     store(job, summary, tuned, {name: proof.replay for name, proof in proofs.items()}, folder)
     return summary
@@ -140,6 +141,24 @@ def gap(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
         for plant, pair in (("nominal", (smooth[c, 0], members[0])), ("worst", (smooth[c].max(), members.max()))):
             rows.append({"contour": one.name, "plant": plant, "smooth": pair[0], "true": pair[1], "relative": pair[1] / pair[0] - 1})
     return rows
+
+
+def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
+    """The nominal plant in an engine of others, where there is one: its RMS error, and how far its tool is from ours at most [m]."""
+    independent = job.machine.independent()
+    if independent is None:
+        return []
+    engine, plant = independent
+    other = replay(job.controller(tuned.weights), job.course._replace(plants=("nominal",), family=stack_plants([plant])))
+    name, counts = f"rms_{job.machine.error}_error", scored(job.course)
+    apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
+    return runs.plain([
+        {
+            "engine": engine, "contour": one.name, "ours": getattr(found.metrics, name)[c, 0], "theirs": getattr(other.metrics, name)[c, 0],
+            "apart": apart[c][counts[c]].max(),
+        }
+        for c, one in enumerate(job.course.jobs)
+    ])  # fmt: skip
 
 
 def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str, Any]]:

@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments import axis_laws as laws
+from experiments import gantry_designs as gantries
 from experiments.axis_designs import axis_design
 from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
 from experiments.designs import Design, changed
+from experiments.gantry_machines import gantry_machine
 from experiments.jobs import TOOLPATHS, Job, Pace, Run, at_constant_feed, from_file
 from experiments.linear_machines import bridgeport_machine
 from experiments.lq_designs import contouring_lq, preview_lq
@@ -29,6 +31,8 @@ from jcontour.controllers.state_feedback import moving_target, quasi_steady_targ
 from jcontour.input_shaping import zv
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_parameters import thesis_gantry
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
 
 
@@ -60,6 +64,7 @@ MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of 
     "bridgeport": bridgeport_machine,
     "flexible-axis": thesis_machine,
     "flexible-axes": biaxial_machine,
+    "gantry": gantry_machine,
 }
 
 PLANTS = {
@@ -84,11 +89,18 @@ PLANTS = {
     "flexible-axes": Entry(
         lambda: FlexibleAxis(biaxial_axes(), 1e-3), "two different flexible axes at right angles", smooth=False, on="flexible-axes"
     ),
+    "gantry": Entry(
+        lambda: Gantry(thesis_gantry(), 1e-3), "head on a beam that twists between its two drives (Yuan)", stable=False, on="gantry"
+    ),
 }
 
 
 def _on_axis(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
     return Entry(axis_design(line, law, *gains), line, on="flexible-axis")
+
+
+def _on_gantry(line: str, law: gantries.Law, part: gantries.Part) -> Entry:
+    return Entry(gantries.gantry_design(line, law, part), line, on="gantry")
 
 
 CONTROLLERS = {
@@ -154,6 +166,13 @@ CONTROLLERS = {
         laws.state_weights,
         laws.drifting,
     ),
+    "gantry-cascade": _on_gantry("P-PI cascade of each motor, fed speed and acceleration", gantries.cascade, gantries.loops),
+    "gantry-contouring-lq": _on_gantry(
+        "contouring LQ on three motors, its model that of the beam's centre", gantries.contouring_lq, gantries.quadratic
+    ),
+    "gantry-scheduled-lq": _on_gantry(
+        "contouring LQ on three motors, its models those along the path", gantries.scheduled_lq, gantries.quadratic
+    ),
 }
 
 
@@ -175,6 +194,33 @@ def _rounded_square(pace: Pace) -> Job:
     return at_constant_feed("rounded-square", spline(corners), pace)
 
 
+def _along_the_beam(name: str, x: float, points: Callable[[np.ndarray], np.ndarray]) -> Entry:
+    """A smooth closed contour around x, at 0.3 m/s unless another feed is given: a spline through points of its angle."""
+
+    def make(pace: Pace) -> Job:
+        around = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+        contour = spline(points(around).T + np.array([x, 0.0]), closed=True)
+        return at_constant_feed(name, contour, pace._replace(feed=pace.feed or 0.3))
+
+    return Entry(make, f"a tenth of a metre around {x:g} m on the gantry's beam", on="gantry")
+
+
+def _ring_points(angle: np.ndarray) -> np.ndarray:
+    return 0.05 * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _cushion_points(angle: np.ndarray) -> np.ndarray:
+    return _ring_points(angle) * (1 - 0.12 * np.cos(4 * angle))
+
+
+def _eight_points(angle: np.ndarray) -> np.ndarray:
+    return 0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
+
+
+def _oval_points(angle: np.ndarray) -> np.ndarray:
+    return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])
+
+
 CONTOURS = {
     "circle": Entry(lambda pace: at_constant_feed("circle", circle(1e-3), pace), "circle of 1 mm radius, constant feed"),
     "square": Entry(_square, "square of 2 mm, constant feed, corners and all"),
@@ -185,6 +231,12 @@ CONTOURS = {
     "cam": Entry(lambda pace: from_file(TOOLPATHS / "cam.ngc", pace), "cam profile of a few hundred segments and arcs, G-code"),
     "ring": Entry(_ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
     "rounded-square": Entry(_rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"),
+    "ring-left": _along_the_beam("ring-left", -0.55, _ring_points),
+    "ring-centre": _along_the_beam("ring-centre", 0.0, _ring_points),
+    "cushion-left": _along_the_beam("cushion-left", -0.3, _cushion_points),
+    "oval-centre": _along_the_beam("oval-centre", 0.05, _oval_points),
+    "cushion-right": _along_the_beam("cushion-right", 0.4, _cushion_points),
+    "eight-right": _along_the_beam("eight-right", 0.7, _eight_points),
     "task-a": Entry(task_a, "point to point, trapezoidal (Yuan)", on="flexible-axis"),
     "task-b": Entry(task_b, "to and fro along a cosine (Yuan)", on="flexible-axis"),
     "s-curve": Entry(s_curve, "point to point with limited jerk", on="flexible-axis"),
@@ -223,7 +275,8 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     Raises:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
-    name = flags.controller or machine.usual.controller
+    asked = flags.controller or machine.usual.controller
+    name = f"{machine.name}-{asked}" if f"{machine.name}-{asked}" in CONTROLLERS else asked  # a machine's own goes first
     if name not in CONTROLLERS:
         raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(CONTROLLERS)}")
     design = CONTROLLERS[name].make(name, machine, flags)

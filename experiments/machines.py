@@ -95,6 +95,10 @@ class Machine(abc.ABC):
             ValueError: this machine does not measure that.
         """
 
+    def independent(self) -> tuple[str, Plant] | None:
+        """The nominal one of the true family in an engine that others have written, and its name; None where there is none."""
+        return None
+
     @abc.abstractmethod
     def sensed(self, model: LinearPlant) -> Plant:
         """The model, or one made from it, behind the sensors of this machine."""

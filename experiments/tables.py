@@ -110,7 +110,14 @@ def values_block(result: dict[str, Any]) -> list[str]:
         *(f"  {name:<23}  {value:<24} start: {before}" for name, value, before in _safety_rows(safety, result["safety_of_start"])),
     ]
     lines += [f"Gap of the machine with {result['machine']['truth']} to the smooth one that was tuned", *map(_gap_line, result["gap"])]
+    if result["confirmed"]:
+        lines += [f"The same runs in {result['confirmed'][0]['engine']}, nominal plant", *map(_confirmed_line, result["confirmed"])]
     return [*lines, *(f"WARNING: {line}" for line in result["warnings"])]
+
+
+def _confirmed_line(row: dict[str, Any]) -> str:
+    errors = f"{1e6 * row['ours']:.6g} -> {1e6 * row['theirs']:.6g} um RMS"
+    return f"  {row['contour']:<23} {errors}, tools at most {1e6 * row['apart']:.2g} um apart"
 
 
 def _gap_line(row: dict[str, Any]) -> str:

@@ -141,8 +141,9 @@ def test_a_zero_reference_at_rest_gives_zero_control(closed_loop, name):
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_plants_hold_still_and_keep_their_types(name):
-    plant, axes = PLANTS[name].make(), len(MACHINES[PLANTS[name].on]().axes)
-    position, increment, control = jnp.array([1e-3, 2e-3])[:axes], jnp.array([1e-5, 0.0])[:axes], jnp.array([0.1, -0.2])[:axes]
+    plant, model = PLANTS[name].make(), MACHINES[PLANTS[name].on]().model
+    axes, control = model.axes, jnp.array([0.1, -0.2, 0.3])[: model.inputs]
+    position, increment = jnp.array([1e-3, 2e-3])[:axes], jnp.array([1e-5, 0.0])[:axes]
     start = eqx.filter_jit(plant.initial_state)(position, increment)
     np.testing.assert_allclose(plant.output(start), position, rtol=1e-12)
 
@@ -156,5 +157,6 @@ def test_plants_hold_still_and_keep_their_types(name):
         np.testing.assert_array_equal(a, b)
     assert after[1].dtype == jnp.float64
     rest = plant.initial_state(jnp.zeros(axes), jnp.zeros(axes))
-    moved = eqx.filter_jit(plant.step)(rest, jnp.zeros(axes))
-    assert all(not np.any(leaf) for leaf in jax.tree.leaves(moved)) is PLANTS[name].still
+    moved = eqx.filter_jit(plant.step)(rest, 0 * control)
+    still = all(np.array_equal(now, before) for now, before in zip(jax.tree.leaves(moved), jax.tree.leaves(rest), strict=True))
+    assert still is PLANTS[name].still

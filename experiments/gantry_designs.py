@@ -1,0 +1,75 @@
+"""Controllers of gantries as the commands see them: a cascade of each motor, and contouring LQ on one model or on one for each position."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax.numpy as jnp
+
+from experiments.gain_designs import Gain, GainDesign, Gains
+from experiments.gantry_machines import GantryMachine
+from experiments.machines import Machine
+from experiments.options import Controlled
+from jcontour.controller import Controller
+from jcontour.controllers.cascade import Cascade, CascadeGains
+from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
+from jcontour.controllers.motors import OfMotors
+from jcontour.controllers.scheduled_lq import ScheduledLQ
+from jcontour.sensors import motors
+
+MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
+Part = Callable[[GantryMachine], dict[str, Gain]]
+Law = Callable[[GantryMachine, Gains, int], Controller]  # the last is the preview, which a cascade has no use for
+
+
+def loops(machine: GantryMachine) -> dict[str, Gain]:
+    """Of X and Y, the same for both drives of Y: a velocity loop at 100 rad/s, a position loop at 30, feedforward by the model."""
+    p = machine.parameters
+    inertia = jnp.stack([p.head_mass / p.head_constant, p.total_mass / (2 * p.drive_constant)])
+    viscous = jnp.stack([p.head_viscous / p.head_constant, p.drive_viscous / p.drive_constant])
+    return {
+        "position": Gain(jnp.full(2, 30.0), "1/s"), "velocity": Gain(100 * inertia, "A s/m"), "integral_time": Gain(jnp.full(2, 0.05), "s"),
+        "feedforward": Gain(jnp.ones(2), ""), "inertia": Gain(inertia, "A s^2/m"), "viscous": Gain(viscous, "A s/m"),
+    }  # fmt: skip
+
+
+def quadratic(machine: GantryMachine) -> dict[str, Gain]:
+    """Beside an ampere in each motor: a tenth of a millimetre of lag, a thirtieth off the contour, an ampere between the drives."""
+    return {"alpha": Gain(1e8, "A^2/m^2"), "beta": Gain(1e9, "A^2/m^2"), "difference": Gain(1.0, "")}
+
+
+def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
+    """P-PI for each of the three motors by itself; the machine limits its currents."""
+    each = {name: MOTORS @ value for name, value in gains.items()}
+    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt), MOTORS)
+
+
+def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
+    """On the model with the head at the centre of the beam."""
+    return ContouringLQ(machine.model, _weights(gains), preview, RiccatiTerminal())
+
+
+def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> ScheduledLQ:
+    """On the models along the path."""
+    return ScheduledLQ(machine.schedule, _weights(gains), preview)
+
+
+def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, Machine, Controlled], GainDesign]:
+    """Maker of a design from its law and the gains that it takes."""
+
+    def make(name: str, machine: Machine, flags: Controlled) -> GainDesign:
+        if not isinstance(machine, GantryMachine):
+            raise ValueError(f"controller: {name} needs a gantry; {machine.name} takes {machine.usual.controller}")
+        gains = part(machine)
+        start, space = {key: gain.start for key, gain in gains.items()}, {key: gain.parameter for key, gain in gains.items()}
+        build = partial(_built, law, flags.preview)
+        return GainDesign(name, machine, start, space, build(machine, start).preview, "outputs", build, line, gains)
+
+    return make
+
+
+def _built(law: Law, preview: int, machine: GantryMachine, gains: Gains) -> Controller:
+    return law(machine, gains, preview)
+
+
+def _weights(gains: Gains) -> LQWeights:
+    return LQWeights(gains["alpha"], gains["beta"], balanced(1.0, 3, 1, 2, gains["difference"]))

@@ -1,0 +1,131 @@
+"""Gantries as the commands see them: motor positions are measured, stiffness and masses are known to a fifth and a tenth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.tree_util import Partial
+
+from experiments.machines import Machine, MachineLimits, Measured, Usual
+from jcontour.linear import LinearPlant
+from jcontour.model_schedule import ModelSchedule
+from jcontour.plant import Plant
+from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_motors import MotorEncoders, motor_model, motor_schedule
+from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
+from jcontour.plants.wrappers import CountingEncoders, Delayed, FineEncoders, Saturated, Sensed
+from jcontour.sensors import Sensors, motors, row
+
+SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
+CURRENT = 10.0  # [A] of each of the three motors
+ENCODER_RESOLUTION = 1e-6  # [m] per count
+STIFFNESS, MASS = 0.2, 0.1  # relative uncertainty of the joints, and of all masses together
+LATE = 1  # most samples of delay that the model does not know: a drive's bus
+SCHEDULED = 9  # head positions whose models are interpolated
+MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
+
+
+@dataclass(frozen=True)
+class GantryMachine(Machine):
+    """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam.
+
+    Attributes:
+        parameters: of the machine.
+    """
+
+    parameters: GantryParameters
+    truth: ClassVar[str] = "encoder counts"
+
+    @property
+    def usual(self) -> Usual:
+        """Contours at several positions along the beam."""
+        return Usual(
+            "gantry-contouring-lq", training=("ring-left", "ring-centre", "cushion-right"),
+            held_out=("eight-right", "oval-centre", "cushion-left"),
+            beside_own=("oval-centre",), simulated="ring-left", front=("ring-left",), swept=("ring-left",), effort=1.2,
+        )  # fmt: skip
+
+    @cached_property
+    def schedule(self) -> ModelSchedule:
+        """Models over the whole beam."""
+        span = float(self.parameters.half_span)
+        return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt)
+
+    @property
+    def _members(self) -> list[tuple[str, float, float, int]]:
+        """Name, factors on stiffness and on masses, samples late."""
+        corners = [(1 + a * STIFFNESS, 1 + b * MASS) for a, b in product((1, -1), repeat=2)]
+        off = [(f"stiffness x {stiffness:g}, masses x {mass:g}", stiffness, mass, 0) for stiffness, mass in corners]
+        return [("nominal", 1.0, 1.0, 0), *off, (f"{LATE} sample late", 1.0, 1.0, LATE)]
+
+    @property
+    def family_names(self) -> list[str]:
+        """Those of the members."""
+        return [name for name, *_ in self._members]
+
+    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Encoders do not count."""
+        self._check_measured(measured)
+        return [_flat(FineEncoders(plant, motors(3))) for plant in self._family(Gantry)]
+
+    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Encoders that count; the drives take speeds from their difference."""
+        self._check_measured(measured)
+        return [_flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION)) for plant in self._family(Gantry)]
+
+    def independent(self) -> tuple[str, Plant]:
+        """The nominal plant of the true family in MuJoCo."""
+        from jcontour.plants.gantry_mujoco import GantryMuJoCo  # loads the engine
+
+        plant = self._driven(GantryMuJoCo(self.parameters, self.model.dt), 0)
+        return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
+
+    def sensed(self, model: LinearPlant) -> Plant:
+        """Positions of the motors, which are the first states, and speeds by their difference."""
+        return _flat(FineEncoders(model, Sensors(range(3))))
+
+    def facts(self) -> dict[str, str]:
+        """Masses, beam, sensors."""
+        p = self.parameters
+        masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
+        return {
+            "Machine": f"{self.name}: head and two drives, masses {masses} kg (drives, beam, head), beam of {2 * float(p.half_span):g} m, "
+            f"{CURRENT:g} A, dt {1e3 * self.model.dt:g} ms; margins with the head at its centre",
+            "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
+        }
+
+    def _family(self, gantry) -> list[Plant]:
+        return [self._driven(gantry(_scaled(self.parameters, *factors), self.model.dt), late) for _, *factors, late in self._members]
+
+    def _driven(self, plant: Plant, late: int) -> Plant:
+        """With its currents limited and late, behind its motors' encoders."""
+        limited = Saturated(plant, jnp.full(3, CURRENT))
+        return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
+
+    def _check_measured(self, measured: Measured) -> None:
+        if measured == "state":
+            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
+
+
+def gantry_machine() -> GantryMachine:
+    """Yuan's laser cutter, chapter 5."""
+    parameters = thesis_gantry()
+    limits = MachineLimits(control=np.full(3, CURRENT))
+    return GantryMachine("gantry", motor_model(parameters, 0.0, SAMPLE), ("X", "Y"), "A", limits, parameters)
+
+
+def _flat(plant: Plant) -> Plant:
+    """Positions and speeds in one row."""
+    return Sensed(plant, Partial(row))
+
+
+def _scaled(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:
+    scaled = {"joint_stiffness": stiffness, **dict.fromkeys(MASSES, mass)}
+    return eqx.tree_at(
+        lambda p: [getattr(p, name) for name in scaled], parameters, [f * getattr(parameters, name) for name, f in scaled.items()]
+    )

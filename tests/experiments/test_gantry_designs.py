@@ -1,0 +1,89 @@
+"""Controllers of the gantry by name: what their gains build, that they follow, and what is refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.catalogue import CONTROLLERS, design_for, job_named
+from experiments.gantry_machines import gantry_machine
+from experiments.jobs import Pace
+from experiments.linear_machines import bridgeport_machine
+from experiments.options import Simulate
+from jcontour.metrics import score
+from jcontour.simulation import simulate
+
+NAMES = [name for name, entry in CONTROLLERS.items() if entry.on == "gantry"]
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return gantry_machine()
+
+
+def test_a_machines_own_controller_goes_first(machine):
+    assert design_for(machine, Simulate(controller="cascade")).name == "gantry-cascade"
+    assert design_for(machine, Simulate(controller="gantry-scheduled-lq")).name == "gantry-scheduled-lq"
+    assert design_for(machine, Simulate()).name == "gantry-contouring-lq"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
+    design = design_for(machine, Simulate(controller=name, preview=7))
+    design.check_start()
+    assert set(design.units()) == set(design.start) == set(design.free())
+    assert design.preview == (1 if name == "gantry-cascade" else 7) == design.build(design.start).preview
+    assert len(design.values(design.start)) == len(design.start)
+
+
+def test_both_drives_of_y_have_the_same_gains(machine):
+    """Feedforward alone: the acceleration of each axis times its gain."""
+    design = design_for(machine, Simulate(controller="cascade"))
+    np.testing.assert_allclose(design.start["inertia"], [40.0 / 60, 165.4792603698147 / 120], rtol=1e-12)
+    reference = job_named("ring-left", Pace(machine, None, None)).reference(machine.model.dt, 1)
+    plan = design.build({**design.start, "inertia": jnp.array([0.5, 0.8]), "viscous": jnp.zeros(2)}).prepare(reference)
+    acceleration = np.diff(np.asarray(reference.position), 2, axis=0) / machine.model.dt**2
+    np.testing.assert_allclose(plan.control[1:], acceleration[:, [0, 1, 1]] * [0.5, 0.8, 0.8], rtol=0, atol=1e-8)
+
+
+def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
+    """Dear enough, it leaves nothing that twists the beam."""
+    design = design_for(machine, Simulate(controller="contouring-lq"))
+    reference = job_named("eight-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+    plan = design.build({**design.start, "difference": 1e12}).prepare(reference)
+    assert np.abs(plan.F[:, 1] - plan.F[:, 2]).max() < 1e-6 * np.abs(plan.F).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
+    design = design_for(machine, Simulate(controller=name, preview=20))
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+    for plant in machine.true_family():
+        metrics = score(simulate(plant, design.build(design.start), reference), reference)
+        assert not metrics.diverged and metrics.rms_contour_error < 2e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_every_gain_has_the_slope_that_differences_say(machine, name):
+    design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[1]
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+
+    @jax.jit
+    def error(change):
+        weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
+        return 1e4 * score(simulate(plant, design.build(weights), reference), reference).rms_contour_error
+
+    none = {key: jnp.zeros(()) for key in design.start}
+    slopes = jax.jit(jax.grad(error))(none)
+    for key in design.start:
+        ahead, behind = (float(error({**none, key: jnp.asarray(s * 1e-4)})) for s in (1, -1))
+        assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-8), key
+
+
+def test_other_machines_are_refused(machine):
+    with pytest.raises(ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"):
+        design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
+    with pytest.raises(ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-contouring-lq"):
+        design_for(machine, Simulate(controller="cascade-notch"))

@@ -1,0 +1,81 @@
+"""The gantry as a machine: its family, what it measures, and the contours along its beam."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.catalogue import CONTOURS, job_named
+from experiments.gantry_machines import CURRENT, gantry_machine
+from experiments.jobs import Pace
+from jcontour.evaluation import stack_plants
+from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_mujoco import GantryMuJoCo
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return gantry_machine()
+
+
+def inner(plant):
+    """The gantry inside its encoders, row, delay and limits."""
+    while not isinstance(plant, Gantry | GantryMuJoCo):
+        plant = plant.plant
+    return plant
+
+
+def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
+    nominal, smooth, true = machine.parameters, machine.smooth_family(), machine.true_family()
+    assert len(smooth) == len(true) == len(machine.family_names) == 6 and machine.family_names[0] == "nominal"
+    for family in (smooth, true):
+        ratios = [
+            (float(p.joint_stiffness / nominal.joint_stiffness), float(p.total_mass / nominal.total_mass), float(p.head_mass / 40.0))
+            for p in (inner(plant).parameters for plant in family)
+        ]
+        wanted = [(1, 1, 1), (1.2, 1.1, 1.1), (1.2, 0.9, 0.9), (0.8, 1.1, 1.1), (0.8, 0.9, 0.9), (1, 1, 1)]
+        np.testing.assert_allclose(ratios, wanted, rtol=1e-12)
+        stack_plants(family)
+    late = [int(plant.plant.plant.plant.samples) for plant in smooth]
+    assert late == [0, 0, 0, 0, 0, 1]
+    with pytest.raises(ValueError, match="measures its motors"):
+        machine.true_family("state")
+
+
+def test_motors_are_measured_and_currents_limited(machine):
+    """Y axes are homed where the tool is at zero; whatever is asked, each motor gets ten amperes."""
+    position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
+    for plant in (machine.true_family()[0], machine.smooth_family()[0], machine.independent()[1], machine.sensed(machine.model)):
+        start = plant.initial_state(position, increment)
+        np.testing.assert_allclose(plant.measure(start), [0.3, -0.02, -0.02, 0.1, 0.2, 0.2], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(plant.output(start), position, rtol=0, atol=1e-12)
+    plant = machine.smooth_family()[0]
+    start = plant.initial_state(position, increment)
+    asked, given = (plant.step(start, jnp.array(current)) for current in ([1e3, -1e3, 2.0], [CURRENT, -CURRENT, 2.0]))
+    np.testing.assert_array_equal(plant.output(asked), plant.output(given))
+    np.testing.assert_array_equal(machine.limits.control, [CURRENT] * 3)
+
+
+def test_contours_lie_along_the_beam(machine):
+    """Where their names say, all of them on it, at the gantry's own pace or the user's."""
+    names = {*machine.usual.training, *machine.usual.held_out}
+    assert names == {name for name, entry in CONTOURS.items() if entry.on == "gantry"}
+    assert not set(machine.usual.training) & set(machine.usual.held_out)
+    for name in names:
+        reference = job_named(name, Pace(machine, None, None)).reference(machine.model.dt, 1)
+        x, y = np.asarray(reference.position).T
+        assert np.abs(x).max() < 0.9 and np.abs(y).max() <= 0.08
+        side = {"left": -1, "centre": 0, "right": 1}[name.rsplit("-", 1)[1]]
+        assert np.sign(np.round(np.median(x), 1)) == side
+        np.testing.assert_allclose(np.linalg.norm(np.diff(reference.position, axis=0), axis=1), 3e-4, rtol=1e-3)
+    slow = job_named("ring-left", Pace(machine, 0.1, None)).reference(machine.model.dt, 1)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(slow.position, axis=0), axis=1), 1e-4, rtol=1e-3)
+
+
+def test_models_cover_the_beam(machine):
+    np.testing.assert_allclose(np.asarray(machine.schedule.points)[[0, -1]], [-0.9, 0.9])
+    np.testing.assert_allclose(machine.schedule.model(4).A, machine.model.A, rtol=0, atol=1e-12)
+
+
+def test_machine_says_what_it_is(machine):
+    assert "20, 20, 85.48, 40 kg" in machine.facts()["Machine"] and "neither tool nor twist" in machine.facts()["Measured"]
+    assert machine.error == "contour"
