@@ -52,7 +52,7 @@ def _state(arrays: dict[str, np.ndarray]) -> TuneState:
     leaves = [jnp.asarray(arrays[f"memory_{k}"]) for k in range(sum(name.startswith("memory_") for name in arrays))]
     structure = jax.tree.structure(optax.scale_by_lbfgs().init(jnp.zeros(1)))
     memory = jax.tree.unflatten(structure, leaves) if leaves else None
-    merit = Merit(*(jnp.asarray(arrays[f"merit_{name}"]) for name in Merit._fields)) if "merit_scale" in arrays else None
+    merit = Merit(*(arrays[f"merit_{name}"] for name in Merit._fields)) if "merit_scale" in arrays else None  # on the host, as it was
     others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
     plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in others.items()}
     return TuneState(history=_history(arrays), memory=memory, merit=merit, **plain)
