@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments import axis_laws as laws
+from experiments import contouring_laws as contouring
 from experiments import gantry_designs as gantries
 from experiments.axis_designs import axis_design
 from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
@@ -25,6 +26,7 @@ from experiments.machines import Machine
 from experiments.motions import s_curve, task_a, task_b
 from experiments.options import Controlled
 from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
+from jcontour.controllers.cross_coupled import ConstantCoupling, VariableCoupling
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, EulerLESO, ExactLESO
 from jcontour.controllers.observers import PredictorObserver
 from jcontour.controllers.state_feedback import moving_target, quasi_steady_target
@@ -103,6 +105,10 @@ def _on_gantry(line: str, law: gantries.Law, part: gantries.Part) -> Entry:
     return Entry(gantries.gantry_design(line, law, part), line, on="gantry")
 
 
+def _on_axes(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
+    return Entry(axis_design(line, law, laws.loops, *gains), line, on="flexible-axes")
+
+
 CONTROLLERS = {
     "contouring-lq": Entry(contouring_lq(), "receding-horizon LQ contouring, Kalman filter; --terminal chooses its end"),
     "contouring-lq-riccati": Entry(contouring_lq("riccati"), "the same with the Riccati terminal"),
@@ -172,6 +178,21 @@ CONTROLLERS = {
     ),
     "gantry-scheduled-lq": _on_gantry(
         "contouring LQ on three motors, its models those along the path", gantries.scheduled_lq, gantries.quadratic
+    ),
+    "cross-coupled": _on_axes(
+        "P-PI cascades with Koren's cross-coupled control, constant gains", contouring.cross_coupled(ConstantCoupling), contouring.coupled
+    ),
+    "cross-coupled-variable": _on_axes(
+        "the same with variable gains (Koren & Lo)", contouring.cross_coupled(VariableCoupling), contouring.coupled
+    ),
+    "task-frame": _on_axes(
+        "P-PI cascades, position gains along the path and across it", contouring.in_task_frame, contouring.along_and_across
+    ),
+    "precompensation": _on_axes(
+        "P-PI cascades behind cross-coupled pre-compensation", contouring.behind_precompensation, contouring.precompensated
+    ),
+    "command-shaping": _on_axes(
+        "P-PI cascades behind cross-coupled position command shaping", contouring.behind_shaping, contouring.shaped
     ),
 }
 
