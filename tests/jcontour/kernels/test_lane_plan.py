@@ -106,7 +106,7 @@ def test_sizes_on_a_gpu(problems, sizes, inputs, outputs, preview, ended):
 
 
 def designs(dtype):
-    reference = along(circle(0.02), 4e-5 * np.arange(120), 5e-4, 10, at_rest=False)
+    reference = along(circle(1e-3), 2.5e-5 * np.arange(120), 5e-4, 10, at_rest=False)  # the paper's: errors of micrometres
     cast = (bridgeport(), reference, jnp.exp(jax.random.uniform(jax.random.key(0), (33, 3), float, -1.0, 1.0)) * jnp.array([1, 1, 1e-10]))
     return jax.tree.map(lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, cast)
 
