@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from experiments import runs, tables
 from experiments.options import Bench
 
-PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite")
+PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite", "mujoco", "mujoco-mjx")
 
 
 def command(flags: Bench) -> int:
