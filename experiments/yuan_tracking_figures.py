@@ -46,6 +46,7 @@ def ranking(summary: dict[str, Any]) -> Figure:
     axes.set_yticks(place, [f"{row['controller']}, {row['gains']}" for row in rows])
     axes.set(xscale="log", xlabel="mean end-effector error [mm]", title="Ranking on the true axis")
     axes.grid(axis="x", color="0.9", which="both")
+    axes.set_axisbelow(True)
     axes.legend(frameon=False)
     return figure
 
