@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from experiments.axis_files import ENCODER_RESOLUTION, AxisFile
+from experiments.families import LATE, members
 from experiments.machines import Machine, MachineLimits, Measured, Usual
 from jcontour.linear import LinearPlant
 from jcontour.plant import Plant
@@ -20,9 +20,8 @@ from jcontour.plants.wrappers import CountingEncoders, Delayed, FineEncoders
 from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller
-SPREAD = 0.2  # of stiffness and masses
+MEMBERS = members(stiffness=0.2, mass=0.2)
 TWIN_SUBSTEP = 2.5e-4  # [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5, at a fifth of the time
-LATE = 1  # most samples of delay that the model does not know: a drive's bus
 EFFORT = 1.2  # of the start's RMS current: a motor warms by its square, and near the limit of stability there is no end to it
 ALONE = Usual(
     "cascade", training=("task-a",), held_out=("task-b", "s-curve"), beside_own=("task-b", "s-curve"), simulated="task-a",
@@ -53,16 +52,9 @@ class FlexibleMachine(Machine):
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
     @property
-    def _members(self) -> list[tuple[str, float, float, int]]:
-        """Name, factors on stiffness and on both masses, samples late."""
-        corners = [(1 + a * SPREAD, 1 + b * SPREAD) for a, b in product((1, -1), repeat=2)]
-        off = [(f"stiffness x {stiffness:g}, masses x {mass:g}", stiffness, mass, 0) for stiffness, mass in corners]
-        return [("nominal", 1.0, 1.0, 0), *off, (f"{LATE} sample late", 1.0, 1.0, LATE)]
-
-    @property
     def family_names(self) -> list[str]:
         """Those of the members."""
-        return [name for name, *_ in self._members]
+        return [member.name for member in MEMBERS]
 
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
@@ -90,7 +82,7 @@ class FlexibleMachine(Machine):
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:
-        return [(_scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in self._members]
+        return [(_scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS]
 
     def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
         if measured == "state":

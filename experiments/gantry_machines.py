@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import Partial
 
+from experiments.families import LATE, members
 from experiments.machines import Machine, MachineLimits, Measured, Usual
 from jcontour.linear import LinearPlant
 from jcontour.model_schedule import ModelSchedule
@@ -24,8 +24,7 @@ from jcontour.sensors import Sensors, motors, row
 SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
 CURRENT = 10.0  # [A] of each of the three motors
 ENCODER_RESOLUTION = 1e-6  # [m] per count
-STIFFNESS, MASS = 0.2, 0.1  # relative uncertainty of the joints, and of all masses together
-LATE = 1  # most samples of delay that the model does not know: a drive's bus
+MEMBERS = members(stiffness=0.2, mass=0.1)  # of the joints, and of all masses together
 SCHEDULED = 9  # head positions whose models are interpolated
 MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
 
@@ -57,16 +56,9 @@ class GantryMachine(Machine):
         return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt)
 
     @property
-    def _members(self) -> list[tuple[str, float, float, int]]:
-        """Name, factors on stiffness and on masses, samples late."""
-        corners = [(1 + a * STIFFNESS, 1 + b * MASS) for a, b in product((1, -1), repeat=2)]
-        off = [(f"stiffness x {stiffness:g}, masses x {mass:g}", stiffness, mass, 0) for stiffness, mass in corners]
-        return [("nominal", 1.0, 1.0, 0), *off, (f"{LATE} sample late", 1.0, 1.0, LATE)]
-
-    @property
     def family_names(self) -> list[str]:
         """Those of the members."""
-        return [name for name, *_ in self._members]
+        return [member.name for member in MEMBERS]
 
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """Encoders do not count."""
@@ -100,7 +92,7 @@ class GantryMachine(Machine):
         }
 
     def _family(self, gantry) -> list[Plant]:
-        return [self._driven(gantry(_scaled(self.parameters, *factors), self.model.dt), late) for _, *factors, late in self._members]
+        return [self._driven(gantry(_scaled(self.parameters, *factors), self.model.dt), late) for _, *factors, late in MEMBERS]
 
     def _driven(self, plant: Plant, late: int) -> Plant:
         """With its currents limited and late, behind its motors' encoders."""
