@@ -23,7 +23,6 @@ A JSON object, SI units; what is marked * is one number, or a list with one for 
 `experiments/machines/thesis-axis.json` is one, and `jcontour.plants.flexible_axis` has the equations.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,7 +37,7 @@ from jcontour.plants.flexible_axis import AxisParameters
 
 KIND = "flexible-axis"
 ENCODER_RESOLUTION = 1e-6  # [m] usual for a linear encoder on a direct drive
-MOST_BYTES, MOST_AXES, MOST_HARMONICS, MOST_NOTES = 2**20, 3, 64, 100
+MOST_AXES, MOST_HARMONICS, MOST_NOTES = 3, 64, 100
 POSITIVE = ("motor_mass", "tool_mass", "force_constant", "pole_pitch")
 NUMBERS = (*POSITIVE, "stiffness", "damping")
 FRICTION = ("coulomb", "stribeck", "stribeck_speed", "viscous")
@@ -82,29 +81,6 @@ class AxisFile:
 def is_axis(fields: dict[str, Any]) -> bool:
     """Whether the fields of a JSON object are meant to be a flexible axis."""
     return fields.get("kind") == KIND
-
-
-def load_axis(path: str | Path) -> AxisFile:
-    """The axis of a JSON file; the module's docstring is the format.
-
-    Raises:
-        MachineError: the file cannot be read, or a field is wrong.
-    """
-    path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
-    try:
-        if len(content) > MOST_BYTES:
-            raise MachineError(f"file: needs at most {MOST_BYTES} bytes, received {len(content)}")
-        try:
-            fields = json.loads(content.decode("utf-8"))
-        except (ValueError, RecursionError) as error:
-            raise MachineError(f"file: not JSON ({checks.line(error)})") from None
-        return axis_from(fields, path.stem)
-    except MachineError as error:
-        raise MachineError(f"{path}: {error}") from None
 
 
 def axis_from(fields: Any, name: str = "axis") -> AxisFile:
@@ -154,7 +130,7 @@ def axis_fields(axis: AxisFile) -> dict[str, Any]:
 
 
 def save_axis(axis: AxisFile, path: Path) -> Path:
-    """Write the file that `load_axis` reads."""
+    """Write the file that `machine_files.load_machine` reads."""
     return write_json(path, axis_fields(axis))
 
 

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.axis_files import axis_fields, load_axis
-from experiments.axis_machines import biaxial_axes, biaxial_machine, flexible_machine, thesis_machine
+from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
 from experiments.catalogue import job_named, machine_named
 from experiments.jobs import TOOLPATHS, Pace
 from experiments.machine_files import load_machine
@@ -57,7 +56,7 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
     assert found.error == "tracking" and found.axes == ("X",)
     np.testing.assert_array_equal(found.model.A, machine.model.A)
     np.testing.assert_array_equal(found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0])
-    fields = axis_fields(load_axis(TOOLPATHS.parent / "machines" / "thesis-axis.json"))
+    fields = json.loads((TOOLPATHS.parent / "machines" / "thesis-axis.json").read_text())
     path = tmp_path / "mine.json"
     path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
     mine = machine_named(str(path))
@@ -70,7 +69,7 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
 def test_machine_says_what_it_is(machine):
     facts = machine.facts()
     assert "39.62 + 0.38 kg" in facts["Machine"] and "1 um" in facts["Measured"]
-    assert flexible_machine(load_axis(TOOLPATHS.parent / "machines" / "thesis-axis.json")).usual.controller == "cascade"
+    assert machine.usual.controller == "cascade"
 
 
 @pytest.mark.parametrize(("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())])

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from experiments.axis_files import load_axis
+from experiments.axis_files import axis_from
 from experiments.cli import main
 
 HEADER = "time,motor_position,current_q"
@@ -29,7 +29,7 @@ def test_the_demonstration(demo):
         "model.png",
     }
     rows = {row["parameter"]: row for row in summary["parameters"]}
-    axis = load_axis(folder / "axis.json")
+    axis = axis_from(json.loads((folder / "axis.json").read_text()))
     p, electrical = axis.parameters, axis.electrical
     assert electrical is not None and electrical.resistance == rows["resistance"]["value"]
     assert float(p.force_constant[0]) == rows["force_constant"]["value"] and p.cogging_sine.shape == (1, 3)
