@@ -76,12 +76,11 @@ class Quantised(_Wrapper):
     resolution: float = eqx.field(static=True)
 
     def __check_init__(self):
-        if not self.resolution > 0:
-            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
+        _check_resolution(self.resolution)
 
     def measure(self, state) -> Array:
         """resolution * round(measurement / resolution)."""
-        return self.resolution * jnp.round(self.plant.measure(state) / self.resolution)
+        return _counted(self.plant.measure(state), self.resolution)
 
 
 class _SpeedsByDifference(_Wrapper):
@@ -140,11 +139,10 @@ class CountingEncoders(_SpeedsByDifference):
     resolution: float = eqx.field(static=True)
 
     def __check_init__(self):
-        if not self.resolution > 0:
-            raise ValueError(f"resolution: needs to be positive, received {self.resolution}")
+        _check_resolution(self.resolution)
 
     def _read(self, inner: State) -> Float[Array, " m"]:
-        return self.resolution * jnp.round(self.sensors.positions(self.plant.measure(inner)) / self.resolution)
+        return _counted(self.sensors.positions(self.plant.measure(inner)), self.resolution)
 
 
 class LateSensors(_Wrapper):
@@ -266,6 +264,15 @@ class Disturbed(_Wrapper):
             return measurement
         flat, shaped = ravel_pytree(measurement)
         return shaped(flat + _row(self.noise, state[1]))
+
+
+def _counted(values: Array, resolution: float) -> Array:
+    return resolution * jnp.round(values / resolution)
+
+
+def _check_resolution(resolution: float) -> None:
+    if not resolution > 0:
+        raise ValueError(f"resolution: needs to be positive, received {resolution}")
 
 
 def _check_line(samples: Int[Array, ""], depth: int) -> None:
