@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import hypothesis
 import jax
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from jcontour.linear import LinearPlant
 def pytest_configure(config):
     jax.config.update("jax_num_cpu_devices", 2)
     jax.devices()  # from here on they stay
+    hypothesis.settings.register_profile("untimed", deadline=None)
+    hypothesis.settings.load_profile("untimed")
     config.addinivalue_line("filterwarnings", "error")
     config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
     config.addinivalue_line("filterwarnings", "ignore:.*os.fork.*:RuntimeWarning")  # subprocess of the command-line tests

@@ -112,7 +112,7 @@ def test_replaced_fields(name, value):
     valid_or_ours(json.dumps({**FIELDS, name: value}).encode())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_mutated_bytes(data):
     content = bytearray(EXAMPLE.read_bytes())
@@ -121,7 +121,7 @@ def test_mutated_bytes(data):
     valid_or_ours(bytes(content))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.data())
 def test_mutated_archives(data):
     buffer = io.BytesIO()

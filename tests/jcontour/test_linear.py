@@ -117,7 +117,7 @@ def test_steady_motion_refuses_what_it_cannot_solve(coupled_plant):
         steady_motion(hidden)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=3), st.randoms(use_true_random=False))
 def test_decoupled_axes_are_found_however_the_plant_is_ordered(sizes, order):
     """A chain of states per axis, linked one by one, with states, inputs and outputs shuffled."""

@@ -64,7 +64,7 @@ def test_control_and_increment(straight):
     assert float(metrics.peak_increment) == pytest.approx(increment.max())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.booleans(), min_size=T, max_size=T), st.integers(0, 2**32 - 1))
 def test_only_scored_samples_count_and_increments_do_not_cross_masks(bent, mask, seed):
     random, mask = np.random.default_rng(seed), np.array(mask)

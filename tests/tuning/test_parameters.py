@@ -10,7 +10,7 @@ from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
 positive = st.floats(1e-8, 1e8)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(positive, positive, st.floats(0.011, 0.99), st.floats(-1e6, 1e6))
 def test_round_trip(a, b, part, free):
     space = {"a": Positive(), "b": Fixed(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0), "e": Free()}
@@ -25,7 +25,7 @@ def test_round_trip(a, b, part, free):
     assert found["b"] is start["b"]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.floats(-30, 30), min_size=3, max_size=3))
 def test_no_coordinate_leaves_the_space(z):
     space = {"a": Positive(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0)}
