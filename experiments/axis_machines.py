@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from experiments.axis_files import ENCODER_RESOLUTION, AxisFile
 from experiments.families import LATE, members
 from experiments.machines import Machine, MachineLimits, Measured, Usual
+from jcontour.friction import Friction
 from jcontour.linear import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
@@ -82,7 +83,7 @@ class FlexibleMachine(Machine):
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:
-        return [(_scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS]
+        return [(scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS]
 
     def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
         if measured == "state":
@@ -102,9 +103,13 @@ def thesis_machine() -> FlexibleMachine:
 
 
 def biaxial_axes() -> AxisParameters:
-    """Two such axes at right angles, the second lighter and softer."""
-    first = thesis_axis()
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), first, _scaled(first, 0.7, 0.6))
+    """Two different axes at right angles: X is the thesis's test bench, Y is ours, lighter and with a weaker motor."""
+    lighter = AxisParameters(
+        motor_mass=20.0, tool_mass=0.5, stiffness=4500.0, damping=3.0, force_constant=60.0,
+        friction=Friction(coulomb=25.0, stribeck=10.0, stribeck_speed=2.0, viscous=150.0), cogging_sine=[3.0, -0.5, 0.4],
+        cogging_cosine=[-5.0, 0.8, 0.3], pole_pitch=0.0875,
+    )  # fmt: skip
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), thesis_axis(), lighter)
 
 
 def biaxial_machine() -> FlexibleMachine:
@@ -112,7 +117,8 @@ def biaxial_machine() -> FlexibleMachine:
     return flexible_machine(AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION))
 
 
-def _scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:
+def scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:
+    """With the link's stiffness and all masses times these factors."""
     return eqx.tree_at(
         lambda p: (p.stiffness, p.motor_mass, p.tool_mass), parameters,
         (stiffness * parameters.stiffness, mass * parameters.motor_mass, mass * parameters.tool_mass),

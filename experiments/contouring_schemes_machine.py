@@ -1,15 +1,15 @@
-"""The biaxial machine of two different flexible axes on which contouring schemes are compared, and its contours."""
+"""Models of the biaxial machine on which contouring schemes are compared, and its contours."""
 
 from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.axis_machines import biaxial_axes, scaled
 from jcontour.contour import Contour
 from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.evaluation import stack_plants, stack_references
 from jcontour.feed_laws import trapezoidal
-from jcontour.friction import Friction
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis
 from jcontour.plants.wrappers import Delayed
@@ -20,23 +20,11 @@ FEED, ACCELERATION = 0.05, 1.0  # [m/s], [m/s^2] within what the thesis asks of 
 SETTLING = 0.2  # [s] that the tool is given, and scored, after its reference has come to the end
 SUBSTEPS = 2  # of the smooth twin while it is tuned: four change its errors by 5e-6; the true plant takes its 20
 
-# motor and tool mass, link, force constant and friction: x is the thesis's test bench; y is not in print, it is lighter and weaker
-MASSES = ((39.62, 20.0), (0.38, 0.5))
-LINK = ((2908.0, 4500.0), (2.10, 3.0))
-FORCE = (79.33, 60.0)
-COGGING = ([[4.07, 0.95, -0.72], [3.0, -0.5, 0.4]], [[9.20, -0.26, 0.57], [-5.0, 0.8, 0.3]])
-FRICTION = Friction(coulomb=[36.36, 25.0], stribeck=[22.04, 10.0], stribeck_speed=[2.82, 2.0], viscous=[250.9, 150.0])
 LATE = "one sample late"
-MODEL_ERRORS = {  # factors on masses and stiffness, samples that the control is late
-    "nominal": (1.0, 1.0, 0), LATE: (1.0, 1.0, 1), "heavy and soft": (1.2, 0.8, 0), "light and stiff": (0.8, 1.2, 0),
+MODEL_ERRORS = {  # factors on stiffness and masses, samples that the control is late
+    "nominal": (1.0, 1.0, 0), LATE: (1.0, 1.0, 1), "heavy and soft": (0.8, 1.2, 0), "light and stiff": (1.2, 0.8, 0),
 }  # fmt: skip
 TUNED_ON = ("nominal", LATE)  # without the late one the velocity gains would grow until they ring
-
-
-def parameters(mass: float, stiffness: float) -> AxisParameters:
-    """The machine with all masses and both stiffnesses times these factors."""
-    motor, tool = (mass * np.array(pair) for pair in MASSES)
-    return AxisParameters(motor, tool, stiffness * np.array(LINK[0]), LINK[1], FORCE, FRICTION, *COGGING, pole_pitch=0.0875)
 
 
 def smooth_family(names: Sequence[str]) -> Plant:
@@ -51,7 +39,7 @@ def true_family(names: Sequence[str]) -> Plant:
 
 def _family(names: Sequence[str], axes: Callable[[AxisParameters], Plant]) -> Plant:
     errors = [MODEL_ERRORS[name] for name in names]
-    return stack_plants([Delayed(axes(parameters(mass, stiffness)), jnp.asarray(late), 1, 2) for mass, stiffness, late in errors])
+    return stack_plants([Delayed(axes(scaled(biaxial_axes(), *factors)), jnp.asarray(late), 1, 2) for *factors, late in errors])
 
 
 def training() -> dict[str, Contour]:
