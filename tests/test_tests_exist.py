@@ -9,6 +9,8 @@ ELSEWHERE = {  # modules that another file tests whole
     "jcontour/contour.py": "tests/jcontour/test_contours.py",  # evaluated there
     "jcontour/pieces.py": "tests/jcontour/test_contours.py",
     "jcontour/quintics.py": "tests/jcontour/test_contours.py",
+    "jcontour/arcs.py": "tests/jcontour/test_toolpaths.py",  # what programs make of them
+    "jcontour/gcode.py": "tests/jcontour/test_toolpaths.py",
     "jcontour/controller.py": "tests/test_contracts.py",  # abstract
     "jcontour/plant.py": "tests/test_contracts.py",
 }

@@ -1,0 +1,71 @@
+"""Circular arcs in a plane of complex numbers, as toolpaths give them: by centre or by radius, their ends slightly off the circle."""
+
+import cmath
+import math
+from collections.abc import Iterator
+
+MM = 1e-3  # [m]
+SHORTEST = 1e-9  # [m] moves below it are dropped, end points below it are the same: a thousandth of the finest word a program holds
+ARC_SLACK, ARC_SLACK_RELATIVE, ARC_SLACK_MOST = 5e-6, 1e-3, 0.5e-3  # [m], of the radius, [m]: between both radii of an arc, as Grbl has it
+
+
+class ToolpathError(ValueError):
+    """A toolpath that cannot be traced; the message is one line, which begins with the number of the line where there is one."""
+
+
+def centre_from_radius(start: complex, end: complex, radius: float, counter_clockwise: bool) -> complex:
+    """Centre of the arc of a radius [m], below zero for the long way round.
+
+    Raises:
+        ToolpathError: start and end are the same, or farther apart than the radius reaches.
+    """
+    chord = end - start
+    half = 0.5 * abs(chord)
+    if 2 * half < SHORTEST:
+        raise ToolpathError("an arc by radius (R) needs an end apart from its start; a full circle needs I, J or K")
+    if abs(radius) < SHORTEST or (abs(radius) < half and not _same_radius(abs(radius), half)):
+        raise ToolpathError(f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, {2 * half / MM:.6g} mm away")
+    height = math.sqrt(max(radius**2 - half**2, 0.0))
+    to_the_left = counter_clockwise == (radius > 0)
+    return start + chord * (0.5 + (1j if to_the_left else -1j) * height / abs(chord))
+
+
+def arcs_between(start: complex, end: complex, centre: complex, counter_clockwise: bool) -> Iterator[tuple[complex, complex, float]]:
+    """Ends, centres and signed angles of the one or two arcs which run exactly from start to end; the given centre may be slightly off.
+
+    Raises:
+        ToolpathError: the end is off its circle, or there is no radius.
+    """
+    first, last = abs(start - centre), abs(end - centre)
+    if not _same_radius(first, last):
+        raise ToolpathError(
+            f"the end of the arc is off its circle: the radius is {first / MM:.6g} mm at the start and {last / MM:.6g} mm at the end, "
+            f"{abs(first - last) / MM:.3g} mm apart"
+        )
+    if min(first, last) < SHORTEST:
+        raise ToolpathError("an arc without a radius")
+    chord = end - start
+    if abs(chord) < SHORTEST:
+        yield start, centre, math.copysign(math.tau, 1 if counter_clockwise else -1)
+        return
+    angle = _angle(start - centre, end - centre, counter_clockwise)
+    from_middle = (centre - 0.5 * (start + end)) / chord
+    if abs(angle) > math.pi and abs(from_middle.real * chord) > SHORTEST:
+        middle = centre + (start - centre) * cmath.rect(0.5 * (first + last) / first, 0.5 * angle)
+        yield from arcs_between(start, middle, centre, counter_clockwise)
+        yield from arcs_between(middle, end, centre, counter_clockwise)
+        return
+    centre = 0.5 * (start + end) + 1j * from_middle.imag * chord  # on the bisector of the chord
+    yield end, centre, _angle(start - centre, end - centre, counter_clockwise)
+
+
+def _angle(first: complex, last: complex, counter_clockwise: bool) -> float:
+    """Signed angle from one radius to the other, a whole turn when they agree."""
+    turned = cmath.phase(last / first) * (1 if counter_clockwise else -1) % math.tau
+    turned = math.tau if turned * abs(first) < SHORTEST else turned
+    return turned if counter_clockwise else -turned
+
+
+def _same_radius(first: float, last: float) -> bool:
+    gap = abs(first - last)
+    return gap <= ARC_SLACK or (gap <= ARC_SLACK_MOST and gap <= ARC_SLACK_RELATIVE * first)
