@@ -31,10 +31,12 @@ from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, Eu
 from jcontour.controllers.observers import PredictorObserver
 from jcontour.controllers.state_feedback import moving_target, quasi_steady_target
 from jcontour.input_shaping import zv
+from jcontour.plants.back_to_back_motors import servo_bench
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import thesis_gantry
+from jcontour.plants.hardware_in_loop import HardwareInLoop
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
 
 
@@ -93,6 +95,13 @@ PLANTS = {
     ),
     "gantry": Entry(
         lambda: Gantry(thesis_gantry(), 1e-3), "head on a beam that twists between its two drives (Yuan)", stable=False, on="gantry"
+    ),
+    "gantry-in-the-loop": Entry(
+        lambda: HardwareInLoop(Gantry(thesis_gantry(), 1e-3), servo_bench()),
+        "the same with a motor bench as its head, one sample late, stick and slip; tuned on the gantry",
+        smooth=False,
+        stable=False,
+        on="gantry",
     ),
 }
 

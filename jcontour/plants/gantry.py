@@ -97,6 +97,16 @@ class EquationOfMotion(NamedTuple):
         head = along * determinant - M_e * (sine * beam + d * angle)
         return head / (M_e * determinant), beam / determinant, angle / determinant
 
+    def beam_acceleration(self, q: Coordinates, v: Coordinates, control: Float[Array, "3"], along: Scalar) -> tuple[Scalar, Scalar]:
+        """(y_N'', theta''), (5.8) and (5.9) solved for them, where something else moves the head with x_h'' = `along` [m/s^2]."""
+        M_e, x, sine = self.head_mass, q[0], jnp.sin(q[2])
+        _, across, turning = (Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True))
+        across, turning = across - M_e * sine * along, turning - M_e * self.tool_offset * along
+        yaw = M_e * self.tool_offset * sine + (M_e * x - self.imbalance) * jnp.cos(q[2])
+        inertia = self.inertia + M_e * x**2
+        determinant = self.total_mass * inertia - yaw**2
+        return (inertia * across - yaw * turning) / determinant, (self.total_mass * turning - yaw * across) / determinant
+
     def energy(self, q: Coordinates, v: Coordinates) -> Scalar:
         """K + P [J]."""
         springs = self.joints * q[2] ** 2 + self.guides * (1 - jnp.cos(q[2])) ** 2

@@ -83,6 +83,19 @@ def test_the_closed_form_is_that_of_the_energies(machine, request):
             np.testing.assert_allclose(value, wanted, rtol=1e-11)
 
 
+def test_the_beam_alone_obeys_its_two_lines(odd_gantry):
+    """(5.8), (5.9) under any x_h'': the head's line is somebody else's."""
+    motion = EquationOfMotion.of(odd_gantry)
+    for seed in range(10):
+        q, v, u = drawn(seed)
+        along = float(np.random.default_rng(seed).normal())
+        whole = jnp.stack([jnp.asarray(along), *motion.beam_acceleration(q, v, u, along)])
+        lines = motion.mass_matrix(q) @ whole + jnp.stack(motion.bias(q, v)) - jnp.stack(motion.forces(q, v, u))
+        np.testing.assert_allclose(lines[1:], 0, atol=1e-10)
+        free = motion.acceleration(q, v, u)
+        np.testing.assert_allclose(motion.beam_acceleration(q, v, u, free[0]), free[1:], rtol=1e-10)
+
+
 def test_energy_changes_by_the_work_of_the_motors_and_their_friction(odd_gantry):
     """The work is one more state under the same integrator; currents switch at every sample."""
     plant, motion = Gantry(odd_gantry, 1e-3, substeps=100), EquationOfMotion.of(odd_gantry)
