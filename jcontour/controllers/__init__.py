@@ -2,6 +2,7 @@
 
 from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.controllers.command_shaping import CommandShaped
+from jcontour.controllers.compensated import Compensated
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
 from jcontour.controllers.cross_coupled import ConstantCoupling, CrossCoupled, CrossGains, VariableCoupling
 from jcontour.controllers.disturbance_observer import DisturbanceObserver
@@ -24,6 +25,7 @@ __all__ = [
     "Cascade",
     "CascadeGains",
     "CommandShaped",
+    "Compensated",
     "ConstantCoupling",
     "ContouringLQ",
     "CrossCoupled",
