@@ -7,6 +7,8 @@ with the accelerations of (5.7)-(5.9), m and J those of the point of linearisati
 writes them out term by term, without those in x_h - xbar and with a misprint (see `gantry_linear`).
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,10 +43,21 @@ def disturbance_bounds(
 ) -> Float[np.ndarray, "3"]:  # fmt: skip
     """Largest |d_x|, |d_1|, |d_2| over a box of states and currents, (x_h, y_N, theta, rates, i_x, i_1, i_2) from `low` to `high`.
 
+    Raises:
+        ValueError: the box is not one of nine finite intervals, or it or the point of linearisation leaves the beam.
+    """
+    return largest_over_box(lambda state, control: disturbances(parameters, head, state, control), parameters, low, high)
+
+
+def largest_over_box(
+    terms: Callable[[Array, Array], Array], parameters: GantryParameters, low: Float[ArrayLike, "9"], high: Float[ArrayLike, "9"]
+) -> Float[np.ndarray, "3"]:
+    """Largest absolute values of three `terms` of state and currents over a box of them.
+
     Found by climbing from corners and points of the box: nothing larger was met, which is no proof.
 
     Raises:
-        ValueError: the box is not one of nine finite intervals, or it or the point of linearisation leaves the beam.
+        ValueError: the box is not one of nine finite intervals, or it leaves the beam.
     """
     low, high = np.asarray(low, float), np.asarray(high, float)
     if low.shape != (9,) or high.shape != (9,) or not np.all(np.isfinite(low) & np.isfinite(high) & (low <= high)):
@@ -56,7 +69,7 @@ def disturbance_bounds(
     @jax.jit
     def fallen(share, which, sign):
         z = low + share * (high - low)
-        return jax.value_and_grad(lambda z: -sign * disturbances(parameters, head, z[:6], z[6:])[which])(z)
+        return jax.value_and_grad(lambda z: -sign * terms(z[:6], z[6:])[which])(z)
 
     def climb(share, which, sign):
         def value(share):

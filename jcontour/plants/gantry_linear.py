@@ -7,7 +7,8 @@ with m = M_e xbar - M_d L at the head position xbar, J = J(xbar). The thesis has
 x_h - xbar and print "-d theta''" for "-d theta theta''"; `gantry_disturbances` has them whole. States in the order of `Gantry`.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -36,6 +37,9 @@ class LinearGantry(NamedTuple):
         return LinearGantry(A, both[:, :3], both[:, 3:])
 
 
+Linear = Callable[[GantryParameters, Any], LinearGantry]  # a model at a head position: `tangent` or `control_oriented`
+
+
 def control_oriented(parameters: GantryParameters, head) -> LinearGantry:
     """(5.13)-(5.15) at a head position [m].
 
@@ -56,13 +60,13 @@ def tangent(parameters: GantryParameters, head) -> LinearGantry:
     return _solved(parameters, _mass_matrix(parameters, head), jnp.eye(3))
 
 
-def tangent_plant(parameters: GantryParameters, head, dt: float) -> LinearPlant:
-    """`tangent`, sampled, with the state (x_h, y_N - d, theta, rates), so that its outputs C x are the tool.
+def tool_plant(parameters: GantryParameters, head, dt: float, linear: Linear = tangent) -> LinearPlant:
+    """A linear model, sampled, with the state (x_h, y_N - d, theta, rates), so that its outputs C x are the tool.
 
     Raises:
         ValueError: the head is outside the beam, or `dt` is not above zero.
     """
-    A, B, _ = tangent(parameters, head).sampled(dt)
+    A, B, _ = linear(parameters, head).sampled(dt)
     return LinearPlant(A, B, tool_matrix(parameters, head), dt)
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from jcontour.linear import LinearPlant, SteadyMotion
 from jcontour.model_schedule import ModelSchedule
-from jcontour.plants.gantry_linear import tangent_plant
+from jcontour.plants.gantry_linear import Linear, tangent, tool_plant
 from jcontour.plants.gantry_parameters import GantryParameters, check_on_beam
 
 
@@ -24,21 +24,28 @@ class MotorEncoders(eqx.Module):
         """(x_h, y_1 - d, y_2 - d) [m] and their speeds [m/s]."""
         return self.parameters.motors(state).at[1:3].add(-self.parameters.tool_offset)
 
+    def state(self, reading: Float[Array, "6"]) -> Float[Array, "6"]:
+        """The state that is read so; NaN where no angle of the beam brings the drives so far apart."""
+        (x, y_1, y_2, dx, dy_1, dy_2), L = reading, self.parameters.half_span
+        theta = jnp.arcsin((y_2 - y_1) / (2 * L))
+        omega = (dy_2 - dy_1) / (2 * L * jnp.cos(theta))
+        return jnp.stack([x, (y_1 + y_2) / 2 + self.parameters.tool_offset, theta, dx, (dy_1 + dy_2) / 2, omega])
 
-def motor_model(parameters: GantryParameters, head, dt: float) -> LinearPlant:
+
+def motor_model(parameters: GantryParameters, head, dt: float, linear: Linear = tangent) -> LinearPlant:
     """Linear model at a head position [m], its state what `MotorEncoders` read, its outputs the tool.
 
     Raises:
         ValueError: the head is outside the beam, or `dt` is not above zero.
     """
-    model, L = tangent_plant(parameters, head, dt), parameters.half_span
+    model, L = tool_plant(parameters, head, dt, linear), parameters.half_span
     none, one = jnp.zeros(()), jnp.ones(())
     T = jnp.stack([jnp.stack([one, none, none]), jnp.stack([none, one, -L]), jnp.stack([none, one, L])])
     T, back = (jnp.kron(jnp.eye(2), block) for block in (T, jnp.linalg.inv(T)))
     return LinearPlant(T @ model.A @ back, T @ model.B, model.C @ back, dt, motion=straight_motion(dt))
 
 
-def motor_schedule(parameters: GantryParameters, points, dt: float) -> ModelSchedule:
+def motor_schedule(parameters: GantryParameters, points, dt: float, linear: Linear = tangent) -> ModelSchedule:
     """The models at several head positions.
 
     Raises:
@@ -46,7 +53,7 @@ def motor_schedule(parameters: GantryParameters, points, dt: float) -> ModelSche
     """
     points = jnp.asarray(points, float)
     check_on_beam("points", points, parameters)
-    return ModelSchedule(jax.vmap(lambda head: motor_model(parameters, head, dt))(points), points, output=0)
+    return ModelSchedule(jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points), points, output=0)
 
 
 def straight_motion(dt: float) -> SteadyMotion:

@@ -14,7 +14,7 @@ from jcontour.plants.gantry_linear import (
     control_oriented,
     drive_response,
     tangent,
-    tangent_plant,
+    tool_plant,
 )
 from jcontour.plants.gantry_parameters import thesis_gantry
 
@@ -76,7 +76,7 @@ def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
 
 def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     p, head = thesis_gantry(), 0.4
-    plant, model = Gantry(p, DT, substeps=40), tangent_plant(p, head, DT)
+    plant, model = Gantry(p, DT, substeps=40), tool_plant(p, head, DT)
     A, B, _, _, _ = cont2discrete((*(np.asarray(m) for m in tangent(p, head)[:2]), np.eye(6), np.zeros((6, 3))), DT)
     np.testing.assert_allclose(model.A, A, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(model.B, B, rtol=1e-9, atol=1e-15)
