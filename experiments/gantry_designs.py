@@ -1,4 +1,4 @@
-"""Controllers of gantries as the commands see them: a cascade of each motor, and contouring LQ on one model or on one for each position."""
+"""Controllers of gantries as the commands see them: a cascade of each motor, contouring LQ on one model or on those along the path."""
 
 from collections.abc import Callable
 from functools import partial
@@ -11,9 +11,11 @@ from experiments.machines import Machine
 from experiments.options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.cascade import Cascade, CascadeGains
+from jcontour.controllers.compensated import Compensated
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
 from jcontour.controllers.motors import OfMotors
 from jcontour.controllers.scheduled_lq import ScheduledLQ
+from jcontour.plants.gantry_linearisation import EncoderLinearisation
 from jcontour.sensors import motors
 
 MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
@@ -51,6 +53,11 @@ def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> Contour
 def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> ScheduledLQ:
     """On the models along the path."""
     return ScheduledLQ(machine.schedule, _weights(gains), preview)
+
+
+def linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
+    """On the models along the path that remain where the nominal coupling of head and beam is cancelled (Yuan, section 5.4.2)."""
+    return Compensated(ScheduledLQ(machine.linearised_schedule, _weights(gains), preview), EncoderLinearisation(machine.parameters))
 
 
 def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, Machine, Controlled], GainDesign]:

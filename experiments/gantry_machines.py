@@ -16,6 +16,7 @@ from jcontour.linear import LinearPlant
 from jcontour.model_schedule import ModelSchedule
 from jcontour.plant import Plant
 from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_linear import Linear, control_oriented, tangent
 from jcontour.plants.gantry_motors import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.wrappers import CountingEncoders, Delayed, FineEncoders, Saturated, Sensed
@@ -52,8 +53,12 @@ class GantryMachine(Machine):
     @cached_property
     def schedule(self) -> ModelSchedule:
         """Models over the whole beam."""
-        span = float(self.parameters.half_span)
-        return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt)
+        return self._scheduled(tangent)
+
+    @cached_property
+    def linearised_schedule(self) -> ModelSchedule:
+        """The models that remain where the coupling of head and beam is cancelled, over the whole beam."""
+        return self._scheduled(control_oriented)
 
     @property
     def family_names(self) -> list[str]:
@@ -90,6 +95,10 @@ class GantryMachine(Machine):
             f"{CURRENT:g} A, dt {1e3 * self.model.dt:g} ms; margins with the head at its centre",
             "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
         }
+
+    def _scheduled(self, linear: Linear) -> ModelSchedule:
+        span = float(self.parameters.half_span)
+        return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear)
 
     def _family(self, gantry) -> list[Plant]:
         return [self._driven(gantry(_scaled(self.parameters, *factors), self.model.dt), late) for _, *factors, late in MEMBERS]
