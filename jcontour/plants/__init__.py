@@ -5,6 +5,7 @@ from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis_model import euler_model, zoh_model
 from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.hardware_in_loop import HardwareInLoop
 from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
@@ -30,6 +31,8 @@ __all__ = [
     "Saturated",
     "Sensed",
     "SmoothFlexibleAxis",
+    "SmoothFrictionGantry",
+    "StickSlipGantry",
     "bridgeport",
     "euler_model",
     "servo_bench",

@@ -49,7 +49,7 @@ class EquationOfMotion(NamedTuple):
             2 * p.drive_viscous, turning_viscous, p.head_constant, p.drive_constant, p.drive_constant * p.half_span,
         )  # fmt: skip
 
-    def mass_matrix(self, q: Coordinates) -> Float[Array, "3 3"]:
+    def mass_matrix(self, q: Coordinates | Triple) -> Float[Array, "3 3"]:
         """M(q)."""
         x, _, theta = q
         M_e, d = self.head_mass, self.tool_offset
@@ -61,7 +61,7 @@ class EquationOfMotion(NamedTuple):
             jnp.stack([M_e * d, yaw, self.inertia + M_e * x**2]),
         ])  # fmt: skip
 
-    def bias(self, q: Coordinates, v: Coordinates) -> Triple:
+    def bias(self, q: Coordinates | Triple, v: Coordinates | Triple) -> Triple:
         """h(q, q') [N, N, N m]: centrifugal, Coriolis and spring terms."""
         (x, _, theta), (dx, _, omega) = q, v
         M_e, d, sine, cosine = self.head_mass, self.tool_offset, jnp.sin(theta), jnp.cos(theta)
@@ -69,7 +69,7 @@ class EquationOfMotion(NamedTuple):
         turning = 2 * M_e * omega * dx * x + self.joints * theta + self.guides * sine * (1 - cosine)
         return -M_e * x * omega**2, across, turning
 
-    def forces(self, q: Coordinates, v: Coordinates, control: Float[Array, "3"]) -> Triple:
+    def forces(self, q: Coordinates | Triple, v: Coordinates | Triple, control: Float[Array, "3"]) -> Triple:
         """Q [N, N, N m] of currents and viscous friction, eqs. 5.4-5.6."""
         (dx, dy, omega), (i_x, i_1, i_2) = v, control
         cosine = jnp.cos(q[2])

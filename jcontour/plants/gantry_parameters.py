@@ -97,6 +97,13 @@ class GantryParameters(eqx.Module):
         lift, rise = self.half_span * jnp.sin(theta), self.half_span * jnp.cos(theta) * omega
         return jnp.stack([x, y - lift, y + lift, dx, dy - rise, dy + rise])
 
+    def coordinates(self, motors: Float[Array, "6"]) -> Float[Array, "6"]:
+        """(q, q') of the motors' positions and speeds: the inverse of `motors`."""
+        x, first, second, dx, d_first, d_second = motors
+        theta = jnp.arcsin((second - first) / (2 * self.half_span))
+        omega = (d_second - d_first) / (2 * self.half_span * jnp.cos(theta))
+        return jnp.stack([x, (first + second) / 2, theta, dx, (d_first + d_second) / 2, omega])
+
 
 def thesis_gantry() -> GantryParameters:
     """The thesis's laser cutter as far as it is printed: d = 0.2 m, anti-resonances of 47 Hz at x_h = 0 and 45 Hz at 0.66 m.

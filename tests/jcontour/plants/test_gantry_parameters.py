@@ -52,3 +52,9 @@ def test_a_head_outside_the_beam_is_refused():
         Gantry(thesis_gantry(), 2e-3).initial_state(jnp.array([1.1, 0.0]), jnp.zeros(2))
     with pytest.raises(ValueError, match="^path: .* -1"):
         check_on_beam("path", np.array([0.1, -1.0, 0.2]), thesis_gantry())
+
+
+def test_coordinates_are_those_of_the_motors(odd_gantry):
+    """Far beyond the twist of any machine, there and back."""
+    state = jnp.array([0.2, -0.4, 0.3, 0.5, -0.2, 1.5])
+    np.testing.assert_allclose(odd_gantry.coordinates(odd_gantry.motors(state)), state, rtol=1e-14)
