@@ -39,13 +39,32 @@ class _Wrapper(Plant):
         """That of the plant inside."""
         return self.plant.step(state, control)
 
+    def inner(self, state) -> State:
+        """State of the plant inside."""
+        return state
+
     def output(self, state) -> Float[Array, " m"]:
         """That of the plant inside."""
-        return self.plant.output(state)
+        return self.plant.output(self.inner(state))
 
     def measure(self, state) -> Any:
         """That of the plant inside."""
-        return self.plant.measure(state)
+        return self.plant.measure(self.inner(state))
+
+
+class _Remembering(_Wrapper):
+    """A wrapper with a state of its own: (that of the plant inside, its own)."""
+
+    def inner(self, state) -> State:
+        """The first of the two."""
+        return state[0]
+
+
+def unwrapped(plant: Plant, state: State) -> tuple[Plant, State]:
+    """The machine itself, without its wrappers, and its state."""
+    while isinstance(plant, _Wrapper):
+        plant, state = plant.plant, plant.inner(state)
+    return plant, state
 
 
 class Encoders(_Wrapper):
@@ -83,7 +102,7 @@ class Quantised(_Wrapper):
         return _counted(self.plant.measure(state), self.resolution)
 
 
-class _SpeedsByDifference(_Wrapper):
+class _SpeedsByDifference(_Remembering):
     """Positions as they are read, and as speeds the difference of two readings: (q, v), v(k) = (q(k) - q(k-1)) / dt.
 
     Args:
@@ -104,10 +123,6 @@ class _SpeedsByDifference(_Wrapper):
     def step(self, state, control) -> State:
         """The plant inside; the reading of now becomes that before."""
         return self.plant.step(state[0], control), self._read(state[0])
-
-    def output(self, state) -> Float[Array, " m"]:
-        """That of the plant inside."""
-        return self.plant.output(state[0])
 
     def measure(self, state) -> tuple[Array, Array]:
         """(q, v)."""
@@ -145,7 +160,7 @@ class CountingEncoders(_SpeedsByDifference):
         return _counted(self.sensors.positions(self.plant.measure(inner)), self.resolution)
 
 
-class LateSensors(_Wrapper):
+class LateSensors(_Remembering):
     """The measurement is `samples` old: bus and filter times of the sensors. What was before the start is steady motion.
 
     The line has a fixed `depth` and a traced tap, so that plants of delay 0..depth batch.
@@ -168,10 +183,6 @@ class LateSensors(_Wrapper):
     def step(self, state, control) -> State:
         """The plant inside; the line moves on."""
         return self.plant.step(state[0], control), jax.tree.map(lambda line: line[:-1], self._line(state))
-
-    def output(self, state) -> Float[Array, " m"]:
-        """That of the plant inside."""
-        return self.plant.output(state[0])
 
     def measure(self, state) -> Any:
         """That of the plant inside, `samples` ago."""
@@ -200,7 +211,7 @@ class Saturated(_Wrapper):
         return self.plant.step(state, jnp.clip(control, -self.limit, self.limit))
 
 
-class Delayed(_Wrapper):
+class Delayed(_Remembering):
     """The control acts `samples` late, unknown to the controller, which is fed the state of the undelayed part.
 
     The delay is a line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch. The line starts at zero.
@@ -226,16 +237,8 @@ class Delayed(_Wrapper):
         line = jnp.concatenate([control[None], line])
         return self.plant.step(inner, line[self.samples]), line[:-1]
 
-    def output(self, state) -> Float[Array, " m"]:
-        """That of the plant inside."""
-        return self.plant.output(state[0])
 
-    def measure(self, state) -> Any:
-        """That of the plant inside."""
-        return self.plant.measure(state[0])
-
-
-class Disturbed(_Wrapper):
+class Disturbed(_Remembering):
     """Sequences that act from outside: `force` (T, p) adds to the control, `noise` (T, q) to the measurement, all its leaves in a row.
 
     The state carries a counter; beyond the end of a sequence its last row holds.
@@ -252,10 +255,6 @@ class Disturbed(_Wrapper):
         """The plant inside under u + force."""
         inner, k = state
         return self.plant.step(inner, control if self.force is None else control + _row(self.force, k)), k + 1
-
-    def output(self, state) -> Float[Array, " m"]:
-        """That of the plant inside."""
-        return self.plant.output(state[0])
 
     def measure(self, state) -> Any:
         """The measurement of the plant inside, plus noise."""

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
-from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, FineEncoders, LateSensors, Quantised, Saturated
+from jcontour.plants.wrappers import (
+    CountingEncoders,
+    Delayed,
+    Disturbed,
+    Encoders,
+    FineEncoders,
+    LateSensors,
+    Quantised,
+    Saturated,
+    unwrapped,
+)
 from jcontour.sensors import Sensors, motors
 
 
@@ -163,3 +173,14 @@ def test_wrappers_nest(two_axes, start, controls):
     np.testing.assert_allclose(measurements, run(two_axes, start, late)[0], rtol=1e-14)
     np.testing.assert_array_equal(outputs, measurements)
     assert plant.dt == two_axes.dt
+
+
+def test_unwrapped_is_the_machine_and_its_own_state(two_axes, start):
+    delayed = Delayed(Saturated(two_axes, jnp.ones(2)), jnp.asarray(1), 2, 2)
+    wrapped = LateSensors(CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2)
+    state = wrapped.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    machine, own = unwrapped(wrapped, state)
+    assert machine is two_axes
+    np.testing.assert_array_equal(own, start)
+    np.testing.assert_array_equal(wrapped.output(state), two_axes.output(start))
+    assert unwrapped(two_axes, start)[1] is start
