@@ -1,6 +1,7 @@
 """A controller run on every contour and every plant, with the signals kept: what tables, figures and netCDF are made of."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,18 +14,24 @@ from experiments.machines import Machine, Measured
 from jcontour.controller import Controller
 from jcontour.evaluation import family_batching, platform_batching, stack_plants, stack_references
 from jcontour.metrics import Metrics, contour_error, score_signals
-from jcontour.plant import Plant
+from jcontour.plant import Plant, State
 from jcontour.references import Reference
 from jcontour.simulation import check_run, follow
 
+Watch = Callable[[Plant, State], Any]  # what is kept of a state beside its output: arrays
+
 
 class Replay(NamedTuple):
-    """Metrics (contour, plant), and per sample: output [m], control, contour error vector [m]; axes (contour, plant, time, ...)."""
+    """Metrics (contour, plant), and per sample: output [m], control, contour error vector [m]; axes (contour, plant, time, ...).
+
+    What was watched beside them has the same axes; None where nothing was.
+    """
 
     metrics: Metrics
     output: np.ndarray
     control: np.ndarray
     contour_error: np.ndarray
+    watched: Any = None
 
 
 class Course(NamedTuple):
@@ -56,27 +63,28 @@ class Course(NamedTuple):
         return [job for job, seen in zip(self.jobs, self.training, strict=True) if seen is trained]
 
 
-def replay(controller: Controller, course: Course) -> Replay:
-    """Run the controller over the whole course.
+def replay(controller: Controller, course: Course, watch: Watch | None = None) -> Replay:
+    """Run the controller over the whole course, and keep what `watch` sees at every sample.
 
     Raises:
         ValueError: the preview or the sample period does not fit.
     """
     check_run(course.family, controller, course.references)
-    return Replay(*jax.device_get(_replay(controller, course.family, course.references)))
+    return Replay(*jax.device_get(_replay(controller, course.family, course.references, watch)))
 
 
 @eqx.filter_jit
-def _replay(controller: Controller, family: Plant, references: Reference) -> tuple[Any, ...]:
+def _replay(controller: Controller, family: Plant, references: Reference, watch: Watch | None) -> tuple[Any, ...]:
     def on_contour(reference: Reference):
         plan = controller.prepare(reference)
 
         def on_plant(plant: Plant):
             run = follow(plant, controller, plan, reference)
-            return score_signals(run.output, run.control, reference), run.output, run.control
+            watched = None if watch is None else jax.vmap(partial(watch, plant))(run.state)
+            return score_signals(run.output, run.control, reference), run.output, run.control, watched
 
-        metrics, output, control = family_batching(family)(on_plant, family)
-        return metrics, output, control, jax.vmap(lambda y: contour_error(y, reference))(output)
+        metrics, output, control, watched = family_batching(family)(on_plant, family)
+        return metrics, output, control, jax.vmap(lambda y: contour_error(y, reference))(output), watched
 
     return platform_batching()(on_contour, references)
 

@@ -41,7 +41,8 @@ def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
 
 def test_rollouts_round_trip(job, tmp_path):
     controller = job.controller(job.start)
-    run = replay(controller, job.course)
+    run = replay(controller, job.course, lambda plant, state: plant.output(state))
+    np.testing.assert_array_equal(run.watched, run.output)
     dataset = rollouts({"start": run}, job.course, job.machine.axes, "mm/s", {"title": "test"})
     found = load_dataset(save_dataset(dataset, tmp_path / "rollouts.nc"))
     assert found.output.dims == ("design", "contour", "plant", "time", "axis") and found.output.attrs["units"] == "m"
