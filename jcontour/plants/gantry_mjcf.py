@@ -19,6 +19,9 @@ POINT = 1e-12  # [kg m^2] inertia that the engine wants of a point mass
 ENGINE_ORDER = np.array([1, 2, 0])  # (y_N, theta, x_h), by the order of the joints, of (x_h, y_N, theta)
 OUR_ORDER = np.array([2, 0, 1])
 
+TABLE = -0.2  # [m] height of what the tool works on; for the eye alone, as all geometry is
+PICTURE = (1280, 720)  # [pixels] the largest that is rendered
+
 EngineState = tuple[Float[Array, "3"], Float[Array, "3"]]  # (qpos, qvel) in the engine's order
 
 
@@ -62,6 +65,7 @@ def mjcf(parameters: GantryParameters, timestep: float) -> str:
     """
     p = {name: _number(name, value) for name, value in vars(parameters).items()}
     L, d, w = p["half_span"], p["tool_offset"], max(p["half_width"], 0.01)
+    rail = L + p["joint_length"]
     inertia = float(parameters.beam_inertia)
     drive_bias = f'gainprm="{p["drive_constant"]!r}" biasprm="0 0 {-p["drive_viscous"]!r}"'
     spring_bias = f'gainprm="0" biasprm="0 {-p["lateral_stiffness"]!r} 0"'
@@ -72,10 +76,16 @@ def mjcf(parameters: GantryParameters, timestep: float) -> str:
     <geom contype="0" conaffinity="0" mass="0"/>
     <general gaintype="fixed" biastype="affine" dyntype="none" ctrllimited="false"/>
   </default>
+  <visual>
+    <global fovy="20" offwidth="{PICTURE[0]}" offheight="{PICTURE[1]}"/>
+    <headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+  </visual>
+  <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="8" height="8"/></asset>
   <worldbody>
-    <light pos="0 -2 4" dir="0 0.4 -1" directional="true"/>
-    <camera name="above" pos="0 {-d!r} 2.6"/>
-    <geom type="box" pos="0 0 -0.2" size="{L + 0.3!r} {L!r} 0.01" rgba="0.9 0.9 0.92 1"/>
+    <light pos="0 -2 4" dir="0.3 0.4 -1" directional="true" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <geom type="box" pos="0 0 {TABLE - 0.01!r}" size="{rail + 0.3!r} {2 * L!r} 0.01" rgba="0.93 0.94 0.95 1"/>
+    <geom type="box" pos="{-rail!r} 0 {TABLE + 0.065!r}" size="0.04 {2 * L!r} 0.065" rgba="0.74 0.76 0.79 1"/>
+    <geom type="box" pos="{rail!r} 0 {TABLE + 0.065!r}" size="0.04 {2 * L!r} 0.065" rgba="0.74 0.76 0.79 1"/>
     <site name="rest_1" pos="{-L!r} 0 0"/>
     <site name="rest_2" pos="{L!r} 0 0"/>
     <body name="beam">
@@ -88,8 +98,9 @@ def mjcf(parameters: GantryParameters, timestep: float) -> str:
       <body name="head" pos="0 {-d!r} 0">
         <inertial pos="0 0 0" mass="{p["head_mass"]!r}" diaginertia="{POINT} {POINT} {POINT}"/>
         <joint name="x_h" type="slide" axis="1 0 0"/>
-        <geom type="box" size="0.06 0.06 0.06" rgba="0.85 0.45 0.2 1"/>
-        <geom type="cylinder" pos="0 0 -0.1" size="0.008 0.06" rgba="0.85 0.2 0.2 1"/>
+        <geom type="box" pos="0 {d / 2!r} 0.05" size="0.05 {abs(d) / 2 + 0.05!r} 0.012" rgba="0.85 0.45 0.2 1"/>
+        <geom type="cylinder" pos="0 0 {TABLE / 2 + 0.02!r}" size="0.025 {-TABLE / 2 - 0.02!r}" rgba="0.85 0.45 0.2 1"/>
+        <geom type="cylinder" pos="0 0 {TABLE + 0.02!r}" size="0.006 0.02" rgba="0.15 0.15 0.18 1"/>
         <site name="tool"/>
       </body>
     </body>
