@@ -126,6 +126,8 @@ class Simulate(Controlled):
 
     contour: Positional[str | None] = None
     """A name from `jcontour list`, or a toolpath file (.ngc, .csv); what is usual on the machine when not given."""
+    video: bool = False
+    """Of a gantry: a video of its MuJoCo model on the contour, the twist of the beam magnified; MP4 with the extra `video`, else GIF."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 

@@ -1,4 +1,4 @@
-"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family."""
+"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; of a gantry a video too."""
 
 from pathlib import Path
 from typing import Any
@@ -8,10 +8,11 @@ import numpy as np
 from experiments import runs, tables
 from experiments.catalogue import design_for, job_named, machine_named
 from experiments.designs import Design, plain_weights
+from experiments.gantry_machines import GantryMachine
 from experiments.jobs import Pace
 from experiments.machines import Machine
 from experiments.options import Simulate
-from experiments.replays import Course, Replay, replay
+from experiments.replays import Course, Replay, Watch, replay
 
 
 def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
@@ -21,14 +22,18 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
         ValueError: bad input; nothing has been written then.
     """
     machine = machine_named(flags.plant)
+    watch = _pose_of(machine) if flags.video else None
     design = design_for(machine, flags)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     course = Course.of([job], [False], machine, design.measured, design.preview)
-    found = replay(design.build(design.start), course)
+    found = replay(design.build(design.start), course, watch)
     inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
     folder = runs.create(flags.out or runs.default_folder("simulate"), "simulate", flags, inputs)
     summary = runs.plain(_summary(design, course, found))
     _store(machine, course, found, folder, summary)
+    if isinstance(machine, GantryMachine) and flags.video:
+        summary["video"] = _filmed(machine, course, found, folder, f"{design.name} on {summary['contour']}")
+        runs.write_json(folder / runs.RESULT, summary)
     return summary, folder
 
 
@@ -37,11 +42,41 @@ def command(flags: Simulate) -> int:
     summary, folder = run(flags)
     if flags.json:
         print(runs.json_text({"run": str(folder), **summary}))
-        return 0
-    console = tables.console_of()
-    console.print(tables.plant_table(summary))
-    tables.say(console, f"Run folder: {folder}")
+    else:
+        console = tables.console_of()
+        console.print(tables.plant_table(summary))
+        tables.say(console, *_video_lines(summary, folder), f"Run folder: {folder}")
+    failure = summary.get("video", {}).get("failure")
+    if failure:
+        raise ValueError(f"{failure}; the rest of the run is in {folder}")
     return 0
+
+
+def _pose_of(machine: Machine) -> Watch:
+    if not isinstance(machine, GantryMachine):
+        raise ValueError(f"video: needs a gantry, whose MuJoCo model is drawn; there is none of {machine.name}")
+    from experiments.gantry_video import pose
+
+    return pose
+
+
+def _filmed(machine: GantryMachine, course: Course, found: Replay, folder: Path, title: str) -> dict[str, Any]:
+    """What is known of the video; its failure, where there is none: the run itself is good."""
+    from experiments.gantry_video import VideoError, film_of, record
+
+    try:
+        return runs.plain(record(machine.parameters, film_of(course, found, title), folder))
+    except VideoError as error:
+        return {"failure": str(error)}
+
+
+def _video_lines(summary: dict[str, Any], folder: Path) -> list[str]:
+    video = summary.get("video", {})
+    if "file" not in video:
+        return []
+    from experiments.gantry_video import lines
+
+    return lines(video, folder)
 
 
 def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:

@@ -12,12 +12,13 @@ ALLOWED = {
     "jcontour": {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"},
     "tuning": {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"},
     "experiments": {
-        "jax", "equinox", "jaxtyping", "optax", "numpy", "scipy", "matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py",
+        "jax", "equinox", "jaxtyping", "optax", "numpy", "scipy", "matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py", "PIL",
     },
 }  # fmt: skip
 SOLVERS = {"qpsolvers", "proxsuite", "daqp", "numba"}  # on the host, in jcontour.mpc alone
 COMPILED = "experiments.bench_loops"  # the loop that `jcontour bench` compares with
 ENGINES = {"mujoco"}  # in jcontour.plants.gantry_mujoco and gantry_mjx alone
+ENCODED = "experiments.gantry_video"  # to MP4, where the user has installed what that needs
 BELOW = {"jcontour": {"jcontour"}, "tuning": {"jcontour", "tuning"}, "experiments": set(PACKAGES)}
 
 
@@ -62,6 +63,7 @@ def test_third_parties_and_the_order_of_packages(name):
     tops = {found.split(".")[0] for found in IMPORTS[name]}
     allowed = ALLOWED[package] | (SOLVERS if name.startswith("jcontour.mpc") else {"numba"} if name == COMPILED else set())
     allowed |= ENGINES if name in ("jcontour.plants.gantry_mujoco", "jcontour.plants.gantry_mjx") else set()
+    allowed |= {"imageio_ffmpeg"} if name == ENCODED else set()
     unknown = tops - sys.stdlib_module_names - allowed - BELOW[package]
     assert not unknown, f"{name} imports {unknown}"
 
