@@ -302,6 +302,13 @@ def job_named(name: str, pace: Pace) -> Run:
     return from_file(Path(name), pace)
 
 
+def controllers_for(machine: Machine) -> list[str]:
+    """Names of the controllers that suit a machine: those for a named one of its kind that has no more axes."""
+    named = {name: make() for name, make in MACHINES.items()}
+    alike = {name for name, one in named.items() if isinstance(machine, type(one)) and len(one.axes) <= len(machine.axes)}
+    return [name for name, entry in CONTROLLERS.items() if entry.on in alike]
+
+
 def design_for(machine: Machine, flags: Controlled) -> Design:
     """The controller that the flags name, for this machine; its start has been built once, on the host.
 
@@ -311,7 +318,7 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     asked = flags.controller or machine.usual.controller
     name = f"{machine.name}-{asked}" if f"{machine.name}-{asked}" in CONTROLLERS else asked  # a machine's own goes first
     if name not in CONTROLLERS:
-        raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(CONTROLLERS)}")
+        raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}")
     design = CONTROLLERS[name].make(name, machine, flags)
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)
