@@ -174,7 +174,7 @@ class Sweep(Spreading):
     betas: tuple[float, ...] = (0.0, 1.0, 5.0, 20.0)
     """LQ: weights on the contour error [1/m^2]: a grid, or the range of the random sample."""
     previews: tuple[int, ...] = (5, 10, 20)
-    """Horizons of an LQ controller [samples]."""
+    """Horizons of an LQ controller [samples]; a controller that has none is swept once."""
     samples: int = 0  # the grid
     """Random weights between the smallest value above zero and the largest; 0 takes the grid."""
     devices: str = "all"  # every design is computed by itself: no digit depends on it

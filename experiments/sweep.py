@@ -36,6 +36,7 @@ def command(flags: Sweep) -> int:
     pace = Pace.of(flags, machine)
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
     values = sampled_values(flags)
+    flags = replace(flags, previews=horizons(flags, machine))
     _check(flags, machine, jobs, values)
     if folder is None:
         folder = runs.create(flags.out or runs.default_folder("sweep"), "sweep", replace(flags, json=False, out=None), flag_paths(flags))
@@ -68,6 +69,11 @@ def sampled_values(flags: Sweep) -> dict[str, Float[Array, " D"]]:
         ends = {name: (min((value for value in values if value > 0), default=0.0), max(values)) for name, values in varied.items()}
         return random_sample(flags.samples, flags.seed, **ends)
     return grid(**varied)
+
+
+def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
+    """The previews that make different controllers: all of them for LQ, what a cascade looks ahead for a cascade."""
+    return tuple(dict.fromkeys(_design(flags, machine, preview).preview for preview in flags.previews))
 
 
 def _listed(words: str) -> tuple[str, tuple[float, ...]]:
