@@ -5,7 +5,7 @@ from typing import Any
 
 from experiments import runs, tables
 from experiments.options import Compare
-from experiments.tables import COLUMNS, digits
+from experiments.tables import COLUMNS, columns_of, digits
 
 UNCOMPARED = ("json", "out", "resume")
 SAME = 1e-3  # relative: a smaller difference is called none
@@ -47,7 +47,7 @@ def _rows(first: dict[str, Any], second: dict[str, Any]) -> list[dict[str, Any]]
         if other is None:
             continue
         for plant in ("nominal", "worst"):
-            for name, _, _ in COLUMNS:
+            for name, _, _ in columns_of(first["error"]):
                 values = [one["metrics"]["tuned"][plant][name] for one in (contour, other)]
                 row = {"contour": contour["name"], "plant": plant, "metric": name, "first": values[0], "second": values[1]}
                 rows.append({**row, "training": [contour["training"], other["training"]], "better": _better(*values)})
