@@ -1,5 +1,6 @@
 """The `jcontour` command. Everything heavy is imported by the command that needs it, so that --help answers at once."""
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -23,6 +24,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Reproduce: ("reproduce", "experiments.reproduce"),
 }
 BAD_INPUT, INTERRUPTED = 2, 130
+TRACEBACK = "JCONTOUR_TRACEBACK"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,6 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
         return INTERRUPTED
     except (ValueError, OSError) as error:  # ours are ValueErrors; anything else is a fault of this program and keeps its traceback
+        if os.environ.get(TRACEBACK):  # a ValueError may be a fault too: NumPy and JAX raise them
+            raise
         print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
 
@@ -55,7 +59,10 @@ def _any_command() -> Any:
     return Union[choices]  # noqa: UP007  (made from a tuple)
 
 
-_DESCRIPTION = "Simulate and tune multi-axis contouring machines by gradient."
+_DESCRIPTION = (
+    "Simulate and tune multi-axis contouring machines by gradient. Bad input is answered in one line, exit code 2; "
+    f"{TRACEBACK}=1 in the environment shows where it was found instead."
+)
 
 if __name__ == "__main__":
     sys.exit(main())

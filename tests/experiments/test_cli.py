@@ -89,6 +89,19 @@ def test_unknown_name(capsys, tmp_path, monkeypatch, arguments):
     refused(capsys, tmp_path, arguments, arguments[-1])
 
 
+def test_traceback_on_request(monkeypatch):
+    """A ValueError may be a fault of the program: then one has to see where it comes from."""
+    monkeypatch.setenv("JCONTOUR_TRACEBACK", "1")
+    with pytest.raises(ValueError, match="lathe"):
+        main(["simulate", "--plant", "lathe"])
+
+
+def test_help_names_the_traceback(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    assert "JCONTOUR_TRACEBACK=1" in capsys.readouterr().out
+
+
 def test_list_as_json(capsys):
     assert main(["list", "--json"]) == 0
     captured = capsys.readouterr()
