@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -45,7 +44,11 @@ class FlexibleMachine(Machine):
 
     parameters: AxisParameters
     encoder_resolution: float
-    truth: ClassVar[str] = "stick, slip and encoder counts"
+
+    @property
+    def truth(self) -> str:
+        """Encoder counts, and what dry friction has of its own."""
+        return "stick, slip and encoder counts"
 
     @property
     def usual(self) -> Usual:

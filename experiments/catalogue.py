@@ -17,7 +17,7 @@ from experiments import gantry_designs as gantries
 from experiments.axis_designs import axis_design
 from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
 from experiments.designs import Design, changed
-from experiments.gantry_machines import gantry_machine
+from experiments.gantry_machines import friction_gantry_machine, gantry_machine, guide_ways
 from experiments.jobs import TOOLPATHS, Job, Pace, Run, at_constant_feed, from_file
 from experiments.linear_machines import bridgeport_machine
 from experiments.lq_designs import contouring_lq, preview_lq
@@ -35,6 +35,7 @@ from jcontour.plants.back_to_back_motors import servo_bench
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry_parameters import thesis_gantry
 from jcontour.plants.hardware_in_loop import HardwareInLoop
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
@@ -69,6 +70,7 @@ MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of 
     "flexible-axis": thesis_machine,
     "flexible-axes": biaxial_machine,
     "gantry": gantry_machine,
+    "gantry-friction": friction_gantry_machine,
 }
 
 PLANTS = {
@@ -96,6 +98,19 @@ PLANTS = {
     "gantry": Entry(
         lambda: Gantry(thesis_gantry(), 1e-3), "head on a beam that twists between its two drives (Yuan)", stable=False, on="gantry"
     ),
+    "gantry-friction": Entry(
+        lambda: StickSlipGantry(thesis_gantry(), guide_ways(), 1e-3),
+        "the same with stick and slip in its three guide ways; tuned on its twin",
+        smooth=False,
+        stable=False,
+        on="gantry-friction",
+    ),
+    "gantry-friction-smooth": Entry(
+        lambda: SmoothFrictionGantry(thesis_gantry(), guide_ways(), 1e-3),
+        "its smooth twin: dry friction turns within 1 mm/s",
+        stable=False,
+        on="gantry-friction",
+    ),
     "gantry-in-the-loop": Entry(
         lambda: HardwareInLoop(Gantry(thesis_gantry(), 1e-3), servo_bench()),
         "the same with a motor bench as its head, one sample late, stick and slip; tuned on the gantry",
@@ -110,8 +125,8 @@ def _on_axis(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
     return Entry(axis_design(line, law, *gains), line, on="flexible-axis")
 
 
-def _on_gantry(line: str, law: gantries.Law, part: gantries.Part) -> Entry:
-    return Entry(gantries.gantry_design(line, law, part), line, on="gantry")
+def _on_gantry(line: str, law: gantries.Law, part: gantries.Part, on: str = "gantry") -> Entry:
+    return Entry(gantries.gantry_design(line, law, part), line, on=on)
 
 
 def _on_axes(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
@@ -182,6 +197,12 @@ CONTROLLERS = {
         laws.drifting,
     ),
     "gantry-cascade": _on_gantry("P-PI cascade of each motor, fed speed and acceleration", gantries.cascade, gantries.loops),
+    "gantry-friction-cascade": _on_gantry(
+        "P-PI cascade of each motor, fed speed, acceleration and dry friction",
+        gantries.cascade,
+        gantries.loops_and_dry_friction,
+        on="gantry-friction",
+    ),
     "gantry-contouring-lq": _on_gantry(
         "contouring LQ on three motors, its model that of the beam's centre", gantries.contouring_lq, gantries.quadratic
     ),
@@ -316,10 +337,16 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
     asked = flags.controller or machine.usual.controller
-    name = f"{machine.name}-{asked}" if f"{machine.name}-{asked}" in CONTROLLERS else asked  # a machine's own goes first
+    name = next((own for own in _own_names(machine.name, asked) if own in CONTROLLERS), asked)
     if name not in CONTROLLERS:
         raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}")
     design = CONTROLLERS[name].make(name, machine, flags)
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)
     return design
+
+
+def _own_names(machine: str, controller: str) -> list[str]:
+    """A machine's own goes first, then that of its kind: gantry-friction-cascade, gantry-cascade."""
+    words = machine.split("-")
+    return ["-".join([*words[:count], controller]) for count in range(len(words), 0, -1)]

@@ -34,6 +34,20 @@ def loops(machine: GantryMachine) -> dict[str, Gain]:
     }  # fmt: skip
 
 
+def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
+    """The same, and what the guide ways take to break loose; of Y the mean of both drives.
+
+    Raises:
+        ValueError: the machine has no dry friction.
+    """
+    if machine.friction is None:
+        raise ValueError(f"controller: {machine.name} has no dry friction to be fed; gantry-cascade is the same without")
+    head, first, second = machine.friction.dry(jnp.zeros(3))
+    p = machine.parameters
+    dry = jnp.stack([head / p.head_constant, (first + second) / (2 * p.drive_constant)])
+    return {**loops(machine), "coulomb": Gain(dry, "A")}
+
+
 def quadratic(machine: GantryMachine) -> dict[str, Gain]:
     """Beside an ampere in each motor: a tenth of a millimetre of lag, a thirtieth off the contour, an ampere between the drives."""
     return {"alpha": Gain(1e8, "A^2/m^2"), "beta": Gain(1e9, "A^2/m^2"), "difference": Gain(1.0, "")}

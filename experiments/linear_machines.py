@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -41,7 +40,11 @@ class LinearMachine(Machine):
     delay: int
     encoder_resolution: float
     control_noise: float
-    truth: ClassVar[str] = "quantised encoders"
+
+    @property
+    def truth(self) -> str:
+        """Encoder counts."""
+        return "quantised encoders"
 
     @property
     def usual(self) -> Usual:

@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,6 @@ class Machine(abc.ABC):
         axes: names, one per output.
         control_unit: text for tables and figures.
         limits: greatest magnitudes.
-        truth: what the true family has and the smooth one has not, in a few words.
     """
 
     name: str
@@ -62,7 +61,11 @@ class Machine(abc.ABC):
     axes: tuple[str, ...]
     control_unit: str
     limits: MachineLimits
-    truth: ClassVar[str]
+
+    @property
+    @abc.abstractmethod
+    def truth(self) -> str:
+        """What the true family has and the smooth one has not, in a few words."""
 
     @property
     def error(self) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue import CONTROLLERS, design_for, job_named
-from experiments.gantry_machines import gantry_machine
+from experiments.gantry_machines import friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
 from experiments.linear_machines import bridgeport_machine
 from experiments.options import Simulate
@@ -87,3 +87,22 @@ def test_other_machines_are_refused(machine):
         design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
     with pytest.raises(ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-contouring-lq"):
         design_for(machine, Simulate(controller="cascade-notch"))
+
+
+def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_gantrys():
+    rubbing = friction_gantry_machine()
+    design = design_for(rubbing, Simulate(controller="cascade"))
+    assert design.name == "gantry-friction-cascade"
+    assert design_for(rubbing, Simulate(controller="contouring-lq")).name == "gantry-contouring-lq"
+    assert design_for(rubbing, Simulate()).name == "gantry-contouring-lq"
+    np.testing.assert_allclose(design.start["coulomb"], [14.0 / 60, 22.0 / 60], rtol=1e-12)
+    reference = job_named("ring-left", Pace(rubbing, None, None)).reference(rubbing.model.dt, 1)
+    gains = ({**design.start, "coulomb": dry} for dry in (jnp.array([0.2, 0.3]), jnp.zeros(2)))
+    fed, unfed = (design.build(each).prepare(reference).control for each in gains)
+    signs = np.sign(np.diff(np.asarray(reference.position), axis=0))[: len(fed)]
+    np.testing.assert_allclose(fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12)
+
+
+def test_a_machine_without_friction_is_told_so(machine):
+    with pytest.raises(ValueError, match="controller: gantry has no dry friction to be fed; gantry-cascade is the same without"):
+        design_for(machine, Simulate(controller="gantry-friction-cascade"))

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from experiments.catalogue import CONTOURS, job_named
-from experiments.gantry_machines import CURRENT, gantry_machine
+from experiments.gantry_machines import CURRENT, friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
 from jcontour.evaluation import stack_plants
 from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry_mujoco import GantryMuJoCo
 
 
@@ -19,7 +20,7 @@ def machine():
 
 def inner(plant):
     """The gantry inside its encoders, row, delay and limits."""
-    while not isinstance(plant, Gantry | GantryMuJoCo):
+    while not isinstance(plant, Gantry | GantryMuJoCo | SmoothFrictionGantry | StickSlipGantry):
         plant = plant.plant
     return plant
 
@@ -79,3 +80,20 @@ def test_models_cover_the_beam(machine):
 def test_machine_says_what_it_is(machine):
     assert "20, 20, 85.48, 40 kg" in machine.facts()["Machine"] and "neither tool nor twist" in machine.facts()["Measured"]
     assert machine.error == "contour"
+
+
+def test_with_friction_the_true_family_sticks_and_nobody_else_confirms_it(machine):
+    """The same machine otherwise, member by member, and what its motors measure."""
+    rubbing = friction_gantry_machine()
+    assert (machine.truth, rubbing.truth) == ("encoder counts", "stick, slip and encoder counts")
+    assert rubbing.name == "gantry-friction" and rubbing.family_names == machine.family_names and rubbing.independent() is None
+    assert "14, 20, 24 N to break loose" in rubbing.facts()["Friction"] and "Friction" not in machine.facts()
+    position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
+    for family, kind in ((rubbing.smooth_family(), SmoothFrictionGantry), (rubbing.true_family(), StickSlipGantry)):
+        stack_plants(family)
+        for plant, plain in zip(family, machine.smooth_family(), strict=True):
+            assert isinstance(inner(plant), kind)
+            assert inner(plant).parameters.joint_stiffness == inner(plain).parameters.joint_stiffness
+            np.testing.assert_array_equal(inner(plant).friction.coulomb, [10.0, 14.0, 18.0])
+        start = family[0].initial_state(position, increment)
+        np.testing.assert_allclose(family[0].measure(start), [0.3, -0.02, -0.02, 0.1, 0.2, 0.2], rtol=0, atol=1e-12)
