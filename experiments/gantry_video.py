@@ -140,6 +140,6 @@ def _format() -> tuple[str, Callable[[Path, Iterable[np.ndarray]], None]]:
 def _save_gif(path: Path, frames: Iterable[np.ndarray]) -> None:
     """With one palette for all, that of the middle frame, so that what stands still costs nothing."""
     pictures = [Image.fromarray(frame) for frame in frames]
-    palette = pictures[len(pictures) // 2].quantize(COLOURS)
+    palette = pictures[len(pictures) // 2].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3)  # lines keep their colours
     first, *others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
     first.save(path, save_all=True, append_images=others, duration=1000 // FPS, loop=0)
