@@ -182,6 +182,8 @@ def _run_warnings(tuned: Tuned, safety: dict[str, Any]) -> list[str]:
         lines.append(f"no feasible point was found; these weights exceed a limit by {100 * np.expm1(tuned.violation):.3g} %")
     if safety["largest_frozen_spectral_radius"] >= 1:
         lines.append("a frozen loop along the training paths is unstable")
+    if safety["probes_at_limit"]:
+        lines.append(f"margins leave out {safety['probes_at_limit']} points at which a control is at its limit: the loop is open there")
     if tuned.diverged_points:
         lines.append(f"{tuned.diverged_points} of {len(tuned.history)} evaluated points had a diverging plant and were rejected")
     if tuned.diverged_starts:

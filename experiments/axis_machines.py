@@ -12,7 +12,6 @@ from experiments.axis_files import ENCODER_RESOLUTION, AxisFile
 from experiments.families import LATE, members
 from experiments.machines import Machine, MachineLimits, Measured, Usual
 from jcontour.friction import Friction
-from jcontour.linear import LinearPlant
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis_model import zoh_model
@@ -71,9 +70,10 @@ class FlexibleMachine(Machine):
         family = [self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()]
         return [CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution) for plant in family]
 
-    def sensed(self, model: LinearPlant) -> Plant:
-        """Positions of the motors, which are the first states, and speeds by their difference."""
-        return FineEncoders(model, Sensors(range(len(self.axes))))
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """The linear model: where the axis rests, its smooth twin has a friction so steep that it hides the loop."""
+        self._check_measured(measured)
+        return FineEncoders(self.model, Sensors(range(len(self.axes))))
 
     def facts(self) -> dict[str, str]:
         """Masses, link, sensors."""
@@ -89,9 +89,12 @@ class FlexibleMachine(Machine):
         return [(scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS]
 
     def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
+        self._check_measured(measured)
+        return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
+
+    def _check_measured(self, measured: Measured) -> None:
         if measured == "state":
             raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
-        return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
 
 
 def flexible_machine(axis: AxisFile) -> FlexibleMachine:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.machines import Machine, MachineLimits, Measured, Usual
-from jcontour.linear import LinearPlant, with_input_gains
+from jcontour.linear import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
 from jcontour.plants.wrappers import Delayed, Encoders, Quantised
@@ -79,9 +79,9 @@ class LinearMachine(Machine):
         smooth = self.smooth_family(measured)
         return smooth if measured == "state" else [Quantised(plant, self.encoder_resolution) for plant in smooth]
 
-    def sensed(self, model: LinearPlant) -> Plant:
-        """Its positions measured."""
-        return Encoders(model)
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """The model, its positions or its state measured."""
+        return self.model if measured == "state" else Encoders(self.model)
 
     def facts(self) -> dict[str, str]:
         """States, delay, axes, sensors."""

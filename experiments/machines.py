@@ -50,7 +50,7 @@ class Machine(abc.ABC):
 
     Attributes:
         name: for tables.
-        model: what a controller may know: linear, a known delay included; margins are found on it.
+        model: what a controller may know: linear, a known delay included.
         axes: names, one per output.
         control_unit: text for tables and figures.
         limits: greatest magnitudes.
@@ -103,8 +103,12 @@ class Machine(abc.ABC):
         return None
 
     @abc.abstractmethod
-    def sensed(self, model: LinearPlant) -> Plant:
-        """The model, or one made from it, behind the sensors of this machine."""
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """What margins are found on: the nominal plant behind its sensors, smooth.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
 
     @abc.abstractmethod
     def facts(self) -> dict[str, str]:

@@ -1,5 +1,7 @@
 """How safe tuned weights are: frozen loops along the training paths, and how near the runs came to the limits of the machine."""
 
+from typing import Any
+
 import equinox as eqx
 import numpy as np
 
@@ -7,20 +9,18 @@ from experiments.machines import Machine, Measured
 from experiments.replays import Course, Replay, measured_speeds, scored
 from jcontour.controller import Controller
 from jcontour.evaluation import member
-from jcontour.stability import DELAY_SEARCH, GAIN_SEARCH, margins
+from jcontour.references import Reference
+from jcontour.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 
-PROBES = 48  # frozen loops per contour: they depend on direction and bend of the path only; as many as `margins` probes at once
+PROBES = 48  # frozen loops per contour: they change with direction, bend and place of the path, slowly; as many as `margins` probes at once
 NEAR = 0.9  # of a limit, from which on there is a warning
 
 
 def path_margins(controller: Controller, machine: Machine, course: Course, measured: Measured) -> dict:
     """Spectral radius, gain and delay margins over the training paths, every path frozen at up to `PROBES` of its scored samples."""
-    sensors = machine.sensed if measured == "outputs" else lambda plant: plant
-    found = [
-        margins(machine.model, controller, _thinned(member(course.references, k)), measured=sensors)
-        for k, trained in enumerate(course.training)
-        if trained
-    ]
+    plant = machine.nominal(measured)
+    paths = [_thinned(member(course.references, k)) for k, trained in enumerate(course.training) if trained]
+    found = [margins(plant, controller, path) for path in paths]
     gains = np.stack([one.gain for one in found])
     return {
         "largest_frozen_spectral_radius": max(one.spectral_radius for one in found),
@@ -29,7 +29,19 @@ def path_margins(controller: Controller, machine: Machine, course: Course, measu
         "delay_samples": min(one.delay for one in found),
         "delay_search": DELAY_SEARCH,
         "probes_per_contour": PROBES,
+        "probes_at_limit": sum(one.at_limit for one in found),
+        "lost_first": _lost_first(found, paths, [job.name for job in course.jobs_seen(True)]),
     }
+
+
+def _lost_first(found: list[Margins], paths: list[Reference], names: list[str]) -> dict[str, Any] | None:
+    """Where the smallest gain margin is, the tool's position [m] there among it; None where all are lost at once, or none."""
+    gains, samples = np.stack([one.gain for one in found]), np.stack([one.gain_at for one in found])
+    contour, index, side = np.unravel_index(np.argmin(np.abs(np.log(gains))), gains.shape)
+    sample = samples[contour, index, side]
+    if sample < 0:
+        return None
+    return {"contour": names[contour], "position": np.asarray(paths[contour].position)[sample], "input": index + 1}
 
 
 def _thinned(reference):

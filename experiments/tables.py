@@ -108,6 +108,7 @@ def values_block(result: dict[str, Any]) -> list[str]:
     lines += [
         f"How safe they are (frozen loops, up to {safety['probes_per_contour']} points of each training contour)",
         *(f"  {name:<23}  {value:<24} start: {before}" for name, value, before in _safety_rows(safety, result["safety_of_start"])),
+        *_lost_first_line(safety["lost_first"], result["machine"]["axes"]),
     ]
     lines += [f"Gap of the machine with {result['machine']['truth']} to the smooth one that was tuned", *map(_gap_line, result["gap"])]
     if result["confirmed"]:
@@ -133,6 +134,13 @@ def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
     for k in range(len(designs[0]["gain_range"])):
         rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
     return [*rows, ("delay margin", *(_delay(one) for one in designs))]
+
+
+def _lost_first_line(place: dict[str, Any] | None, axes: Sequence[str]) -> list[str]:
+    if place is None:
+        return []
+    tool = ", ".join(f"{name} {1e3 * value:.4g}" for name, value in zip(axes, place["position"], strict=True))
+    return [f"  {'stability lost first':<23}  input {place['input']}, on {place['contour']} with the tool at {tool} mm"]
 
 
 def _gain_range(safety: dict[str, Any], k: int) -> str:

@@ -1,8 +1,9 @@
 """Is the loop stable, and by how much: frozen loops along a path, and how much gain error and delay they bear.
 
-A frozen loop is the closed loop with the plan of one step held for ever: z(k+1) = M z(k) + const, z the state of the plant and
-the memory of the controller. McNab & Tsao, Theorem 1 and eq. 23, where M = A - B K; here M is the Jacobian of one step, so that
-observers, delays and any other controller or plant are covered by the same words. Host side.
+A frozen loop is the closed loop linearised at one sample of its own run, the plan of that step held for ever: z(k+1) = M z(k) + const,
+z the state of the plant and the memory of the controller. McNab & Tsao, Theorem 1 and eq. 23, where M = A - B K at every state; here M
+is the Jacobian of one step, so that observers, delays, limits and machines that change along the path are covered by the same words.
+Of a linear plant under a linear controller it does not depend on the run. Host side.
 """
 
 from typing import NamedTuple
@@ -12,15 +13,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Float, Int
 
 from jcontour.contours import line
-from jcontour.controller import Controller, Plan
-from jcontour.linear import LinearPlant, spectral_radius, with_input_gains
+from jcontour.controller import Controller
+from jcontour.linear import spectral_radius
 from jcontour.plant import Plant
-from jcontour.plants.wrappers import Delayed, Encoders
+from jcontour.plants.wrappers import Encoders
 from jcontour.references import Reference, along
-from jcontour.simulation import check_run, prepared, start_state
+from jcontour.simulation import check_run, follow
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
@@ -34,12 +35,40 @@ class Margins(NamedTuple):
     Attributes:
         spectral_radius: the largest of all frozen loops; the loop is stable below 1.
         gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays stable.
+        gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are at once, or none within `GAIN_SEARCH`.
         delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
+        at_limit: scored samples whose loop is open because a control is at a limit, of controller or plant; the others leave them out.
     """
 
     spectral_radius: float
     gain: np.ndarray
+    gain_at: np.ndarray
     delay: int
+    at_limit: int
+
+
+class CutLoops(NamedTuple):
+    """Frozen loops cut at their control, for small changes: z(k+1) = A z(k) + B v(k), u(k) = C z(k); v = u closes them."""
+
+    A: Float[np.ndarray, "T N N"]
+    B: Float[np.ndarray, "T N p"]
+    C: Float[np.ndarray, "T p N"]
+
+    def closed(self, gains: ArrayLike = 1.0) -> Float[np.ndarray, "T N N"]:
+        """A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
+        return self.A + (self.B * gains) @ self.C
+
+    def late(self, samples: int) -> Float[np.ndarray, "T L L"]:
+        """v(k) = u(k - samples), at least one: the state gains the line u(k-1), ..., u(k-samples)."""
+        T, N, p = self.B.shape
+        M = np.zeros((T, N + samples * p, N + samples * p))
+        M[:, :N, :N], M[:, :N, -p:], M[:, N : N + p, :N] = self.A, self.B, self.C
+        M[:, N + p :, N:-p] = np.eye((samples - 1) * p)
+        return M
+
+    def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
+        """Some of them."""
+        return CutLoops(*(matrices[rows] for matrices in self))
 
 
 def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None) -> float:
@@ -69,38 +98,40 @@ def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Refer
     Raises:
         ValueError: as `simulate`.
     """
-    check_run(plant, controller, reference)
-    return spectral_radius(_frozen_loops(plant, controller, prepared(controller, reference), reference))
+    return spectral_radius(cut_loops(plant, controller, reference, np.arange(reference.steps)).closed())
 
 
-def margins(plant: LinearPlant, controller: Controller, reference: Reference, measured=lambda plant: plant) -> Margins:
+def margins(plant: Plant, controller: Controller, reference: Reference) -> Margins:
     """Gain and delay margins of every frozen loop along a reference.
 
     Args:
-        plant: the machine whose inputs are perturbed.
+        plant: any smooth one behind its sensors: quantisers and stick-slip have no slope.
         controller: the controller under test.
-        reference: where the gains are frozen; every scored step counts.
-        measured: wraps the perturbed plant in its sensors, for example `Encoders` (a smooth twin: quantisers have no slope).
+        reference: what is run; every scored step counts.
+
+    Raises:
+        ValueError: as `simulate`, or no step is scored.
+    """
+    rows = np.flatnonzero(np.asarray(reference.mask)[: reference.steps])
+    if rows.size == 0:
+        raise ValueError("mask: margins are those of the scored samples, the reference has none")
+    loops = cut_loops(plant, controller, reference, rows)
+    acts = (loops.B != 0).any(axis=1) & (loops.C != 0).any(axis=2)
+    whole = acts.all(axis=1)
+    at_limit = int(np.sum(~whole))
+    if whole.any():
+        loops, rows = loops.at(whole), rows[whole]
+    return _margins(loops, rows, at_limit)
+
+
+def cut_loops(plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]) -> CutLoops:
+    """The loops at some steps of the run of `simulate`, as NumPy arrays.
 
     Raises:
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    plan = _scored_rows(prepared(controller, reference), reference.mask[: reference.steps])
-
-    def radii(rows: Plan, gains=1.0):
-        return spectral_radius(_frozen_loops(measured(with_input_gains(plant, gains)), controller, rows, reference))
-
-    def late_radii(delay: int):
-        late = Delayed(plant, jnp.asarray(delay), DELAY_SEARCH, plant.inputs)  # of one depth: compiled once
-        return spectral_radius(_frozen_loops(measured(late), controller, plan, reference))
-
-    nominal = radii(plan)
-    if nominal.max() >= 1:
-        return Margins(float(nominal.max()), np.ones((plant.inputs, 2)), -1)
-    gain = np.array([[_gain_limit(radii, plan, i, plant.inputs, factor) for factor in (1 / 1.05, 1.05)] for i in range(plant.inputs)])
-    delay = next((d for d in range(DELAY_SEARCH) if late_radii(d + 1).max() >= 1), DELAY_SEARCH)
-    return Margins(float(nominal.max()), gain, delay)
+    return CutLoops(*(np.asarray(matrices) for matrices in _cut_loops(plant, controller, reference, jnp.asarray(rows))))
 
 
 def _own_model(controller: Controller) -> Plant:
@@ -111,51 +142,67 @@ def _own_model(controller: Controller) -> Plant:
 
 
 @eqx.filter_jit
-def _frozen_loops(plant: Plant, controller: Controller, plan: Plan, reference: Reference) -> Float[Array, "T N N"]:
-    loop = (start_state(plant, reference), controller.initial_memory(reference))
-    moving, fixed = eqx.partition(loop, eqx.is_inexact_array)
-    flat, unravel = ravel_pytree(moving)
+def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows) -> tuple:
+    plan = controller.prepare(reference)
+    run = follow(plant, controller, plan, reference)
 
-    def one_step(z, plan_k):
-        state, memory = eqx.combine(unravel(z), fixed)
-        memory, control = controller.step(memory, plan_k, plant.measure(state))
-        after = eqx.filter((plant.step(state, control), memory), eqx.is_inexact_array)
-        return ravel_pytree(after)[0]
+    def cut(plan_k, state, memory):
+        moving, fixed = eqx.partition((state, memory), eqx.is_inexact_array)
+        flat, unravel = ravel_pytree(moving)
+        N = flat.size
 
-    return jax.vmap(lambda row: jax.jacfwd(one_step)(flat, row))(plan)
+        def one_step(inputs):
+            state, memory = eqx.combine(unravel(inputs[:N]), fixed)
+            memory, control = controller.step(memory, plan_k, plant.measure(state))
+            after = plant.step(state, jax.lax.stop_gradient(control) + inputs[N:]), memory
+            return jnp.concatenate([ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], control])
+
+        J = jax.jacfwd(one_step)(jnp.concatenate([flat, jnp.zeros(run.control.shape[1], flat.dtype)]))
+        return J[:N, :N], J[:N, N:], J[N:, :N]
+
+    return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
 
 
-def _scored_rows(plan: Plan, scored: Bool[Array, " T"]) -> Plan:
-    rows = np.flatnonzero(np.asarray(scored))
-    return jax.tree.map(lambda leaf: leaf[rows], plan)
+def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], at_limit: int) -> Margins:
+    nominal, inputs = spectral_radius(loops.closed()), loops.C.shape[1]
+    largest = float(nominal.max())
+    if largest >= 1:
+        lost = np.full((inputs, 2), samples[np.argmax(nominal)])
+        return Margins(largest, np.ones((inputs, 2)), lost, -1, at_limit)
+    found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
+    gain = np.array([[inside for inside, _ in pair] for pair in found])
+    lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
+    delay = next((d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1), DELAY_SEARCH)
+    return Margins(largest, gain, lost, delay, at_limit)
 
 
-def _gain_limit(radii, plan: Plan, index: int, inputs: int, factor: float) -> float:
-    """The factor on one control, going from 1 in steps of `factor`, at which the first frozen loop loses stability."""
-    steps = jax.tree.leaves(plan)[0].shape[0]
+def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:
+    """The factor on one control, going from 1 in steps of `factor`, at which the first frozen loop loses stability, and which that is."""
+    steps, _, inputs = loops.B.shape
+    every = np.arange(steps)
     rows = np.unique(np.linspace(0, steps - 1, min(PROBED_LOOPS, steps)).astype(int))
 
-    def unstable(gain: float, rows) -> np.ndarray:
-        gains = np.ones(inputs)
-        gains[index] = gain
-        return radii(jax.tree.map(lambda leaf: leaf[rows], plan), gains) >= 1
+    def radii(gain: float, rows) -> np.ndarray:
+        return spectral_radius(loops.at(rows).closed(np.where(np.arange(inputs) == index, gain, 1.0)))
 
     while True:
-        inside = _last_stable(lambda gain, rows=rows: not unstable(gain, rows).any(), factor)
-        lost = np.flatnonzero(unstable(inside, np.arange(steps)))
+        inside, outside = _limit(lambda gain, rows=rows: radii(gain, rows).max() < 1, factor)
+        lost = np.flatnonzero(radii(inside, every) >= 1)
         if lost.size == 0:
-            return inside
+            beyond = np.zeros(steps) if outside is None else radii(outside, every)
+            return inside, int(np.argmax(beyond)) if beyond.min() < 1 <= beyond.max() else None
         rows = np.union1d(rows, lost[:: max(1, lost.size // PROBED_LOOPS)])
 
 
-def _last_stable(stable, factor: float) -> float:
+def _limit(stable, factor: float) -> tuple[float, float | None]:
+    """The last stable gain and the first unstable one, none where the search ends before."""
     inside = 1.0
     while stable(inside * factor):
         inside *= factor
         if not 1 / GAIN_SEARCH < inside < GAIN_SEARCH:
-            return inside
+            return inside, None
     outside = inside * factor
     while abs(outside / inside - 1) > GAIN_RESOLUTION:
         middle = np.sqrt(inside * outside)
         inside, outside = (middle, outside) if stable(middle) else (inside, middle)
-    return inside
+    return inside, outside

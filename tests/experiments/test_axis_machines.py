@@ -11,8 +11,8 @@ from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_mach
 from experiments.catalogue import job_named, machine_named
 from experiments.jobs import TOOLPATHS, Pace
 from experiments.machine_files import load_machine
+from jcontour.linear import LinearPlant
 from jcontour.plants.flexible_axis import thesis_axis
-from jcontour.plants.wrappers import FineEncoders
 from jcontour.point_to_point import thesis_task_a, thesis_task_b
 
 
@@ -38,12 +38,14 @@ def test_family_is_off_by_a_fifth_and_late(machine):
 def test_motors_are_measured_and_tools_are_felt():
     pair = biaxial_machine()
     position = jnp.array([0.01, -0.02])
-    for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.sensed(pair.model)):
+    for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.nominal()):
         start = plant.initial_state(position, jnp.array([1e-4, 0.0]))
         measured = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))])
         np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
         np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
-    assert isinstance(pair.sensed(pair.model), FineEncoders)
+    assert isinstance(pair.nominal().plant, LinearPlant)
+    with pytest.raises(ValueError, match="measures its motors"):
+        pair.nominal("state")
 
 
 def test_biaxial_axes_differ():

@@ -45,7 +45,7 @@ def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
 def test_motors_are_measured_and_currents_limited(machine):
     """Y axes are homed where the tool is at zero; whatever is asked, each motor gets ten amperes."""
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
-    for plant in (machine.true_family()[0], machine.smooth_family()[0], machine.independent()[1], machine.sensed(machine.model)):
+    for plant in (machine.true_family()[0], machine.smooth_family()[0], machine.independent()[1], machine.nominal()):
         start = plant.initial_state(position, increment)
         np.testing.assert_allclose(plant.measure(start), [0.3, -0.02, -0.02, 0.1, 0.2, 0.2], rtol=0, atol=1e-12)
         np.testing.assert_allclose(plant.output(start), position, rtol=0, atol=1e-12)

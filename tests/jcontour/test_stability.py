@@ -1,17 +1,28 @@
+from types import SimpleNamespace
 from typing import Any
 
+import control
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import brentq
 
 from jcontour.contours import circle, line
 from jcontour.controller import Controller
+from jcontour.controllers.cascade import Cascade, CascadeGains
 from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers import FilterObserver, PredictorObserver, kalman_gain
 from jcontour.linear import LinearPlant, with_input_delay, with_input_gains
-from jcontour.plants.wrappers import Delayed, Encoders
+from jcontour.plant import Plant
+from jcontour.plants.gantry import Gantry
+from jcontour.plants.gantry_linear import tangent
+from jcontour.plants.gantry_parameters import thesis_gantry
+from jcontour.plants.wrappers import Delayed, Encoders, Saturated
 from jcontour.references import along
+from jcontour.sensors import Sensors
 from jcontour.stability import GAIN_RESOLUTION, GAIN_SEARCH, frozen_spectral_radii, frozen_spectral_radius, margins
 
 
@@ -19,6 +30,7 @@ class Proportional(Controller):
     """u = gain (y_d - x) for an integrator whose state is its position."""
 
     gain: Any
+    limit: float = np.inf
     preview: int = eqx.field(static=True, default=0)
 
     def prepare(self, reference):
@@ -28,7 +40,23 @@ class Proportional(Controller):
         return None
 
     def step(self, memory, plan, measurement):
-        return None, self.gain * (plan - measurement)
+        return None, jnp.clip(self.gain * (plan - measurement), -self.limit, self.limit)
+
+
+class Leaning(Plant):
+    """Integrators whose inputs act (1 + lean x_1) as much as at x = 0, with x_1 the first position."""
+
+    lean: float
+    dt: float = eqx.field(static=True, default=1e-3)
+
+    def initial_state(self, position, increment):
+        return position
+
+    def step(self, state, control):
+        return state + (1 + self.lean * state[0]) * control
+
+    def output(self, state):
+        return state
 
 
 @pytest.fixture(scope="module")
@@ -126,3 +154,111 @@ def test_a_reference_that_does_not_suit_is_refused(query, two_axes, law):
 def test_an_observer_needs_no_plant_to_be_checked(two_axes, law):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     assert frozen_spectral_radius(observer, np.array([1.0, 0.0])) < 1
+
+
+def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
+    """Poles by python-control, the loop of the cascade cut at its control."""
+    plant = LinearPlant([[1.0, 8e-4], [0.0, 0.6]], [[2e-4], [0.4]], [[1.0, 0.0]], 1e-3)
+    k_p, k_v, T_i, dt = 200.0, 0.8, 0.004, 1e-3
+    cascade = Cascade(CascadeGains(k_p, k_v, T_i), Sensors([0], [1]), dt)
+    found = margins(plant, cascade, along(line([0.0], [1e-2]), 1e-5 * np.arange(5), dt, 1, at_rest=False))
+    motion = control.ss2tf(control.ss(plant.A, plant.B, [[k_p, 1.0]], 0, dt))
+    cut = k_v * (1 + dt / T_i * control.tf([1, 0], [1, -1], dt)) * motion
+
+    def excess(gain):
+        return np.abs(control.feedback(gain * cut).poles()).max() - 1
+
+    assert found.spectral_radius - 1 == pytest.approx(excess(1.0), rel=1e-6)
+    assert found.gain[0, 1] == pytest.approx(brentq(excess, 1.0, GAIN_SEARCH), rel=2 * GAIN_RESOLUTION)
+    assert found.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
+
+
+def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
+    """From rest to 0.1 mm per sample: the control that a lag of v / g asks for is at its limit until the path stands still again."""
+    law, speed = Proportional(0.5, limit=4.9e-5), 1e-4
+    arc = speed * np.concatenate([np.zeros(3), np.arange(10), np.full(25, 9.0)])
+    reference = along(line([0, 0], [1e-3, 0]), arc, 1e-3, 0, at_rest=True)
+    x, at_limit = 0.0, 0
+    for target in np.asarray(reference.position)[:, 0]:
+        asked = 0.5 * (target - x)
+        at_limit, x = at_limit + (asked > 4.9e-5), x + min(asked, 4.9e-5)
+    for found in (margins(integrators, law, reference), margins(Saturated(integrators, jnp.full(2, 4.9e-5)), Proportional(0.5), reference)):
+        assert found.at_limit == at_limit > 10
+        assert found.spectral_radius == pytest.approx(0.5)
+        np.testing.assert_allclose(found.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
+        assert found.delay == 2
+    moving = eqx.tree_at(lambda r: r.mask, reference, (4 < np.arange(38)) & (np.arange(38) < 10))
+    stuck = margins(integrators, law, moving)  # open at every sample
+    assert (stuck.spectral_radius, stuck.delay, stuck.at_limit) == (1.0, -1, 5)
+
+
+def test_margins_of_a_machine_that_changes_along_the_path():
+    """At rest x+ = x - g (1 + lean x_1) (x - x_d) is lost at 2 / (g (1 + lean x_1)), first where x_1 is largest: in the middle."""
+    arc, scored = np.repeat([1.0, 1.5, 0.25], 60), np.tile(np.arange(60) >= 50, 3)  # [m] at rest where it counts
+    found = margins(Leaning(0.4), Proportional(0.5), along(line([0, 0], [2.0, 0]), arc, 1e-3, 0, at_rest=True, scored=scored))
+    np.testing.assert_allclose(found.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
+    np.testing.assert_array_equal(found.gain_at[:, 0], -1)  # any positive gain will do
+    assert ((110 <= found.gain_at[:, 1]) & (found.gain_at[:, 1] < 120)).all()
+    unstable = margins(Leaning(2.0), Proportional(0.9), along(line([0, 0], [2.0, 0]), 0.2 + 1e-3 * np.arange(1500), 1e-3, 0, at_rest=True))
+    assert unstable.delay == -1 and not unstable.spectral_radius < 1
+
+
+class Held(Controller):
+    """u = K (x_d - x) with x_d at rest on the reference."""
+
+    gain: Any
+    plant: Plant
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return jax.vmap(lambda y: self.plant.initial_state(y, jnp.zeros(2)))(reference.position[: reference.steps])
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return None, self.gain @ (plan - measurement)
+
+
+def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
+    """The nonlinear machine with its limits, still on two places of its beam, against A - B G K of each by SciPy; K knows the centre."""
+    p, dt, heads = thesis_gantry(), 1e-3, (-0.55, 0.3)
+
+    def model(head):
+        A, B, _ = (np.asarray(matrix) for matrix in tangent(p, head))
+        both = expm(dt * np.block([[A, B], [np.zeros((3, 9))]]))
+        return both[:6, :6], both[:6, 6:]
+
+    A, B = model(0.0)
+    Q, R = np.diag([1e8, 1e9, 1e8, 1.0, 1.0, 1.0]), np.eye(3)
+    H = solve_discrete_are(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
+
+    def radii(gains=1.0, delay=0):
+        hand = [LinearPlant(*model(head), np.eye(6), dt) for head in heads]
+        late = [with_input_delay(one, delay) for one in hand]
+        return np.array([loops(with_input_gains(one, gains), SimpleNamespace(F=K[None]))[0] for one in late])
+
+    plant = Gantry(p, dt)
+    arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])
+    reference = along(line([heads[0], 0.0], [heads[1], 0.0]), arc, dt, 0, at_rest=True, scored=np.isin(np.arange(1503), [2, 1502]))
+    found = margins(Saturated(plant, jnp.full(3, 10.0)), Held(K, plant), reference)
+    assert found.at_limit == 0
+    assert found.spectral_radius == pytest.approx(radii().max(), abs=1e-6)  # Runge-Kutta against the matrix exponential
+    for index, side in np.ndindex(3, 2):
+        low, high = np.sort(found.gain[index, side] * (1 + 2 * GAIN_RESOLUTION * np.array([-1, 1])))
+        inner, outer = (high, low) if side == 0 else (low, high)
+        if not 1 / GAIN_SEARCH < outer < GAIN_SEARCH:
+            continue  # the search ends there
+        assert (radii(np.where(np.arange(3) == index, inner, 1.0)) < 1).all()
+        lost = radii(np.where(np.arange(3) == index, outer, 1.0))
+        assert lost.max() >= 1
+        if lost.min() < 1:
+            assert found.gain_at[index, side] == (2, 1502)[np.argmax(lost)], (index, side)
+    assert (found.gain_at >= 0).sum() >= 2
+    assert radii(delay=found.delay).max() < 1 <= radii(delay=found.delay + 1).max()
+
+
+def test_nothing_scored_has_no_margins(integrators, straight):
+    with pytest.raises(ValueError, match="mask"):
+        margins(integrators, Proportional(0.5), eqx.tree_at(lambda r: r.mask, straight, np.zeros(7, bool)))

@@ -1,0 +1,33 @@
+"""Margins over several training paths: which of them is named."""
+
+import numpy as np
+import pytest
+
+from experiments.safety import _lost_first
+from experiments.tables import _lost_first_line
+from jcontour.contours import line
+from jcontour.references import along
+from jcontour.stability import Margins
+
+PATHS = [along(line([x, 0.0], [x + 1e-2, 0.0]), 1e-3 * np.arange(5), 1e-3, 0, at_rest=False) for x in (0.0, 0.5)]
+WIDE = Margins(0.9, np.array([[0.05, 20.0], [0.05, 3.0]]), np.array([[-1, -1], [-1, 2]]), 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("gain", "samples", "wanted"),
+    [
+        ([[0.05, 20.0], [0.5, 20.0]], [[-1, -1], [3, -1]], ("right", 2, [0.503, 0.0])),  # halved is nearer than three times
+        ([[0.05, 1.5], [0.5, 20.0]], [[-1, 4], [3, -1]], ("right", 1, [0.504, 0.0])),
+        ([[0.05, 20.0], [0.05, 20.0]], [[-1, -1], [-1, -1]], ("left", 2, [0.002, 0.0])),
+        ([[0.05, 20.0], [0.05, 2.0]], [[-1, -1], [-1, -1]], None),  # its loops are lost all at once
+    ],
+)
+def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
+    place = _lost_first([WIDE, Margins(0.9, np.array(gain), np.array(samples), 2, 0)], PATHS, ["left", "right"])
+    if wanted is None:
+        assert place is None and _lost_first_line(place, ["X", "Y"]) == []
+    else:
+        assert (place["contour"], place["input"]) == wanted[:2]
+        np.testing.assert_allclose(place["position"], wanted[2], rtol=0, atol=1e-12)
+        x = 1e3 * wanted[2][0]
+        assert _lost_first_line(place, ["X", "Y"])[0].endswith(f"input {wanted[1]}, on {wanted[0]} with the tool at X {x:g}, Y 0 mm")
