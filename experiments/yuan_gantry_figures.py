@@ -14,12 +14,15 @@ STYLES = {  # (head, coupling kept) -> colour, line
     (0.0, False): ("tab:blue", "-"), (-0.66, False): ("tab:orange", "-"), (-0.66, True): ("tab:orange", "--"),
     (0.66, True): ("tab:green", "--"),
 }  # fmt: skip
+BENCH_COLOURS = ("black", "tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:red")  # gantry and cases in their order
 SHOWN_HZ = (10.0, 120.0)
 
 
 def draw(summary: dict[str, Any], folder: Path) -> list[Path]:
     """All figures, as PNG files in `folder`."""
-    figures: dict[str, Callable[[dict[str, Any]], Figure]] = {"figure-5-6": bode, "figures-5-11-and-5-13": path}
+    figures: dict[str, Callable[[dict[str, Any]], Figure]] = {
+        "figure-5-6": bode, "figures-5-11-and-5-13": path, "section-5-6": bench,
+    }  # fmt: skip
     return save_figures(figures, summary, folder)
 
 
@@ -64,6 +67,26 @@ def path(summary: dict[str, Any]) -> Figure:
     error.plot(found["time_s"], 1e6 * np.array(found["contour_error_m"]), color="tab:red", linewidth=0.9)
     error.set(xlabel="time [s]", ylabel="contour error [um]")
     for axes in (twist, error):
+        axes.grid(color="0.9")
+        axes.margins(x=0.01)
+    return figure
+
+
+def bench(summary: dict[str, Any]) -> Figure:
+    """Section 5.6: contour error with a bench as the head, and the twist with and without a controller that damps it."""
+    found = summary["emulated"]
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    error, twist = figure.subplots(2, 1, sharex=True)
+    for row, colour in zip(found["rows"], BENCH_COLOURS, strict=True):
+        style = {"color": colour, "linewidth": 0.9, "label": row["name"]}
+        if not row["diverged"]:
+            error.plot(found["time_s"], 1e6 * np.array(row["contour_error_m"]), **style)
+        twist.plot(found["time_s"], 1e6 * np.abs(row["twist_rad"]), **style)
+    twist.axhline(1e6 * LARGEST_TWIST, color="0.5", linestyle="--", linewidth=0.8, label="allowed")
+    error.set(yscale="log", ylim=(1e-1, None), ylabel="contour error [um]", title="Section 5.6: a motor bench as the head of the gantry")
+    twist.set(yscale="log", ylim=(1e-4, None), xlabel="time [s]", ylabel="twist of the beam [urad]")
+    error.legend(*twist.get_legend_handles_labels(), frameon=False, loc="lower center", ncols=2, fontsize="small")
+    for axes in (error, twist):
         axes.grid(color="0.9")
         axes.margins(x=0.01)
     return figure

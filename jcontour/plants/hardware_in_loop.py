@@ -14,7 +14,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jcontour.friction import caught
@@ -47,11 +46,12 @@ class HardwareInLoop(Plant):
 
     gantry: Gantry
     bench: BackToBackMotors
-    delay: int = eqx.field(static=True, default=1)  # section 5.6.2
+    delay: int = eqx.field(static=True)
 
-    def __check_init__(self):
-        if not isinstance(self.delay, (int, np.integer)) or self.delay < 0:
-            raise ValueError(f"delay: needs a whole number of samples, at least zero, received {self.delay}")
+    def __init__(self, gantry: Gantry, bench: BackToBackMotors, delay: int = 1):  # section 5.6.2
+        if not (delay >= 0 and delay == int(delay)):
+            raise ValueError(f"delay: needs a whole number of samples, at least zero, received {delay}")
+        self.gantry, self.bench, self.delay = gantry, bench, int(delay)
 
     @property
     def dt(self) -> float:
