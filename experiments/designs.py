@@ -99,13 +99,14 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
         if name not in named:
             raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
         try:
-            values[name] = jnp.full(np.shape(named[name]), float(value))
+            values[name] = float(value)
         except ValueError:
             raise ValueError(f"weights: needs NAME=VALUE with a number, received {change!r}") from None
     return with_values(start, values)
 
 
 def with_values(weights: Weights, values: dict[str, Any]) -> Weights:
-    """The weights with some of them replaced by name."""
-    named = by_name(weights) | values
+    """The weights with some of them replaced by name; one number stands for all axes."""
+    named = by_name(weights)
+    named = named | {name: jnp.broadcast_to(jnp.asarray(value), np.shape(named[name])) for name, value in values.items()}
     return named if isinstance(weights, dict) else type(weights)(**named)

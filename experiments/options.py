@@ -168,11 +168,8 @@ class Sweep(Spreading):
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .csv) or names from `jcontour list`; circle and square when none is given."""
     vary: tuple[str, ...] = ()
-    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample; alphas and betas when not given."""
-    alphas: tuple[float, ...] = (0.3, 1.0, 3.0, 10.0)
-    """LQ: weights on the tracking error [1/m^2]: a grid, or the range of the random sample."""
-    betas: tuple[float, ...] = (0.0, 1.0, 5.0, 20.0)
-    """LQ: weights on the contour error [1/m^2]: a grid, or the range of the random sample."""
+    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample; when not given, the
+    first two from a tenth to ten times their start."""
     previews: tuple[int, ...] = (5, 10, 20)
     """Horizons of an LQ controller [samples]; a controller that has none is swept once."""
     samples: int = 0  # the grid

@@ -25,6 +25,7 @@ from jcontour.evaluation import Batching
 from tuning.sweep import grid, random_sample, sweep
 
 PARTS = "parts"
+FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where none are named
 STEPS_ON_CPU = 2_000_000  # of one core at once: a few seconds, which a kill costs at most
 BYTES_PER_STEP = 2_000  # of a run on an accelerator, with room to spare
 
@@ -35,7 +36,7 @@ def command(flags: Sweep) -> int:
     machine = machine_named(flags.plant)
     pace = Pace.of(flags, machine)
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
-    values = sampled_values(flags)
+    values = sampled_values(flags, _design(flags, machine, flags.preview))
     flags = replace(flags, previews=horizons(flags, machine))
     _check(flags, machine, jobs, values)
     if folder is None:
@@ -56,7 +57,7 @@ def command(flags: Sweep) -> int:
     return 0
 
 
-def sampled_values(flags: Sweep) -> dict[str, Float[Array, " D"]]:
+def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]]:
     """Values of the weights that vary: the grid, or random ones from the least above zero to the largest, even in the logarithm.
 
     Raises:
@@ -64,11 +65,24 @@ def sampled_values(flags: Sweep) -> dict[str, Float[Array, " D"]]:
     """
     if not flags.previews or flags.samples < 0:
         raise ValueError("previews, samples: need at least one preview, and samples of at least 0")
-    varied = dict(map(_listed, flags.vary)) if flags.vary else {"alpha": flags.alphas, "beta": flags.betas}
+    varied = dict(map(_listed, flags.vary)) or around_start(design)
     if flags.samples:
         ends = {name: (min((value for value in values if value > 0), default=0.0), max(values)) for name, values in varied.items()}
         return random_sample(flags.samples, flags.seed, **ends)
     return grid(**varied)
+
+
+def around_start(design: Design) -> dict[str, tuple[float, ...]]:
+    """A tenth to ten times where tuning starts, of the first weights that are one number, the same for every axis.
+
+    Raises:
+        ValueError: there is no such weight.
+    """
+    starts = {name: np.unique(np.asarray(by_name(design.start)[name], float)) for name in design.free()}
+    single = {name: float(values[0]) for name, values in starts.items() if values.size == 1 and values[0] > 0}
+    if not single:
+        raise ValueError(f"vary: {design.name} has no weight that is one number; name some of {', '.join(starts)} with their values")
+    return {name: tuple(factor * single[name] for factor in FACTORS) for name in list(single)[:VARIED]}
 
 
 def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:

@@ -149,7 +149,7 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
 
 LONG = {  # command -> flags, the file that tells that it is in the middle, the files that have to agree
     "front": (["circle", "--points", "2"], "budget-0/state.npz", ("result.json", "budgets.json")),
-    "sweep": (["circle", "--alphas", "1", "2", "4", "--betas", "0", "1", "5", "20", "--previews", "4", "6"], "parts", ("result.json",)),
+    "sweep": (["circle", "--vary", "alpha=1,2,4", "beta=0,1,5,20", "--previews", "4", "6"], "parts", ("result.json",)),
 }
 
 

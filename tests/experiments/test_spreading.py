@@ -51,7 +51,7 @@ def test_other_hosts_leave_nothing_behind(tmp_path, capsys):
 
 
 RUNS = {
-    "sweep": ["circle", "--previews", "4", "--alphas", "1", "2", "4", "--betas", "1"],
+    "sweep": ["circle", "--previews", "4", "--vary", "alpha=1,2,4", "beta=1"],
     "tune": ["circle", "square", "--preview", "4", "--scatter", "2", "--starts", "1", "--inner-steps", "2", "--outer-steps", "1"],
 }
 
