@@ -9,12 +9,14 @@ from experiments.machines import Machine
 from experiments.options import Controlled
 
 
-def axis_design(line: str, law: Law, *gains: Part) -> Callable[[str, Machine, Controlled], GainDesign]:
-    """Maker of a design from its parts: each part names its gains."""
+def axis_design(line: str, law: Law, *gains: Part, axes: int = 1) -> Callable[[str, Machine, Controlled], GainDesign]:
+    """Maker of a design from its parts: each part names its gains; a law along a contour needs two axes or more."""
 
     def make(name: str, machine: Machine, flags: Controlled) -> GainDesign:
         if not isinstance(machine, FlexibleMachine):
             raise ValueError(f"controller: {name} needs a flexible axis; {machine.name} takes {machine.usual.controller}")
+        if len(machine.axes) < axes:
+            raise ValueError(f"controller: {name} needs {axes} axes, for a contour; {machine.name} has {len(machine.axes)}")
         named = {key: gain for part in gains for key, gain in part(machine).items()}
         start = {key: gain.start for key, gain in named.items()}
         space = {key: gain.parameter for key, gain in named.items()}

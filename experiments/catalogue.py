@@ -130,7 +130,7 @@ def _on_gantry(line: str, law: gantries.Law, part: gantries.Part, on: str = "gan
 
 
 def _on_axes(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
-    return Entry(axis_design(line, law, laws.loops, *gains), line, on="flexible-axes")
+    return Entry(axis_design(line, law, laws.loops, *gains, axes=2), line, on="flexible-axes")
 
 
 CONTROLLERS = {
@@ -324,10 +324,16 @@ def job_named(name: str, pace: Pace) -> Run:
 
 
 def controllers_for(machine: Machine) -> list[str]:
-    """Names of the controllers that suit a machine: those for a named one of its kind that has no more axes."""
-    named = {name: make() for name, make in MACHINES.items()}
-    alike = {name for name, one in named.items() if isinstance(machine, type(one)) and len(one.axes) <= len(machine.axes)}
-    return [name for name, entry in CONTROLLERS.items() if entry.on in alike]
+    """Names of the controllers that take a machine."""
+    return [name for name in CONTROLLERS if _takes(machine, name)]
+
+
+def _takes(machine: Machine, name: str) -> bool:
+    try:
+        CONTROLLERS[name].make(name, machine, Controlled())
+    except ValueError:  # says what it needs instead
+        return False
+    return True
 
 
 def design_for(machine: Machine, flags: Controlled) -> Design:
