@@ -6,7 +6,7 @@ from functools import partial
 import jax.numpy as jnp
 
 from experiments.gain_designs import Gain, GainDesign, Gains
-from experiments.gantry_machines import GantryMachine
+from experiments.gantry_machines import CURRENT, GantryMachine
 from experiments.machines import Machine
 from experiments.options import Controlled
 from jcontour.controller import Controller
@@ -54,9 +54,9 @@ def quadratic(machine: GantryMachine) -> dict[str, Gain]:
 
 
 def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
-    """P-PI for each of the three motors by itself; the machine limits its currents."""
+    """P-PI for each of the three motors by itself; its integrators know the limits of the machine's currents."""
     each = {name: MOTORS @ value for name, value in gains.items()}
-    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt), MOTORS)
+    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt, CURRENT), MOTORS)
 
 
 def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:

@@ -1,16 +1,19 @@
 """Controllers of the gantry by name: what their gains build, that they follow, and what is refused."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from experiments.catalogue import CONTROLLERS, design_for, job_named
-from experiments.gantry_machines import friction_gantry_machine, gantry_machine
+from experiments.gantry_machines import CURRENT, friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
 from experiments.linear_machines import bridgeport_machine
 from experiments.options import Simulate
+from jcontour.contours import line
 from jcontour.metrics import score
+from jcontour.references import from_samples
 from jcontour.simulation import simulate
 
 NAMES = [name for name, entry in CONTROLLERS.items() if entry.on == "gantry"]
@@ -106,3 +109,19 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
 def test_a_machine_without_friction_is_told_so(machine):
     with pytest.raises(ValueError, match="controller: gantry has no dry friction to be fed; gantry-cascade is the same without"):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
+
+
+def test_saturated_currents_do_not_wind_the_cascade_up(machine):
+    """Let go 50 mm off, where the loops ask for far more current than there is: it comes to rest, blind to the limits it does not."""
+    reach, steps = 50e-3, 700
+    design = design_for(machine, Simulate(controller="cascade"))
+    known = design.build(design.start)
+    blind = eqx.tree_at(lambda c: c.controller.limit, known, jnp.full(3, np.inf))
+    ahead, contour = np.tile([1.0, 0.0], (steps, 1)), line([0.0, 0.0], [0.1, 0.0])
+    here = from_samples(np.zeros((steps, 2)), ahead, machine.model.dt, 1, contour, in_motion=False)
+    plant = machine.true_family()[0]
+    start = plant.initial_state(jnp.array([-reach, -reach]), jnp.zeros(2))
+    stops, swings = (simulate(plant, controller, here, start) for controller in (known, blind))
+    assert np.abs(stops.control).max() == CURRENT and np.abs(swings.control).max() > 20 * CURRENT
+    assert np.abs(stops.output[-100:]).max() < 5e-6 and np.abs(swings.output[-100:]).max() > 10e-3
+    assert np.max(stops.output) < 8e-3
