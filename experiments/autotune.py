@@ -109,7 +109,7 @@ def describe(job: TuningRun, console: Console) -> None:
 def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]) -> dict[str, Any]:
     """The result in plain numbers."""
     replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
-    warnings = [*_run_warnings(tuned, safety), *limit_warnings(replays["tuned"], job.course, job.machine)]
+    warnings = [*run_warnings(tuned, safety, job.machine.unknown_delay), *limit_warnings(replays["tuned"], job.course, job.machine)]
     warnings += _lag_warnings(job, replays)
     lost = bool(np.any(replays["tuned"].metrics.diverged))
     if lost:
@@ -176,12 +176,22 @@ def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str
     return rows
 
 
-def _run_warnings(tuned: Tuned, safety: dict[str, Any]) -> list[str]:
+def run_warnings(tuned: Tuned, safety: dict[str, Any], unknown_delay: int) -> list[str]:
+    """What a user has to know of a tuning run and the margins it ends with, one line each.
+
+    Args:
+        tuned: what was found.
+        safety: its `path_margins`.
+        unknown_delay: samples by which the machine may be late.
+    """
     lines = []
     if not tuned.feasible:
         lines.append(f"no feasible point was found; these weights exceed a limit by {100 * np.expm1(tuned.violation):.3g} %")
     if safety["largest_frozen_spectral_radius"] >= 1:
         lines.append("a frozen loop along the training paths is unstable")
+    elif safety["delay_samples"] < unknown_delay:
+        late = f"{safety['delay_samples'] + 1} sample{'s' if safety['delay_samples'] else ''} late"
+        lines.append(f"{late}, as this machine may be, a frozen loop along the training paths is unstable: longer runs may ring")
     if safety["probes_at_limit"]:
         lines.append(f"margins leave out {safety['probes_at_limit']} points at which a control is at its limit: the loop is open there")
     if tuned.diverged_points:

@@ -59,6 +59,11 @@ class FlexibleMachine(Machine):
         """Those of the members."""
         return [member.name for member in MEMBERS]
 
+    @property
+    def unknown_delay(self) -> int:
+        """That of a drive's bus."""
+        return LATE
+
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)

@@ -71,6 +71,11 @@ class GantryMachine(Machine):
         """Those of the members."""
         return [member.name for member in MEMBERS]
 
+    @property
+    def unknown_delay(self) -> int:
+        """That of a drive's bus."""
+        return LATE
+
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """Encoders do not count, and dry friction turns within a millimetre per second."""
         self._check_measured(measured)

@@ -66,6 +66,11 @@ class LinearMachine(Machine):
         """Those of the members."""
         return [name for name, _, _ in self.members]
 
+    @property
+    def unknown_delay(self) -> int:
+        """As given."""
+        return self.delay
+
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """The members behind encoders without quantisation, or with their whole state measured."""
         depth = max(self.delay, 1)

@@ -82,6 +82,11 @@ class Machine(abc.ABC):
     def family_names(self) -> list[str]:
         """Of every plant of the family, the nominal one first."""
 
+    @property
+    @abc.abstractmethod
+    def unknown_delay(self) -> int:
+        """Most samples by which a control is late in the family and not in the model."""
+
     @abc.abstractmethod
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """Every plant of the family, all of one structure, with derivatives: what is tuned on.
