@@ -12,8 +12,14 @@ SECONDS = 2.0  # for each rate
 
 
 def rows(flags: Bench) -> dict[str, Any]:
-    """Agreement and rates."""
-    return {"engines": engines(SECONDS)}
+    """Agreement and rates, those of many machines for the batch that is asked for.
+
+    Raises:
+        ValueError: several batches.
+    """
+    if len(flags.batch) > 1:
+        raise ValueError(f"batch: needs one number for the gantry, received {', '.join(map(str, flags.batch))}")
+    return {"engines": engines(SECONDS, *flags.batch)}
 
 
 def show(console: Console, summary: dict[str, Any]) -> None:

@@ -14,19 +14,25 @@ from jcontour.plants.gantry_mjx import GantryMJX
 from jcontour.plants.gantry_mujoco import GantryMuJoCo
 from jcontour.plants.gantry_parameters import thesis_gantry
 
-BATCH = 1000
+BATCH = 1000  # where nothing else is asked for
 STATES = 200  # random ones, for the agreement
 CURRENTS = (0.7, 0.4, -0.3)  # [A] held while it is timed: the beam twists
 HOST_STEPS = 1000  # of the engine on the host in one call: what a call costs does not show
 REPEATS = 3  # the best of them counts
 
 
-def engines(seconds: float) -> list[dict[str, Any]]:
+def engines(seconds: float, batch: int = BATCH) -> list[dict[str, Any]]:
     """A row for each engine: largest differences to our model in one step, relative to the step's own size, and rates.
 
     Args:
         seconds: that each rate is measured for, about.
+        batch: machines at once.
+
+    Raises:
+        ValueError: fewer than two at once.
     """
+    if batch < 2:
+        raise ValueError(f"batch: needs at least two machines at once, received {batch}")
     p = thesis_gantry()
     plants: dict[str, Plant] = {
         "jcontour": Gantry(p, SUBSTEP), "MuJoCo": GantryMuJoCo(p, SUBSTEP), "MJX": GantryMJX(p, SUBSTEP),
@@ -35,8 +41,9 @@ def engines(seconds: float) -> list[dict[str, Any]]:
     for name, plant in plants.items():
         on_host = isinstance(plant, GantryMuJoCo)
         single = HOST_STEPS * _rate(GantryMuJoCo(p, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, seconds) if on_host else _rate(plant, 1, seconds)
-        batched = None if on_host else _rate(plant, BATCH, seconds)
-        rows.append({"engine": name, "difference": _difference(plant, plants["jcontour"]), "single": single, "batched": batched})
+        batched = None if on_host else _rate(plant, batch, seconds)
+        apart = _difference(plant, plants["jcontour"])
+        rows.append({"engine": name, "difference": apart, "single": single, "batch": batch, "batched": batched})
     return rows
 
 

@@ -262,7 +262,7 @@ class Bench(Common):
     """What is timed: one step of the constrained controllers, by part and by solver; whole runs of the LQ contouring controller; the
     gantry in every engine."""
     batch: tuple[int, ...] = ()
-    """LQ: runs at once; what suits the device when not given."""
+    """LQ: runs at once, what suits the device when not given; gantry: machines at once, 1000 when not given."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from jcontour.plants.gantry_parameters import thesis_gantry
 
 @pytest.fixture(scope="module")
 def summary():
-    engines = [{"engine": "jcontour", "difference": 0.0, "single": 1.0, "batched": 1.0}]
+    engines = [{"engine": "jcontour", "difference": 0.0, "single": 1.0, "batch": 1000, "batched": 1.0}]
     return {"responses": responses(), "path": along_the_path(), "emulated": emulated(), "engines": engines}
 
 
