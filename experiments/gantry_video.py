@@ -84,9 +84,9 @@ def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, 
     suffix, save = _format()
     with _scene(parameters, path) as scene:
         frames = Frames(scene, parameters, film, pace.words)
-        path = runs.write(folder / f"video{suffix}", lambda temporary: save(temporary, map(frames.pixels, pace.samples)))
+        file = runs.write(folder / f"video{suffix}", lambda temporary: save(temporary, map(frames.pixels, pace.samples)))
     return {
-        "file": path.name, "pace": pace.words, "seconds": len(pace.samples) / FPS, "twist_factor": film.twist_factor,
+        "file": file.name, "pace": pace.words, "seconds": len(pace.samples) / FPS, "twist_factor": film.twist_factor,
         "error_factor": film.error_factor, "peak_twist_rad": float(np.abs(film.pose[:, 2]).max()),
     }  # fmt: skip
 

@@ -20,7 +20,7 @@ ENGINE_ORDER = np.array([1, 2, 0])  # (y_N, theta, x_h), by the order of the joi
 OUR_ORDER = np.array([2, 0, 1])
 
 TABLE = -0.2  # [m] height of what the tool works on; for the eye alone, as all geometry is
-PICTURE = (1280, 720)  # [pixels] the largest that is rendered
+LARGEST_PICTURE = (1280, 720)  # [pixels] that is rendered
 
 EngineState = tuple[Float[Array, "3"], Float[Array, "3"]]  # (qpos, qvel) in the engine's order
 
@@ -77,7 +77,7 @@ def mjcf(parameters: GantryParameters, timestep: float) -> str:
     <general gaintype="fixed" biastype="affine" dyntype="none" ctrllimited="false"/>
   </default>
   <visual>
-    <global fovy="20" offwidth="{PICTURE[0]}" offheight="{PICTURE[1]}"/>
+    <global fovy="20" offwidth="{LARGEST_PICTURE[0]}" offheight="{LARGEST_PICTURE[1]}"/>
     <headlight ambient="0.4 0.4 0.4" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
   </visual>
   <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="8" height="8"/></asset>
