@@ -209,8 +209,8 @@ CONTROLLERS = {
     "gantry-scheduled-lq": _on_gantry(
         "contouring LQ on three motors, its models those along the path", gantries.scheduled_lq, gantries.quadratic
     ),
-    "gantry-linearised-lq": _on_gantry(
-        "the same, the coupling of head and beam cancelled by feedback (Yuan)", gantries.linearised_lq, gantries.quadratic
+    "gantry-feedback-linearised-lq": _on_gantry(
+        "the same, the coupling of head and beam cancelled by feedback (Yuan)", gantries.feedback_linearised_lq, gantries.quadratic
     ),
     "cross-coupled": _on_axes(
         "P-PI cascades with Koren's cross-coupled control, constant gains", contouring.cross_coupled(ConstantCoupling), contouring.coupled

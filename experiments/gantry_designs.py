@@ -6,7 +6,7 @@ from functools import partial
 import jax.numpy as jnp
 
 from experiments.gain_designs import Gain, GainDesign, Gains
-from experiments.gantry_machines import CURRENT, GantryMachine
+from experiments.gantry_machines import GantryMachine
 from experiments.machines import Machine
 from experiments.options import Controlled
 from jcontour.controller import Controller
@@ -56,7 +56,7 @@ def quadratic(machine: GantryMachine) -> dict[str, Gain]:
 def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
     """P-PI for each of the three motors by itself; its integrators know the limits of the machine's currents."""
     each = {name: MOTORS @ value for name, value in gains.items()}
-    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt, CURRENT), MOTORS)
+    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt, jnp.asarray(machine.limits.control)), MOTORS)
 
 
 def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
@@ -69,7 +69,7 @@ def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> Schedule
     return ScheduledLQ(machine.schedule, _weights(gains), preview)
 
 
-def linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
+def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
     """On the models along the path that remain where the nominal coupling of head and beam is cancelled (Yuan, section 5.4.2)."""
     return Compensated(ScheduledLQ(machine.linearised_schedule, _weights(gains), preview), EncoderLinearisation(machine.parameters))
 

@@ -111,9 +111,10 @@ class GantryMachine(Machine):
         """Masses, beam, sensors."""
         p = self.parameters
         masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
+        currents = ", ".join(f"{limit:g}" for limit in np.asarray(self.limits.control))
         return {
             "Machine": f"{self.name}: head and two drives, masses {masses} kg (drives, beam, head), beam of {2 * float(p.half_span):g} m, "
-            f"{CURRENT:g} A, dt {1e3 * self.model.dt:g} ms",
+            f"{currents} A (head, drives), dt {1e3 * self.model.dt:g} ms",
             **({} if self.friction is None else {"Friction": _words(self.friction)}),
             "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
         }
@@ -131,7 +132,7 @@ class GantryMachine(Machine):
 
     def _driven(self, plant: Plant, late: int) -> Plant:
         """With its currents limited and late, behind its motors' encoders."""
-        limited = Saturated(plant, jnp.full(3, CURRENT))
+        limited = Saturated(plant, jnp.asarray(self.limits.control))
         return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
 
     def _check_measured(self, measured: Measured) -> None:

@@ -98,7 +98,7 @@ class Cascade(Controller):
     dt: float = eqx.field(static=True)
     preview: int = eqx.field(static=True, default=1)
 
-    def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit=np.inf):
+    def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit: Float[ArrayLike, "*m"] = np.inf):
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
         check_limit(limit)

@@ -85,6 +85,22 @@ def test_every_gain_has_the_slope_that_differences_say(machine, name):
         assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-8), key
 
 
+def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(machine):
+    """Nearly half of the eight; on the nominal plant, and on the one that is late it holds too."""
+    job, plants = job_named("eight-right", Pace(machine, None, None)), dict(zip(machine.family_names, machine.true_family(), strict=True))
+    piece = job._replace(arc=job.arc[:400], scored=np.arange(400) >= 100)  # without the entry
+
+    def contour_errors(name):
+        design = design_for(machine, Simulate(controller=name))
+        reference, controller = piece.reference(machine.model.dt, design.preview), design.build(design.start)
+        found = [score(simulate(plants[each], controller, reference), reference) for each in ("nominal", "1 sample late")]
+        assert not any(metrics.diverged for metrics in found)
+        return [float(metrics.rms_contour_error) for metrics in found]
+
+    scheduled, cancelled = contour_errors("scheduled-lq"), contour_errors("feedback-linearised-lq")
+    assert scheduled != cancelled and cancelled[0] == pytest.approx(scheduled[0], rel=0.01)
+
+
 def test_other_machines_are_refused(machine):
     with pytest.raises(ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"):
         design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
