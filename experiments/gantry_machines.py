@@ -54,7 +54,7 @@ class GantryMachine(Machine):
     def usual(self) -> Usual:
         """Contours at several positions along the beam."""
         return Usual(
-            "gantry-contouring-lq", training=("ring-left", "ring-centre", "cushion-right"),
+            "gantry-scheduled-lq", training=("ring-left", "ring-centre", "cushion-right"),
             held_out=("eight-right", "oval-centre", "cushion-left"),
             beside_own=("oval-centre",), simulated="ring-left", front=("ring-left",), swept=("ring-left",), effort=1.2,
         )  # fmt: skip
