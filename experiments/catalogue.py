@@ -5,8 +5,6 @@ controller, settles.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,16 +13,13 @@ from experiments import axis_laws as laws
 from experiments import contouring_laws as contouring
 from experiments import gantry_designs as gantries
 from experiments.axis_designs import axis_design
-from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
-from experiments.designs import Design, changed
-from experiments.gantry_machines import friction_gantry_machine, gantry_machine, guide_ways
-from experiments.jobs import TOOLPATHS, Job, Pace, Run, at_constant_feed, from_file
-from experiments.linear_machines import bridgeport_machine
+from experiments.axis_machines import FlexibleMachine, biaxial_axes, biaxial_machine, thesis_machine
+from experiments.gantry_machines import GantryMachine, friction_gantry_machine, gantry_machine, guide_ways
+from experiments.jobs import TOOLPATHS, Job, Pace, at_constant_feed, from_file
+from experiments.linear_machines import LinearMachine, bridgeport_machine
 from experiments.lq_designs import contouring_lq, preview_lq
-from experiments.machine_files import load_machine
 from experiments.machines import Machine
 from experiments.motions import s_curve, task_a, task_b
-from experiments.options import Controlled
 from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.controllers.cross_coupled import ConstantCoupling, VariableCoupling
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, EulerLESO, ExactLESO
@@ -50,7 +45,7 @@ class Entry(NamedTuple):
         smooth: differentiable where it is used.
         stable: its loop settles.
         still: a plant that stays where it is at rest without control.
-        on: name of the machine that it is for, or of one of them.
+        on: name of the machine that it is for, or of one of them; a controller is for all that have what `NEEDS` says of it.
     """
 
     make: Callable[..., Any]
@@ -59,6 +54,13 @@ class Entry(NamedTuple):
     stable: bool = True
     still: bool = True
     on: str = "bridgeport"
+
+
+class Need(NamedTuple):
+    """What a controller needs of a machine, in words, and whether one has it."""
+
+    words: str
+    met_by: Callable[[Machine], bool]
 
 
 def _late(samples: int):
@@ -71,6 +73,18 @@ MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of 
     "flexible-axes": biaxial_machine,
     "gantry": gantry_machine,
     "gantry-friction": friction_gantry_machine,
+}
+
+NEEDS = {  # of the controllers on each
+    "bridgeport": Need("a machine given by A, B, C", lambda machine: isinstance(machine, LinearMachine)),
+    "flexible-axis": Need("a flexible axis", lambda machine: isinstance(machine, FlexibleMachine)),
+    "flexible-axes": Need(
+        "two flexible axes or more, for a contour", lambda machine: isinstance(machine, FlexibleMachine) and len(machine.axes) > 1
+    ),
+    "gantry": Need("a gantry", lambda machine: isinstance(machine, GantryMachine)),
+    "gantry-friction": Need(
+        "a gantry with dry friction", lambda machine: isinstance(machine, GantryMachine) and machine.friction is not None
+    ),
 }
 
 PLANTS = {
@@ -130,7 +144,7 @@ def _on_gantry(line: str, law: gantries.Law, part: gantries.Part, on: str = "gan
 
 
 def _on_axes(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
-    return Entry(axis_design(line, law, laws.loops, *gains, axes=2), line, on="flexible-axes")
+    return Entry(axis_design(line, law, laws.loops, *gains), line, on="flexible-axes")
 
 
 CONTROLLERS = {
@@ -295,64 +309,3 @@ CONTOURS = {
     "task-b": Entry(task_b, "to and fro along a cosine (Yuan)", on="flexible-axis"),
     "s-curve": Entry(s_curve, "point to point with limited jerk", on="flexible-axis"),
 }
-
-
-def machine_named(name: str) -> Machine:
-    """Machine of a catalogue name or a file.
-
-    Raises:
-        MachineError: no such name, and no such file or a bad one.
-    """
-    if name in MACHINES:
-        return MACHINES[name]()
-    if not Path(name).suffix:
-        raise ValueError(f"plant: there is none named {name!r}; give {', '.join(MACHINES)}, or a JSON or npz file")
-    return load_machine(name)
-
-
-def job_named(name: str, pace: Pace) -> Run:
-    """Job of a catalogue name or a toolpath file.
-
-    Raises:
-        ValueError: no such name, and no such file or a bad one.
-    """
-    if name in CONTOURS:
-        return CONTOURS[name].make(pace)
-    if not Path(name).suffix:
-        raise ValueError(f"contour: there is none named {name!r}; give one of {', '.join(CONTOURS)}, or a toolpath file")
-    return from_file(Path(name), pace)
-
-
-def controllers_for(machine: Machine) -> list[str]:
-    """Names of the controllers that take a machine."""
-    return [name for name in CONTROLLERS if _takes(machine, name)]
-
-
-def _takes(machine: Machine, name: str) -> bool:
-    try:
-        CONTROLLERS[name].make(name, machine, Controlled())
-    except ValueError:  # says what it needs instead
-        return False
-    return True
-
-
-def design_for(machine: Machine, flags: Controlled) -> Design:
-    """The controller that the flags name, for this machine; its start has been built once, on the host.
-
-    Raises:
-        ValueError: no such controller, it does not suit the machine, or a weight is wrong.
-    """
-    asked = flags.controller or machine.usual.controller
-    name = next((own for own in _own_names(machine.name, asked) if own in CONTROLLERS), asked)
-    if name not in CONTROLLERS:
-        raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}")
-    design = CONTROLLERS[name].make(name, machine, flags)
-    design = replace(design, start=changed(design.start, flags.weights))
-    design.build(design.start)
-    return design
-
-
-def _own_names(machine: str, controller: str) -> list[str]:
-    """A machine's own goes first, then that of its kind: gantry-friction-cascade, gantry-cascade."""
-    words = machine.split("-")
-    return ["-".join([*words[:count], controller]) for count in range(len(words), 0, -1)]

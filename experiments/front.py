@@ -14,8 +14,8 @@ import xarray as xr
 from rich.console import Console
 
 from experiments import figures, runs, tables
-from experiments.catalogue import machine_named
 from experiments.checkpoints import load_state, save_state
+from experiments.choices import machine_named
 from experiments.datasets import metric_unit, save_dataset
 from experiments.designs import plain_weights
 from experiments.options import Front, Spreading, Tune

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 
 from experiments.gain_designs import Gain, GainDesign, Gains
 from experiments.gantry_machines import GantryMachine
-from experiments.machines import Machine
 from experiments.options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.cascade import Cascade, CascadeGains
@@ -35,13 +34,8 @@ def loops(machine: GantryMachine) -> dict[str, Gain]:
 
 
 def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
-    """The same, and what the guide ways take to break loose; of Y the mean of both drives.
-
-    Raises:
-        ValueError: the machine has no dry friction.
-    """
-    if machine.friction is None:
-        raise ValueError(f"controller: {machine.name} has no dry friction to be fed; gantry-cascade is the same without")
+    """The same, and what the guide ways take to break loose; of Y the mean of both drives."""
+    assert machine.friction is not None  # the catalogue has it for no other
     head, first, second = machine.friction.dry(jnp.zeros(3))
     p = machine.parameters
     dry = jnp.stack([head / p.head_constant, (first + second) / (2 * p.drive_constant)])
@@ -74,12 +68,10 @@ def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -
     return Compensated(ScheduledLQ(machine.linearised_schedule, _weights(gains), preview), EncoderLinearisation(machine.parameters))
 
 
-def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, Machine, Controlled], GainDesign]:
+def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, GantryMachine, Controlled], GainDesign]:
     """Maker of a design from its law and the gains that it takes."""
 
-    def make(name: str, machine: Machine, flags: Controlled) -> GainDesign:
-        if not isinstance(machine, GantryMachine):
-            raise ValueError(f"controller: {name} needs a gantry; {machine.name} takes {machine.usual.controller}")
+    def make(name: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
         gains = part(machine)
         start, space = {key: gain.start for key, gain in gains.items()}, {key: gain.parameter for key, gain in gains.items()}
         build = partial(_built, law, flags.preview)

@@ -106,10 +106,10 @@ class LQDesign(Design):
 
 def contouring_lq(
     terminal: str | None = None, measured: Measured = "outputs", observer: Observer = FilterObserver
-) -> Callable[[str, Machine, Controlled], LQDesign]:
+) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
     """Maker of a contouring LQ design; the flags choose the terminal when none is given here."""
 
-    def make(name: str, machine: Machine, flags: Controlled) -> LQDesign:
+    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
         chosen = terminal or flags.terminal
 
         def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
@@ -120,27 +120,25 @@ def contouring_lq(
     return make
 
 
-def preview_lq(measured: Measured = "outputs") -> Callable[[str, Machine, Controlled], LQDesign]:
+def preview_lq(measured: Measured = "outputs") -> Callable[[str, LinearMachine, Controlled], LQDesign]:
     """Maker of a preview LQ design: alpha alone is tuned, there is no contour weight."""
 
     def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
         return PreviewLQ(machine.model, weights.alpha, weights.rho, preview)
 
-    def make(name: str, machine: Machine, flags: Controlled) -> LQDesign:
+    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
         space = LQSpace(beta=Fixed())
         return _design(name, machine, flags, law, "finite-preview LQ tracking", "riccati", measured, FilterObserver, space)
 
     return make
 
 
-def _design(name, machine, flags: Controlled, law: Law, line: str, terminal: str, measured, observer, space: LQSpace) -> LQDesign:
+def _design(name, machine: LinearMachine, flags: Controlled, law: Law, line: str, terminal: str, measured, observer, space) -> LQDesign:
     """The design with the flags' weights.
 
     Raises:
-        ValueError: the machine is not linear, or a weight or the preview is wrong.
+        ValueError: a weight or the preview is wrong.
     """
-    if not isinstance(machine, LinearMachine):
-        raise ValueError(f"controller: {name} needs a machine given by A, B, C; {machine.name} takes {machine.usual.controller}")
     if flags.preview < 1:
         raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
     profiled = getattr(flags, "stage_profile", False)

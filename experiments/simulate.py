@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from experiments import runs, tables
-from experiments.catalogue import design_for, job_named, machine_named
+from experiments.choices import design_for, job_named, machine_named
 from experiments.designs import Design, plain_weights
 from experiments.gantry_machines import GantryMachine
 from experiments.jobs import Pace

@@ -10,7 +10,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from experiments import runs, tables
-from experiments.catalogue import design_for, job_named, machine_named
+from experiments.choices import design_for, job_named, machine_named
 from experiments.datasets import metric_unit, save_dataset
 from experiments.designs import Design, by_name, plain_weights, with_values
 from experiments.jobs import Pace, Run

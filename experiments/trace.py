@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments import runs, tables
-from experiments.catalogue import CONTOURS, job_named, machine_named
+from experiments.catalogue import CONTOURS
+from experiments.choices import job_named, machine_named
 from experiments.jobs import Pace
 from experiments.machines import Machine
 from experiments.options import MachineFlags, Trace

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import numpy as np
 
-from experiments.catalogue import design_for, job_named, machine_named
+from experiments.choices import design_for, job_named, machine_named
 from experiments.designs import Design
 from experiments.jobs import Pace, Run
 from experiments.machines import Machine, Usual

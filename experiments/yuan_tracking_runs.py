@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.axis_machines import EFFORT, FlexibleMachine, thesis_machine
-from experiments.catalogue import CONTROLLERS, design_for, job_named
+from experiments.catalogue import CONTROLLERS
+from experiments.choices import design_for, job_named
 from experiments.jobs import Pace
 from experiments.options import Simulate, Tune
 from experiments.replays import Course, replay

@@ -50,7 +50,8 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Nominal smooth plant and the true one, controller with its own start weights, short references in motion, of a catalogued name."""
-    from experiments.catalogue import CONTROLLERS, MACHINES, design_for
+    from experiments.catalogue import CONTROLLERS, MACHINES
+    from experiments.choices import design_for
     from experiments.options import Simulate
     from jcontour.contours import circle, line
     from jcontour.references import along

@@ -9,7 +9,8 @@ import pytest
 
 from experiments.axis_laws import cascade, loops, quadratic, state_weights
 from experiments.axis_machines import biaxial_machine, thesis_machine
-from experiments.catalogue import CONTROLLERS, design_for
+from experiments.catalogue import CONTROLLERS
+from experiments.choices import design_for
 from experiments.designs import with_values
 from experiments.jobs import Pace
 from experiments.linear_machines import bridgeport_machine

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.axis_machines import biaxial_axes, biaxial_machine, thesis_machine
-from experiments.catalogue import job_named, machine_named
+from experiments.choices import job_named, machine_named
 from experiments.jobs import TOOLPATHS, Pace
 from experiments.machine_files import load_machine
 from jcontour.linear import LinearPlant

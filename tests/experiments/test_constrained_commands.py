@@ -67,7 +67,7 @@ def test_verify_needs_a_run(tmp_path, capsys):
 
 
 def test_limits_of_the_machine_and_of_the_flags(machine_file):
-    from experiments.catalogue import machine_named
+    from experiments.choices import machine_named
 
     machine = machine_named(str(machine_file))
     own, changed = limits_of(Verify(), machine), limits_of(Verify(max_control=7.0, max_speed_mm_s=50.0), machine)

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue import CONTROLLERS, design_for, job_named
+from experiments.catalogue import CONTROLLERS
+from experiments.choices import design_for, job_named
 from experiments.gantry_machines import CURRENT, friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
 from experiments.linear_machines import bridgeport_machine
@@ -123,7 +124,7 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
 
 
 def test_a_machine_without_friction_is_told_so(machine):
-    with pytest.raises(ValueError, match="controller: gantry has no dry friction to be fed; gantry-cascade is the same without"):
+    with pytest.raises(ValueError, match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-contouring-lq"):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 

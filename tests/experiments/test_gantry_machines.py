@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue import CONTOURS, job_named
+from experiments.catalogue import CONTOURS
+from experiments.choices import job_named
 from experiments.gantry_machines import CURRENT, ENCODER_RESOLUTION, friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
 from jcontour.evaluation import stack_plants

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from experiments import gantry_video
-from experiments.catalogue import job_named
+from experiments.choices import job_named
 from experiments.cli import main
 from experiments.gantry_frames import ERROR_SHOWN, LARGEST_FACTOR, SIZE, TWIST_SHOWN, Film, Frames, least_round, magnification, posed
 from experiments.gantry_machines import gantry_machine

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.catalogue import design_for, machine_named
+from experiments.choices import design_for, machine_named
 from experiments.options import Sweep
 from experiments.sweep import horizons, sampled_values
 
