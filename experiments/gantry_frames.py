@@ -4,7 +4,7 @@ The twist theta is drawn n times as large, about the tool, which stays where it 
 `gantry_parameters`. The contour error is magnified in the plan.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from experiments.films import Film
 from jcontour.plants.gantry_parameters import GantryParameters
 
 TWIST_SHOWN = 0.08  # [rad] at most, magnified: 4.6 degrees
@@ -24,34 +25,14 @@ PICTURE = (960, 380)  # [pixels] of the machine
 SIZE, DPI = (960, 672), 100  # [pixels] of a frame: whole blocks of a codec
 
 
-class Film(NamedTuple):
-    """What is shown, sample by sample.
+def twist_factor(film: Film) -> int:
+    """How many times the twist is magnified."""
+    return magnification(np.abs(film.pose[:, 2]).max(), TWIST_SHOWN)
 
-    Attributes:
-        time: [s] (T,).
-        pose: (T, 3) coordinates (x_h, y_N, theta) [m, m, rad].
-        tool: (T, 2) [m].
-        error: (T, 2) [m], from the nearest point of the contour to the tool.
-        path: (T, 2) [m], where the tool should be.
-        title: what it is.
-    """
 
-    time: np.ndarray
-    pose: np.ndarray
-    tool: np.ndarray
-    error: np.ndarray
-    path: np.ndarray
-    title: str
-
-    @property
-    def twist_factor(self) -> int:
-        """How many times the twist is magnified."""
-        return magnification(np.abs(self.pose[:, 2]).max(), TWIST_SHOWN)
-
-    @property
-    def error_factor(self) -> int:
-        """How many times the contour error is magnified."""
-        return magnification(np.linalg.norm(self.error, axis=1).max(), ERROR_SHOWN * np.ptp(self.path, axis=0).max())
+def error_factor(film: Film) -> int:
+    """How many times the contour error is magnified."""
+    return magnification(np.linalg.norm(film.error, axis=1).max(), ERROR_SHOWN * np.ptp(film.path, axis=0).max())
 
 
 def magnification(peak: float, shown: float) -> int:
@@ -80,7 +61,7 @@ class Frames:
     Args:
         scene: a `gantry_scene.Scene`, or whatever has its `picture`.
         parameters: of the machine.
-        film: what is shown.
+        film: what is shown; its poses are (x_h, y_N, theta) [m, m, rad].
         pace: of the video, in words.
     """
 
@@ -91,7 +72,7 @@ class Frames:
         mosaic: Any = [["machine", "machine"], ["plan", "twist"], ["plan", "error"]]
         panels = figure.subplot_mosaic(mosaic, height_ratios=(PICTURE[1] / 120, 1, 1), width_ratios=(1, 2.2))
         self._machine, self._heading = _machine_panel(panels["machine"])
-        self._trace = 1e3 * (film.tool + (film.error_factor - 1) * film.error)
+        self._trace = 1e3 * (film.tool + (error_factor(film) - 1) * film.error)
         self._traced, self._tip = _plan_panel(panels["plan"], film, self._trace)
         self._signals = 1e6 * film.pose[:, 2], 1e6 * np.linalg.norm(film.error, axis=1)
         self._lines = [_signal_panel(panels[name], film.time, v) for name, v in zip(("twist", "error"), self._signals, strict=True)]
@@ -109,10 +90,10 @@ class Frames:
     def pixels(self, sample: int) -> np.ndarray:
         """(height, width, 3) of a sample."""
         film, seen = self._film, slice(0, sample + 1)
-        pose = posed(self._parameters, film.tool[sample], film.twist_factor * film.pose[sample, 2])
+        pose = posed(self._parameters, film.tool[sample], twist_factor(film) * film.pose[sample, 2])
         straight = film.tool[sample, 1] + float(self._parameters.tool_offset)
         self._machine.set_data(self._scene.picture(pose, straight))
-        self._heading.set_text(f"{film.title}    t = {film.time[sample]:.3f} s, {self._pace}    twist x {film.twist_factor:,}")
+        self._heading.set_text(f"{film.title}    t = {film.time[sample]:.3f} s, {self._pace}    twist x {twist_factor(film):,}")
         self._traced.set_data(*self._trace[seen].T)
         self._tip.set_data(*self._trace[sample : sample + 1].T)
         for line, values in zip(self._lines, self._signals, strict=True):
@@ -134,7 +115,7 @@ def _plan_panel(axes: Axes, film: Film, trace: np.ndarray) -> tuple[Line2D, Line
     axes.plot(*(1e3 * film.path).T, color="0.55", linewidth=2.0)
     shown = np.vstack([trace, 1e3 * film.path])
     axes.set(aspect="equal", xlim=_padded(shown[:, 0]), ylim=_padded(shown[:, 1]), xlabel="x [mm]", ylabel="y [mm]")
-    axes.set_title(f"contour error x {film.error_factor:,}", fontsize=11)
+    axes.set_title(f"contour error x {error_factor(film):,}", fontsize=11)
     (traced,), (tip,) = axes.plot([], [], color="C1", linewidth=1.1, animated=True), axes.plot([], [], "o", color="C1", animated=True)
     return traced, tip
 

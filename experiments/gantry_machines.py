@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,6 +11,7 @@ from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from experiments.families import LATE, Member, members
+from experiments.films import FilmMaker
 from experiments.machines import Machine, MachineLimits, Measured, Usual
 from jcontour.friction import Friction
 from jcontour.model_schedule import ModelSchedule
@@ -106,6 +107,12 @@ class GantryMachine(Machine):
 
         plant = self._driven(GantryMuJoCo(self.parameters, self.model.dt), 0)
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
+
+    def film(self) -> FilmMaker | None:
+        """Its MuJoCo model at the states of the run."""
+        from experiments.gantry_video import pose, record  # loads what draws
+
+        return FilmMaker(pose, partial(record, self.parameters))
 
     def nominal(self, measured: Measured = "outputs") -> Plant:
         """With its limits; without dry friction, whose smooth twin is so steep where an axis turns that it hides the loop."""

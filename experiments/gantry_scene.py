@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from experiments import checks
 from jcontour.plants.gantry_mjcf import ENGINE_ORDER, TABLE, mjcf
 from jcontour.plants.gantry_mujoco import loaded, mujoco
 from jcontour.plants.gantry_parameters import GantryParameters
@@ -20,11 +21,15 @@ TILT = -60.0  # [degrees] of the camera from the horizon: the beam's angle shows
 DISTANCE = 2.75  # of the camera, in half spans with their drives
 
 
+class OpenGLError(Exception):
+    """No OpenGL can be opened."""
+
+
 class Scene(AbstractContextManager):
     """The machine and the path (P, 2) [m] on its table; `picture` puts it to a pose. Close it, or use it in a `with`.
 
     Raises:
-        Exception: of many kinds, where no OpenGL can be opened.
+        OpenGLError: no OpenGL can be opened.
     """
 
     def __init__(self, parameters: GantryParameters, path: np.ndarray, size: tuple[int, int]):
@@ -38,7 +43,7 @@ class Scene(AbstractContextManager):
         self._camera.distance = DISTANCE * (self._reach + float(parameters.joint_length))
         self._shown = mujoco.MjvOption()
         self._shown.sitegroup[:] = False
-        self._renderer = mujoco.Renderer(self._model, height=size[1], width=size[0])
+        self._renderer = _opened(self._model, size)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # half the time where the processor draws
 
     def picture(self, pose: np.ndarray, straight: float) -> np.ndarray:
@@ -64,3 +69,10 @@ class Scene(AbstractContextManager):
 
     def __exit__(self, *_) -> None:
         self._renderer.close()
+
+
+def _opened(model: "mujoco.MjModel", size: tuple[int, int]) -> "mujoco.Renderer":
+    try:
+        return mujoco.Renderer(model, height=size[1], width=size[0])
+    except Exception as error:  # every OpenGL raises another
+        raise OpenGLError(checks.line(error)) from error

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from PIL import Image
 
 from experiments import checks, runs
-from experiments.gantry_frames import PICTURE, SIZE, Film, Frames, least_round
-from experiments.replays import Course, Replay, desired, scored
+from experiments.films import Film, VideoError
+from experiments.gantry_frames import PICTURE, SIZE, Frames, error_factor, least_round, twist_factor
 from jcontour.plant import Plant, State
 from jcontour.plants.gantry_parameters import GantryParameters
 from jcontour.plants.wrappers import unwrapped
@@ -23,11 +23,6 @@ SHORTEST, LONGEST = 5.0, 14.0  # [s] of the video
 SEGMENTS = 240  # of the path on the table
 QUALITY = 8  # of an MP4, of 10: lines stay sharp
 COLOURS = 64  # of a GIF
-MP4_NEEDS = "an MP4 needs `pip install 'jcontour[video]'`, or `uv run --extra video jcontour ...`"
-
-
-class VideoError(ValueError):
-    """There is no video; one line that says why and what helps."""
 
 
 class Pace(NamedTuple):
@@ -58,21 +53,6 @@ def pose(plant: Plant, state: State) -> Float[Array, "3"]:
     return gantry.measure(own)[:3]
 
 
-def film_of(course: Course, found: Replay, title: str) -> Film:
-    """The first contour on the nominal plant, from its first scored sample to its last.
-
-    Raises:
-        VideoError: the run diverged.
-    """
-    if np.asarray(found.metrics.diverged)[0, 0]:
-        raise VideoError(f"video: the run on the {course.plants[0]} plant diverged, there is nothing to show")
-    first, last = np.flatnonzero(scored(course)[0])[[0, -1]]
-    shown = slice(first, last + 1)
-    time = course.references.dt * np.arange(first, last + 1)
-    watched, tool, error = (np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error))
-    return Film(time, watched, tool, error, desired(course)[0, shown], title)
-
-
 def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, Any]:
     """Draw the film and write it into the folder: MP4 where the optional packages are, GIF elsewhere; its file, pace and factors.
 
@@ -85,21 +65,15 @@ def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, 
     with _scene(parameters, path) as scene:
         frames = Frames(scene, parameters, film, pace.words)
         file = runs.write(folder / f"video{suffix}", lambda temporary: save(temporary, map(frames.pixels, pace.samples)))
+    twist, turned, off = float(np.abs(film.pose[:, 2]).max()), twist_factor(film), error_factor(film)
     return {
-        "file": file.name, "pace": pace.words, "seconds": len(pace.samples) / FPS, "twist_factor": film.twist_factor,
-        "error_factor": film.error_factor, "peak_twist_rad": float(np.abs(film.pose[:, 2]).max()),
+        "file": file.name, "pace": pace.words, "seconds": len(pace.samples) / FPS, "twist_factor": turned, "error_factor": off,
+        "peak_twist_rad": twist, "magnified": f"twist x {turned:,} (peak {1e6 * twist:.3g} urad), contour error x {off:,}",
     }  # fmt: skip
 
 
-def lines(video: dict[str, Any], folder: Path) -> list[str]:
-    """What a user is told of it."""
-    drawn = f"twist x {video['twist_factor']:,} (peak {1e6 * video['peak_twist_rad']:.3g} urad), contour error x {video['error_factor']:,}"
-    told = [f"Video: {folder / video['file']}, {video['seconds']:.3g} s, {video['pace']}, {drawn}"]
-    return told + ([f"It is a GIF: {MP4_NEEDS}"] if video["file"].endswith(".gif") else [])
-
-
 def _scene(parameters: GantryParameters, path: np.ndarray):
-    """A `gantry_scene.Scene`: everything that imports the engine."""
+    """A `gantry_scene.Scene`: everything that imports the engine, and OpenGL with it."""
     if platform.system() == "Linux":
         os.environ.setdefault("MUJOCO_GL", "egl")  # needs no display; the engine reads it when it is first imported
     try:
@@ -108,9 +82,10 @@ def _scene(parameters: GantryParameters, path: np.ndarray):
         raise VideoError(f"video: {checks.line(error)}") from None
     except Exception as error:  # every OpenGL, and what may be missing of it, raises another
         raise _no_opengl(error) from error
+    scene = import_module("experiments.gantry_scene")
     try:
-        return import_module("experiments.gantry_scene").Scene(parameters, path, PICTURE)
-    except Exception as error:
+        return scene.Scene(parameters, path, PICTURE)
+    except scene.OpenGLError as error:
         raise _no_opengl(error) from error
 
 

@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from experiments.films import FilmMaker
 from jcontour.linear import LinearPlant
 from jcontour.plant import Plant
 
@@ -110,6 +111,10 @@ class Machine(abc.ABC):
 
     def independent(self) -> tuple[str, Plant] | None:
         """The nominal one of the true family in an engine that others have written, and its name; None where there is none."""
+        return None
+
+    def film(self) -> FilmMaker | None:
+        """What films a run of it; None where nothing draws it."""
         return None
 
     @abc.abstractmethod

@@ -1,4 +1,4 @@
-"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; of a gantry a video too."""
+"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; a video too, of what can be drawn."""
 
 from pathlib import Path
 from typing import Any
@@ -8,11 +8,11 @@ import numpy as np
 from experiments import runs, tables
 from experiments.choices import design_for, job_named, machine_named
 from experiments.designs import Design, plain_weights
-from experiments.gantry_machines import GantryMachine
+from experiments.films import Film, FilmMaker, VideoError, lines
 from experiments.jobs import Pace
 from experiments.machines import Machine
 from experiments.options import Simulate
-from experiments.replays import Course, Replay, Watch, replay
+from experiments.replays import Course, Replay, desired, replay, scored
 
 
 def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
@@ -22,17 +22,17 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
         ValueError: bad input; nothing has been written then.
     """
     machine = machine_named(flags.plant)
-    watch = _pose_of(machine) if flags.video else None
+    maker = _film_maker(machine) if flags.video else None
     design = design_for(machine, flags)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     course = Course.of([job], [False], machine, design.measured, design.preview)
-    found = replay(design.build(design.start), course, watch)
+    found = replay(design.build(design.start), course, maker and maker.watch)
     inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
     folder = runs.create(flags.out or runs.default_folder("simulate"), "simulate", flags, inputs)
     summary = runs.plain(_summary(design, course, found))
     _store(machine, course, found, folder, summary)
-    if isinstance(machine, GantryMachine) and flags.video:
-        summary["video"] = _filmed(machine, course, found, folder, f"{design.name} on {summary['contour']}")
+    if maker:
+        summary["video"] = _filmed(maker, course, found, folder, f"{design.name} on {summary['contour']}")
         runs.write_json(folder / runs.RESULT, summary)
     return summary, folder
 
@@ -40,43 +40,47 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
 def command(flags: Simulate) -> int:
     """The whole command: run, print, exit code."""
     summary, folder = run(flags)
+    video = summary.get("video", {})
     if flags.json:
         print(runs.json_text({"run": str(folder), **summary}))
     else:
         console = tables.console_of()
         console.print(tables.plant_table(summary))
-        tables.say(console, *_video_lines(summary, folder), f"Run folder: {folder}")
-    failure = summary.get("video", {}).get("failure")
-    if failure:
-        raise ValueError(f"{failure}; the rest of the run is in {folder}")
+        told = lines(video, folder) if "file" in video else []
+        tables.say(console, *told, f"Run folder: {folder}")
+    if "failure" in video:
+        raise ValueError(f"{video['failure']}; the rest of the run is in {folder}")
     return 0
 
 
-def _pose_of(machine: Machine) -> Watch:
-    if not isinstance(machine, GantryMachine):
-        raise ValueError(f"video: needs a gantry, whose MuJoCo model is drawn; there is none of {machine.name}")
-    from experiments.gantry_video import pose
+def film_of(course: Course, found: Replay, title: str) -> Film:
+    """The first contour on the nominal plant, from its first scored sample to its last.
 
-    return pose
+    Raises:
+        VideoError: the run diverged.
+    """
+    if np.asarray(found.metrics.diverged)[0, 0]:
+        raise VideoError(f"video: the run on the {course.plants[0]} plant diverged, there is nothing to show")
+    first, last = np.flatnonzero(scored(course)[0])[[0, -1]]
+    shown = slice(first, last + 1)
+    time = course.references.dt * np.arange(first, last + 1)
+    watched, tool, error = (np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error))
+    return Film(time, watched, tool, error, desired(course)[0, shown], title)
 
 
-def _filmed(machine: GantryMachine, course: Course, found: Replay, folder: Path, title: str) -> dict[str, Any]:
+def _film_maker(machine: Machine) -> FilmMaker:
+    maker = machine.film()
+    if maker is None:
+        raise ValueError(f"video: needs a machine that can be drawn, as a gantry can; {machine.name} cannot")
+    return maker
+
+
+def _filmed(maker: FilmMaker, course: Course, found: Replay, folder: Path, title: str) -> dict[str, Any]:
     """What is known of the video; its failure, where there is none: the run itself is good."""
-    from experiments.gantry_video import VideoError, film_of, record
-
     try:
-        return runs.plain(record(machine.parameters, film_of(course, found, title), folder))
+        return runs.plain(maker.record(film_of(course, found, title), folder))
     except VideoError as error:
         return {"failure": str(error)}
-
-
-def _video_lines(summary: dict[str, Any], folder: Path) -> list[str]:
-    video = summary.get("video", {})
-    if "file" not in video:
-        return []
-    from experiments.gantry_video import lines
-
-    return lines(video, folder)
 
 
 def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:

@@ -15,11 +15,24 @@ from PIL import Image
 from experiments import gantry_video
 from experiments.choices import job_named
 from experiments.cli import main
-from experiments.gantry_frames import ERROR_SHOWN, LARGEST_FACTOR, SIZE, TWIST_SHOWN, Film, Frames, least_round, magnification, posed
+from experiments.films import Film, VideoError, lines
+from experiments.gantry_frames import (
+    ERROR_SHOWN,
+    LARGEST_FACTOR,
+    SIZE,
+    TWIST_SHOWN,
+    Frames,
+    error_factor,
+    least_round,
+    magnification,
+    posed,
+    twist_factor,
+)  # fmt: skip
 from experiments.gantry_machines import gantry_machine
-from experiments.gantry_video import FPS, LONGEST, SHORTEST, Pace, VideoError, film_of, pose
+from experiments.gantry_video import FPS, LONGEST, SHORTEST, Pace, pose
 from experiments.jobs import Pace as PathPace
 from experiments.replays import Course, Replay
+from experiments.simulate import film_of
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import thesis_gantry
 from jcontour.plants.wrappers import Delayed, Saturated
@@ -91,8 +104,8 @@ class _Recorded:
 
 
 def test_frames_show_the_factors_and_move_on(film):
-    assert film.twist_factor == 20_000 and film.error_factor == 10  # 3 urad and 0.5 mm against 0.08 rad and 6 % of 100 mm
-    assert film.error_factor * 5e-4 <= ERROR_SHOWN * 0.1
+    assert twist_factor(film) == 20_000 and error_factor(film) == 10  # 3 urad and 0.5 mm against 0.08 rad and 6 % of 100 mm
+    assert error_factor(film) * 5e-4 <= ERROR_SHOWN * 0.1
     scene, parameters = _Recorded(), thesis_gantry()
     frames = Frames(scene, parameters, film, "slowed 10 x")
     first, later, again = (frames.pixels(sample) for sample in (0, 100, 0))
@@ -159,17 +172,15 @@ def test_gif_without_the_extra(monkeypatch, tmp_path, film):
     with Image.open(tmp_path / "video.gif") as picture:
         assert suffix == ".gif" and picture.format == "GIF" and picture.size == SIZE and picture.n_frames == 3
         assert picture.info["duration"] == 1000 // FPS
-    told = gantry_video.lines(
-        {"file": "video.gif", "seconds": 5.0, "pace": "real time", "twist_factor": 2000, "error_factor": 5, "peak_twist_rad": 3e-5},
-        tmp_path,
-    )
-    assert "twist x 2,000 (peak 30 urad)" in told[0] and "jcontour[video]" in told[1]
+    told = lines({"file": "video.gif", "seconds": 5.0, "pace": "real time", "magnified": "twist x 2,000 (peak 30 urad)"}, tmp_path)
+    assert "real time, twist x 2,000 (peak 30 urad)" in told[0] and "jcontour[video]" in told[1]
 
 
 def test_only_of_a_gantry(capsys, tmp_path):
     assert main(["simulate", "--video", "--out", str(tmp_path / "run")]) == 2
     captured = capsys.readouterr()
-    assert "needs a gantry" in captured.err and captured.err.count("\n") == 1 and not list(tmp_path.iterdir())
+    assert "needs a machine that can be drawn, as a gantry can; bridgeport cannot" in captured.err
+    assert captured.err.count("\n") == 1 and not list(tmp_path.iterdir())
 
 
 def _simulated(folder, gl):

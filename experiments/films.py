@@ -1,0 +1,53 @@
+"""A film of a run, whatever the machine: what it shows, who makes it, and what a user is told of it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jcontour.plant import Plant, State
+
+MP4_NEEDS = "an MP4 needs `pip install 'jcontour[video]'`, or `uv run --extra video jcontour ...`"
+
+
+class VideoError(ValueError):
+    """There is no video; one line that says why and what helps."""
+
+
+class Film(NamedTuple):
+    """What is shown, sample by sample.
+
+    Attributes:
+        time: [s] (T,).
+        pose: (T, n) of the machine, as its film maker watches it.
+        tool: (T, 2) [m].
+        error: (T, 2) [m], from the nearest point of the contour to the tool.
+        path: (T, 2) [m], where the tool should be.
+        title: what it is.
+    """
+
+    time: np.ndarray
+    pose: np.ndarray
+    tool: np.ndarray
+    error: np.ndarray
+    path: np.ndarray
+    title: str
+
+
+class FilmMaker(NamedTuple):
+    """What films one machine.
+
+    Attributes:
+        watch: the pose (n,) of a plant in a state, traced; what a replay has to keep.
+        record: writes the film into a folder, and returns its file, pace, seconds, and what is `magnified`, in words; raises `VideoError`.
+    """
+
+    watch: Callable[[Plant, State], Any]
+    record: Callable[[Film, Path], dict[str, Any]]
+
+
+def lines(video: dict[str, Any], folder: Path) -> list[str]:
+    """What a user is told of a recorded film."""
+    told = [f"Video: {folder / video['file']}, {video['seconds']:.3g} s, {video['pace']}, {video['magnified']}"]
+    return told + ([f"It is a GIF: {MP4_NEEDS}"] if video["file"].endswith(".gif") else [])
