@@ -1,4 +1,4 @@
-"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; a video too, of what can be drawn."""
+"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; a video of what can be drawn."""
 
 from pathlib import Path
 from typing import Any

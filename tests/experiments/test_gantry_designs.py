@@ -124,7 +124,7 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
 
 
 def test_a_machine_without_friction_is_told_so(machine):
-    with pytest.raises(ValueError, match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-contouring-lq"):
+    with pytest.raises(ValueError, match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-scheduled-lq"):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 
