@@ -18,13 +18,12 @@ from experiments.designs import plain_weights
 from experiments.options import Tune
 from experiments.progress import progress_of
 from experiments.replays import Replay, replay, scored
-from experiments.safety import limit_warnings, path_margins
+from experiments.run_warnings import run_warnings
+from experiments.safety import path_margins
 from experiments.tuning_runs import PLENTY, TuningRun, flag_paths, resumed, tuning_run
 from jcontour.evaluation import stack_plants
 from tuning.parameters import Chart, Weights
 from tuning.tune import Tuned, TuneState, advance, result
-
-MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
 
 
 def run(flags: Tune, console: Console) -> tuple[dict[str, Any], Path]:
@@ -109,11 +108,7 @@ def describe(job: TuningRun, console: Console) -> None:
 def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]) -> dict[str, Any]:
     """The result in plain numbers."""
     replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
-    warnings = [*run_warnings(tuned, safety, job.machine.unknown_delay), *limit_warnings(replays["tuned"], job.course, job.machine)]
-    warnings += _lag_warnings(job, replays)
-    lost = bool(np.any(replays["tuned"].metrics.diverged))
-    if lost:
-        warnings.insert(0, f"a run of the machine with {job.machine.truth} diverges with the tuned weights")
+    lost, closed = bool(np.any(replays["tuned"].metrics.diverged)), not safety["contours_without_margins"]
     weights = plain_weights(tuned.weights)
     return runs.plain({
         "machine": {
@@ -122,11 +117,11 @@ def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, 
         "controller": job.design.name, "error": job.machine.error, **job.design.settings(),
         "start": plain_weights(job.start), "weights": weights, "values": job.design.values(weights),
         "feasible": tuned.feasible, "violation": tuned.violation if np.isfinite(tuned.violation) else None,
-        "usable": bool(tuned.feasible and not lost and safety["largest_frozen_spectral_radius"] < 1),
+        "usable": bool(tuned.feasible and not lost and closed and safety["largest_frozen_spectral_radius"] < 1),
         "limits": job.limits,
         "evaluated_points": len(tuned.history), "diverged_points": tuned.diverged_points, "diverged_starts": tuned.diverged_starts,
         "descents": state.start + 1, "plants": job.course.plants, "safety": safety,
-        "safety_of_start": proofs["start"].safety, "warnings": warnings,
+        "safety_of_start": proofs["start"].safety, "warnings": run_warnings(job, tuned, safety, replays),
         "contours": contour_metrics(job, replays), "gap": gap(job, tuned, replays["tuned"]), "training_samples": job.training_samples,
     })  # fmt: skip
 
@@ -174,43 +169,6 @@ def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str
         }
         rows.append({"name": one.name, "training": bool(trained), "samples": one.samples, "metrics": metrics})
     return rows
-
-
-def run_warnings(tuned: Tuned, safety: dict[str, Any], unknown_delay: int) -> list[str]:
-    """What a user has to know of a tuning run and the margins it ends with, one line each.
-
-    Args:
-        tuned: what was found.
-        safety: its `path_margins`.
-        unknown_delay: samples by which the machine may be late.
-    """
-    lines = []
-    if not tuned.feasible:
-        lines.append(f"no feasible point was found; these weights exceed a limit by {100 * np.expm1(tuned.violation):.3g} %")
-    if safety["largest_frozen_spectral_radius"] >= 1:
-        lines.append("a frozen loop along the training paths is unstable")
-    elif safety["delay_samples"] < unknown_delay:
-        late = f"{safety['delay_samples'] + 1} sample{'s' if safety['delay_samples'] else ''} late"
-        lines.append(f"{late}, as this machine may be, a frozen loop along the training paths is unstable: longer runs may ring")
-    if safety["probes_at_limit"]:
-        lines.append(f"margins leave out {safety['probes_at_limit']} points at which a control is at its limit: the loop is open there")
-    if tuned.diverged_points:
-        lines.append(f"{tuned.diverged_points} of {len(tuned.history)} evaluated points had a diverging plant and were rejected")
-    if tuned.diverged_starts:
-        lines.append(f"{tuned.diverged_starts} descents could not begin because their start diverges")
-    return lines
-
-
-def _lag_warnings(job: TuningRun, replays: dict[str, Replay]) -> list[str]:
-    """Contour error alone is also small for a tool that hardly moves: say so where the tuned tool lags far more than before."""
-    before, after = (1e6 * np.asarray(replays[name].metrics.rms_tracking_error).max(axis=1) for name in ("start", "tuned"))
-    worst = int(np.argmax(after / before))
-    if after[worst] < MUCH_LAG * before[worst]:
-        return []
-    return [
-        f"the tool lags {after[worst]:.4g} um behind on {job.course.jobs[worst].name} (start: {before[worst]:.4g} um): contour error alone "
-        "does not mind; limit it with --max-tracking-error-um"
-    ]
 
 
 def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path) -> None:

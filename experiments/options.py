@@ -168,8 +168,8 @@ class Sweep(Spreading):
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .csv) or names from `jcontour list`; circle and square when none is given."""
     vary: tuple[str, ...] = ()
-    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample; when not given, the
-    first two from a tenth to ten times their start."""
+    """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample.
+    When not given, the first two free weights that are one positive number equal on all axes, from a tenth to ten times their start."""
     previews: tuple[int, ...] = (5, 10, 20)
     """Horizons of an LQ controller [samples]; a controller that has none is swept once."""
     samples: int = 0  # the grid

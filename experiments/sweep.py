@@ -73,7 +73,7 @@ def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]
 
 
 def around_start(design: Design) -> dict[str, tuple[float, ...]]:
-    """A tenth to ten times where tuning starts, of the first weights that are one number, the same for every axis.
+    """A tenth to ten times where tuning starts, of the first free weights that are one positive number, equal on all axes.
 
     Raises:
         ValueError: there is no such weight.
@@ -81,7 +81,9 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
     starts = {name: np.unique(np.asarray(by_name(design.start)[name], float)) for name in design.free()}
     single = {name: float(values[0]) for name, values in starts.items() if values.size == 1 and values[0] > 0}
     if not single:
-        raise ValueError(f"vary: {design.name} has no weight that is one number; name some of {', '.join(starts)} with their values")
+        raise ValueError(
+            f"vary: {design.name} has no weight that is one positive number; name some of {', '.join(starts)} with their values"
+        )
     return {name: tuple(factor * single[name] for factor in FACTORS) for name in list(single)[:VARIED]}
 
 

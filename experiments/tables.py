@@ -139,8 +139,8 @@ def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
 def _lost_first_line(place: dict[str, Any] | None, axes: Sequence[str]) -> list[str]:
     if place is None:
         return []
-    tool = ", ".join(f"{name} {1e3 * value:.4g}" for name, value in zip(axes, place["position"], strict=True))
-    return [f"  {'stability lost first':<23}  input {place['input']}, on {place['contour']} with the tool at {tool} mm"]
+    reference = ", ".join(f"{name} {1e3 * value:.4g}" for name, value in zip(axes, place["position"], strict=True))
+    return [f"  {'stability lost first':<23}  input {place['input']}, on {place['contour']} where the reference is at {reference} mm"]
 
 
 def _gain_range(safety: dict[str, Any], k: int) -> str:

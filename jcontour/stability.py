@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import ArrayLike, Float, Int
+from jaxtyping import ArrayLike, Bool, Float, Int
 
 from jcontour.contours import line
 from jcontour.controller import Controller
@@ -37,14 +37,15 @@ class Margins(NamedTuple):
         gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays stable.
         gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are at once, or none within `GAIN_SEARCH`.
         delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
-        at_limit: scored samples whose loop is open because a control is at a limit, of controller or plant; the others leave them out.
+        saturated: scored samples with an open loop: a control is saturated, by controller or plant, or of zero gain. The others leave them
+            out unless every sample is one: then there are no margins, and the others are those of the open loops.
     """
 
     spectral_radius: float
     gain: np.ndarray
     gain_at: np.ndarray
     delay: int
-    at_limit: int
+    saturated: int
 
 
 class CutLoops(NamedTuple):
@@ -65,6 +66,18 @@ class CutLoops(NamedTuple):
         M[:, :N, :N], M[:, :N, -p:], M[:, N : N + p, :N] = self.A, self.B, self.C
         M[:, N + p :, N:-p] = np.eye((samples - 1) * p)
         return M
+
+    def acting(self) -> Bool[np.ndarray, "T p"]:
+        """Controls that are part of a loop: row and column of theirs in the Markov parameters C A^k B, k < N, are not all zero.
+
+        Told from which entries of A, B and C are zero: no power of an unstable A is taken.
+        """
+        A, B, C = (matrices != 0 for matrices in self)
+        reached = B
+        for _ in range(1, A.shape[1]):
+            reached = reached | A @ reached
+        heard = C @ reached
+        return heard.any(axis=1) & heard.any(axis=2)
 
     def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
         """Some of them."""
@@ -116,12 +129,11 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
     if rows.size == 0:
         raise ValueError("mask: margins are those of the scored samples, the reference has none")
     loops = cut_loops(plant, controller, reference, rows)
-    acts = (loops.B != 0).any(axis=1) & (loops.C != 0).any(axis=2)
-    whole = acts.all(axis=1)
-    at_limit = int(np.sum(~whole))
-    if whole.any():
-        loops, rows = loops.at(whole), rows[whole]
-    return _margins(loops, rows, at_limit)
+    closed = np.flatnonzero(loops.acting().all(axis=1))
+    saturated = rows.size - closed.size
+    if closed.size:
+        loops, rows = loops.at(closed), rows[closed]
+    return _margins(loops, rows, saturated)
 
 
 def cut_loops(plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]) -> CutLoops:
@@ -163,17 +175,17 @@ def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows)
     return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
 
 
-def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], at_limit: int) -> Margins:
+def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) -> Margins:
     nominal, inputs = spectral_radius(loops.closed()), loops.C.shape[1]
     largest = float(nominal.max())
     if largest >= 1:
         lost = np.full((inputs, 2), samples[np.argmax(nominal)])
-        return Margins(largest, np.ones((inputs, 2)), lost, -1, at_limit)
+        return Margins(largest, np.ones((inputs, 2)), lost, -1, saturated)
     found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
     gain = np.array([[inside for inside, _ in pair] for pair in found])
     lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
     delay = next((d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1), DELAY_SEARCH)
-    return Margins(largest, gain, lost, delay, at_limit)
+    return Margins(largest, gain, lost, delay, saturated)
 
 
 def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:

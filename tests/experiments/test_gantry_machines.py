@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from experiments.catalogue import CONTOURS
-from experiments.choices import job_named
+from experiments.choices import design_for, job_named
 from experiments.gantry_machines import CURRENT, ENCODER_RESOLUTION, friction_gantry_machine, gantry_machine
 from experiments.jobs import Pace
+from experiments.options import Simulate
+from jcontour.contours import line
 from jcontour.evaluation import stack_plants
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry_mujoco import GantryMuJoCo
+from jcontour.references import along
+from jcontour.simulation import simulate
+from jcontour.stability import margins
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +60,18 @@ def test_motors_are_measured_and_currents_limited(machine):
     asked, given = (plant.step(start, jnp.array(current)) for current in ([1e3, -1e3, 2.0], [CURRENT, -CURRENT, 2.0]))
     np.testing.assert_array_equal(plant.output(asked), plant.output(given))
     np.testing.assert_array_equal(machine.limits.control, [CURRENT] * 3)
+
+
+def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
+    """After a jump of the reference by 5 mm: the loop is open at every sample whose current is beyond the limit, and at no other."""
+    plant, design = machine.nominal(), design_for(machine, Simulate(controller="contouring-lq", preview=5))
+    arc = np.concatenate([np.zeros(2), np.full(60, 5e-3)])
+    jump = along(line([0.0, 0.0], [0.1, 0.0]), arc, machine.model.dt, design.preview, at_rest=True)
+    law = design.build(design.start)
+    beyond = (np.abs(np.asarray(simulate(plant, law, jump).control)) > CURRENT).any(axis=1)
+    found = margins(plant, law, jump)
+    assert found.saturated == beyond.sum() and 10 < beyond.sum() < beyond.size - 10
+    assert found.spectral_radius < 1 <= found.delay
 
 
 def test_smooth_encoders_have_the_noise_of_counts(machine):

@@ -1,11 +1,18 @@
-"""Margins over several training paths: which of them is named."""
+"""Margins over several training paths: which of them is named, and which has none."""
 
+from types import SimpleNamespace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.safety import _lost_first
+from experiments.replays import Course
+from experiments.safety import _lost_first, path_margins
 from experiments.tables import _lost_first_line
 from jcontour.contours import line
+from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
+from jcontour.evaluation import stack_references
+from jcontour.plants.wrappers import Delayed, Saturated
 from jcontour.references import along
 from jcontour.stability import Margins
 
@@ -30,4 +37,20 @@ def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
         assert (place["contour"], place["input"]) == wanted[:2]
         np.testing.assert_allclose(place["position"], wanted[2], rtol=0, atol=1e-12)
         x = 1e3 * wanted[2][0]
-        assert _lost_first_line(place, ["X", "Y"])[0].endswith(f"input {wanted[1]}, on {wanted[0]} with the tool at X {x:g}, Y 0 mm")
+        assert _lost_first_line(place, ["X", "Y"])[0].endswith(
+            f"input {wanted[1]}, on {wanted[0]} where the reference is at X {x:g}, Y 0 mm"
+        )
+
+
+def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
+    """Three paths from rest: along the first nothing moves, along the second the control is at its limit from start to end."""
+    arcs = [np.zeros(30), 1e-3 * np.arange(1, 31), 1e-3 * np.arange(30)]
+    references = [along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs]
+    jobs = tuple(SimpleNamespace(name=name) for name in ("still", "hasty", "other"))
+    course = Course(jobs, (True, True, False), ("nominal",), stack_references(references), two_axes)  # type: ignore[arg-type]
+    plant = Delayed(Saturated(two_axes, jnp.full(2, 1e-3)), jnp.asarray(0), 1, 2)
+    machine, law = SimpleNamespace(nominal=lambda measured: plant), ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+    found = path_margins(law, machine, course, "state")  # type: ignore[arg-type]
+    assert found["contours_without_margins"] == ["hasty"] and found["probes_left_out"] == 0
+    calm = path_margins(law, machine, course._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]
+    assert calm["contours_without_margins"] == [] and calm["largest_frozen_spectral_radius"] < 1

@@ -1,10 +1,7 @@
-from types import SimpleNamespace
-
 import jax
 import numpy as np
 import pytest
 
-from experiments.autotune import _lag_warnings
 from experiments.checkpoints import load_state, save_state
 from experiments.datasets import load_dataset, rollouts, save_dataset, save_gains
 from experiments.options import Tune
@@ -63,16 +60,6 @@ def test_gains_round_trip(job, tmp_path):
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert names[:3] == ["k", "t_s", "F_u1_x1"] and names[-1] == "f_u2" and rows.shape == (steps, len(names))
     np.testing.assert_array_equal(rows[:, 2:-2], np.asarray(plan.F)[:steps].reshape(steps, -1))
-
-
-def test_a_tool_left_behind_is_told(job):
-    def replays(tuned):
-        errors = {"start": np.full((4, 2), 1e-5), "tuned": np.array([[1e-5, 1e-5]] * 3 + [[1e-5, tuned]])}
-        return {name: SimpleNamespace(metrics=SimpleNamespace(rms_tracking_error=values)) for name, values in errors.items()}
-
-    assert _lag_warnings(job, replays(4.9e-5)) == []
-    [line] = _lag_warnings(job, replays(1e-3))
-    assert "1000 um" in line and job.course.jobs[3].name in line
 
 
 def test_parts_are_for_training_and_others_held_out(job):

@@ -174,22 +174,49 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
 
 
 def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
-    """From rest to 0.1 mm per sample: the control that a lag of v / g asks for is at its limit until the path stands still again."""
+    """From rest to 0.1 mm per sample: the control that a lag of v / g asks for is at its limit until the path stands still again.
+
+    Before the limit or behind it, a delay line that is not used hides nothing.
+    """
     law, speed = Proportional(0.5, limit=4.9e-5), 1e-4
     arc = speed * np.concatenate([np.zeros(3), np.arange(10), np.full(25, 9.0)])
     reference = along(line([0, 0], [1e-3, 0]), arc, 1e-3, 0, at_rest=True)
-    x, at_limit = 0.0, 0
+    x, saturated = 0.0, 0
     for target in np.asarray(reference.position)[:, 0]:
         asked = 0.5 * (target - x)
-        at_limit, x = at_limit + (asked > 4.9e-5), x + min(asked, 4.9e-5)
-    for found in (margins(integrators, law, reference), margins(Saturated(integrators, jnp.full(2, 4.9e-5)), Proportional(0.5), reference)):
-        assert found.at_limit == at_limit > 10
+        saturated, x = saturated + (asked > 4.9e-5), x + min(asked, 4.9e-5)
+    limit, none = jnp.full(2, 4.9e-5), jnp.asarray(0)
+    limited = [
+        Saturated(integrators, limit),
+        Delayed(Saturated(integrators, limit), none, 2, 2),
+        Saturated(Delayed(integrators, none, 2, 2), limit),
+    ]
+    for found in (margins(integrators, law, reference), *(margins(plant, Proportional(0.5), reference) for plant in limited)):
+        assert found.saturated == saturated > 10
         assert found.spectral_radius == pytest.approx(0.5)
         np.testing.assert_allclose(found.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
         assert found.delay == 2
     moving = eqx.tree_at(lambda r: r.mask, reference, (4 < np.arange(38)) & (np.arange(38) < 10))
     stuck = margins(integrators, law, moving)  # open at every sample
-    assert (stuck.spectral_radius, stuck.delay, stuck.at_limit) == (1.0, -1, 5)
+    assert (stuck.spectral_radius, stuck.delay, stuck.saturated) == (1.0, -1, 5)
+
+
+def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrators, straight):
+    """Two samples late, the loop is open at the samples that apply an old control beyond the limit, whatever is asked meanwhile."""
+    gain, limit, late = 0.2, 5e-5, 2
+    reference = along(line([0, 0], [1e-2, 0]), np.r_[0.0, np.full(39, 1e-3)], 1e-3, 0, at_rest=True)
+    x, line_of, saturated = 0.0, [0.0] * late, 0
+    for target in np.asarray(reference.position)[:, 0]:
+        line_of = [gain * (target - x), *line_of]
+        acting = line_of.pop()
+        saturated, x = saturated + (abs(acting) > limit), x + np.clip(acting, -limit, limit)
+    found = margins(Delayed(Saturated(integrators, jnp.full(2, limit)), jnp.asarray(late), 3, 2), Proportional(gain), reference)
+    assert found.saturated == saturated > 10
+
+
+def test_a_zero_gain_closes_no_loop(integrators, straight):
+    found = margins(integrators, Proportional(np.array([0.3, 0.0])), straight)
+    assert found.saturated == straight.steps and found.spectral_radius == 1.0
 
 
 def test_margins_of_a_machine_that_changes_along_the_path():
@@ -243,7 +270,7 @@ def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
     arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])
     reference = along(line([heads[0], 0.0], [heads[1], 0.0]), arc, dt, 0, at_rest=True, scored=np.isin(np.arange(1503), [2, 1502]))
     found = margins(Saturated(plant, jnp.full(3, 10.0)), Held(K, plant), reference)
-    assert found.at_limit == 0
+    assert found.saturated == 0
     assert found.spectral_radius == pytest.approx(radii().max(), abs=1e-6)  # Runge-Kutta against the matrix exponential
     for index, side in np.ndindex(3, 2):
         low, high = np.sort(found.gain[index, side] * (1 + 2 * GAIN_RESOLUTION * np.array([-1, 1])))
