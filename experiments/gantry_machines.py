@@ -18,7 +18,7 @@ from jcontour.model_schedule import ModelSchedule
 from jcontour.plant import Plant
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry_linear import Linear, control_oriented, tangent
+from jcontour.plants.gantry_linear import Linearisation, control_oriented, tangent
 from jcontour.plants.gantry_motors import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
 from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, FineEncoders, Saturated, Sensed
@@ -131,16 +131,16 @@ class GantryMachine(Machine):
             "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
         }
 
-    def _scheduled(self, linear: Linear) -> ModelSchedule:
+    def _scheduled(self, linear: Linearisation) -> ModelSchedule:
         span = float(self.parameters.half_span)
         return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear)
 
-    def _family(self, rubbing: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
-        return [self._driven(self._gantry(_scaled(self.parameters, *factors), rubbing), late) for _, *factors, late in MEMBERS]
+    def _family(self, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
+        return [self._driven(self._gantry(_scaled(self.parameters, *factors), with_friction), late) for _, *factors, late in MEMBERS]
 
-    def _gantry(self, parameters: GantryParameters, rubbing: type[SmoothFrictionGantry | StickSlipGantry]) -> Plant:
+    def _gantry(self, parameters: GantryParameters, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> Plant:
         dt = self.model.dt
-        return Gantry(parameters, dt) if self.friction is None else rubbing(parameters, self.friction, dt)
+        return Gantry(parameters, dt) if self.friction is None else with_friction(parameters, self.friction, dt)
 
     def _driven(self, plant: Plant, late: int) -> Plant:
         """With its currents limited and late, behind its motors' encoders."""

@@ -8,7 +8,7 @@ x_h - xbar and print "-d theta''" for "-d theta theta''"; `gantry_disturbances` 
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -37,10 +37,10 @@ class LinearGantry(NamedTuple):
         return LinearGantry(A, both[:, :3], both[:, 3:])
 
 
-Linear = Callable[[GantryParameters, Any], LinearGantry]  # a model at a head position: `tangent` or `control_oriented`
+Linearisation = Callable[[GantryParameters, Scalar | float], LinearGantry]  # at a head position [m]: `tangent` or `control_oriented`
 
 
-def control_oriented(parameters: GantryParameters, head) -> LinearGantry:
+def control_oriented(parameters: GantryParameters, head: Scalar | float) -> LinearGantry:
     """(5.13)-(5.15) at a head position [m].
 
     Raises:
@@ -51,7 +51,7 @@ def control_oriented(parameters: GantryParameters, head) -> LinearGantry:
     return _solved(parameters, apart, jnp.diag(jnp.array([1.0, 0, 0]) * parameters.head_mass + jnp.array([0, 1.0, 1.0])))
 
 
-def tangent(parameters: GantryParameters, head) -> LinearGantry:
+def tangent(parameters: GantryParameters, head: Scalar | float) -> LinearGantry:
     """The derivative of the equation of motion at rest: (5.13)-(5.15) with M_e d theta'' and M_e d x_h'' kept; d acts as forces on q.
 
     Raises:
@@ -60,7 +60,7 @@ def tangent(parameters: GantryParameters, head) -> LinearGantry:
     return _solved(parameters, _mass_matrix(parameters, head), jnp.eye(3))
 
 
-def tool_plant(parameters: GantryParameters, head, dt: float, linear: Linear = tangent) -> LinearPlant:
+def tool_plant(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent) -> LinearPlant:
     """A linear model, sampled, with the state (x_h, y_N - d, theta, rates), so that its outputs C x are the tool.
 
     Raises:

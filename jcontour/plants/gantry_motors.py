@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from jcontour.linear import LinearPlant, SteadyMotion
 from jcontour.model_schedule import ModelSchedule
-from jcontour.plants.gantry_linear import Linear, tangent, tool_plant
-from jcontour.plants.gantry_parameters import GantryParameters, check_on_beam
+from jcontour.plants.gantry_linear import Linearisation, tangent, tool_plant
+from jcontour.plants.gantry_parameters import GantryParameters, Scalar, check_on_beam
 
 
 class MotorEncoders(eqx.Module):
@@ -25,14 +25,11 @@ class MotorEncoders(eqx.Module):
         return self.parameters.motors(state).at[1:3].add(-self.parameters.tool_offset)
 
     def state(self, reading: Float[Array, "6"]) -> Float[Array, "6"]:
-        """The state that is read so; NaN where no angle of the beam brings the drives so far apart."""
-        (x, y_1, y_2, dx, dy_1, dy_2), L = reading, self.parameters.half_span
-        theta = jnp.arcsin((y_2 - y_1) / (2 * L))
-        omega = (dy_2 - dy_1) / (2 * L * jnp.cos(theta))
-        return jnp.stack([x, (y_1 + y_2) / 2 + self.parameters.tool_offset, theta, dx, (dy_1 + dy_2) / 2, omega])
+        """The state that is read so."""
+        return self.parameters.coordinates(reading.at[1:3].add(self.parameters.tool_offset))
 
 
-def motor_model(parameters: GantryParameters, head, dt: float, linear: Linear = tangent) -> LinearPlant:
+def motor_model(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent) -> LinearPlant:
     """Linear model at a head position [m], its state what `MotorEncoders` read, its outputs the tool.
 
     Raises:
@@ -45,7 +42,7 @@ def motor_model(parameters: GantryParameters, head, dt: float, linear: Linear = 
     return LinearPlant(T @ model.A @ back, T @ model.B, model.C @ back, dt, motion=straight_motion(dt))
 
 
-def motor_schedule(parameters: GantryParameters, points, dt: float, linear: Linear = tangent) -> ModelSchedule:
+def motor_schedule(parameters: GantryParameters, points, dt: float, linear: Linearisation = tangent) -> ModelSchedule:
     """The models at several head positions.
 
     Raises:

@@ -98,7 +98,7 @@ class GantryParameters(eqx.Module):
         return jnp.stack([x, y - lift, y + lift, dx, dy - rise, dy + rise])
 
     def coordinates(self, motors: Float[Array, "6"]) -> Float[Array, "6"]:
-        """(q, q') of the motors' positions and speeds: the inverse of `motors`."""
+        """(q, q') of the motors' positions and speeds, the inverse of `motors`; NaN where no angle brings the drives so far apart."""
         x, first, second, dx, d_first, d_second = motors
         theta = jnp.arcsin((second - first) / (2 * self.half_span))
         omega = (d_second - d_first) / (2 * self.half_span * jnp.cos(theta))
