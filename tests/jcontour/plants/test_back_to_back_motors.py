@@ -32,4 +32,6 @@ def test_one_shaft_has_one_friction():
 
 
 def test_the_servo_bench_turns():
-    assert servo_bench().acceleration(jnp.array([1]), jnp.zeros(1), jnp.array([0.04])) > 0
+    """0.04 N m against 0.02 + 0.01 / (1 + 3^2) dry and 1e-3 x 3 viscous, on 1e-3 kg m^2 at 3 rad/s, eq. 5.45; r_A is 20 mm."""
+    found = servo_bench().acceleration(jnp.array([1]), jnp.array([0.06]), jnp.array([0.04]))
+    np.testing.assert_allclose(found, 0.02 * (0.04 - 0.021 - 0.003) / 1e-3, rtol=1e-13)

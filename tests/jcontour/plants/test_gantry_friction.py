@@ -173,8 +173,8 @@ def test_sliders_break_loose_as_only_they_can(machine, request):
     for _ in range(200):
         start = at_rest(plant, (random.uniform(-0.5, 0.5), 0.0))
         speed, twist = random.uniform(-0.1, 0.1, 3) * random.integers(0, 2, 3), random.uniform(-4e-6, 4e-6)
-        motion = start.motion.at[3:].set(speed).at[1].add(-twist).at[2].add(twist)
-        state = start._replace(motion=motion, mode=jnp.sign(speed).astype(start.mode.dtype))
+        sliders = start.sliders.at[3:].set(speed).at[1].add(-twist).at[2].add(twist)
+        state = start._replace(sliders=sliders, mode=jnp.sign(speed).astype(start.mode.dtype))
         control = random.uniform(-1.5, 1.5, 3)
         wanted = program.modes(np.asarray(plant.measure(state)), control, np.sign(speed).astype(int))
         np.testing.assert_array_equal(step(state, jnp.asarray(control)).mode, wanted)
@@ -201,8 +201,8 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     def moved(force):
         after = step(rest, jnp.array([0.0, force / 60.0, 0.0]))
         still = np.asarray(after.mode) == 0
-        np.testing.assert_array_equal(after.motion[:3][still], rest.motion[:3][still])
-        np.testing.assert_array_equal(after.motion[3:][still], 0.0)
+        np.testing.assert_array_equal(after.sliders[:3][still], rest.sliders[:3][still])
+        np.testing.assert_array_equal(after.sliders[3:][still], 0.0)
         return list(np.asarray(after.mode))
 
     back = -int(np.sign(M_12))
@@ -224,7 +224,7 @@ def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
     furthest = held * 0.9 / float(p.joint_stiffness)  # theta, where sin and tan are theta
     for share, stays in ((0.999, True), (1.001, False)):
         lift = share * furthest * 0.9
-        twisted = rest._replace(motion=rest.motion.at[1].add(-lift).at[2].add(lift))
+        twisted = rest._replace(sliders=rest.sliders.at[1].add(-lift).at[2].add(lift))
         after = jax.tree.map(lambda rows: rows[-1], run(plant, twisted, np.zeros((STEPS, 3)))[1])
         assert all(np.array_equal(a, b) for a, b in zip(after, twisted, strict=True)) is stays
 
@@ -259,7 +259,7 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
     start = at_rest(plant)
     found, states = run(plant, start, currents)
     x = np.concatenate([plant.measure(start)[None], found])
-    z = np.concatenate([start.motion[None], states.motion])
+    z = np.concatenate([start.sliders[None], states.sliders])
     mode, speed = np.asarray(states.mode), z[:, 3:]
     energy = np.asarray(jax.jit(jax.vmap(lambda x: motion.energy(x[:3], x[3:])))(jnp.asarray(x)))
     work = np.diff(z[:, :3], axis=0) * currents * [35.0, 80.0, 80.0]
@@ -282,8 +282,8 @@ def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
     plant, plain = kind(odd_gantry, only(), DT, substeps=SUBSTEPS), Gantry(odd_gantry, DT, SUBSTEPS)
     state = jnp.array([0.3, -0.2, 0.03, 0.2, -0.1, 0.5])
     start = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([1e-4, 1e-4]))
-    motion = odd_gantry.motors(state)
-    start = start._replace(motion=motion, mode=jnp.sign(motion[3:]).astype(jnp.int32)) if kind is StickSlipGantry else motion
+    sliders = odd_gantry.motors(state)
+    start = start._replace(sliders=sliders, mode=jnp.sign(sliders[3:]).astype(jnp.int32)) if kind is StickSlipGantry else sliders
     np.testing.assert_allclose(plant.measure(start), state, rtol=1e-13)
     np.testing.assert_allclose(plant.output(start), plain.output(state), rtol=1e-13)
     currents = swinging(STEPS, seed=2, size=5.0)
@@ -331,6 +331,17 @@ def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
     np.testing.assert_allclose(slopes, differences, rtol=1e-5)
 
 
+@pytest.mark.parametrize("slider", range(3))
+def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
+    """It stays in the slider's position and speed, and so in what is measured."""
+    plant = StickSlipGantry(thesis_gantry(), RUBBING, DT, SUBSTEPS)
+    moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
+    lost = moving._replace(sliders=moving.sliders.at[3 + slider].set(jnp.nan))
+    after = jax.tree.map(lambda rows: rows[-1], run(plant, lost, np.zeros((STEPS, 3)))[1])
+    assert np.isnan(after.sliders[slider]) and np.isnan(after.sliders[3 + slider])
+    assert np.isnan(plant.measure(after)).any() and np.isnan(plant.output(after)).any()
+
+
 def test_a_family_of_machines_is_a_batch(odd_gantry):
     family = stack_plants([StickSlipGantry(p, RUBBING, DT) for p in (thesis_gantry(), odd_gantry)])
     start, control = at_rest(StickSlipGantry(odd_gantry, RUBBING, DT), (0.2, 0.0)), jnp.array([0.2, 0.5, 0.1])
@@ -338,7 +349,7 @@ def test_a_family_of_machines_is_a_batch(odd_gantry):
     found = eqx.filter_vmap(step)(family)
     for k in range(2):
         wanted = step(member(family, k))
-        np.testing.assert_allclose(found.motion[k], wanted.motion, rtol=1e-13)
+        np.testing.assert_allclose(found.sliders[k], wanted.sliders, rtol=1e-13)
         np.testing.assert_array_equal(found.mode[k], wanted.mode)
 
 
