@@ -125,9 +125,9 @@ PLANTS = {
         stable=False,
         on="gantry-friction",
     ),
-    "gantry-in-the-loop": Entry(
+    "gantry-hil": Entry(
         lambda: HardwareInLoop(Gantry(thesis_gantry(), 1e-3), servo_bench()),
-        "the same with a motor bench as its head, one sample late, stick and slip; tuned on the gantry",
+        "the same with a motor bench as its head, one sample late: its twist grows unless the drives damp it; tuned on the gantry",
         smooth=False,
         stable=False,
         on="gantry",

@@ -9,35 +9,30 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.yuan_gantry_runs import SAMPLE, Follower, reference_path
-from jcontour.controller import Controller, Memory, Plan, Wrapper
+from jcontour.controller import Controller
+from jcontour.controllers.compensated import Compensated
 from jcontour.metrics import contour_error, score, tracking_error
 from jcontour.plants.back_to_back_motors import BackToBackMotors, servo_bench
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.plants.hardware_in_loop import HardwareInLoop
-from jcontour.plants.hardware_in_loop_model import late_head, twist_damping
+from jcontour.plants.hardware_in_loop_model import delayed_head_model, twist_damping
 from jcontour.references import Reference
 from jcontour.simulation import Rollout, simulate
 
 DAMPED = 2000.0  # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
 
 
-class TwistDamped(Wrapper):
-    """Any controller of the gantry, and the two drives apart against the twist: k_y L (i_2 - i_1) = -c theta' beside its currents."""
+class TwistDamping(eqx.Module):
+    """The two drives apart against the twist: k_y L (i_2 - i_1) = -c theta'."""
 
-    controller: Controller
     parameters: GantryParameters
-    damping: Scalar
+    damping: Scalar  # c [N m s/rad]
 
-    def initial_memory(self, reference: Reference) -> Memory:
-        """That of the controller inside."""
-        return self.controller.initial_memory(reference)
-
-    def step(self, memory: Memory, plan: Plan, measurement: Float[Array, "6"]) -> tuple[Memory, Float[Array, "3"]]:
-        """Currents of the head and the two drives [A]."""
-        memory, control = self.controller.step(memory, plan, measurement)
-        apart = -self.damping * measurement[5] / (2 * self.parameters.drive_constant * self.parameters.half_span)
-        return memory, control.at[1].add(-apart).at[2].add(apart)
+    def __call__(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
+        """Currents to add [A]."""
+        apart = -self.damping * state[5] / (2 * self.parameters.drive_constant * self.parameters.half_span)
+        return jnp.stack([jnp.zeros_like(apart), -apart, apart])
 
 
 class Case(NamedTuple):
@@ -51,15 +46,16 @@ class Case(NamedTuple):
 
 CASES = (
     Case("at once, no dry friction", 0, False, True),
+    Case("at once, no dry friction, undamped", 0, False, False),
     Case("at once, dry friction", 0, True, True),
-    Case("one sample late, no dry friction", 1, False, True),
-    Case("one sample late, dry friction", 1, True, True),
-    Case("the same, the twist left alone", 1, True, False),
+    Case("late, no dry friction", 1, False, True),
+    Case("late, dry friction", 1, True, True),
+    Case("late, dry friction, undamped", 1, True, False),
 )
 
 
 def emulated() -> dict[str, Any]:
-    """The gantry and the bench in every condition along the path, and what damps the twist of either when nobody is in control."""
+    """The gantry and the bench in every condition along the path, and what damps the twist of either without a controller."""
     p, reference = thesis_gantry(), reference_path()
     gantry = Gantry(p, SAMPLE)
     true = simulate(gantry, _controller(p, True), reference)
@@ -74,7 +70,7 @@ def emulated() -> dict[str, Any]:
 
 
 def _controller(p: GantryParameters, damped: bool) -> Controller:
-    return TwistDamped(Follower(p), p, jnp.asarray(DAMPED if damped else 0.0))
+    return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED))) if damped else Follower(p)
 
 
 def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
@@ -105,7 +101,7 @@ def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
 
 @eqx.filter_jit
 def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last 1"]:
-    model = late_head(plant.gantry.parameters, plant.bench, plant.dt)
+    model = delayed_head_model(plant.gantry.parameters, plant.bench, plant.dt)
     state = jnp.column_stack([run.measurement[:, 0], run.measurement[:, 3], run.state.sent[:, 0, 0]])
     return (state[1:] - jax.vmap(model.step)(state, run.control[:, :1])[:-1])[:, 1:2]
 

@@ -14,7 +14,7 @@ STYLES = {  # (head, coupling kept) -> colour, line
     (0.0, False): ("tab:blue", "-"), (-0.66, False): ("tab:orange", "-"), (-0.66, True): ("tab:orange", "--"),
     (0.66, True): ("tab:green", "--"),
 }  # fmt: skip
-BENCH_COLOURS = ("black", "tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:red")  # gantry and cases in their order
+BENCH_COLOURS = ("black", "tab:blue", "tab:orange", "tab:green", "tab:purple", "tab:red", "tab:brown")  # gantry and cases in their order
 SHOWN_HZ = (10.0, 120.0)
 
 

@@ -28,7 +28,9 @@ def show(summary: dict[str, Any], console: Console) -> None:
 def _emulated(rows: list[dict[str, Any]]) -> Table:
     shown = [[row["name"], *(["diverged", *["-"] * 6] if row["diverged"] else _numbers(row))] for row in rows]
     columns = ("head", "X\num", "Y\num", "contour\num", "from the\ngantry um", "twist\nurad", "load\nA", "F_Nx\nmm/s")
-    return plain_table("Section 5.6: a motor bench for the head, along Fig. 5.11; largest errors of the tool", columns, shown)
+    return plain_table(
+        "Section 5.6: a motor bench for the head, at once or one sample late, along Fig. 5.11; largest errors of the tool", columns, shown
+    )
 
 
 def _numbers(row: dict[str, Any]) -> list[str]:

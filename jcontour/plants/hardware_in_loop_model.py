@@ -13,7 +13,7 @@ from jcontour.plants.gantry_parameters import GantryParameters, Scalar
 from jcontour.plants.hardware_in_loop import HardwareInLoop
 
 
-def late_head(parameters: GantryParameters, bench: BackToBackMotors, dt: float) -> LinearPlant:
+def delayed_head_model(parameters: GantryParameters, bench: BackToBackMotors, dt: float) -> LinearPlant:
     """(5.50) with the state (x_h, x_h', i_x(k-1)), the input i_x and the output x_h, by exact zero-order hold.
 
     The thesis prints forward Euler. It is off by (T b_A / M_A)^2 / 2 of the speed, and moves the position one sample later than the
@@ -29,7 +29,7 @@ def late_head(parameters: GantryParameters, bench: BackToBackMotors, dt: float) 
 
 
 def twist_damping(plant: HardwareInLoop) -> Scalar:
-    """What damps the twist of the beam, with the head at its centre and nobody in control [N m s/rad]: below zero it grows by itself.
+    """What damps the twist of the beam, with the head at its centre and no controller [N m s/rad]: below zero it grows by itself.
 
         2 b_y L^2 - M_e d^2 w sin((delay + 1/2) w T),   w^2 = 2 k_r / J_0
     M_e d x_h'' is what the head does to the twist, eq. 5.9, and x_h'' = -d theta'' what the bench makes of it, half a sample late for

@@ -10,7 +10,7 @@ from jcontour.plants.back_to_back_motors import servo_bench
 from jcontour.plants.gantry import Gantry
 from jcontour.plants.gantry_parameters import thesis_gantry
 from jcontour.plants.hardware_in_loop import HardwareInLoop
-from jcontour.plants.hardware_in_loop_model import late_head, twist_damping
+from jcontour.plants.hardware_in_loop_model import delayed_head_model, twist_damping
 
 DT = 2e-3
 
@@ -27,7 +27,7 @@ def sampled(method):
 
 
 def test_it_is_the_delayed_zero_order_hold_of_scipy():
-    model = late_head(thesis_gantry(), servo_bench(), DT)
+    model = delayed_head_model(thesis_gantry(), servo_bench(), DT)
     A, B = sampled("zoh")
     np.testing.assert_allclose(model.A, np.block([[A, B], [np.zeros((1, 3))]]), rtol=1e-12, atol=1e-18)
     np.testing.assert_array_equal(model.B, [[0], [0], [1]])
@@ -35,7 +35,7 @@ def test_it_is_the_delayed_zero_order_hold_of_scipy():
 
 
 def test_how_far_the_printed_forward_euler_is():
-    (viscous, gain), model = head(), late_head(thesis_gantry(), servo_bench(), DT)
+    (viscous, gain), model = head(), delayed_head_model(thesis_gantry(), servo_bench(), DT)
     A, B = sampled("euler")
     np.testing.assert_allclose(A, [[1, DT], [0, 1 - DT * viscous]], rtol=1e-12)
     assert model.A[1, 1] - A[1, 1] == pytest.approx((DT * viscous) ** 2 / 2, rel=1e-2)
@@ -48,7 +48,7 @@ def test_it_predicts_a_bench_whose_friction_is_its_own():
     p = eqx.tree_at(lambda p: p.head_viscous, p, p.head_mass * head()[0])
     bench = eqx.tree_at(lambda b: (b.friction.coulomb, b.friction.stribeck), bench, (jnp.zeros(1), jnp.zeros(1)))
     p = eqx.tree_at(lambda p: p.tool_offset, p, jnp.zeros(()))
-    plant, model = HardwareInLoop(Gantry(p, DT), bench), late_head(p, bench, DT)
+    plant, model = HardwareInLoop(Gantry(p, DT), bench), delayed_head_model(p, bench, DT)
     state = plant.initial_state(jnp.zeros(2), jnp.array([1e-4, 0.0]))
     expected = jnp.array([0.0, 0.05, 0.0])
     for current in (2.0, -3.0, 1.0, 5.0):
@@ -57,7 +57,7 @@ def test_it_predicts_a_bench_whose_friction_is_its_own():
 
 
 def test_steady_motion_needs_what_the_friction_takes():
-    model, (viscous, gain) = late_head(thesis_gantry(), servo_bench(), DT), head()
+    model, (viscous, gain) = delayed_head_model(thesis_gantry(), servo_bench(), DT), head()
     np.testing.assert_allclose(steady_motion(model).Sv[:, 0], [0, 1 / DT, viscous / gain / DT], rtol=1e-9, atol=1e-9)
 
 
