@@ -7,20 +7,19 @@ controller, settles.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from experiments import axis_laws as laws
 from experiments import contouring_laws as contouring
 from experiments import gantry_designs as gantries
+from experiments import parts
 from experiments.axis_designs import axis_design
 from experiments.axis_machines import FlexibleMachine, biaxial_axes, biaxial_machine, thesis_machine
 from experiments.gantry_machines import GantryMachine, friction_gantry_machine, gantry_machine, guide_ways
-from experiments.jobs import TOOLPATHS, Job, Pace, at_constant_feed, from_file
+from experiments.jobs import TOOLPATHS, at_constant_feed, from_file
 from experiments.linear_machines import LinearMachine, bridgeport_machine
 from experiments.lq_designs import contouring_lq, preview_lq
 from experiments.machines import Machine
 from experiments.motions import s_curve, task_a, task_b
-from jcontour.contours import circle, ellipse, lemniscate, polygon, spline
+from jcontour.contours import circle, ellipse, lemniscate
 from jcontour.controllers.cross_coupled import ConstantCoupling, VariableCoupling
 from jcontour.controllers.extended_state_observers import NLESO, CurrentLESO, EulerLESO, ExactLESO
 from jcontour.controllers.observers import PredictorObserver
@@ -244,67 +243,26 @@ CONTROLLERS = {
 }
 
 
-def _square(pace: Pace) -> Job:
-    return at_constant_feed("square", polygon([[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]), pace)
-
-
-def _wave(pace: Pace) -> Job:
-    points = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
-    return at_constant_feed("wave", spline(points), pace)
-
-
-def _ring(pace: Pace) -> Job:
-    return at_constant_feed("ring", circle(25e-3), pace)
-
-
-def _rounded_square(pace: Pace) -> Job:
-    corners = 25e-3 * np.array([[1, 0], [0.9, 0.9], [0, 1], [-0.9, 0.9], [-1, 0], [-0.9, -0.9], [0, -1], [0.9, -0.9], [1, 0]])
-    return at_constant_feed("rounded-square", spline(corners), pace)
-
-
-def _along_the_beam(name: str, x: float, points: Callable[[np.ndarray], np.ndarray]) -> Entry:
-    """A smooth closed contour around x, at 0.3 m/s unless another feed is given: a spline through points of its angle."""
-
-    def make(pace: Pace) -> Job:
-        around = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
-        contour = spline(points(around).T + np.array([x, 0.0]), closed=True)
-        return at_constant_feed(name, contour, pace._replace(feed=pace.feed or 0.3))
-
-    return Entry(make, f"a tenth of a metre around {x:g} m on the gantry's beam", on="gantry")
-
-
-def _ring_points(angle: np.ndarray) -> np.ndarray:
-    return 0.05 * np.array([np.cos(angle), np.sin(angle)])
-
-
-def _cushion_points(angle: np.ndarray) -> np.ndarray:
-    return _ring_points(angle) * (1 - 0.12 * np.cos(4 * angle))
-
-
-def _eight_points(angle: np.ndarray) -> np.ndarray:
-    return 0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
-
-
-def _oval_points(angle: np.ndarray) -> np.ndarray:
-    return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])
+def _along_the_beam(name: str, x: float, outline: parts.Outline) -> Entry:
+    return Entry(parts.along_the_beam(name, x, outline), f"a tenth of a metre around {x:g} m on the gantry's beam", on="gantry")
 
 
 CONTOURS = {
     "circle": Entry(lambda pace: at_constant_feed("circle", circle(1e-3), pace), "circle of 1 mm radius, constant feed"),
-    "square": Entry(_square, "square of 2 mm, constant feed, corners and all"),
+    "square": Entry(parts.square, "square of 2 mm, constant feed, corners and all"),
     "ellipse": Entry(lambda pace: at_constant_feed("ellipse", ellipse(3e-3, 1.5e-3), pace), "ellipse of 6 x 3 mm at constant feed"),
     "lemniscate": Entry(lambda pace: at_constant_feed("lemniscate", lemniscate(3e-3), pace), "figure of eight 6 mm wide, crosses itself"),
-    "wave": Entry(_wave, "cubic spline through five points, open"),
+    "wave": Entry(parts.wave, "cubic spline through five points, open"),
     "bracket": Entry(lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace), "bracket with fillets, holes and a slot, 12 x 8 mm, G-code"),
     "cam": Entry(lambda pace: from_file(TOOLPATHS / "cam.ngc", pace), "cam profile of a few hundred segments and arcs, G-code"),
-    "ring": Entry(_ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
-    "rounded-square": Entry(_rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"),
-    "ring-left": _along_the_beam("ring-left", -0.55, _ring_points),
-    "ring-centre": _along_the_beam("ring-centre", 0.0, _ring_points),
-    "cushion-left": _along_the_beam("cushion-left", -0.3, _cushion_points),
-    "oval-centre": _along_the_beam("oval-centre", 0.05, _oval_points),
-    "cushion-right": _along_the_beam("cushion-right", 0.4, _cushion_points),
-    "eight-right": _along_the_beam("eight-right", 0.7, _eight_points),
+    "ring": Entry(parts.ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
+    "rounded-square": Entry(parts.rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"),
+    "ring-left": _along_the_beam("ring-left", -0.55, parts.ring_outline),
+    "ring-centre": _along_the_beam("ring-centre", 0.0, parts.ring_outline),
+    "cushion-left": _along_the_beam("cushion-left", -0.3, parts.cushion_outline),
+    "oval-centre": _along_the_beam("oval-centre", 0.05, parts.oval_outline),
+    "cushion-right": _along_the_beam("cushion-right", 0.4, parts.cushion_outline),
+    "eight-right": _along_the_beam("eight-right", 0.7, parts.eight_outline),
     "task-a": Entry(task_a, "point to point, trapezoidal (Yuan)", on="flexible-axis"),
     "task-b": Entry(task_b, "to and fro along a cosine (Yuan)", on="flexible-axis"),
     "s-curve": Entry(s_curve, "point to point with limited jerk", on="flexible-axis"),
