@@ -27,7 +27,7 @@ from tuning.identification.output_error import output_error
 
 NAMES = ("total_mass", "inertia", "head_mass", "imbalance", "drive_viscous", "head_viscous", "joint_stiffness")
 POSITIVE = np.array([name != "imbalance" for name in NAMES])  # searched by their logarithms
-SUBSTEPS = 4  # of a row in the simulation: at two, the integrator errs more than the noise lets the masses err
+SUBSTEPS = 8  # of a row in the simulation: at four the integrator's error moves b_y by more than the noise does
 BAND = (2.0, 110.0)  # [Hz] of the frequency responses: what the chirp excites
 
 

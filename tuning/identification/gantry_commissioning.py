@@ -41,7 +41,7 @@ def _recorded(parameters: GantryParameters, head, noise) -> GantryRecord:
 
 @jax.jit
 def _run(parameters: GantryParameters, head, noise):
-    plant, mass = Gantry(parameters, SAMPLE, substeps=8), parameters.head_mass
+    plant, mass = Gantry(parameters, SAMPLE, substeps=16), parameters.head_mass
 
     def step(carry, row):
         state, before = carry
