@@ -63,7 +63,8 @@ class Sheet(NamedTuple):
 def identify_gantry(records: Sequence[GantryRecord], sheet: Sheet, band: tuple[float, float] = BAND) -> Estimate:
     """Total mass [kg], inertia J_0 [kg m^2], head mass [kg], M_d L [kg m], b_y, b_x [N s/m] and k_r [N m/rad], with 95 % intervals.
 
-    The intervals hold for encoder noise that is white.
+    The intervals hold for encoder noise that is white. Rounding is white too where the noise before it is half a count or more; with
+    0.3 of a count, 16 simulated commissionings had the truth in 88 % of the intervals.
 
     Raises:
         ValueError: fewer than two records, two of the same head position, a record that is not finite or too short for the band, or a fit

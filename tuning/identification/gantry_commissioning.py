@@ -21,11 +21,16 @@ HOLD = 60.0  # [rad/s] of the loop that holds the head, damped by 0.7
 RESOLUTION, NOISE = 1e-6, 3e-7  # [m] of an encoder's count, and of what is added before it is rounded
 
 
-def commissioned(parameters: GantryParameters, seed: int, heads: Sequence[float] = HEADS) -> list[GantryRecord]:
-    """A record for each head position: a chirp on drive 1, the same backwards on the held head, drive 2 without current."""
+def commissioned(
+    parameters: GantryParameters, seed: int, heads: Sequence[float] = HEADS, noise: float = NOISE
+) -> list[GantryRecord]:  # fmt: skip
+    """A record for each head position: a chirp on drive 1, the same backwards on the held head, drive 2 without current.
+
+    `noise` [m] is the standard deviation of what is added to the encoders before they count.
+    """
     random = np.random.default_rng(seed)
     rows = round((DURATION + REST) / SAMPLE)
-    return [_recorded(parameters, jnp.asarray(head), jnp.asarray(NOISE * random.standard_normal((rows, 3)))) for head in heads]
+    return [_recorded(parameters, jnp.asarray(head), jnp.asarray(noise * random.standard_normal((rows, 3)))) for head in heads]
 
 
 def excitation() -> Float[np.ndarray, "T 2"]:
