@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from experiments.axis_laws import Law, Part
-from experiments.axis_machines import FlexibleMachine
-from experiments.gain_designs import GainDesign
+from experiments.designs.flexible_axis import Law, Part
+from experiments.designs.gains import GainDesign
+from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.options import Controlled
 
 

@@ -11,17 +11,17 @@ import tyro
 from experiments import options
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
-    options.Tune: ("tune", "experiments.autotune"),
-    options.Simulate: ("simulate", "experiments.simulate"),
-    options.Front: ("front", "experiments.front"),
-    options.Sweep: ("sweep", "experiments.sweep"),
-    options.Verify: ("verify", "experiments.verify"),
-    options.Trace: ("trace", "experiments.trace"),
-    options.Identify: ("identify", "experiments.identify"),
-    options.Bench: ("bench", "experiments.bench"),
-    options.Compare: ("compare", "experiments.compare"),
-    options.Listing: ("list", "experiments.listing"),
-    options.Reproduce: ("reproduce", "experiments.reproduce"),
+    options.Tune: ("tune", "experiments.commands.tune"),
+    options.Simulate: ("simulate", "experiments.commands.simulate"),
+    options.Front: ("front", "experiments.commands.front"),
+    options.Sweep: ("sweep", "experiments.commands.sweep"),
+    options.Verify: ("verify", "experiments.commands.verify"),
+    options.Trace: ("trace", "experiments.commands.trace"),
+    options.Identify: ("identify", "experiments.commands.identify"),
+    options.Bench: ("bench", "experiments.commands.bench"),
+    options.Compare: ("compare", "experiments.commands.compare"),
+    options.Listing: ("list", "experiments.commands.names"),
+    options.Reproduce: ("reproduce", "experiments.commands.reproduce"),
 }
 BAD_INPUT, INTERRUPTED = 2, 130
 TRACEBACK = "JCONTOUR_TRACEBACK"
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         flags, run = _chosen(arguments)
         if not isinstance(flags, options.Spreading):
             return run(flags)
-        with import_module("experiments.spreading").prepared(flags) as flags:
+        with import_module("experiments.runs.spreading").prepared(flags) as flags:
             return run(flags)
     except KeyboardInterrupt as interruption:
         how = str(interruption)
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
-        return import_module("experiments.reproduce").chosen(arguments[1], arguments[2:])
+        return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
     flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
     return flags, lambda flags: import_module(COMMANDS[type(flags)][1]).command(flags)  # devices are set up before it is imported
 

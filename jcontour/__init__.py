@@ -7,12 +7,13 @@ import jax as _jax
 if _os.environ.get("JAX_ENABLE_X64", "1") not in ("0", "false", "False"):
     _jax.config.update("jax_enable_x64", True)  # micrometres on metres, and the DARE, need double precision
 
-from jcontour import contours, feed_laws, references, toolpaths
-from jcontour.evaluation import evaluate, stack_plants, stack_references
-from jcontour.linear import LinearPlant
-from jcontour.metrics import score
-from jcontour.simulation import simulate
-from jcontour.stability import frozen_spectral_radius, margins
+from jcontour.analysis.stability import frozen_spectral_radius, margins
+from jcontour.geometry import contours, toolpaths
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion import feed_laws, references
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
+from jcontour.simulation.metrics import score
 
 __all__ = [
     "LinearPlant",

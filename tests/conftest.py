@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.linear import LinearPlant
+from jcontour.linear.plant import LinearPlant
 
 
 def pytest_configure(config):
@@ -50,11 +50,11 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Nominal smooth plant and the true one, controller with its own start weights, short references in motion, of a catalogued name."""
-    from experiments.catalogue import CONTROLLERS, MACHINES
-    from experiments.choices import design_for
+    from experiments.catalogue.choices import design_for
+    from experiments.catalogue.controllers import CONTROLLERS, MACHINES
     from experiments.options import Simulate
-    from jcontour.contours import circle, line
-    from jcontour.references import along
+    from jcontour.geometry.contours import circle, line
+    from jcontour.motion.references import along
 
     machine = MACHINES[CONTROLLERS[name].on]()
     design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))

@@ -16,9 +16,9 @@ ALLOWED = {
     },
 }  # fmt: skip
 SOLVERS = {"qpsolvers", "proxsuite", "daqp", "numba"}  # on the host, in jcontour.mpc alone
-COMPILED = "experiments.bench_loops"  # the loop that `jcontour bench` compares with
+COMPILED = "experiments.benchmarks.plain_loops"  # the loop that `jcontour bench` compares with
 ENGINES = {"mujoco"}  # in jcontour.plants.gantry_mujoco and gantry_mjx alone
-ENCODED = "experiments.gantry_video"  # to MP4, where the user has installed what that needs
+ENCODED = "experiments.video.gantry_video"  # to MP4, where the user has installed what that needs
 BELOW = {"jcontour": {"jcontour"}, "tuning": {"jcontour", "tuning"}, "experiments": set(PACKAGES)}
 
 
@@ -62,7 +62,7 @@ def test_third_parties_and_the_order_of_packages(name):
     package = name.split(".")[0]
     tops = {found.split(".")[0] for found in IMPORTS[name]}
     allowed = ALLOWED[package] | (SOLVERS if name.startswith("jcontour.mpc") else {"numba"} if name == COMPILED else set())
-    allowed |= ENGINES if name in ("jcontour.plants.gantry_mujoco", "jcontour.plants.gantry_mjx") else set()
+    allowed |= ENGINES if name in ("jcontour.plants.gantry.mujoco_engine", "jcontour.plants.gantry.mjx_engine") else set()
     allowed |= {"imageio_ffmpeg"} if name == ENCODED else set()
     unknown = tops - sys.stdlib_module_names - allowed - BELOW[package]
     assert not unknown, f"{name} imports {unknown}"
@@ -76,9 +76,9 @@ def test_plants_and_controllers_never_meet(one, other):
 
 
 def test_simulation_and_metrics_know_only_abstract_types():
-    for name in ("jcontour.simulation", "jcontour.metrics", "jcontour.evaluation", "jcontour.references"):
+    for name in ("jcontour.simulation.closed_loop", "jcontour.simulation.metrics", "jcontour.simulation.evaluation", "jcontour.motion.references"):
         assert not [found for found in reached(name) if found.startswith(("jcontour.plants", "jcontour.controllers"))], name
-    assert "jcontour.linear" not in reached("jcontour.simulation")
+    assert "jcontour.linear.plant" not in reached("jcontour.simulation.closed_loop")
 
 
 def test_constrained_control_stands_on_the_library_and_nothing_there_on_it():

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue import CONTROLLERS, MACHINES, PLANTS
+from experiments.catalogue.controllers import CONTROLLERS, MACHINES, PLANTS
 from jcontour.controller import Controller
-from jcontour.evaluation import member, stack_references
-from jcontour.metrics import score
-from jcontour.references import from_samples
-from jcontour.simulation import simulate
+from jcontour.motion.references import from_samples
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import member, stack_references
+from jcontour.simulation.metrics import score
 
 STEPS = 5
 QUICK = ("contouring-lq",)  # the others compile for half a minute each on a busy machine

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.metrics import Metrics
+from jcontour.simulation.metrics import Metrics
 
 Objective = Callable[[Metrics], Float[Array, " v"]]
 Limits = Callable[[Metrics], Float[Array, " c"]]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.metrics import Metrics
+from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
 from tuning.tune import FEASIBLE, Evaluated, Settings, TuneState, advance

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.controller import Controller
-from jcontour.evaluation import Batching, evaluate
-from jcontour.metrics import Metrics
+from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.references import Reference
+from jcontour.simulation.evaluation import Batching, evaluate
+from jcontour.simulation.metrics import Metrics
 from tuning.objectives import Limits, Objective, no_limits
 from tuning.parameters import Chart, Weights
 

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller
-from jcontour.evaluation import Batching, evaluate, platform_batching
-from jcontour.metrics import Metrics
+from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.references import Reference
+from jcontour.simulation.evaluation import Batching, evaluate, platform_batching
+from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Weights
 
 

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from jcontour.metrics import Metrics
+from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Chart, Weights
 from tuning.problem import LIMIT_MARGIN, Merit, Point, Problem, earned_shares, evaluate_point, smooth_maximum
 

@@ -9,18 +9,18 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, Terminal
-from jcontour.controllers.observers import FilterObserver
-from jcontour.linear import LinearPlant
-from jcontour.metrics import Metrics, score
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, Terminal
+from jcontour.controllers.observers.kalman import FilterObserver
+from jcontour.host.loop import Fallback, Run, Stopped, reported_loop
+from jcontour.host.observed import ObservedHost
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import Reference
 from jcontour.mpc.limits import Bounds, Limits
-from jcontour.mpc.loop import Fallback, Run, Stopped, reported_loop
-from jcontour.mpc.observed import ObservedHost
-from jcontour.mpc.solvers import Solver
 from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plant import Plant
-from jcontour.references import Reference
-from jcontour.simulation import Rollout, simulate
+from jcontour.qp.solvers import Solver
+from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.metrics import Metrics, score
 
 AT_LIMIT = 1e-7  # of the largest value: what a checked QP leaves
 

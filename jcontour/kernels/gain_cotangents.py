@@ -16,7 +16,7 @@ from jax.experimental import pallas as pl
 
 from jcontour.kernels.gain_lanes import Data, Shape, Sizes, as_rows, read, shape_of, swept
 from jcontour.kernels.lanes import LANES, Batch, Lanes, batch_last, dot, in_pieces, launch, processors, vectors
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 
 RESIDENT = 2  # programs per multiprocessor in float64, limited by registers; float32 has room for twice as many
 

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, Rows, batch_last, dot, in_pieces, is_zero, launch, vectors
 from jcontour.kernels.window_sweep import seen_entries, small_inverse
-from jcontour.linear import Pattern, decoupled_axes
+from jcontour.linear.plant import Pattern, decoupled_axes
 
 WRITTEN_OUT = 1  # stages at most: more save 3 %, and double the time to compile
 

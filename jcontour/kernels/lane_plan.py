@@ -14,7 +14,7 @@ from jcontour.kernels.gain_cotangents import cotangents
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
 from jcontour.kernels.lanes import dense
 from jcontour.kernels.window_sweep import seen_entries, window_plan
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 
 UNROLLED = 32  # stages whose cotangents are gathered in one pass
 

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every, in_pieces
 from jcontour.kernels.loop_lanes import cotangents, runs
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 
 Score = Callable[[Array, Array, Any], Any]  # outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
 

@@ -15,7 +15,7 @@ from jax.experimental import pallas as pl
 from jaxtyping import Array
 
 from jcontour.kernels.lanes import Batch, Lanes, Operand, Rows, dot, launch, vectors
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 
 MEMBERS = 32  # lanes of a program: one warp, so that few members still reach many processors
 

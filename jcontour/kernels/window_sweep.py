@@ -22,7 +22,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear import Pattern, decoupled_axes
+from jcontour.linear.plant import Pattern, decoupled_axes
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.linear import LinearPlant
-from jcontour.mpc.compiled import compiled
+from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.limits import Limits
-from jcontour.mpc.qp import QP
+from jcontour.qp.compiled import compiled
+from jcontour.qp.problem import QP
 
 NEGLIGIBLE = 1e-12  # of the largest entry of the same kind of row: limits on what the controls of the window cannot change are left out
 SOFT = ("state", "output", "speed", "acceleration")  # limits that softening reaches; control and increment are the actuator's own

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from jcontour.contour import Contour
-from jcontour.linear import LinearPlant
+from jcontour.geometry.contour import Contour
+from jcontour.host.loop import HostController, StepReport
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import Reference
+from jcontour.mpc.compiled_path import path_of
 from jcontour.mpc.contouring_qp import condensed, write_step
-from jcontour.mpc.loop import HostController, StepReport
-from jcontour.mpc.path import path_of
-from jcontour.mpc.qp import QP, check_limits, check_weight
-from jcontour.mpc.solvers import DAQP, Solver
-from jcontour.references import Reference
+from jcontour.qp.problem import QP, check_limits, check_weight
+from jcontour.qp.solvers import DAQP, Solver
 
 ARRIVAL = 1e-5  # [m] how near its end the tool has to come before the run is over
 AT_END = 1e-9  # of the path's length: theta is at the end but for rounding

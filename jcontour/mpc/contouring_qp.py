@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.linear import LinearPlant
-from jcontour.mpc.compiled import compiled
-from jcontour.mpc.path import path_at
-from jcontour.velocity_form import velocity_form
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.velocity_form import velocity_form
+from jcontour.mpc.compiled_path import path_at
+from jcontour.qp.compiled import compiled
 
 
 class Condensed(NamedTuple):

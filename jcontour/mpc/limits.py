@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike
 
-from jcontour.linear import LinearPlant
-from jcontour.mpc.qp import check_limits
+from jcontour.linear.plant import LinearPlant
+from jcontour.qp.problem import check_limits
 
 Bounds = tuple[ArrayLike, ArrayLike]  # (lower, upper), each one number or one per component; infinite where there is none
 

@@ -14,15 +14,15 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from jcontour.controller import check_preview, whole_preview
-from jcontour.controllers.contouring_lq import LQWeights, OutputTerminal, RiccatiTerminal, Terminal
-from jcontour.linear import LinearPlant, steady_motion
+from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal, RiccatiTerminal, Terminal
+from jcontour.host.loop import HostController, StepReport
+from jcontour.linear.plant import LinearPlant, steady_motion
+from jcontour.motion.references import Reference
 from jcontour.mpc.condense import Condensed, predict
 from jcontour.mpc.limits import Limits, full_limits
-from jcontour.mpc.loop import HostController, StepReport
-from jcontour.mpc.qp import Solution, check_weight
-from jcontour.mpc.solvers import DAQP, Solver
-from jcontour.references import Reference
-from jcontour.riccati import check_dare, dare
+from jcontour.qp.problem import Solution, check_weight
+from jcontour.qp.solvers import DAQP, Solver
+from jcontour.riccati.receding_horizon import check_dare, dare
 
 NO_LIMITS = Limits()
 EXACT_PENALTY = 1e5  # far above the multipliers, which are of order one in the scaled problem

@@ -1,15 +1,15 @@
 """Machines, one a file, and what stands between a controller and an ideal machine."""
 
-from jcontour.plants.back_to_back_motors import BackToBackMotors, servo_bench
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.flexible_axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.flexible_axis_model import euler_model, zoh_model
-from jcontour.plants.gantry import Gantry
-from jcontour.plants.gantry_friction import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
-from jcontour.plants.hardware_in_loop import HardwareInLoop
-from jcontour.plants.linear_motor import DrivenAxis, LinearMotor, thesis_motor
-from jcontour.plants.wrappers import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated, Sensed
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
+from jcontour.plants.flexible_axis.models import euler_model, zoh_model
+from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.wrappers.wrapper import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated, Sensed
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [

@@ -5,7 +5,7 @@ Velocity commands in, positions [m] out, 2 kHz. X has three states, Y five; noth
 
 import numpy as np
 
-from jcontour.linear import LinearPlant
+from jcontour.linear.plant import LinearPlant
 
 SAMPLE_PERIOD = 0.5e-3  # [s] the paper's 2 kHz
 ENCODER_RESOLUTION = 0.8e-6  # [m] per count, the paper's encoders

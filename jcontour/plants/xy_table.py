@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear import LinearPlant, zoh
+from jcontour.linear.plant import LinearPlant, zoh
 from jcontour.plant import Plant
 
 SUBSTEP = 5e-5  # [s] within which the friction torque is held

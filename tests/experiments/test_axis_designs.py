@@ -7,19 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.axis_laws import cascade, loops, quadratic, state_weights
-from experiments.axis_machines import biaxial_machine, thesis_machine
-from experiments.catalogue import CONTROLLERS
-from experiments.choices import design_for
-from experiments.designs import with_values
-from experiments.jobs import Pace
-from experiments.linear_machines import bridgeport_machine
-from experiments.motions import task_a
+from experiments.catalogue.choices import design_for
+from experiments.catalogue.controllers import CONTROLLERS
+from experiments.designs.design import with_values
+from experiments.designs.flexible_axis import cascade, loops, quadratic, state_weights
+from experiments.jobs.job import Pace
+from experiments.jobs.motions import task_a
+from experiments.machines.flexible_axis import biaxial_machine, thesis_machine
+from experiments.machines.linear import bridgeport_machine
 from experiments.options import Simulate
-from jcontour.controllers.state_feedback import moving_target
-from jcontour.point_to_point import thesis_task_a
-from jcontour.references import along
-from jcontour.simulation import simulate
+from jcontour.controllers.feedback.state_feedback import moving_target
+from jcontour.motion.point_to_point import thesis_task_a
+from jcontour.motion.references import along
+from jcontour.simulation.closed_loop import simulate
 
 ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axis"]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
-from experiments.datasets import load_dataset
+from experiments.commands.trace import contour_of, setup_of
+from experiments.commands.verify import limits_of
+from experiments.files.netcdf import load_dataset
 from experiments.options import Trace, Verify
-from experiments.trace import contour_of, setup_of
-from experiments.verify import limits_of
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_verify_needs_a_run(tmp_path, capsys):
 
 
 def test_limits_of_the_machine_and_of_the_flags(machine_file):
-    from experiments.choices import machine_named
+    from experiments.catalogue.choices import machine_named
 
     machine = machine_named(str(machine_file))
     own, changed = limits_of(Verify(), machine), limits_of(Verify(max_control=7.0, max_speed_mm_s=50.0), machine)

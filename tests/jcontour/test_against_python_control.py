@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from jcontour.contours import line
-from jcontour.controllers.cascade import Cascade, CascadeGains
-from jcontour.controllers.disturbance_observer import DisturbanceObserver
-from jcontour.controllers.extended_state_observers import CurrentLESO, DisturbanceRejection, Estimate, EulerLESO, ExactLESO
-from jcontour.controllers.filters import Filtered, low_pass, notch
-from jcontour.controllers.observers import FilterObserver, kalman_gain
-from jcontour.controllers.reduced_observer import ReducedObserver, thesis_gain
-from jcontour.controllers.state_feedback import StateFeedback, lq_gain, moving_target
-from jcontour.plants.flexible_axis import thesis_axis
-from jcontour.plants.flexible_axis_model import zoh_model
-from jcontour.plants.wrappers import Sensed
-from jcontour.references import along
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
+from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
+from jcontour.controllers.observers.extended_state_observers import CurrentLESO, DisturbanceRejection, Estimate, EulerLESO, ExactLESO
+from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
+from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
+from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
+from jcontour.geometry.contours import line
+from jcontour.motion.references import along
+from jcontour.plants.flexible_axis.axis import thesis_axis
+from jcontour.plants.flexible_axis.models import zoh_model
+from jcontour.plants.wrappers.wrapper import Sensed
 from jcontour.sensors import motors
 
 DT, W, B0 = 1e-3, 87.0, 79.33 / 39.62

@@ -9,18 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.contours import circle, polyline
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight, control_weight
-from jcontour.controllers.observers import FilterObserver, PredictorObserver
-from jcontour.evaluation import evaluate, member, stack_plants, stack_references
-from jcontour.linear import LinearPlant, SteadyMotion, spectral_radius, steady_motion, with_input_gains
-from jcontour.metrics import score
+from jcontour.analysis.stability import frozen_spectral_radius
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight, control_weight
+from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver
+from jcontour.geometry.contours import circle, polyline
+from jcontour.linear.plant import LinearPlant, SteadyMotion, spectral_radius, steady_motion, with_input_gains
+from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers import Delayed, Disturbed, Encoders
-from jcontour.references import along, from_samples
-from jcontour.riccati import CostToGo, one_stage_back
-from jcontour.simulation import simulate
-from jcontour.stability import frozen_spectral_radius
+from jcontour.plants.wrappers.wrapper import Delayed, Disturbed, Encoders
+from jcontour.riccati.receding_horizon import CostToGo, one_stage_back
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
+from jcontour.simulation.metrics import score
 
 DATA = Path(__file__).parents[1] / "data" / "mcnab"
 DT, RADIUS, ANGLE = 0.5e-3, 1e-3, 0.025  # s, m, rad per sample

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.contours import circle
 from jcontour.controller import Controller
-from jcontour.evaluation import stack_plants, stack_references
-from jcontour.linear import LinearPlant
-from jcontour.references import along
+from jcontour.geometry.contours import circle
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.objectives import mean_contour_error, no_limits
 from tuning.parameters import Positive
 from tuning.problem import Problem

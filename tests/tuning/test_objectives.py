@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.metrics import Metrics
+from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost, mean_contour_error, mean_tracking_error, no_limits, worst_contour_error, worst_tracking_error
 
 NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]

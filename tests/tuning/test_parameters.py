@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jcontour.controllers.contouring_lq import LQWeights
+from jcontour.controllers.lq.contouring_lq import LQWeights
 from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
 
 positive = st.floats(1e-8, 1e8)

@@ -2,7 +2,7 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour.evaluation import all_at_once, evaluate
+from jcontour.simulation.evaluation import all_at_once, evaluate
 from tuning.sweep import design, grid, random_sample, sweep
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from jcontour.contours import circle, polyline
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights
-from jcontour.evaluation import stack_plants, stack_references
-from jcontour.linear import with_input_gains
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle, polyline
+from jcontour.linear.plant import with_input_gains
+from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers import Delayed
-from jcontour.references import along, from_samples
+from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.objectives import AtMost, mean_contour_error, worst_contour_error
 from tuning.parameters import Chart, LQSpace
 from tuning.problem import Problem

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from experiments.linear_machines import bridgeport_machine
-from jcontour.contours import circle
-from jcontour.controllers.contouring_lq import LQWeights
-from jcontour.controllers.observers import kalman_gain
+from experiments.machines.linear import bridgeport_machine
+from jcontour.controllers.lq.contouring_lq import LQWeights
+from jcontour.controllers.observers.kalman import kalman_gain
+from jcontour.geometry.contours import circle
+from jcontour.motion.references import along
 from jcontour.mpc.limits import Limits
-from jcontour.references import along
 from tuning.verify import Replayed, acting_fraction, verify
 
 PREVIEW, DT = 4, 0.5e-3

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.friction import Friction
-from jcontour.plants.flexible_axis import AxisParameters
+from jcontour.plants.flexible_axis.axis import AxisParameters
+from jcontour.plants.friction import Friction
 from tuning.identification.estimates import Estimate, joined
 from tuning.identification.forces import ForceFit, fit_forces
 from tuning.identification.link import LinkFit, fit_link

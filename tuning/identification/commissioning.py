@@ -20,15 +20,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.signal import chirp
 
-from jcontour.contours import line
-from jcontour.controllers.cascade import Cascade, CascadeGains
-from jcontour.plants.flexible_axis import AxisParameters, FlexibleAxis
-from jcontour.plants.linear_motor import DrivenAxis, LinearMotor
-from jcontour.plants.wrappers import Disturbed
-from jcontour.point_to_point import PointToPoint
-from jcontour.references import in_time
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import line
+from jcontour.motion.point_to_point import PointToPoint
+from jcontour.motion.references import in_time
+from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis
+from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor
+from jcontour.plants.wrappers.wrapper import Disturbed
 from jcontour.sensors import motors
-from jcontour.simulation import simulate
+from jcontour.simulation.closed_loop import simulate
 from tuning.identification.instruments import InstrumentedAxis, Instruments, Seen
 from tuning.identification.records import Record
 

@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.integrators import runge_kutta
-from jcontour.plants.gantry import EquationOfMotion
-from jcontour.plants.gantry_parameters import GantryParameters
+from jcontour.plants.gantry.gantry import EquationOfMotion
+from jcontour.plants.gantry.parameters import GantryParameters
+from jcontour.plants.integrators import runge_kutta
 from tuning.identification.estimates import Estimate
 from tuning.identification.output_error import output_error
 

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from scipy.signal import chirp
 from scipy.signal.windows import tukey
 
-from jcontour.plants.gantry import Gantry
-from jcontour.plants.gantry_parameters import GantryParameters
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.parameters import GantryParameters
 from tuning.identification.gantry import GantryRecord
 
 PEAK = 4.0  # [A] thesis, section 5.2.2

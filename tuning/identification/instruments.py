@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jcontour.plant import Plant
-from jcontour.plants.linear_motor import DrivenAxis, DrivenState
+from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, DrivenState
 
 
 class Instruments(NamedTuple):

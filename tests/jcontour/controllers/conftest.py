@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jcontour.contours import circle, line
-from jcontour.controllers.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import circle, line
+from jcontour.motion.references import along
 from jcontour.plants.xy_table import X_DRIVE, xy_table
-from jcontour.references import along
 from jcontour.sensors import Sensors
-from jcontour.simulation import simulate
+from jcontour.simulation.closed_loop import simulate
 
 DT, FEED, RADIUS = 1e-3, 0.05, 0.02
 STEPS = 2000  # two seconds: transients of 25 rad/s are gone

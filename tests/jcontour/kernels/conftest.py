@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.linear import LinearPlant
-from jcontour.riccati import CostToGo
+from jcontour.linear.plant import LinearPlant
+from jcontour.riccati.receding_horizon import CostToGo
 
 # derivatives: the time goes into compiling, not running
 quick = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})

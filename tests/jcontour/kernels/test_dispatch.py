@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jcontour.kernels import dispatch
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 from jcontour.plants import bridgeport
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from jcontour.kernels.gain_cotangents import paired, through
 from jcontour.kernels.gain_lanes import Sizes, shape_of
-from jcontour.linear import Pattern
+from jcontour.linear.plant import Pattern
 
 
 def test_a_trajectory_moves_with_the_closed_loop():

@@ -6,8 +6,8 @@ import numpy as np
 
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
 from jcontour.kernels.lane_plan import _cost
-from jcontour.linear import Pattern
-from jcontour.riccati import CostToGo, readable_plan
+from jcontour.linear.plant import Pattern
+from jcontour.riccati.receding_horizon import CostToGo, readable_plan
 
 
 def test_numbers_that_are_zero_are_not_written_out():

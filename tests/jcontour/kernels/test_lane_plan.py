@@ -5,17 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.contours import circle
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
-from jcontour.evaluation import evaluate
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
+from jcontour.geometry.contours import circle
 from jcontour.kernels import lane_plan as module
 from jcontour.kernels.dispatch import on_gpu
 from jcontour.kernels.lane_plan import lane_plan
-from jcontour.metrics import score_signals
+from jcontour.motion.references import along
 from jcontour.plants import bridgeport
-from jcontour.references import along
-from jcontour.riccati import CostToGo, output_cost, readable_plan
-from jcontour.simulation import follow
+from jcontour.riccati.receding_horizon import CostToGo, output_cost, readable_plan
+from jcontour.simulation.closed_loop import follow
+from jcontour.simulation.evaluation import evaluate
+from jcontour.simulation.metrics import score_signals
 
 needs_gpu = pytest.mark.skipif(not on_gpu(), reason="no GPU")
 

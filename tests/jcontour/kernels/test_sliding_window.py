@@ -7,9 +7,9 @@ import pytest
 
 from jcontour.kernels import dispatch
 from jcontour.kernels.sliding_window import Span, answer, joined, sliding_plan
-from jcontour.linear import LinearPlant
+from jcontour.linear.plant import LinearPlant
 from jcontour.plants import bridgeport
-from jcontour.riccati import CostToGo, output_cost, readable_plan, receding_horizon_plan
+from jcontour.riccati.receding_horizon import CostToGo, output_cost, readable_plan, receding_horizon_plan
 
 
 def plain(plant, Q, y_d, R, preview, terminal=None):

@@ -7,7 +7,7 @@ import pytest
 
 from jcontour.kernels import window_sweep
 from jcontour.plants import bridgeport
-from jcontour.riccati import CostToGo, readable_plan, receding_horizon_plan
+from jcontour.riccati.receding_horizon import CostToGo, readable_plan, receding_horizon_plan
 
 
 @pytest.mark.parametrize(

@@ -5,16 +5,16 @@ import jax
 import numpy as np
 import pytest
 
-from jcontour import contours
+from jcontour.geometry import contours
+from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.host.held import Held
+from jcontour.host.loop import reported_loop
+from jcontour.motion.references import along
 from jcontour.mpc.contouring import MPCC, ContouringWeights, Traversal, growing_blocks
-from jcontour.mpc.held import Held
-from jcontour.mpc.loop import reported_loop
-from jcontour.mpc.qp import QP
-from jcontour.mpc.solvers import DAQP, ProxQP
-from jcontour.mpc.traversal import traversal_score
-from jcontour.periodic_splines import polar_lobes
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
-from jcontour.references import along
+from jcontour.qp.problem import QP
+from jcontour.qp.solvers import DAQP, ProxQP
+from jcontour.simulation.traversal import traversal_score
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())
 LOBES = polar_lobes(30e-3, 10e-3, 4)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from jcontour import contours
-from jcontour.linear import LinearPlant
+from jcontour.geometry import contours
+from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.contouring import MPCC, ContouringWeights, Traversal
-from jcontour.periodic_splines import polar_lobes
 from jcontour.plants.xy_table import xy_table
 
 W = ContouringWeights(70.0, 150.0, 0.4, np.array([50.0, 80.0]), 90.0, length_unit=1e-3, period=4e-3)

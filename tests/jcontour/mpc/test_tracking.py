@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from jcontour.contours import circle, lemniscate, polygon
-from jcontour.controllers.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
-from jcontour.linear import LinearPlant
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
+from jcontour.geometry.contours import circle, lemniscate, polygon
+from jcontour.host.loop import Stopped, loop, reported_loop
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along, from_samples
 from jcontour.mpc.limits import Limits
-from jcontour.mpc.loop import Stopped, loop, reported_loop
-from jcontour.mpc.qp import check_qp
-from jcontour.mpc.solvers import DAQP, ProxQP
 from jcontour.mpc.tracking import OffsetFreeMPC, TrackingMPC, TrackingWeights
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
-from jcontour.references import along, from_samples
-from jcontour.simulation import simulate
+from jcontour.qp.problem import check_qp
+from jcontour.qp.solvers import DAQP, ProxQP
+from jcontour.simulation.closed_loop import simulate
 
 N = 6
 ABSOLUTE = 2e-6  # weight on the control [1/A^2]

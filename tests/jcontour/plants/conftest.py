@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.plants.gantry_parameters import GantryParameters
+from jcontour.plants.gantry.parameters import GantryParameters
 
 DATA = Path(__file__).parents[2] / "data" / "gantry"
 NAMES = {

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jcontour.linear import decoupled_axes, spectral_radius
+from jcontour.linear.plant import decoupled_axes, spectral_radius
 from jcontour.plants.bridgeport import bridgeport
 
 PLANTS = json.loads((Path(__file__).parents[2] / "data" / "mcnab" / "plants.json").read_text())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jcontour.linear import decoupled_axes
+from jcontour.linear.plant import decoupled_axes
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, DriveParameters, FrictionXYTable, xy_table
 
 DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from jcontour.plants.flexible_axis import thesis_axis
-from jcontour.plants.linear_motor import thesis_motor
+from jcontour.plants.flexible_axis.axis import thesis_axis
+from jcontour.plants.flexible_axis.linear_motor import thesis_motor
 from tuning.identification.commissioning import ACCELERATION, DRIVE, STEP, Commissioning, Passes
 from tuning.identification.instruments import Instruments
 

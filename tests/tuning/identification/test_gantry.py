@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jcontour.plants.gantry_parameters import GantryParameters, thesis_gantry
+from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 from tuning.identification.gantry import NAMES, Sheet, antiresonance, first_guess, identify_gantry
 from tuning.identification.gantry_commissioning import HEADS, RESOLUTION, commissioned
 

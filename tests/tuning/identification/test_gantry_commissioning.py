@@ -1,6 +1,6 @@
 import numpy as np
 
-from jcontour.plants.gantry_parameters import thesis_gantry
+from jcontour.plants.gantry.parameters import thesis_gantry
 from tuning.identification.gantry_commissioning import HEADS, PEAK, RESOLUTION, SAMPLE, SWEEP, commissioned, excitation
 
 

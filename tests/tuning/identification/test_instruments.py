@@ -2,8 +2,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.plants.flexible_axis import FlexibleAxis, thesis_axis
-from jcontour.plants.linear_motor import DrivenAxis, thesis_motor
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, thesis_motor
 from tuning.identification.instruments import InstrumentedAxis
 
 PERIOD, DT, COUNT = 1e-4, 1e-3, 1e-6

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jcontour.plants.flexible_axis import thesis_axis
-from jcontour.plants.linear_motor import thesis_motor
+from jcontour.plants.flexible_axis.axis import thesis_axis
+from jcontour.plants.flexible_axis.linear_motor import thesis_motor
 from tuning.identification.axis import identify
 from tuning.identification.commissioning import Commissioning, Passes
 from tuning.identification.estimates import Estimate

@@ -1,0 +1,1 @@
+"""Rates and times, each as a ratio against something run beside it."""

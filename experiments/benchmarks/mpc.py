@@ -1,0 +1,83 @@
+"""`jcontour bench mpc`: how long one step of a constrained controller takes, by part and by solver."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from experiments.options import Bench
+from experiments.reports import tables
+from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.host.loop import reported_loop
+from jcontour.motion.references import along
+from jcontour.mpc.contouring import MPCC, growing_blocks
+from jcontour.plants.xy_table import xy_table
+from jcontour.qp.hildreth import Hildreth
+from jcontour.qp.problem import QP
+from jcontour.qp.solvers import DAQP, ProxQP, Solver
+
+HORIZONS = (7, 14, 20, 30)
+STEPS = 400  # of a closed loop: enough for a 99th percentile, few enough for the slow solvers
+WARM = 20  # steps that are not counted
+REPEATS = 5  # of every loop: what else the computer does falls on one or two of them
+FAST_PERIOD = 1e-4  # [s] the industrial period that the paper names as out of reach
+FAST_BLOCKS = growing_blocks(280, 9)  # 28 ms
+
+
+def show(console: Console, summary: dict[str, Any]) -> None:
+    """One table."""
+    columns = [
+        "controller",
+        "solver",
+        "build us",
+        "solve and\ncheck us",
+        "whole step\nmedian us",
+        "99 %\nus",
+        "times NumPy's\nlinear solve",
+    ]
+    lines = [
+        [r["controller"], r["solver"], *(tables.digits(r[n]) for n in ("build", "solve", "step", "step_99", "ratio"))]
+        for r in summary["steps"]
+    ]
+    console.print(tables.plain_table("One step of MPCC on the X-Y table, process time", columns, lines, text_columns=2))
+
+
+def rows(flags: Bench) -> dict[str, Any]:
+    """Every horizon with DAQP, the paper's horizon with every solver, and the fast period with blocked moves."""
+    cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
+    cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
+    cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
+    return {"steps": [_measured(name, solver, period, horizon) for name, solver, period, horizon in cases]}
+
+
+def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[str, Any]:
+    contour = polar_lobes(30e-3, 10e-3, 4)
+    controller = MPCC(xy_table(period), contour, solver=solver, horizon=horizon)
+    reference = along(contour, np.zeros(STEPS + WARM), period, 0, at_rest=True)
+    state = np.asarray(reported_loop(xy_table(period), controller, reference).rollout.state)
+    memories, problems = [controller.initial_memory(reference)], []
+    for x in state:
+        controller.write_qp(memories[-1], x)
+        problems.append(QP(*(np.array(field) for field in controller.qp)))
+        memories.append(controller.step(memories[-1], None, x)[0])
+    build, _ = _times([lambda m=m, x=x: controller.write_qp(m, x) for m, x in zip(memories, state, strict=False)])
+    step, step_99 = _times([lambda m=m, x=x: controller.step(m, None, x) for m, x in zip(memories, state, strict=False)])
+    solve, _ = _times([lambda problem=problem: solver.solve(problem) for problem in problems])
+    unconstrained, _ = _times([lambda problem=problem: np.linalg.solve(problem.H, problem.g) for problem in problems])
+    return {"controller": name, "solver": solver.name, "build": build, "solve": solve, "step": step, "step_99": step_99,
+            "ratio": step / unconstrained}  # fmt: skip
+
+
+def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
+    """Median and 99th percentile [us] of calls made one after the other, each the median over all rounds."""
+    rounds = [[_timed(call) for call in calls][WARM:] for _ in range(REPEATS)]
+    median, last = np.median([np.percentile(times, (50, 99)) for times in rounds], axis=0)
+    return 1e6 * float(median), 1e6 * float(last)
+
+
+def _timed(call: Callable[[], Any]) -> float:
+    before = time.process_time()
+    call()
+    return time.process_time() - before

@@ -1,0 +1,1 @@
+"""Names and the things they stand for: machines, plants, controllers, contours."""

@@ -1,0 +1,27 @@
+"""`jcontour list`: everything that has a name."""
+
+from experiments.catalogue.controllers import CONTOURS, CONTROLLERS, PLANTS
+from experiments.commands.reproduce import experiments_found
+from experiments.files import run_folder
+from experiments.options import Listing
+from experiments.reports.tables import console_of, plain_table, say
+
+
+def run() -> dict[str, dict[str, str]]:
+    """One line per name, by kind."""
+    kinds = {"plants": PLANTS, "controllers": CONTROLLERS, "contours": CONTOURS}
+    named = {kind: {name: entry.line for name, entry in entries.items()} for kind, entries in kinds.items()}
+    return {**named, "experiments": experiments_found()}
+
+
+def command(flags: Listing) -> int:
+    """The whole command: list, exit code."""
+    found = run()
+    if flags.json:
+        print(run_folder.json_text(found))
+        return 0
+    console = console_of()
+    for kind, entries in found.items():
+        console.print(plain_table(kind.capitalize(), ["name", "what it is"], [[name, line] for name, line in entries.items()], 2))
+    say(console, "--plant also takes a machine file (JSON, npz), contours and parts a toolpath file (.ngc, .csv).")
+    return 0

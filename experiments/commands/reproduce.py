@@ -1,0 +1,92 @@
+"""`jcontour reproduce NAME`: run the experiment module of that name.
+
+An experiment is a module `experiments/papers/NAME/experiment.py` with SOURCE, PUBLISHED, Settings (a dataclass: its fields are the flags), and
+    run(settings, folder) -> dict of plain values,   draw(summary, folder) -> list of figures,   show(summary, console).
+"""
+
+import ast
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from experiments import papers
+
+NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
+
+
+def experiments_found() -> dict[str, str]:
+    """Name and first docstring line of every experiment module, read without importing them."""
+    found = {}
+    for path in sorted(Path(papers.__file__).parent.glob("*/experiment.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        if NEEDED <= set(_names(tree)):
+            found[path.parent.name.replace("_", "-")] = (ast.get_docstring(tree) or "").split("\n")[0]
+    return found
+
+
+def _names(tree: ast.Module):
+    for node in tree.body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Assign):
+            yield from (target.id for target in node.targets if isinstance(target, ast.Name))
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            yield node.target.id
+        elif isinstance(node, ast.ImportFrom):
+            yield from (alias.asname or alias.name for alias in node.names)
+
+
+def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], int]]:
+    """Flags and runner of an experiment.
+
+    Raises:
+        ValueError: no such experiment.
+    """
+    known = experiments_found()
+    if name not in known:
+        raise ValueError(f"reproduce: there is no experiment {name!r}; known are {', '.join(known) or 'none'}")
+    module = import_module(f"experiments.papers.{name.replace('-', '_')}.experiment")
+    assert is_dataclass(module.Settings)
+
+    Settings: Any = module.Settings
+
+    @dataclass(frozen=True)
+    class Flags:
+        settings: tyro.conf.OmitArgPrefixes[Settings]
+        """What is run."""
+        out: Path | None = None
+        """Run folder; runs/<name>-<time> when not given. It must not hold another run."""
+        json: bool = False
+        """Print the result as JSON on stdout, and nothing else there."""
+
+    flags = tyro.cli(Flags, prog=f"jcontour reproduce {name}", description=known[name], args=list(arguments))
+    return flags, lambda flags: _run(module, name, flags)
+
+
+def _run(module: Any, name: str, flags: Any) -> int:
+    from experiments.files import run_folder
+    from experiments.reports import tables
+
+    folder = run_folder.create(flags.out or run_folder.default_folder(name), f"reproduce {name}", flags, [])
+    summary = run_folder.plain(module.run(flags.settings, folder))
+    module.draw(summary, folder)
+    run_folder.write_json(folder / run_folder.RESULT, summary)
+    if flags.json:
+        print(run_folder.json_text({"run": str(folder), **summary}))
+        return 0
+    console = tables.console_of()
+    tables.say(console, str(module.SOURCE))
+    module.show(summary, console)
+    tables.say(console, f"Run folder: {folder}")
+    return 0
+
+
+def command(flags: Any) -> int:
+    """Without a name: say which there are."""
+    print(f"jcontour: reproduce: give one of {', '.join(experiments_found()) or 'none yet'}", file=sys.stderr)
+    return 2

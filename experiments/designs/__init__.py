@@ -1,0 +1,1 @@
+"""Controllers as the commands see them: start weights, build, parameters to tune."""

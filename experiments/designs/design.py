@@ -1,0 +1,112 @@
+"""What a controller is to the commands: named weights, where they may go, what they build, and what is kept of a tuned one."""
+
+import abc
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.jobs.replays import Course
+from experiments.machines.machine import Machine, Measured
+from jcontour.controller import Controller
+from tuning.parameters import Fixed, Interval, Parameter, Weights
+
+
+@dataclass(frozen=True)
+class Design(abc.ABC):
+    """A controller for one machine, its numbers open.
+
+    Attributes:
+        name: that of the catalogue.
+        machine: what it is for.
+        start: first weights by name, a dict or a module.
+        space: one parameter for each, see `tuning.parameters`.
+        preview: samples of the future it needs.
+        measured: what it is fed.
+    """
+
+    name: str
+    machine: Machine
+    start: Weights
+    space: Any
+    preview: int
+    measured: Measured
+
+    @abc.abstractmethod
+    def build(self, weights: Weights) -> Controller:
+        """The controller; traced, so that gradients flow through it."""
+
+    @abc.abstractmethod
+    def units(self) -> dict[str, str]:
+        """Unit of every weight that is one number."""
+
+    @abc.abstractmethod
+    def settings(self) -> dict[str, Any]:
+        """What is chosen and not tuned, for the stored result."""
+
+    @abc.abstractmethod
+    def facts(self) -> dict[str, str]:
+        """What it is, heading by heading, for people."""
+
+    @abc.abstractmethod
+    def values(self, weights: dict[str, Any]) -> list[str]:
+        """Named weights with their units, one line each, as an engineer types them into a drive."""
+
+    @abc.abstractmethod
+    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+        """Files of a tuned controller beside its weights."""
+
+    def free(self) -> list[str]:
+        """Names of the weights that are tuned."""
+        space = by_name(self.space)
+        return [name for name in by_name(self.start) if not isinstance(space.get(name), (Fixed, type(None)))]
+
+    def check_start(self) -> None:
+        """Raise ValueError unless every weight that is tuned starts where it may go."""
+        for name in self.free():
+            parameter, weight = by_name(self.space)[name], by_name(self.start)[name]
+            if not parameter.allows(np.asarray(weight)):
+                raise ValueError(f"{name}: tuning needs a start {_place(parameter)}, received {weight}")
+
+
+def by_name(weights: Weights) -> dict[str, Any]:
+    """The weights, a dict, a module or a NamedTuple, as a dict."""
+    return dict(weights if isinstance(weights, dict) else getattr(weights, "_asdict", lambda: vars(weights))())
+
+
+def _place(parameter: Parameter) -> str:
+    return f"between {parameter.low:g} and {parameter.high:g}" if isinstance(parameter, Interval) else "above zero"
+
+
+def plain_weights(weights: Weights) -> dict[str, Any]:
+    """Named weights as floats, and lists where there are several; None where there is none."""
+    return {name: None if value is None else np.asarray(value, float).tolist() for name, value in by_name(weights).items()}
+
+
+def changed(start: Weights, changes: Sequence[str]) -> Weights:
+    """The start with some weights given as NAME=VALUE.
+
+    Raises:
+        ValueError: there is no such weight, or its value is not a number.
+    """
+    named = by_name(start)
+    values = {}
+    for change in changes:
+        name, _, value = change.partition("=")
+        if name not in named:
+            raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise ValueError(f"weights: needs NAME=VALUE with a number, received {change!r}") from None
+    return with_values(start, values)
+
+
+def with_values(weights: Weights, values: dict[str, Any]) -> Weights:
+    """The weights with some of them replaced by name; one number stands for all axes."""
+    named = by_name(weights)
+    named = named | {name: jnp.broadcast_to(jnp.asarray(value), np.shape(named[name])) for name, value in values.items()}
+    return named if isinstance(weights, dict) else type(weights)(**named)

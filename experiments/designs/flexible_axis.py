@@ -1,0 +1,261 @@
+"""What gains build on a flexible axis: the cascade with its parts around it, and state feedback behind its observers.
+
+Every part names its gains once, where they start and where they may go, and every law takes all of them by name.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from experiments.designs.gains import Gain, Gains
+from experiments.machines.flexible_axis import FlexibleMachine
+from jcontour.controller import Controller
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of
+from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
+from jcontour.controllers.feedback.state_feedback import StateFeedback, SteadyTarget, lq_gain, moving_target
+from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
+from jcontour.controllers.observers.extended_state_observers import NLESO, DisturbanceRejection, ExtendedStateObserver
+from jcontour.controllers.observers.kalman import OffsetFreeObserver, kalman_gain, offset_free_gain
+from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
+from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
+from jcontour.controllers.wrappers.shaped import Shaped
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.input_shaping import Shaper
+from jcontour.plants.flexible_axis.axis import thesis_axis
+from jcontour.sensors import motors
+from tuning.parameters import Interval
+
+RATIO = Interval(0.02, 0.98)  # of damping: poles stay complex, and Ackermann's formula well conditioned
+SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
+CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
+
+
+Part = Callable[[FlexibleMachine], dict[str, Gain]]
+Law = Callable[[FlexibleMachine, Gains], Controller]
+
+
+def loops(machine: FlexibleMachine) -> dict[str, Gain]:
+    """The thesis's cascade, section 3.4.2; its velocity loop as fast on another axis as on the thesis's."""
+    velocity = 55.67 * _heaviness(machine) / _heaviness(None)
+    return {"position": Gain(30.0, "1/s"), "velocity": Gain(_number(velocity), "A s/m"), "integral_time": Gain(0.04, "s")}
+
+
+def feedforward(machine: FlexibleMachine) -> dict[str, Gain]:
+    """What the model says that a motion needs."""
+    p = machine.parameters
+    dry = (p.friction.coulomb + p.friction.stribeck) / p.force_constant
+    return {
+        "feedforward": Gain(1.0, ""), "inertia": Gain(_number(_heaviness(machine)), "A s^2/m"),
+        "viscous": Gain(_number(p.friction.viscous / p.force_constant), "A s/m"), "coulomb": Gain(_number(dry), "A"),
+    }  # fmt: skip
+
+
+def notched(machine: FlexibleMachine) -> dict[str, Gain]:
+    """The thesis's notch, section 3.4.2."""
+    return {"notch": Gain(87.0, "rad/s", _below_nyquist(machine)), "depth": Gain(0.85, ""), "notch_damping": Gain(0.05, "")}
+
+
+def smoothed(machine: FlexibleMachine) -> dict[str, Gain]:
+    """A low pass a decade above the velocity loop."""
+    return {"low_pass": Gain(1000.0, "rad/s", _below_nyquist(machine)), "low_pass_damping": Gain(np.sqrt(0.5), "")}
+
+
+def rejection(machine: FlexibleMachine) -> dict[str, Gain]:
+    """The thesis's extended state observer, section 3.4.2; forward Euler is stable up to 2 / dt."""
+    return {"bandwidth": Gain(700.0, "rad/s", Interval(1.0, 1.9 / machine.model.dt))}
+
+
+def linear_range(machine: FlexibleMachine) -> dict[str, Gain]:
+    """Errors beyond ten encoder counts are weighed less."""
+    return {"delta": Gain(10 * machine.encoder_resolution, "m")}
+
+
+def inverted(machine: FlexibleMachine) -> dict[str, Gain]:
+    """A disturbance observer somewhat faster than the velocity loop."""
+    return {"bandwidth": Gain(100.0, "rad/s", Interval(1.0, 1.0 / machine.model.dt))}
+
+
+def poles(machine: FlexibleMachine) -> dict[str, Gain]:
+    """A rigid pair as fast as the thesis's velocity loop, and the link's own, damped."""
+    return {
+        "rigid": Gain(60.0, "rad/s"), "rigid_damping": Gain(0.9, "", RATIO),
+        "link": Gain(_link_frequency(machine), "rad/s"), "link_damping": Gain(0.1, "", RATIO),
+    }  # fmt: skip
+
+
+def state_weights(machine: FlexibleMachine) -> dict[str, Gain]:
+    """Diagonal of Q beside R = 1 / A^2: an ampere for 0.3 mm of the motor or the tool, or for 20 mm/s."""
+    return {
+        "motor": Gain(1e7, "A^2/m^2"), "motor_speed": Gain(2.5e3, "A^2 s^2/m^2"),
+        "tool": Gain(1e7, "A^2/m^2"), "tool_speed": Gain(10.0, "A^2 s^2/m^2"),
+    }  # fmt: skip
+
+
+def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
+    """Weight on the integral of the position error: as heavy after 20 ms as the error itself."""
+    return {"integral": Gain(2.5e10, "A^2/(m s)^2")}
+
+
+def vibration(machine: FlexibleMachine) -> dict[str, Gain]:
+    """The mode that a shaper cancels: the tool on its spring."""
+    p = machine.parameters
+    return {"mode": Gain(_link_frequency(machine), "rad/s"),
+            "mode_damping": Gain(float(np.mean(p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass)))), "", RATIO)}  # fmt: skip
+
+
+def drifting(machine: FlexibleMachine) -> dict[str, Gain]:
+    """How fast the load that the Kalman filter follows may change."""
+    return {"drift": Gain(0.02, "A per sample")}
+
+
+def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
+    """P-PI on the motors; of the gains those that it knows."""
+    known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
+    return Cascade(CascadeGains(**known), motors(len(machine.axes)), machine.model.dt, _current_limit(machine))
+
+
+def with_notch(law: Law) -> Law:
+    """The law's control through the notch, by Tustin's rule without prewarping as in the thesis."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        section = notch(gains["notch"], gains["depth"], gains["notch_damping"], machine.model.dt)
+        return Filtered(law(machine, gains), section, machine.model.inputs)
+
+    return build
+
+
+def with_low_pass(law: Law) -> Law:
+    """The law's control through a low pass."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        section = low_pass(gains["low_pass"], gains["low_pass_damping"], machine.model.dt)
+        return Filtered(law(machine, gains), section, machine.model.inputs)
+
+    return build
+
+
+def with_observer(law: Law, observer: Callable[..., ExtendedStateObserver]) -> Law:
+    """The law with what an extended state observer finds taken off; b0 = k_t / M_m as in the thesis."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        p, width = machine.parameters, {"delta": gains["delta"]} if observer is NLESO else {}
+        estimator = observer(gains["bandwidth"], _number(p.force_constant / p.motor_mass), machine.model.dt, **width)
+        return DisturbanceRejection(law(machine, gains), estimator, motors(len(machine.axes)))
+
+    return build
+
+
+def with_inverse(law: Law) -> Law:
+    """The law with what a disturbance observer finds taken off; its nominal model is the whole moving mass."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        b0 = _number(1 / _heaviness(machine))
+        return DisturbanceObserver(law(machine, gains), motors(len(machine.axes)), gains["bandwidth"], b0, machine.model.dt)
+
+    return build
+
+
+def with_shaper(law: Law, shaper: Callable[..., Shaper]) -> Law:
+    """The law behind an input shaper."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        return Shaped(law(machine, gains), shaper(gains["mode"], gains["mode_damping"]))
+
+    return build
+
+
+def placed(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
+    """State feedback with two pairs of poles."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        wanted = damped_poles(
+            jnp.stack([gains["rigid"], gains["link"]]), jnp.stack([gains["rigid_damping"], gains["link_damping"]]), machine.model.dt
+        )
+        return StateFeedback(placed_gain(machine.model, wanted), target(machine.model))
+
+    return build
+
+
+def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
+    """State feedback by the linear-quadratic regulator."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        gain = lq_gain(machine.model, _state_weight(machine, gains), jnp.eye(len(machine.axes)))
+        return StateFeedback(gain, target(machine.model))
+
+    return build
+
+
+def behind_reduced_observer(law: Law) -> Law:
+    """A law that is fed the state: the tool's is estimated, with the thesis's gain, by the ZOH model (stable; Euler's is not)."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        return ReducedObserver(law(machine, gains), machine.model, thesis_gain(len(machine.axes)))
+
+    return build
+
+
+def behind_offset_free_filter(law: Law) -> Law:
+    """A law that is fed the state: all of it estimated, with the load, by a Kalman filter, and the load cancelled."""
+
+    def build(machine: FlexibleMachine, gains: Gains) -> Controller:
+        measured, noise = _measured(machine)
+        gain = offset_free_gain(machine.model, measured, CONTROL_NOISE, gains["drift"], noise)
+        return OffsetFreeObserver(
+            controller=law(machine, gains), model=machine.model, gain=gain, measured=measured, limit=_current_limit(machine)
+        )
+
+    return build
+
+
+def integral_lqg(machine: FlexibleMachine, gains: Gains) -> IntegralLQG:
+    """The regulator on a Kalman filter's estimate, and on the integral of the motors' position errors."""
+    model, m = machine.model, len(machine.axes)
+    (measured, noise), sensors = _measured(machine), motors(m)
+    integral = jnp.diag(jnp.broadcast_to(gains["integral"], (m,)))
+    K, K_i = integral_lq_gains(model, positions_of(sensors, measured), _state_weight(machine, gains), integral, jnp.eye(m))
+    seen = LinearPlant(model.A, model.B, measured, model.dt)
+    L = kalman_gain(seen, CONTROL_NOISE, noise)
+    return IntegralLQG(
+        feedback=StateFeedback(K, moving_target(model)), integral_gain=K_i, model=model, filter_gain=L, measured=measured, sensors=sensors,
+        limit=_current_limit(machine),
+    )  # fmt: skip
+
+
+def _state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
+    diagonal = [jnp.broadcast_to(gains[name], (len(machine.axes),)) for name in ("motor", "motor_speed", "tool", "tool_speed")]
+    return jnp.diag(jnp.concatenate(diagonal))
+
+
+def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.ndarray, " q"]]:
+    """C of the motors' positions and speeds, the first states, and the standard deviations on them."""
+    m = len(machine.axes)
+    return jnp.eye(2 * m, machine.model.states), np.repeat([machine.encoder_resolution / np.sqrt(12), SPEED_NOISE], m)
+
+
+def _link_frequency(machine: FlexibleMachine) -> float:
+    """Of the tool on its spring [rad/s]."""
+    return float(np.sqrt(np.mean(machine.parameters.stiffness / machine.parameters.tool_mass)))
+
+
+def _current_limit(machine: FlexibleMachine) -> Any:
+    return np.inf if machine.limits.control is None else machine.limits.control
+
+
+def _below_nyquist(machine: FlexibleMachine) -> Interval:
+    return Interval(1.0, 0.99 * np.pi / machine.model.dt)
+
+
+def _heaviness(machine: FlexibleMachine | None):
+    """Moving mass over force constant of every axis, of the thesis's when none is given."""
+    p = thesis_axis() if machine is None else machine.parameters
+    return (p.motor_mass + p.tool_mass) / p.force_constant
+
+
+def _number(per_axis):
+    """One number for a single axis."""
+    return per_axis[0] if per_axis.shape == (1,) else per_axis

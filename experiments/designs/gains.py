@@ -1,0 +1,77 @@
+"""Controllers whose weights are gains with names, as the commands see them: one number each, or one for each axis."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from experiments.designs.design import Design
+from experiments.files import run_folder
+from experiments.jobs.replays import Course
+from jcontour.controller import Controller
+from tuning.parameters import Parameter, Positive
+
+Gains = dict[str, Any]  # name -> number, or one for each axis
+
+
+class Gain(NamedTuple):
+    """Where a gain begins, its unit, and where it may go."""
+
+    start: Any
+    unit: str
+    parameter: Parameter = Positive()
+
+
+@dataclass(frozen=True)
+class GainDesign(Design):
+    """A controller whose weights are gains with names.
+
+    Attributes:
+        law: what the gains build on the machine.
+        line: what it is, in words.
+        gains: what is tuned.
+    """
+
+    law: Callable[[Any, Gains], Controller]
+    line: str
+    gains: dict[str, Gain]
+
+    def build(self, weights: Gains) -> Controller:
+        """The law with these gains."""
+        return self.law(self.machine, weights)
+
+    def units(self) -> dict[str, str]:
+        """Those of the gains."""
+        return {name: gain.unit for name, gain in self.gains.items()}
+
+    def settings(self) -> dict[str, Any]:
+        """Preview."""
+        return {"preview": self.preview}
+
+    def facts(self) -> dict[str, str]:
+        """Law, and where its gains start."""
+        start = ", ".join(f"{name} {_words(self.start[name])}" for name in self.free())
+        return {"Controller": self.line, "Free": f"start {start}"}
+
+    def values(self, weights: dict[str, Any]) -> list[str]:
+        """Every gain with its unit."""
+        width = max(map(len, weights))
+        return [f"{name:<{width}}  {_words(value)} {self.gains[name].unit}".rstrip() for name, value in weights.items()]
+
+    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+        """All numbers of the controller, whatever is inside, by their place."""
+        run_folder.write_json(folder / "controller.json", {"dt": self.machine.model.dt, "controller": self.line, "numbers": _numbers(controller)})
+
+
+def _words(value: Any) -> str:
+    numbers = [value] if isinstance(value, float) else np.ravel(value)
+    return ", ".join(f"{float(number):.6g}" for number in numbers)
+
+
+def _numbers(controller: Controller) -> dict[str, Any]:
+    leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(controller, eqx.is_inexact_array))
+    return {jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf).tolist() for path, leaf in leaves}

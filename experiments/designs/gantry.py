@@ -1,0 +1,88 @@
+"""Controllers of gantries as the commands see them: a cascade of each motor, contouring LQ on one model or on those along the path."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax.numpy as jnp
+
+from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.machines.gantry import GantryMachine
+from experiments.options import Controlled
+from jcontour.controller import Controller
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
+from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
+from jcontour.controllers.wrappers.compensated import Compensated
+from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.plants.gantry.feedback_linearisation import EncoderLinearisation
+from jcontour.sensors import motors
+
+MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
+Part = Callable[[GantryMachine], dict[str, Gain]]
+Law = Callable[[GantryMachine, Gains, int], Controller]  # the last is the preview, which a cascade has no use for
+
+
+def loops(machine: GantryMachine) -> dict[str, Gain]:
+    """Of X and Y, the same for both drives of Y: a velocity loop at 100 rad/s, a position loop at 30, feedforward by the model."""
+    p = machine.parameters
+    inertia = jnp.stack([p.head_mass / p.head_constant, p.total_mass / (2 * p.drive_constant)])
+    viscous = jnp.stack([p.head_viscous / p.head_constant, p.drive_viscous / p.drive_constant])
+    return {
+        "position": Gain(jnp.full(2, 30.0), "1/s"), "velocity": Gain(100 * inertia, "A s/m"), "integral_time": Gain(jnp.full(2, 0.05), "s"),
+        "feedforward": Gain(jnp.ones(2), ""), "inertia": Gain(inertia, "A s^2/m"), "viscous": Gain(viscous, "A s/m"),
+    }  # fmt: skip
+
+
+def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
+    """The same, and what the guide ways take to break loose; of Y the mean of both drives."""
+    assert machine.friction is not None  # the catalogue has it for no other
+    head, first, second = machine.friction.dry(jnp.zeros(3))
+    p = machine.parameters
+    dry = jnp.stack([head / p.head_constant, (first + second) / (2 * p.drive_constant)])
+    return {**loops(machine), "coulomb": Gain(dry, "A")}
+
+
+def quadratic(machine: GantryMachine) -> dict[str, Gain]:
+    """Beside an ampere in each motor: a tenth of a millimetre of lag, a thirtieth off the contour, an ampere between the drives."""
+    return {"alpha": Gain(1e8, "A^2/m^2"), "beta": Gain(1e9, "A^2/m^2"), "difference": Gain(1.0, "")}
+
+
+def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
+    """P-PI for each of the three motors by itself; its integrators know the limits of the machine's currents."""
+    each = {name: MOTORS @ value for name, value in gains.items()}
+    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt, jnp.asarray(machine.limits.control)), MOTORS)
+
+
+def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
+    """On the model with the head at the centre of the beam."""
+    return ContouringLQ(machine.model, _weights(gains), preview, RiccatiTerminal())
+
+
+def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> ScheduledLQ:
+    """On the models along the path."""
+    return ScheduledLQ(machine.schedule, _weights(gains), preview)
+
+
+def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
+    """On the models along the path that remain where the nominal coupling of head and beam is cancelled (Yuan, section 5.4.2)."""
+    return Compensated(ScheduledLQ(machine.linearised_schedule, _weights(gains), preview), EncoderLinearisation(machine.parameters))
+
+
+def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, GantryMachine, Controlled], GainDesign]:
+    """Maker of a design from its law and the gains that it takes."""
+
+    def make(name: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
+        gains = part(machine)
+        start, space = {key: gain.start for key, gain in gains.items()}, {key: gain.parameter for key, gain in gains.items()}
+        build = partial(_built, law, flags.preview)
+        return GainDesign(name, machine, start, space, build(machine, start).preview, "outputs", build, line, gains)
+
+    return make
+
+
+def _built(law: Law, preview: int, machine: GantryMachine, gains: Gains) -> Controller:
+    return law(machine, gains, preview)
+
+
+def _weights(gains: Gains) -> LQWeights:
+    return LQWeights(gains["alpha"], gains["beta"], balanced(1.0, 3, 1, 2, gains["difference"]))

@@ -1,0 +1,148 @@
+"""Receding-horizon LQ controllers as the commands see them: alpha, beta, rho and a stage profile; gain schedule and Kalman filter kept."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.designs.design import Design
+from experiments.files import run_folder
+from experiments.files.netcdf import save_gains
+from experiments.jobs.replays import Course
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import Machine, Measured
+from experiments.options import Controlled
+from jcontour.controller import Controller
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, Terminal
+from jcontour.controllers.lq.preview_lq import PreviewLQ
+from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
+from jcontour.simulation.closed_loop import prepared
+from jcontour.simulation.evaluation import member
+from tuning.parameters import Fixed, LQSpace, Positive
+
+TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
+Law = Callable[[Machine, LQWeights, int], Controller]  # a controller that is fed the state
+Observer = type[FilterObserver] | type[PredictorObserver]
+
+
+@dataclass(frozen=True)
+class LQDesign(Design):
+    """An LQ law, behind a Kalman filter unless it is fed the state.
+
+    Attributes:
+        machine: it needs the noises that the filter assumes.
+        law: what the filter feeds.
+        line: what the law is, in words.
+        terminal: its name.
+        observer: form of the filter.
+        gain: of the filter (n, m).
+    """
+
+    machine: LinearMachine
+    law: Law
+    line: str
+    terminal: str
+    observer: Observer
+    gain: np.ndarray
+
+    def build(self, weights: LQWeights) -> Controller:
+        """The law, behind its filter."""
+        inner = self.law(self.machine, weights, self.preview)
+        return inner if self.measured == "state" else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
+
+    @property
+    def fed_gain(self) -> np.ndarray | None:
+        """Gain of the filter; None where the law is fed the state."""
+        return self.gain if self.measured == "outputs" else None
+
+    def units(self) -> dict[str, str]:
+        """Those of alpha, beta, rho."""
+        return {"alpha": "m-2", "beta": "m-2", "rho": f"1/({self.machine.control_unit})^2"}
+
+    def settings(self) -> dict[str, Any]:
+        """Preview and terminal."""
+        return {"preview": self.preview, "terminal": self.terminal}
+
+    def facts(self) -> dict[str, str]:
+        """Law, free weights, start."""
+        free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
+        start = ", ".join(f"{name} {float(getattr(self.start, name)):g}" for name in ("alpha", "beta", "rho"))
+        return {"Controller": f"{self.line}, preview {self.preview}, {self.terminal} terminal", "Free": f"{free}; start {start} (fixed)"}
+
+    def values(self, weights: dict[str, Any]) -> list[str]:
+        """Weights, the two ratios that matter, and what they belong to."""
+        unit = self.machine.control_unit
+        lines = [
+            f"alpha     {weights['alpha']:.6g} 1/m^2      alpha/rho  {weights['alpha'] / weights['rho']:.6g} ({unit})^2/m^2",
+            f"beta      {weights['beta']:.6g} 1/m^2      beta/rho   {weights['beta'] / weights['rho']:.6g} ({unit})^2/m^2",
+            f"rho       {weights['rho']:.6g} 1/({unit})^2 (fixed)",
+            f"preview   {self.preview} samples, {self.terminal} terminal",
+        ]
+        return lines + (["stage     " + " ".join(f"{value:.4g}" for value in weights["stage"])] if weights["stage"] else [])
+
+    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+        """Gain schedules of the training contours as CSV, and the Kalman filter as a drive would load it."""
+        for k, (job, trained) in enumerate(zip(course.jobs, course.training, strict=True)):
+            if trained:
+                plan = prepared(controller, member(course.references, k))
+                save_gains(plan, job.samples, self.machine.model.dt, folder / ("gains.csv" if k == 0 else f"gains-{job.name}.csv"))
+        if self.measured == "outputs":
+            run_folder.write_json(folder / "observer.json", self._filter())
+
+    def _filter(self) -> dict[str, Any]:
+        """Floats in JSON come back to the last bit."""
+        machine, model = self.machine, self.machine.model
+        used = "xf" if self.observer is FilterObserver else "xh"
+        return {
+            "form": f"{'filter' if used == 'xf' else 'predictor'}: xf = xh + L (y - C xh); u = f - F {used}; xh(next) = A xf + B u",
+            "units": {"y": "m", "u": machine.control_unit},
+            "dt": model.dt, "A": model.A, "B": model.B, "C": model.C, "L": self.gain,
+            "control_noise": machine.control_noise, "measurement_noise": machine.measurement_noise,
+        }  # fmt: skip
+
+
+def contouring_lq(
+    terminal: str | None = None, measured: Measured = "outputs", observer: Observer = FilterObserver
+) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
+    """Maker of a contouring LQ design; the flags choose the terminal when none is given here."""
+
+    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
+        chosen = terminal or flags.terminal
+
+        def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
+            return ContouringLQ(machine.model, weights, preview, TERMINALS[chosen])
+
+        return _design(name, machine, flags, law, "receding-horizon LQ contouring", chosen, measured, observer, LQSpace())
+
+    return make
+
+
+def preview_lq(measured: Measured = "outputs") -> Callable[[str, LinearMachine, Controlled], LQDesign]:
+    """Maker of a preview LQ design: alpha alone is tuned, there is no contour weight."""
+
+    def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
+        return PreviewLQ(machine.model, weights.alpha, weights.rho, preview)
+
+    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
+        space = LQSpace(beta=Fixed())
+        return _design(name, machine, flags, law, "finite-preview LQ tracking", "riccati", measured, FilterObserver, space)
+
+    return make
+
+
+def _design(name, machine: LinearMachine, flags: Controlled, law: Law, line: str, terminal: str, measured, observer, space) -> LQDesign:
+    """The design with the flags' weights.
+
+    Raises:
+        ValueError: a weight or the preview is wrong.
+    """
+    if flags.preview < 1:
+        raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
+    profiled = getattr(flags, "stage_profile", False)
+    start = LQWeights(flags.alpha, flags.beta, flags.rho, jnp.ones(flags.preview) if profiled else None)
+    gain = np.asarray(kalman_gain(machine.model, machine.control_noise, machine.measurement_noise))
+    space = space._replace(stage=Positive()) if profiled else space
+    return LQDesign(name, machine, start, space, flags.preview, measured, law, line, terminal, observer, gain)

@@ -1,0 +1,66 @@
+"""Built-in contours that take more than a line: for small machines, for flexible axes, and along the gantry's beam."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.jobs.job import Job, Pace, at_constant_feed
+from jcontour.geometry.contours import circle, polygon, spline
+
+Outline = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]]  # points [m] by their angles
+BEAM_FEED = 0.3  # [m/s] along the gantry's beam
+BEAM_POINTS = 48  # that a spline goes through
+
+
+def square(pace: Pace) -> Job:
+    """Of 2 mm."""
+    return at_constant_feed("square", polygon([[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]), pace)
+
+
+def wave(pace: Pace) -> Job:
+    """Open, 6 mm long."""
+    points = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
+    return at_constant_feed("wave", spline(points), pace)
+
+
+def ring(pace: Pace) -> Job:
+    """Of 50 mm."""
+    return at_constant_feed("ring", circle(25e-3), pace)
+
+
+def rounded_square(pace: Pace) -> Job:
+    """Of 50 mm."""
+    corners = 25e-3 * np.array([[1, 0], [0.9, 0.9], [0, 1], [-0.9, 0.9], [-1, 0], [-0.9, -0.9], [0, -1], [0.9, -0.9], [1, 0]])
+    return at_constant_feed("rounded-square", spline(corners), pace)
+
+
+def along_the_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Job]:
+    """Maker of a smooth closed contour around x [m], at `BEAM_FEED` unless another feed is given."""
+
+    def make(pace: Pace) -> Job:
+        around = np.linspace(0.0, 2 * np.pi, BEAM_POINTS, endpoint=False)
+        contour = spline(outline(around).T + np.array([x, 0.0]), closed=True)
+        return at_constant_feed(name, contour, pace._replace(feed=pace.feed or BEAM_FEED))
+
+    return make
+
+
+def ring_outline(angle: np.ndarray) -> np.ndarray:
+    """Circle."""
+    return 0.05 * np.array([np.cos(angle), np.sin(angle)])
+
+
+def cushion_outline(angle: np.ndarray) -> np.ndarray:
+    """Circle with four dents."""
+    return ring_outline(angle) * (1 - 0.12 * np.cos(4 * angle))
+
+
+def eight_outline(angle: np.ndarray) -> np.ndarray:
+    """Figure of eight."""
+    return 0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
+
+
+def oval_outline(angle: np.ndarray) -> np.ndarray:
+    """Ellipse across the beam."""
+    return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])

@@ -1,0 +1,165 @@
+"""What a machine does: a contour, how fast the tool goes along it and which samples are scored; or the motion of a single axis."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.machines.machine import Machine
+from experiments.options import MachineFlags
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
+from jcontour.motion.feed_laws import constant_feed, trapezoidal
+from jcontour.motion.references import Law, Reference, along, in_time
+
+FEED = 3000.0  # [mm/min] where nothing is programmed
+MM_PER_MIN = 1e-3 / 60
+ACCELERATION = 2.0  # [m/s^2] of a path where the machine states none: usual for a table of this size
+RAPID = 3.0  # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
+TOOLPATHS = Path(__file__).parent / "toolpaths"
+
+
+class Pace(NamedTuple):
+    """How fast: feed [m/s] and path acceleration [m/s^2], each None where it is not given, on a machine with its limits."""
+
+    machine: Machine
+    feed: float | None
+    acceleration: float | None
+
+    @property
+    def feed_or_default(self) -> float:
+        """Feed [m/s] of contours that have no programme."""
+        return FEED * MM_PER_MIN if self.feed is None else self.feed
+
+    @property
+    def acceleration_or_default(self) -> float:
+        """Path acceleration [m/s^2] where none is given: what the machine can do."""
+        limit = self.machine.limits.acceleration
+        own = ACCELERATION if limit is None else float(limit.min())
+        return own if self.acceleration is None else self.acceleration
+
+    @classmethod
+    def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
+        """Pace that the flags ask for.
+
+        Raises:
+            ValueError: a feed or acceleration that is not finite and above zero.
+        """
+        for name, value in (("feed-mm-per-min", flags.feed_mm_per_min), ("acceleration", flags.acceleration)):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
+        return cls(machine, feed, flags.acceleration)
+
+
+class Job(NamedTuple):
+    """One run along a contour: arc length and whether it is scored at every sample; `at_rest` is from rest to rest."""
+
+    name: str
+    contour: Contour
+    arc: np.ndarray
+    scored: np.ndarray
+    at_rest: bool
+    feed_law: str
+
+    @property
+    def samples(self) -> int:
+        """Control steps of the run."""
+        return self.arc.size
+
+    def reference(self, dt: float, preview: int) -> Reference:
+        """Samples of the run, with `preview` more appended.
+
+        Raises:
+            ValueError: as `references.along`, or the run is shorter than the preview.
+        """
+        if preview > self.arc.size:
+            raise ValueError(f"preview: {preview} samples are more than the {self.arc.size} of the whole run along {self.name}")
+        return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
+
+
+class Motion(NamedTuple):
+    """A run of a single axis from one end of a line to the other, by a law of time."""
+
+    name: str
+    contour: Contour
+    law: Law
+    duration: float
+    dwell: float
+    dt: float
+    feed_law: str
+
+    @property
+    def samples(self) -> int:
+        """Control steps of the run."""
+        return round(self.duration / self.dt) + 1
+
+    def reference(self, dt: float, preview: int) -> Reference:
+        """Samples of the run, with `preview` more appended.
+
+        Raises:
+            ValueError: as `references.in_time`.
+        """
+        return in_time(self.contour, self.law, self.duration, dt, preview, self.dwell)
+
+
+Run = Job | Motion
+
+
+def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
+    """In motion from the first sample; a closed contour is run twice and scored the second time, when the entry has died out."""
+    if contour.axes > pace.machine.model.axes:
+        raise ValueError(f"contour: {name} needs {contour.axes} axes, {pace.machine.name} has {pace.machine.model.axes}")
+    contour = _lifted(contour, pace.machine.model.axes)
+    dt, feed = pace.machine.model.dt, pace.feed_or_default
+    lap = constant_feed(contour, feed, dt)
+    laps = 2 if bool(contour.closed) else 1
+    arc = feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1) if laps == 2 else lap
+    scored = arc >= (laps - 1) * float(contour.length)
+    return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
+
+
+def from_file(path: Path, pace: Pace) -> Job:
+    """From rest to rest along a toolpath file, .csv points or G-code.
+
+    Raises:
+        ToolpathError: as `read_gcode` and `read_csv`, or the file has another number of axes than the machine.
+    """
+    try:
+        return _read(path, pace)
+    except ToolpathError as error:
+        text = str(error)
+        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
+
+
+def _read(path: Path, pace: Pace) -> Job:
+    machine = pace.machine
+    if machine.model.axes == 1:
+        raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
+    if path.suffix.lower() == ".csv":
+        contour = _lifted(read_csv(path), machine.model.axes)
+        if contour.axes != machine.model.axes:
+            raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
+        feed, rapid = np.full(contour.rate.shape, pace.feed_or_default), np.zeros(contour.rate.shape, bool)
+    else:
+        contour, feed, rapid = read_gcode(path, "XY" if machine.model.axes == 2 else "XYZ", pace.feed)
+    fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
+    speed = machine.limits.speed
+    rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
+    arc = trapezoidal(
+        contour, np.where(rapid, rapid_speed, feed), machine.model.dt, pace.acceleration_or_default, speed, machine.limits.acceleration
+    )
+    piece = np.clip(np.searchsorted(np.asarray(contour.start), arc, side="right") - 1, 0, rapid.size - 1)
+    return Job(path.stem, contour, arc, ~rapid[piece], True, f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min")
+
+
+def _lifted(contour: Contour, axes: int) -> Contour:
+    """The contour in the plane z = 0 of a three-axis machine."""
+    if contour.axes >= axes:
+        return contour
+    return eqx.tree_at(
+        lambda c: (c.polynomial, c.cosine, c.sine), contour,
+        replace_fn=lambda rows: jnp.concatenate([rows, jnp.zeros((*rows.shape[:-1], 1), rows.dtype)], axis=-1),
+    )  # fmt: skip

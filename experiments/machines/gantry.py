@@ -1,0 +1,196 @@
+"""Gantries as the commands see them: motor positions are measured, stiffness and masses are known to a fifth and a tenth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.tree_util import Partial
+from jaxtyping import Array, Float
+
+from experiments.machines.families import LATE, Member, members
+from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
+from experiments.video.film import FilmMaker
+from jcontour.linear.model_schedule import ModelSchedule
+from jcontour.plant import Plant
+from jcontour.plants.friction import Friction
+from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.linear_models import Linearisation, control_oriented, tangent
+from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
+from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.wrappers.wrapper import CountingEncoders, Delayed, Disturbed, FineEncoders, Saturated, Sensed
+from jcontour.sensors import motors, row
+
+SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
+CURRENT = 10.0  # [A] of each of the three motors
+ENCODER_RESOLUTION = 1e-6  # [m] per count
+NOISY = 8192  # samples of a run in which the smooth encoders have the noise of counts
+LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)  # of more gain: the late loop is not left at its edge
+MEMBERS = [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]  # of the joints, and of all masses together
+SCHEDULED = 9  # head positions whose models are interpolated
+MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
+
+
+@dataclass(frozen=True)
+class GantryMachine(Machine):
+    """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam.
+
+    Attributes:
+        parameters: of the machine.
+        friction: of the guide ways of the head and of both drives, beside the viscous one; None without dry friction.
+    """
+
+    parameters: GantryParameters
+    friction: Friction | None = None
+
+    @property
+    def truth(self) -> str:
+        """Encoder counts, and what dry friction has of its own."""
+        return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Where there is dry friction, those that know it go first."""
+        return ("gantry",) if self.friction is None else ("gantry-friction", "gantry")
+
+    @property
+    def usual(self) -> Usual:
+        """Contours at several positions along the beam."""
+        return Usual(
+            "gantry-scheduled-lq", training=("ring-left", "ring-centre", "cushion-right"),
+            held_out=("eight-right", "oval-centre", "cushion-left"),
+            beside_own=("oval-centre",), simulated="ring-left", front=("ring-left",), swept=("ring-left",), effort=1.2,
+        )  # fmt: skip
+
+    @cached_property
+    def schedule(self) -> ModelSchedule:
+        """Models over the whole beam."""
+        return self._scheduled(tangent)
+
+    @cached_property
+    def linearised_schedule(self) -> ModelSchedule:
+        """The models that remain where the coupling of head and beam is cancelled, over the whole beam."""
+        return self._scheduled(control_oriented)
+
+    @property
+    def family_names(self) -> list[str]:
+        """Those of the members."""
+        return [member.name for member in MEMBERS]
+
+    @property
+    def unknown_delay(self) -> int:
+        """That of a drive's bus."""
+        return LATE
+
+    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Encoders read with the noise that counts make, and dry friction turns within a millimetre per second.
+
+        Without noise a loop that rings as soon as something excites it would pass for a good one.
+        """
+        self._check_measured(measured)
+        noise = _rounding_noise()
+        return [_flat(FineEncoders(Disturbed(plant, noise=noise), motors(3))) for plant in self._family(SmoothFrictionGantry)]
+
+    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Encoders that count; the drives take speeds from their difference."""
+        self._check_measured(measured)
+        return [_flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION)) for plant in self._family(StickSlipGantry)]
+
+    def independent(self) -> tuple[str, Plant] | None:
+        """The nominal plant of the true family in MuJoCo; none under dry friction, whose law there is another."""
+        if self.friction is not None:
+            return None
+        from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
+
+        plant = self._driven(GantryMuJoCo(self.parameters, self.model.dt), 0)
+        return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
+
+    def film(self) -> FilmMaker | None:
+        """Its MuJoCo model at the states of the run."""
+        from experiments.video.gantry_video import pose, record
+
+        return FilmMaker(pose, partial(record, self.parameters))
+
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """With its limits; without dry friction, whose smooth twin is so steep where an axis turns that it hides the loop."""
+        self._check_measured(measured)
+        return _flat(FineEncoders(self._driven(Gantry(self.parameters, self.model.dt), 0), motors(3)))
+
+    def facts(self) -> dict[str, str]:
+        """Masses, beam, sensors."""
+        p = self.parameters
+        masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
+        currents = ", ".join(f"{limit:g}" for limit in np.asarray(self.limits.control))
+        return {
+            "Machine": f"{self.name}: head and two drives, masses {masses} kg (drives, beam, head), beam of {2 * float(p.half_span):g} m, "
+            f"{currents} A (head, drives), dt {1e3 * self.model.dt:g} ms",
+            **({} if self.friction is None else {"Friction": _words(self.friction)}),
+            "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
+        }
+
+    def _scheduled(self, linear: Linearisation) -> ModelSchedule:
+        span = float(self.parameters.half_span)
+        return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear)
+
+    def _family(self, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
+        return [self._driven(self._gantry(_scaled(self.parameters, *factors), with_friction), late) for _, *factors, late in MEMBERS]
+
+    def _gantry(self, parameters: GantryParameters, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> Plant:
+        dt = self.model.dt
+        return Gantry(parameters, dt) if self.friction is None else with_friction(parameters, self.friction, dt)
+
+    def _driven(self, plant: Plant, late: int) -> Plant:
+        """With its currents limited and late, behind its motors' encoders."""
+        limited = Saturated(plant, jnp.asarray(self.limits.control))
+        return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
+
+    def _check_measured(self, measured: Measured) -> None:
+        if measured == "state":
+            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
+
+
+def gantry_machine() -> GantryMachine:
+    """Yuan's laser cutter, chapter 5."""
+    parameters = thesis_gantry()
+    limits = MachineLimits(control=np.full(3, CURRENT))
+    return GantryMachine("gantry", motor_model(parameters, 0.0, SAMPLE), ("X", "Y"), "A", limits, parameters)
+
+
+def friction_gantry_machine() -> GantryMachine:
+    """The same with dry friction in its guide ways, which the thesis does not print."""
+    return replace(gantry_machine(), name="gantry-friction", friction=guide_ways())
+
+
+def guide_ways() -> Friction:
+    """Ours, of a size usual for linear guides with seals and covers: 14, 20 and 24 N at rest, unequal for the two drives.
+
+    The viscous part is in the parameters of the machine.
+    """
+    return Friction(coulomb=[10.0, 14.0, 18.0], stribeck=[4.0, 6.0, 6.0], stribeck_speed=0.02, viscous=0.0)
+
+
+def _rounding_noise() -> Float[Array, "T 6"]:
+    """Up to half a count, the same in every run, of the motors' positions; their speeds are made of these."""
+    counts = np.random.default_rng(0).uniform(-0.5, 0.5, (NOISY, 3))
+    return jnp.asarray(ENCODER_RESOLUTION * np.hstack([counts, np.zeros((NOISY, 3))]))
+
+
+def _flat(plant: Plant) -> Plant:
+    """Positions and speeds in one row."""
+    return Sensed(plant, Partial(row))
+
+
+def _words(friction: Friction) -> str:
+    breaking = ", ".join(f"{float(force):g}" for force in friction.dry(jnp.zeros(3)))
+    sliding = ", ".join(f"{float(force):g}" for force in friction.coulomb)
+    return f"{breaking} N to break loose, {sliding} N in motion (head, drives), chosen by us; no other engine confirms it"
+
+
+def _scaled(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:
+    scaled = {"joint_stiffness": stiffness, **dict.fromkeys(MASSES, mass)}
+    return eqx.tree_at(
+        lambda p: [getattr(p, name) for name in scaled], parameters, [f * getattr(parameters, name) for name, f in scaled.items()]
+    )

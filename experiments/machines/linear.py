@@ -1,0 +1,111 @@
+"""Machines with a linear model, positions measured by encoders: a family of input gains and delays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
+from jcontour.linear.plant import with_input_gains
+from jcontour.plant import Plant
+from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
+from jcontour.plants.wrappers.wrapper import Delayed, Encoders, Quantised
+
+USUAL = Usual(
+    "contouring-lq",
+    training=("cam", "circle", "square"),
+    held_out=("bracket", "ellipse", "lemniscate"),  # the bracket's length would triple the minute that training takes
+    beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
+    simulated="circle",
+    front=("square",),
+    swept=("circle", "square"),
+)
+
+
+@dataclass(frozen=True)
+class LinearMachine(Machine):
+    """A linear machine; lengths in metres.
+
+    Attributes:
+        known_delay: samples of it in the model.
+        gain: relative uncertainty of the input gains.
+        delay: most samples of delay that the model does not know.
+        encoder_resolution: [m] per count.
+        control_noise: standard deviation that the Kalman filter assumes on each control.
+    """
+
+    known_delay: int
+    gain: float
+    delay: int
+    encoder_resolution: float
+    control_noise: float
+
+    @property
+    def truth(self) -> str:
+        """Encoder counts."""
+        return "quantised encoders"
+
+    @property
+    def usual(self) -> Usual:
+        """Contouring on short parts."""
+        return USUAL
+
+    @property
+    def members(self) -> list[tuple[str, np.ndarray, int]]:
+        """Name, input gains and extra delay of every plant of the family, the nominal one first."""
+        sign = np.where(np.arange(self.model.inputs) % 2 == 0, 1.0, -1.0)
+        gains = [("nominal", 0 * sign)]
+        if self.gain > 0:
+            gains += [("gains " + ", ".join(f"{g:.3g}" for g in 1 + s * self.gain * sign), s * self.gain * sign) for s in (1, -1)]
+        late = [(f"{d} sample{'s' if d > 1 else ''} late", 0 * sign, d) for d in range(1, self.delay + 1)]
+        return [(name, 1 + change, 0) for name, change in gains] + [(name, 1 + change, d) for name, change, d in late]
+
+    @property
+    def family_names(self) -> list[str]:
+        """Those of the members."""
+        return [name for name, _, _ in self.members]
+
+    @property
+    def unknown_delay(self) -> int:
+        """As given."""
+        return self.delay
+
+    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """The members behind encoders without quantisation, or with their whole state measured."""
+        depth = max(self.delay, 1)
+        late = [
+            Delayed(with_input_gains(self.model, gains), jnp.asarray(delay), depth, self.model.inputs) for _, gains, delay in self.members
+        ]
+        return late if measured == "state" else [Encoders(plant) for plant in late]
+
+    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """The members behind encoders that round to whole counts; a state is measured as it is."""
+        smooth = self.smooth_family(measured)
+        return smooth if measured == "state" else [Quantised(plant, self.encoder_resolution) for plant in smooth]
+
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """The model, its positions or its state measured."""
+        return self.model if measured == "state" else Encoders(self.model)
+
+    def facts(self) -> dict[str, str]:
+        """States, delay, axes, sensors."""
+        return {
+            "Machine": f"{self.name}: {self.model.states} states (known delay {self.known_delay}), axes {', '.join(self.axes)}, "
+            f"dt {1e3 * self.model.dt:g} ms",
+            "Measured": f"positions only, encoder {1e6 * self.encoder_resolution:g} um; Kalman filter for {self.control_noise:g} "
+            f"{self.control_unit} of noise on every control",
+        }
+
+    @property
+    def measurement_noise(self) -> float:
+        """Standard deviation of a rounded position [m]: resolution / sqrt(12)."""
+        return self.encoder_resolution / np.sqrt(12)
+
+
+def bridgeport_machine() -> LinearMachine:
+    """The paper's X-Y table; it states no limits, and of its uncertainty only that models are never exact."""
+    return LinearMachine(
+        "bridgeport", bridgeport(), ("X", "Y"), "control unit", MachineLimits(),
+        known_delay=0, gain=0.1, delay=2, encoder_resolution=ENCODER_RESOLUTION, control_noise=0.1,
+    )  # fmt: skip

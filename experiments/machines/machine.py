@@ -1,0 +1,130 @@
+"""What a machine is to the commands: a model that controllers may know, and a family of plants that it may really be."""
+
+import abc
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from experiments.video.film import FilmMaker
+from jcontour.linear.plant import LinearPlant
+from jcontour.plant import Plant
+
+Measured = Literal["outputs", "state"]  # what a controller is fed: the machine's own sensors, or the whole state
+
+
+class MachineLimits(NamedTuple):
+    """Greatest magnitudes per axis (m,), SI and control units; None where not given."""
+
+    speed: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
+    control: np.ndarray | None = None
+    increment: np.ndarray | None = None
+
+
+class Usual(NamedTuple):
+    """What the commands take on a kind of machine where nothing is said.
+
+    Attributes:
+        controller: its name in the catalogue.
+        training: what is tuned on.
+        held_out: what the tuner never sees.
+        beside_own: held out beside parts of the user's own.
+        simulated, front, swept: what these commands run.
+        effort: greatest RMS control of tuned weights where it is not limited, in multiples of what the start needs; None for any.
+    """
+
+    controller: str
+    training: tuple[str, ...]
+    held_out: tuple[str, ...]
+    beside_own: tuple[str, ...]
+    simulated: str
+    front: tuple[str, ...]
+    swept: tuple[str, ...]
+    effort: float | None = None
+
+
+@dataclass(frozen=True)
+class Machine(abc.ABC):
+    """A machine as the commands see it; SI units.
+
+    Attributes:
+        name: for tables.
+        model: what a controller may know: linear, a known delay included.
+        axes: names, one per output.
+        control_unit: text for tables and figures.
+        limits: greatest magnitudes.
+    """
+
+    name: str
+    model: LinearPlant
+    axes: tuple[str, ...]
+    control_unit: str
+    limits: MachineLimits
+
+    @property
+    @abc.abstractmethod
+    def truth(self) -> str:
+        """What the true family has and the smooth one has not, in a few words."""
+
+    @property
+    def error(self) -> str:
+        """The error that counts: along a path that of the contour, on a single axis that of tracking."""
+        return "contour" if len(self.axes) > 1 else "tracking"
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """What the names of controllers begin with that are for machines like it alone, the nearest first."""
+        return ()
+
+    @property
+    @abc.abstractmethod
+    def usual(self) -> Usual:
+        """What the commands take where nothing is said."""
+
+    @property
+    @abc.abstractmethod
+    def family_names(self) -> list[str]:
+        """Of every plant of the family, the nominal one first."""
+
+    @property
+    @abc.abstractmethod
+    def unknown_delay(self) -> int:
+        """Most samples by which a control is late in the family and not in the model."""
+
+    @abc.abstractmethod
+    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """Every plant of the family, all of one structure, with derivatives: what is tuned on.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    @abc.abstractmethod
+    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+        """The same plants with what has no derivative: what is confirmed on.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    def independent(self) -> tuple[str, Plant] | None:
+        """The nominal one of the true family in an engine that others have written, and its name; None where there is none."""
+        return None
+
+    def film(self) -> FilmMaker | None:
+        """What films a run of it; None where nothing draws it."""
+        return None
+
+    @abc.abstractmethod
+    def nominal(self, measured: Measured = "outputs") -> Plant:
+        """What margins are found on: the nominal plant behind its sensors, smooth.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    @abc.abstractmethod
+    def facts(self) -> dict[str, str]:
+        """What is known about it, heading by heading, for people."""

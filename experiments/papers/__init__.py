@@ -1,0 +1,1 @@
+"""The papers, one folder each: `experiment.py` is found by `jcontour reproduce`."""

@@ -1,0 +1,1 @@
+"""Contouring schemes of the field, tuned alike and compared."""

@@ -1,0 +1,1 @@
+"""Lam, Manzie & Good: model predictive contouring control of an X-Y table."""

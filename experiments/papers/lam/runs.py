@@ -1,0 +1,150 @@
+"""The runs behind Lam's figures: MPCC, MPTC and cascaded PI around one contour, on three machines."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.host.held import Held
+from jcontour.host.loop import HostController, Stopped, reported_loop
+from jcontour.linear.plant import LinearPlant, with_input_delay
+from jcontour.motion.feed_laws import constant_feed
+from jcontour.motion.references import Reference, along
+from jcontour.mpc.contouring import MPCC, ContouringWeights
+from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking import OffsetFreeMPC, TrackingWeights
+from jcontour.plant import Plant
+from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.traversal import Score, traversal_score
+
+SAMPLE = 1e-3  # [s] at which the machine is looked at
+PERIOD = 4e-3  # [s] of MPCC, MPTC and the slow PI
+HORIZON, LARGEST_CURRENT = 7, 0.5  # section 5; [A]
+LONGEST = 12.0  # [s] beyond which a run counts as one that does not arrive
+SETTLING = 1.0  # [s] that the tool is given after its reference has come to the end
+HEAVIER, WEAKER = 1.1, 0.9  # the mismatched machine: inertias and viscous friction, link and torque constant
+TRACKING = TrackingWeights(output=1e8, increment=60.0)  # Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
+CASCADE = {  # PI gains are not printed: the best of a grid of 336 (240) on the friction machine at 0.1 m/s; feedforward made them worse
+    1e-3: CascadeGains(80.0, 20.0, 0.04),
+    4e-3: CascadeGains(60.0, 14.0, 0.04),
+}
+SENSORS = Sensors(position=(2, 6), velocity=(1, 5), scale=0.7958e-3)  # tool position, motor speed
+
+
+class Outcome(NamedTuple):
+    """A rollout and how it is scored."""
+
+    rollout: Rollout
+    score: Score
+    limited: float  # fraction of the steps with a limit active
+
+
+def lobes() -> Contour:
+    """Four lobes of 30 +- 10 mm: the paper's contour is not printed; this one has its size and its tight curves."""
+    return polar_lobes(30e-3, 10e-3, 4)
+
+
+def machines(dt: float) -> dict[str, Plant]:
+    """As modelled, with Coulomb friction, and with friction and other parameters than the model's."""
+    other = tuple(drive.scaled(HEAVIER, HEAVIER, WEAKER, WEAKER) for drive in (X_DRIVE, Y_DRIVE))
+    return {"nominal": xy_table(dt), "friction": FrictionXYTable(dt), "mismatch": FrictionXYTable(dt, other)}
+
+
+def traced(machine: Plant, contour: Contour, progress: float) -> tuple[Outcome, MPCC]:
+    """MPCC with the paper's weights and this q_theta."""
+    controller = MPCC(xy_table(PERIOD), contour, -LARGEST_CURRENT, LARGEST_CURRENT, weights=ContouringWeights(progress=progress))
+    reference = along(contour, np.zeros(int(LONGEST / SAMPLE)), SAMPLE, 0, at_rest=True)
+    return _driven(machine, controller, reference, contour), controller
+
+
+def tracked(machine: Plant, contour: Contour, speed: float, weights: TrackingWeights = TRACKING) -> Outcome:
+    """MPTC, eq. 18, along a reference that runs at a constant speed from the first sample on."""
+    model = with_input_delay(xy_table(PERIOD), 1)
+    tracking = OffsetFreeMPC(model, weights, HORIZON, Limits.within(control=LARGEST_CURRENT))
+    steps = PERIOD / SAMPLE
+    return _driven(machine, OneSampleLate(tracking, model), at_speed(contour, speed, SAMPLE, int(HORIZON * steps)), contour)
+
+
+def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
+    """Cascaded PI along the same reference, without a delay of its own; looked at, as it acts, once in the machine's sample period."""
+    controller = Cascade(CASCADE[machine.dt], SENSORS, machine.dt, LARGEST_CURRENT)
+    rollout = simulate(machine, controller, at_speed(contour, speed, machine.dt, 1))
+    limited = np.mean(np.any(np.abs(rollout.control) >= LARGEST_CURRENT, axis=1))
+    return Outcome(rollout, traversal_score(contour, rollout.output, machine.dt), float(limited))
+
+
+def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Reference:
+    """The paper's reference for tracking controllers: full speed at once, then at rest at the end."""
+    arc = constant_feed(contour, speed, dt)
+    rest = np.full(int(SETTLING / dt), float(contour.length))
+    return along(contour, np.append(arc, rest), dt, preview, at_rest=True)
+
+
+def _driven(machine: Plant, controller: HostController, reference: Reference, contour: Contour) -> Outcome:
+    try:
+        run = reported_loop(machine, Held(controller, round(PERIOD / SAMPLE), 2), reference)
+    except Stopped as stopped:  # scored as far as it came: its time says that it did not arrive
+        run = stopped.run
+    return Outcome(run.rollout, traversal_score(contour, run.rollout.output, SAMPLE), run.report.active_fraction)
+
+
+class OneSampleLate(HostController):
+    """A controller that needs its whole period to answer: u(k) acts from k+1 on, and its model knows.
+
+    Args:
+        controller: fed [x, u(k-1)], the state of a model with one sample of input delay.
+        model: that model.
+    """
+
+    def __init__(self, controller: HostController, model: LinearPlant):
+        self.controller, self.preview, self.inputs = controller, controller.preview, model.inputs
+
+    def prepare(self, reference: Reference) -> Any:
+        """That of the controller inside."""
+        return self.controller.prepare(reference)
+
+    def initial_memory(self, reference: Reference) -> tuple[Any, np.ndarray]:
+        """Nothing on its way to the machine."""
+        return self.controller.initial_memory(reference), np.zeros(self.inputs)
+
+    def step(self, memory: tuple[Any, np.ndarray], plan: Any, measurement: Any) -> tuple[tuple[Any, np.ndarray], np.ndarray]:
+        """The control found one sample ago."""
+        inner, waiting = memory
+        inner, control = self.controller.step(inner, plan, np.concatenate([measurement, waiting]))
+        return (inner, control), waiting
+
+    def report(self):
+        """That of the controller inside."""
+        return self.controller.report()
+
+
+def row(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> dict[str, Any]:
+    """One point of Fig. 13."""
+    score = outcome.score
+    return {
+        "controller": controller, "plant": plant, "setting": setting,
+        "finished": bool(np.isfinite(score.time)), "time_s": float(score.time),
+        "rms_um": 1e6 * score.rms, "peak_um": 1e6 * score.peak, "rms_percent": 100 * score.rms / radius,
+        "limited_percent": 100 * outcome.limited,
+    }  # fmt: skip
+
+
+def trace_of(contour: Contour, controller: MPCC, outcome: Outcome, progress: float) -> dict[str, Any]:
+    """The signals of Figs 8 to 11 up to the end of the path."""
+    score, rollout = outcome.score, outcome.rollout
+    done = int(np.argmax(score.arc >= float(contour.length) - 5e-4)) or len(score.arc)
+    arc = score.arc[:done]
+    return {
+        "q_theta": progress,
+        "theta_mm": 1e3 * (arc - float(contour.length)),
+        "tool_mm": 1e3 * np.asarray(rollout.output)[:done],
+        "foot_mm": 1e3 * np.asarray(contour.position(arc)),
+        "control_a": np.asarray(rollout.control)[:done],
+        "speed_mm_s": 1e3 * controller.speed(rollout.memory.inner)[:done],
+        "contour_error_um": 1e6 * score.error[:done],
+        "curvature_per_mm": 1e-3 * np.asarray(contour.curvature(arc)),
+    }

@@ -1,0 +1,1 @@
+"""McNab & Tsao: receding-horizon LQ contour tracking."""

@@ -1,0 +1,1 @@
+"""Yuan, chapter 5: the dual-drive gantry."""

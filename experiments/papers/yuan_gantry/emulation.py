@@ -1,0 +1,110 @@
+"""What is computed for Yuan's section 5.6: the path of Fig. 5.11 with a motor bench as the gantry's head."""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from experiments.papers.yuan_gantry.runs import SAMPLE, Follower, reference_path
+from jcontour.controller import Controller
+from jcontour.controllers.wrappers.compensated import Compensated
+from jcontour.motion.references import Reference
+from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.delayed_head import delayed_head_model, twist_damping
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
+from jcontour.simulation.closed_loop import Rollout, simulate
+from jcontour.simulation.metrics import contour_error, score, tracking_error
+
+DAMPED = 2000.0  # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
+
+
+class TwistDamping(eqx.Module):
+    """The two drives apart against the twist: k_y L (i_2 - i_1) = -c theta'."""
+
+    parameters: GantryParameters
+    damping: Scalar  # c [N m s/rad]
+
+    def __call__(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
+        """Currents to add [A]."""
+        apart = -self.damping * state[5] / (2 * self.parameters.drive_constant * self.parameters.half_span)
+        return jnp.stack([jnp.zeros_like(apart), -apart, apart])
+
+
+class Case(NamedTuple):
+    """The bench in one condition."""
+
+    name: str
+    delay: int  # [samples] of its currents
+    dry: bool  # friction on its shaft
+    damped: bool  # the twist, by the drives
+
+
+CASES = (
+    Case("at once, no dry friction", 0, False, True),
+    Case("at once, no dry friction, undamped", 0, False, False),
+    Case("at once, dry friction", 0, True, True),
+    Case("late, no dry friction", 1, False, True),
+    Case("late, dry friction", 1, True, True),
+    Case("late, dry friction, undamped", 1, True, False),
+)
+
+
+def emulated() -> dict[str, Any]:
+    """The gantry and the bench in every condition along the path, and what damps the twist of either without a controller."""
+    p, reference = thesis_gantry(), reference_path()
+    gantry = Gantry(p, SAMPLE)
+    true = simulate(gantry, _controller(p, True), reference)
+    rows = [_row("gantry", true, true.state, reference) | {"distance_m": 0.0}]
+    for case in CASES:
+        plant = HardwareInLoop(gantry, servo_bench() if case.dry else _without_dry_friction(servo_bench()), case.delay)
+        run = simulate(plant, _controller(p, case.damped), reference)
+        away = {"distance_m": _peak(run.output - true.output), "twist_damping": float(twist_damping(plant))}
+        rows.append(_row(case.name, run, run.measurement, reference) | away | _bench(plant, run))
+    own = 2 * p.drive_viscous * p.half_span**2
+    return {"time_s": SAMPLE * np.arange(reference.steps), "added_damping": DAMPED, "own_damping": float(own), "rows": rows}
+
+
+def _controller(p: GantryParameters, damped: bool) -> Controller:
+    return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED))) if damped else Follower(p)
+
+
+def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
+    return eqx.tree_at(lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like)
+
+
+def _row(name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference) -> dict[str, Any]:
+    """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
+    metrics, tracking = score(run, reference), np.abs(np.asarray(tracking_error(run.output, reference)))
+    return {
+        "name": name, "peak_x_error_m": float(tracking[:, 0].max()), "peak_y_error_m": float(tracking[:, 1].max()),
+        "peak_contour_error_m": float(metrics.peak_contour_error), "rms_contour_error_m": float(metrics.rms_contour_error),
+        "peak_twist_rad": _peak(state[:, 2:3]), "twist_rad": state[:, 2], "diverged": bool(metrics.diverged),
+        "contour_error_m": np.linalg.norm(np.asarray(contour_error(run.output, reference)), axis=-1),
+    }  # fmt: skip
+
+
+def _bench(plant: HardwareInLoop, run: Rollout) -> dict[str, float | None]:
+    """What the load motor takes [A], and what (5.50), which is about a bench one sample late, leaves to F_Nx [m/s]."""
+    remainder = _peak(_remainder(plant, run)) if plant.delay == 1 else None
+    return {"peak_load_a": _peak(_load(plant, run)), "peak_remainder_m_per_s": remainder}
+
+
+@eqx.filter_jit
+def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
+    return jax.vmap(plant.load_current)(run.measurement, run.control)
+
+
+@eqx.filter_jit
+def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last 1"]:
+    model = delayed_head_model(plant.gantry.parameters, plant.bench, plant.dt)
+    state = jnp.column_stack([run.measurement[:, 0], run.measurement[:, 3], run.state.sent[:, 0, 0]])
+    return (state[1:] - jax.vmap(model.step)(state, run.control[:, :1])[:-1])[:, 1:2]
+
+
+def _peak(vectors) -> float:
+    return float(np.linalg.norm(np.asarray(vectors), axis=-1).max())

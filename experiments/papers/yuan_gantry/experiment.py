@@ -1,0 +1,39 @@
+"""Yuan, sections 5.1, 5.2, 5.5 and 5.6: a dual-drive gantry, its resonances, its twist along a path, its head emulated, three engines.
+
+Hardly a mass or a stiffness of the machine is printed. Ours solve (5.12) for the two anti-resonances that are; so these two are what the
+model was made for, and everything else follows from it. The thesis's set-based controllers are not built here.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.benchmarks.gantry_engines import engines
+from experiments.papers.yuan_gantry.claims import claims
+from experiments.papers.yuan_gantry.emulation import emulated
+from experiments.papers.yuan_gantry.figures import draw
+from experiments.papers.yuan_gantry.runs import along_the_path, identified, responses
+from experiments.papers.yuan_gantry.tables import show
+
+__all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
+
+SOURCE = "M. Yuan: Modelling and contouring control of industrial machine tools. Doctoral thesis, The University of Melbourne (2020), ch. 5"
+PUBLISHED = ("antiresonance_hz", "largest_twist_rad")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Flags of `jcontour reproduce yuan-gantry`."""
+
+    quick: bool = False
+    """Time the engines briefly: their rates are rougher."""
+
+
+def run(settings: Settings, folder: Path) -> dict[str, Any]:
+    """Compute everything; all that is found is in the summary, nothing is written to the folder."""
+    summary: dict[str, Any] = {
+        "source": SOURCE, "settings": asdict(settings), "responses": responses(), "path": along_the_path(),
+        "emulated": emulated(), "identified": identified(), "engines": engines(seconds=0.2 if settings.quick else 1.0),
+    }  # fmt: skip
+    summary["claims"] = claims(summary)
+    return summary

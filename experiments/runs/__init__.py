@@ -1,0 +1,1 @@
+"""What happens in a run: from flags to a tuning problem, and from its end to results."""

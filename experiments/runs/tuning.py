@@ -1,0 +1,180 @@
+"""From flags to a tuning problem: machine, design, jobs, family, limits."""
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import equinox as eqx
+import numpy as np
+
+from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.designs.design import Design
+from experiments.files.run_folder import RunError, opened
+from experiments.jobs.job import Pace, Run
+from experiments.jobs.replays import Course
+from experiments.machines.machine import Machine, Usual
+from experiments.options import Limited, Spreading, Tune
+from experiments.runs.spreading import batching_of
+from jcontour.controller import Controller
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from jcontour.simulation.metrics import Metrics
+from tuning.objectives import AtMost, Objective, mean_contour_error, mean_tracking_error, worst_contour_error, worst_tracking_error
+from tuning.parameters import Weights
+from tuning.problem import Problem
+from tuning.tune import Settings
+
+F = TypeVar("F", bound=Spreading)
+
+OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
+    ("worst", "contour"): worst_contour_error, ("mean", "contour"): mean_contour_error,
+    ("worst", "tracking"): worst_tracking_error, ("mean", "tracking"): mean_tracking_error,
+}  # fmt: skip
+LIMITS = {  # flag -> metric, factor to SI
+    "max_tracking_error_um": ("rms_tracking_error", 1e-6),
+    "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
+    "max_peak_contour_error_um": ("peak_contour_error", 1e-6),
+    "max_rms_control": ("rms_control", 1.0),
+    "max_peak_control": ("peak_control", 1.0),
+    "max_rms_increment": ("rms_increment", 1.0),
+    "max_peak_increment": ("peak_increment", 1.0),
+}
+PLENTY = 10_000  # training samples beyond which a run will not end within a minute
+
+
+@dataclass(frozen=True)
+class TuningRun:
+    """Everything that a tuning run consists of.
+
+    Attributes:
+        design: of the controller; its start is where the run begins.
+        problem: on the smooth machines; the tuner sees nothing else.
+        course: training and held-out contours, on the true machines.
+        limits: metric and bound in SI.
+    """
+
+    flags: Tune
+    machine: Machine
+    design: Design
+    problem: Problem
+    settings: Settings
+    course: Course
+    limits: dict[str, float]
+
+    @property
+    def start(self) -> Weights:
+        """Weights that the run begins with."""
+        return self.design.start
+
+    def controller(self, weights: Weights) -> Controller:
+        """What the weights build."""
+        return self.problem.build(weights)
+
+    @property
+    def training_samples(self) -> int:
+        """Samples of all training contours."""
+        return sum(job.samples for job, trained in zip(self.course.jobs, self.course.training, strict=True) if trained)
+
+
+def tuning_run(flags: Tune) -> TuningRun:
+    """The run that the flags describe.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
+    machine = machine_named(flags.plant)
+    design, settings = design_for(machine, flags), tuner_settings(flags)
+    design.check_start()
+    pace, usual = Pace.of(flags, machine), machine.usual
+    training = [job_named(name, pace) for name in flags.parts or usual.training]
+    held_out = [job_named(name, pace) for name in (usual.beside_own if flags.parts else usual.held_out) if name not in flags.parts]
+    training = _distinct(training)
+    jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
+    course = Course.of(_distinct(jobs), seen, machine, design.measured, design.preview)
+    family = machine.smooth_family(design.measured)
+    problem = Problem(
+        design.build, stack_plants(family[:1] if flags.nominal_only else family),
+        stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
+        OBJECTIVES[flags.objective, machine.error], design.space, batching=batching_of(flags),
+    )  # fmt: skip
+    limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
+    return TuningRun(flags, machine, design, replace(problem, limits=AtMost(**limits)), settings, course, limits)
+
+
+def tuner_settings(flags: Any) -> Settings:
+    """Effort of the tuner."""
+    return Settings(
+        starts=flags.starts, scatter=flags.scatter, inner_steps=flags.inner_steps, outer_steps=flags.outer_steps,
+        tolerance=flags.tolerance, seed=flags.seed,
+    )  # fmt: skip
+
+
+def named_limits(flags: Limited) -> dict[str, float]:
+    """Metric and bound in SI of every limit that the flags name.
+
+    Raises:
+        ValueError: a limit is not above zero.
+    """
+    given = {name: getattr(flags, name) for name in LIMITS if getattr(flags, name) is not None}
+    for name, value in given.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name.replace('_', '-')}: a limit needs to be finite and above zero, received {value}")
+    return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
+
+
+def start_metrics(problem: Problem, start: Weights) -> Metrics:
+    """Metrics (contour, plant) of the first weights on the smooth machines."""
+    return eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(problem, start)
+
+
+def _effort_limit(flags: Limited, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
+    """Bound on the RMS control from what the start needs; none where it is bounded otherwise, or neither flags nor machine ask.
+
+    Raises:
+        ValueError: the flag is not above zero, or both kinds of bound are given.
+    """
+    effort = flags.max_effort
+    if effort is not None and flags.max_rms_control is not None:
+        raise ValueError("max-effort, max-rms-control: both limit the RMS control; give one of them")
+    if effort is not None and not (np.isfinite(effort) and effort > 0):
+        raise ValueError(f"max-effort: a limit needs to be finite and above zero, received {effort}")
+    effort = effort or usual.effort
+    if effort is None or flags.max_rms_control is not None:
+        return {}
+    return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
+
+
+def flag_paths(flags: Any) -> list[Path]:
+    """Files that the flags name."""
+    return [Path(name) for name in (flags.plant, *flags.parts) if Path(name).suffix]
+
+
+def resumed(flags: F, command: str) -> tuple[Path, F]:
+    """Folder and flags of the run that `--resume` names; it reads its own copies of its input files, on the devices named now.
+
+    Raises:
+        ValueError: other flags are given as well, or the folder does not hold a run of this command.
+    """
+    folder = flags.resume
+    assert folder is not None
+    new = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
+    given = [f.name for f in fields(flags) if f.name not in ("resume", *new) and getattr(flags, f.name) != f.default]
+    if given:
+        raise ValueError(f"resume: the run keeps its own settings; leave out --{given[0].replace('_', '-')}")
+    stored = opened(folder, command)
+    copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
+    try:
+        known = {key: tuple(value) if isinstance(value, list) else value for key, value in stored["flags"].items()}
+        known |= {"plant": copies.get(known["plant"], known["plant"]), "parts": tuple(copies.get(name, name) for name in known["parts"])}
+        return folder, type(flags)(**{**known, **new, "out": None, "resume": None})
+    except (TypeError, KeyError):
+        raise RunError(f"{folder}: its settings are not those of this version's {command}") from None
+
+
+def _distinct(jobs: list[Run]) -> list[Run]:
+    """Names are coordinates in the netCDF file: parts of the same name are numbered."""
+    named: list[Run] = []
+    for job in jobs:
+        names = {one.name for one in named}
+        name = next(n for k in range(1, len(jobs) + 1) if (n := job.name if k == 1 else f"{job.name}-{k}") not in names)
+        named.append(job._replace(name=name))
+    return named

@@ -1,0 +1,1 @@
+"""A run of the gantry as a film."""

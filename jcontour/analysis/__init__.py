@@ -1,0 +1,1 @@
+"""Properties of a closed loop: margins and spectral radii."""

@@ -1,0 +1,220 @@
+"""Is the loop stable, and by how much: frozen loops along a path, and how much gain error and delay they bear.
+
+A frozen loop is the closed loop linearised at one sample of its own run, the plan of that step held for ever: z(k+1) = M z(k) + const,
+z the state of the plant and the memory of the controller. McNab & Tsao, Theorem 1 and eq. 23, where M = A - B K at every state; here M
+is the Jacobian of one step, so that observers, delays, limits and machines that change along the path are covered by the same words.
+Of a linear plant under a linear controller it does not depend on the run. Host side.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import ArrayLike, Bool, Float, Int
+
+from jcontour.controller import Controller
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import spectral_radius
+from jcontour.motion.references import Reference, along
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.wrapper import Encoders
+from jcontour.simulation.closed_loop import check_run, follow
+
+GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
+DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
+GAIN_RESOLUTION = 1e-3  # relative width to which a gain margin is bisected
+PROBED_LOOPS = 48  # frozen loops that guide a search; all of them confirm it
+
+
+class Margins(NamedTuple):
+    """What every frozen loop along a path survives.
+
+    Attributes:
+        spectral_radius: the largest of all frozen loops; the loop is stable below 1.
+        gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays stable.
+        gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are at once, or none within `GAIN_SEARCH`.
+        delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
+        saturated: scored samples with an open loop: a control is saturated, by controller or plant, or of zero gain. The others leave them
+            out unless every sample is one: then there are no margins, and the others are those of the open loops.
+    """
+
+    spectral_radius: float
+    gain: np.ndarray
+    gain_at: np.ndarray
+    delay: int
+    saturated: int
+
+
+class CutLoops(NamedTuple):
+    """Frozen loops cut at their control, for small changes: z(k+1) = A z(k) + B v(k), u(k) = C z(k); v = u closes them."""
+
+    A: Float[np.ndarray, "T N N"]
+    B: Float[np.ndarray, "T N p"]
+    C: Float[np.ndarray, "T p N"]
+
+    def closed(self, gains: ArrayLike = 1.0) -> Float[np.ndarray, "T N N"]:
+        """A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
+        return self.A + (self.B * gains) @ self.C
+
+    def late(self, samples: int) -> Float[np.ndarray, "T L L"]:
+        """v(k) = u(k - samples), at least one: the state gains the line u(k-1), ..., u(k-samples)."""
+        T, N, p = self.B.shape
+        M = np.zeros((T, N + samples * p, N + samples * p))
+        M[:, :N, :N], M[:, :N, -p:], M[:, N : N + p, :N] = self.A, self.B, self.C
+        M[:, N + p :, N:-p] = np.eye((samples - 1) * p)
+        return M
+
+    def acting(self) -> Bool[np.ndarray, "T p"]:
+        """Controls that are part of a loop: row and column of theirs in the Markov parameters C A^k B, k < N, are not all zero.
+
+        Told from which entries of A, B and C are zero: no power of an unstable A is taken.
+        """
+        A, B, C = (matrices != 0 for matrices in self)
+        reached = B
+        for _ in range(1, A.shape[1]):
+            reached = reached | A @ reached
+        heard = C @ reached
+        return heard.any(axis=1) & heard.any(axis=2)
+
+    def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
+        """Some of them."""
+        return CutLoops(*(matrices[rows] for matrices in self))
+
+
+def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None) -> float:
+    """Spectral radius of the loop along a straight line: Theorem 1's check.
+
+    Args:
+        controller: any controller; its gains on the line must not depend on the speed.
+        direction: (m,) of any length.
+        plant: the machine; the controller's own model when not given, behind encoders where an observer is fed positions.
+
+    Raises:
+        ValueError: the direction is zero or not finite, or the controller has no model and no plant is given.
+    """
+    plant = _own_model(controller) if plant is None else plant
+    along_path = np.asarray(direction, float)
+    length = np.linalg.norm(along_path)
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError(f"direction: needs a finite vector of non-zero length, received {direction}")
+    contour = line(np.zeros(along_path.size), 1e-3 * along_path / length)  # [m] any length: the reference goes on straight
+    reference = along(contour, [0.0, 1e-3], plant.dt, controller.preview, at_rest=False)
+    return float(frozen_spectral_radii(plant, controller, reference)[0])
+
+
+def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Reference) -> Float[np.ndarray, " T"]:
+    """Spectral radius of the frozen loop of every step along a reference.
+
+    Raises:
+        ValueError: as `simulate`.
+    """
+    return spectral_radius(cut_loops(plant, controller, reference, np.arange(reference.steps)).closed())
+
+
+def margins(plant: Plant, controller: Controller, reference: Reference) -> Margins:
+    """Gain and delay margins of every frozen loop along a reference.
+
+    Args:
+        plant: any smooth one behind its sensors: quantisers and stick-slip have no slope.
+        controller: the controller under test.
+        reference: what is run; every scored step counts.
+
+    Raises:
+        ValueError: as `simulate`, or no step is scored.
+    """
+    rows = np.flatnonzero(np.asarray(reference.mask)[: reference.steps])
+    if rows.size == 0:
+        raise ValueError("mask: margins are those of the scored samples, the reference has none")
+    loops = cut_loops(plant, controller, reference, rows)
+    closed = np.flatnonzero(loops.acting().all(axis=1))
+    saturated = rows.size - closed.size
+    if closed.size:
+        loops, rows = loops.at(closed), rows[closed]
+    return _margins(loops, rows, saturated)
+
+
+def cut_loops(plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]) -> CutLoops:
+    """The loops at some steps of the run of `simulate`, as NumPy arrays.
+
+    Raises:
+        ValueError: as `simulate`.
+    """
+    check_run(plant, controller, reference)
+    return CutLoops(*(np.asarray(matrices) for matrices in _cut_loops(plant, controller, reference, jnp.asarray(rows))))
+
+
+def _own_model(controller: Controller) -> Plant:
+    model = getattr(controller, "model", None)
+    if model is None:
+        raise ValueError("plant: this controller has no model of its own; give the plant")
+    return Encoders(model) if hasattr(controller, "controller") else model  # an observer wraps a controller
+
+
+@eqx.filter_jit
+def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows) -> tuple:
+    plan = controller.prepare(reference)
+    run = follow(plant, controller, plan, reference)
+
+    def cut(plan_k, state, memory):
+        moving, fixed = eqx.partition((state, memory), eqx.is_inexact_array)
+        flat, unravel = ravel_pytree(moving)
+        N = flat.size
+
+        def one_step(inputs):
+            state, memory = eqx.combine(unravel(inputs[:N]), fixed)
+            memory, control = controller.step(memory, plan_k, plant.measure(state))
+            after = plant.step(state, jax.lax.stop_gradient(control) + inputs[N:]), memory
+            return jnp.concatenate([ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], control])
+
+        J = jax.jacfwd(one_step)(jnp.concatenate([flat, jnp.zeros(run.control.shape[1], flat.dtype)]))
+        return J[:N, :N], J[:N, N:], J[N:, :N]
+
+    return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
+
+
+def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) -> Margins:
+    nominal, inputs = spectral_radius(loops.closed()), loops.C.shape[1]
+    largest = float(nominal.max())
+    if largest >= 1:
+        lost = np.full((inputs, 2), samples[np.argmax(nominal)])
+        return Margins(largest, np.ones((inputs, 2)), lost, -1, saturated)
+    found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
+    gain = np.array([[inside for inside, _ in pair] for pair in found])
+    lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
+    delay = next((d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1), DELAY_SEARCH)
+    return Margins(largest, gain, lost, delay, saturated)
+
+
+def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:
+    """The factor on one control, going from 1 in steps of `factor`, at which the first frozen loop loses stability, and which that is."""
+    steps, _, inputs = loops.B.shape
+    every = np.arange(steps)
+    rows = np.unique(np.linspace(0, steps - 1, min(PROBED_LOOPS, steps)).astype(int))
+
+    def radii(gain: float, rows) -> np.ndarray:
+        return spectral_radius(loops.at(rows).closed(np.where(np.arange(inputs) == index, gain, 1.0)))
+
+    while True:
+        inside, outside = _limit(lambda gain, rows=rows: radii(gain, rows).max() < 1, factor)
+        lost = np.flatnonzero(radii(inside, every) >= 1)
+        if lost.size == 0:
+            beyond = np.zeros(steps) if outside is None else radii(outside, every)
+            return inside, int(np.argmax(beyond)) if beyond.min() < 1 <= beyond.max() else None
+        rows = np.union1d(rows, lost[:: max(1, lost.size // PROBED_LOOPS)])
+
+
+def _limit(stable, factor: float) -> tuple[float, float | None]:
+    """The last stable gain and the first unstable one, none where the search ends before."""
+    inside = 1.0
+    while stable(inside * factor):
+        inside *= factor
+        if not 1 / GAIN_SEARCH < inside < GAIN_SEARCH:
+            return inside, None
+    outside = inside * factor
+    while abs(outside / inside - 1) > GAIN_RESOLUTION:
+        middle = np.sqrt(inside * outside)
+        inside, outside = (middle, outside) if stable(middle) else (inside, middle)
+    return inside, outside

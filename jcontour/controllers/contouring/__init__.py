@@ -1,0 +1,1 @@
+"""Contouring schemes around a cascade."""

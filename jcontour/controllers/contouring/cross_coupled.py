@@ -1,0 +1,106 @@
+"""Cross-coupled control: a compensator on the contour error of a biaxial machine, added to the velocity commands of its axes.
+
+    e = r - y,   eps = K_x e_x + K_y e_y,   v_ref,i = k_pp e_i + k_ff dr_i/dt + C_i W(eps)        (Yuan, Fig. 2.11)
+With constant gains (Koren 1980) the contour is taken for its tangent, K = n, and the correction is forwarded equally to both axes:
+the printed C_x = C_y = 1 is the quadrant of the figure, in the others C_i has the sign of n_i. With variable gains (Koren & Lo 1991)
+it is taken for its circle of curvature and corrected at right angles to it: K = C = n + kappa e / 2. W is a PID.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jcontour.controllers.contouring.path_frame import OnPath, PathFrame, PathPlan
+from jcontour.controllers.feedback.cascade import Cascade, checked_gain
+from jcontour.motion.references import Reference
+
+Axes = Float[Array, " 2"]
+PARALLEL = 1e-6  # a line this close to an axis leaves it alone: rounding has no sign
+
+
+class CrossGains(eqx.Module):
+    """The compensator W = k_p + k_i / s + k_d s from the contour error [m] to a speed [m/s]; all zero leaves the plain cascade.
+
+    Args:
+        proportional: k_p [1/s].
+        integral: k_i [1/s^2].
+        derivative: k_d [-].
+
+    Raises:
+        ValueError: a gain is negative or not finite.
+    """
+
+    proportional: Float[Array, ""]
+    integral: Float[Array, ""]
+    derivative: Float[Array, ""]
+
+    def __init__(self, proportional, integral=0.0, derivative=0.0):
+        for name, value in (("proportional", proportional), ("integral", integral), ("derivative", derivative)):
+            setattr(self, name, checked_gain(name, value))
+
+
+class Coupling(eqx.Module):
+    """How the axes are coupled."""
+
+    @abc.abstractmethod
+    def vectors(self, frame: PathFrame, error: Axes) -> tuple[Axes, Axes]:
+        """(K, C): what makes the contour error of the position error r - y [m], and where its correction goes."""
+
+
+class ConstantCoupling(Coupling):
+    """K = n, C = sign n: constant along a straight line (Koren 1980)."""
+
+    def vectors(self, frame, error) -> tuple[Axes, Axes]:
+        """Of the tangent alone."""
+        return frame.normal, jnp.where(jnp.abs(frame.normal) > PARALLEL, jnp.sign(frame.normal), 0.0)
+
+
+class VariableCoupling(Coupling):
+    """K = C = n + kappa e / 2 (Koren & Lo 1991)."""
+
+    def vectors(self, frame, error) -> tuple[Axes, Axes]:
+        """Of the circle of curvature."""
+        gains = frame.circular(error)
+        return gains, gains
+
+
+class CrossMemory(NamedTuple):
+    """Integrators of the cascade, the compensator's integral as a speed [m/s], and the contour error one sample ago [m]."""
+
+    cascade: Axes
+    integral: Float[Array, ""]
+    error: Float[Array, ""]
+
+
+class CrossCoupled(OnPath):
+    """A cascade whose axes are coupled by the contour error.
+
+    Args:
+        cascade: the axes.
+        gains: of the compensator.
+        coupling: `ConstantCoupling` or `VariableCoupling`.
+    """
+
+    cascade: Cascade
+    gains: CrossGains
+    coupling: Coupling
+
+    def initial_memory(self, reference: Reference) -> CrossMemory:
+        """All at zero."""
+        zero = jnp.zeros((), reference.position.dtype)
+        return CrossMemory(self.cascade.initial_memory(reference), zero, zero)
+
+    def step(self, memory: CrossMemory, plan: PathPlan, measurement) -> tuple[CrossMemory, Axes]:
+        """Next memory and the control."""
+        position, velocity = self.cascade.sensors.read(measurement)
+        error = plan.command.position - position
+        K, C = self.coupling.vectors(plan.frame, error)
+        eps, gains, dt = K @ error, self.gains, self.cascade.dt
+        integral = memory.integral + gains.integral * dt * eps
+        correction = gains.proportional * eps + integral + gains.derivative * (eps - memory.error) / dt
+        wanted = self.cascade.speed_command(plan.command, position) + C * correction
+        axes, control = self.cascade.drive(memory.cascade, wanted - velocity, plan.command.control)
+        return CrossMemory(axes, integral, eps), control

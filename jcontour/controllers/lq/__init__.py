@@ -1,0 +1,1 @@
+"""LQ controllers whose gains follow the path."""

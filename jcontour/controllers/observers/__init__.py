@@ -1,0 +1,1 @@
+"""Observers of states and disturbances."""

@@ -1,0 +1,1 @@
+"""Wrappers around any controller: filters, input shapers, compensation, motor coordinates."""

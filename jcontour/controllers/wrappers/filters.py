@@ -1,0 +1,121 @@
+"""Filters on the control of any controller: notches against a resonance, low passes against noise.
+
+A section H(s) of second order becomes, by Tustin's rule s = c (z - 1) / (z + 1),
+    y(k) = b0 x(k) + b1 x(k-1) + b2 x(k-2) - a1 y(k-1) - a2 y(k-2)
+with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). Run in the transposed direct form.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.controller import Controller, Wrapper
+from jcontour.linear.plant import is_concrete
+from jcontour.motion.references import Reference
+
+
+class Biquad(eqx.Module):
+    """A digital filter of second order.
+
+    Raises:
+        ValueError: a coefficient is not finite, or a pole is not inside the unit circle.
+    """
+
+    numerator: Float[Array, "3"]  # b0, b1, b2
+    denominator: Float[Array, "2"]  # a1, a2
+
+    def __check_init__(self):
+        if is_concrete(self.numerator, self.denominator):
+            poles = np.roots([1.0, *np.asarray(self.denominator)])
+            if not (np.all(np.isfinite(self.numerator)) and np.all(np.abs(poles) < 1)):
+                raise ValueError(f"filter: is not stable, its poles are {np.array2string(poles, precision=4)}")
+
+    def step(self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]) -> tuple[Float[Array, "2 *p"], Float[Array, "*p"]]:
+        """Next memory and the filtered sample, of each signal."""
+        (b0, b1, b2), (a1, a2) = self.numerator, self.denominator
+        y = b0 * x + memory[0]
+        return jnp.stack([b1 * x - a1 * y + memory[1], b2 * x - a2 * y]), y
+
+
+def tustin(numerator, denominator, dt: float, prewarp=None) -> Biquad:
+    """Digital form of (n2 s^2 + n1 s + n0) / (d2 s^2 + d1 s + d0), coefficients from s^2 down.
+
+    Args:
+        numerator: (3,) n2, n1, n0.
+        denominator: (3,) d2, d1, d0.
+        dt: sample period [s].
+        prewarp: frequency [rad/s] at which the gain stays exact; none when not given.
+
+    Raises:
+        ValueError: the digital filter is not stable, or `prewarp` is not below the Nyquist frequency.
+    """
+    if prewarp is not None and is_concrete(prewarp) and not 0 < float(prewarp) < np.pi / dt:
+        raise ValueError(f"prewarp: needs a frequency above zero and below {np.pi / dt:.4g} rad/s, received {prewarp}")
+    c = 2 / dt if prewarp is None else prewarp / jnp.tan(prewarp * dt / 2)
+    rows = [jnp.stack([q2 * c**2 + q1 * c + q0, 2 * (q0 - q2 * c**2), q2 * c**2 - q1 * c + q0])
+            for q2, q1, q0 in (jnp.asarray(numerator, float), jnp.asarray(denominator, float))]  # fmt: skip
+    return Biquad(rows[0] / rows[1][0], rows[1][1:] / rows[1][0])
+
+
+def notch(frequency, depth, damping, dt: float, prewarp: bool = False) -> Biquad:
+    """(s^2 + 2 g zeta w s + w^2) / (s^2 + 2 zeta w s + w^2): gain g at w, one far away (Yuan, eq. 3.9).
+
+    Args:
+        frequency: w [rad/s].
+        depth: g, the gain left at w.
+        damping: zeta, half the relative width.
+        dt: sample period [s].
+        prewarp: keep the notch exactly at w; the thesis's numbers are without.
+
+    Raises:
+        ValueError: as `tustin`.
+    """
+    w = jnp.asarray(frequency, float)
+    denominator = jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2])
+    return tustin(denominator * jnp.stack([jnp.ones_like(w), jnp.asarray(depth, float), jnp.ones_like(w)]), denominator, dt,
+                  frequency if prewarp else None)  # fmt: skip
+
+
+def low_pass(frequency, damping, dt: float) -> Biquad:
+    """w^2 / (s^2 + 2 zeta w s + w^2), prewarped at w.
+
+    Raises:
+        ValueError: as `tustin`.
+    """
+    w = jnp.asarray(frequency, float)
+    none = jnp.zeros_like(w)
+    return tustin(jnp.stack([none, none, w**2]), jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2]), dt, frequency)
+
+
+class FilterMemory(NamedTuple):
+    """That of the filter, and of the controller inside."""
+
+    filter: Float[Array, "2 p"]
+    inner: Any
+
+
+class Filtered(Wrapper):
+    """Any controller with a filter on every control; it starts at zero.
+
+    Args:
+        controller: the one inside.
+        filter: what its controls go through.
+        inputs: number of controls p.
+    """
+
+    controller: Controller
+    filter: Biquad
+    inputs: int = eqx.field(static=True)
+
+    def initial_memory(self, reference: Reference) -> FilterMemory:
+        """A filter at rest."""
+        return FilterMemory(jnp.zeros((2, self.inputs), self.filter.numerator.dtype), self.controller.initial_memory(reference))
+
+    def step(self, memory: FilterMemory, plan: Any, measurement: Any) -> tuple[FilterMemory, Float[Array, " p"]]:
+        """The control inside, filtered."""
+        inner, control = self.controller.step(memory.inner, plan, measurement)
+        filtered, control = self.filter.step(memory.filter, control)
+        return FilterMemory(filtered, inner), control

@@ -1,0 +1,1 @@
+"""Paths in arc length and the files they come from."""

@@ -1,0 +1,81 @@
+"""Quintic pieces through a smooth curve r(t): each takes position, unit tangent and curvature vector from the curve at both its ends.
+
+A piece is a polynomial in the curve's own arc length, s(t) = integral |r'| dt by Gauss quadrature. The fit error is measured as
+|p(s(t)) - r(t)| between the ends: it bounds the distance and holds the error of the arc-length parametrisation as well.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.geometry.pieces import Piece
+
+Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # parameter (...,) -> position, first, second derivative (..., m)
+
+MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
+MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve
+QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(8)  # a piece that a quintic fits to 1e-9 it integrates to rounding
+SAMPLES = np.arange(1, 8) / 8  # fractions of a piece at which the fit is measured
+BETWEEN_SAMPLES = 1.1  # the error may peak between two of them
+
+
+def quintic_pieces(
+    name: str, curve: Curve, knots: Float[np.ndarray, " K"], tolerance: float
+) -> tuple[Float[np.ndarray, "P 6 m"], Float[np.ndarray, " P"], float]:
+    """Polynomials, lengths [m] and measured fit error [m] of pieces between the knots, halved until each fits within `tolerance` [m].
+
+    The curve needs to be smooth between two given knots and to have a continuous curvature.
+
+    Raises:
+        ValueError: the tolerance is out of reach.
+    """
+    for _ in range(MOST_HALVINGS):
+        with np.errstate(all="ignore"):  # a curve that stops or overflows makes NaN, which never fits
+            polynomial, extent = _hermite(curve, knots[:-1], knots[1:])
+            error = BETWEEN_SAMPLES * _deviation(curve, knots[:-1], knots[1:], polynomial, extent)
+        coarse = np.flatnonzero(~(error <= tolerance))
+        if coarse.size == 0:
+            return polynomial, extent, float(error.max())
+        if knots.size + coarse.size > MOST_PIECES:
+            break
+        knots = np.insert(knots, coarse + 1, 0.5 * (knots[coarse] + knots[coarse + 1]))
+    raise ValueError(
+        f"{name}: {error.size} pieces fit within {np.nanmax(error, initial=0.0):.1e} m at best; "
+        f"needs a tolerance above that (received {tolerance:.1e} m) or a curve without cusps"
+    )
+
+
+def _hermite(curve, a, b):
+    start, tangent, curvature = _frame(curve, a)
+    end, end_tangent, end_curvature = _frame(curve, b)
+    extent = _arc_length(curve, a, b)
+    h = extent[:, None]
+    position_gap = end - start - tangent * h - curvature * h**2 / 2
+    tangent_gap = (end_tangent - tangent - curvature * h) * h
+    curvature_gap = (end_curvature - curvature) * h**2
+    cubic = (10 * position_gap - 4 * tangent_gap + curvature_gap / 2) / h**3
+    quartic = (-15 * position_gap + 7 * tangent_gap - curvature_gap) / h**4
+    quintic = (6 * position_gap - 3 * tangent_gap + curvature_gap / 2) / h**5
+    return np.stack([start, tangent, curvature / 2, cubic, quartic, quintic], axis=1), extent
+
+
+def _frame(curve, t):
+    position, first, second = curve(t)
+    speed = np.linalg.norm(first, axis=-1, keepdims=True)
+    tangent = first / speed
+    return position, tangent, (second - np.sum(second * tangent, axis=-1, keepdims=True) * tangent) / speed**2
+
+
+def _arc_length(curve, a, b):
+    half = 0.5 * (b - a)
+    t = 0.5 * (a + b)[..., None] + half[..., None] * QUADRATURE
+    return half * (np.linalg.norm(curve(t)[1], axis=-1) @ QUADRATURE_WEIGHT)
+
+
+def _deviation(curve, a, b, polynomial, extent):
+    t = a[:, None] + (b - a)[:, None] * SAMPLES
+    s = _arc_length(curve, np.broadcast_to(a[:, None], t.shape), t)
+    still, none = np.zeros((extent.size, 1, polynomial.shape[-1])), np.zeros((extent.size, 1))
+    pieces = Piece(polynomial[:, None], still, still, none, none, extent[:, None])
+    return np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(axis=-1)

@@ -1,0 +1,1 @@
+"""Linear plants and what is done to them."""

@@ -1,0 +1,77 @@
+"""A machine that changes with the position of one of its outputs: linear models at several points, and between them."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.linear.plant import LinearPlant, is_concrete
+
+
+class ModelSchedule(eqx.Module):
+    """Linear models over the position of one output, interpolated linearly entry by entry.
+
+    Args:
+        models: stacked on axis 0, one for every point.
+        points: positions of the output [m], rising.
+        output: its index.
+
+    Raises:
+        ValueError: fewer than two points, points out of order, or another number of models.
+    """
+
+    models: LinearPlant
+    points: Float[Array, " N"]
+    output: int = eqx.field(static=True)
+
+    def __init__(self, models: LinearPlant, points, output: int):
+        self.models, self.points, self.output = models, jnp.asarray(points, float), output
+        if self.points.ndim != 1 or self.points.size < 2 or (is_concrete(points) and not np.all(np.diff(points) > 0)):
+            raise ValueError(f"points: need two positions or more in rising order, received {points}")
+        if models.A.shape[0] != self.points.size:
+            raise ValueError(f"models: need one for each of the {self.points.size} points, received {models.A.shape[0]}")
+
+    @property
+    def dt(self) -> float:
+        """Sample period of the models [s]."""
+        return self.models.dt
+
+    def model(self, index: int) -> LinearPlant:
+        """That of a point."""
+        return jax.tree.map(lambda leaf: leaf[index], self.models)
+
+    def along(self, position: Float[Array, "S m"]) -> LinearPlant:
+        """The models at every sample of a path, stacked on axis 0.
+
+        Raises:
+            ValueError: the path leaves the points. Where its values are traced the models are NaN there: the run counts as diverged.
+        """
+        return self.interpolated(self.models, position)
+
+    def interpolated(self, values: Any, position: Float[Array, "S m"]) -> Any:
+        """Arrays that were computed at the points (axis 0) at every sample of a path.
+
+        Raises:
+            ValueError: as `along`.
+        """
+        at = position[..., self.output]
+        self._check_covers(at)
+        left = jnp.clip(jnp.searchsorted(self.points, at, side="right") - 1, 0, self.points.size - 2)
+        share = (at - self.points[left]) / (self.points[left + 1] - self.points[left])
+        share = jnp.where((share >= 0) & (share <= 1), share, jnp.nan)
+
+        def between(rows):
+            weight = share.reshape(-1, *[1] * (rows.ndim - 1))
+            return (1 - weight) * rows[left] + weight * rows[left + 1]
+
+        return jax.tree.map(between, values)
+
+    def _check_covers(self, at: Float[Array, " S"]) -> None:
+        if is_concrete(at, self.points):
+            low, high, first, last = (float(x) for x in (jnp.min(at), jnp.max(at), self.points[0], self.points[-1]))
+            if low < first or high > last:
+                covered = f"the models cover {first:g} to {last:g} m of output {self.output}"
+                raise ValueError(f"points: {covered}, the path goes from {low:g} to {high:g} m")

@@ -1,0 +1,207 @@
+"""Where the tool should be at every sample: a contour sampled along a feed law, with the preview samples appended.
+
+T control steps are chosen first; a controller that looks N_p samples ahead needs S = T + N_p samples. Sample k is where the
+tool should be when control k starts to act.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import polyline
+
+Law = Callable[[np.ndarray], np.ndarray]  # times (S,) [s], none negative -> arc lengths (S,) [m]
+
+
+class Reference(eqx.Module):
+    """Samples of a contour in time.
+
+    Attributes:
+        position: desired tool point [m].
+        tangent: unit vector along the motion.
+        arc: arc length on `contour` [m].
+        mask: which samples are scored (False: padding, rapid moves, preview).
+        start_increment: motion per sample [m] with which the machine enters sample 0; zero is rest.
+        contour: the geometry that the contour error is measured against.
+        dt: sample period [s].
+        steps: number of control steps T; the other S - T samples are preview.
+    """
+
+    position: Float[Array, "S m"]
+    tangent: Float[Array, "S m"]
+    arc: Float[Array, " S"]
+    mask: Bool[Array, " S"]
+    start_increment: Float[Array, " m"]
+    contour: Contour
+    dt: float = eqx.field(static=True)
+    steps: int = eqx.field(static=True)
+
+    @property
+    def preview(self) -> int:
+        """Number of samples beyond the last control step."""
+        return self.position.shape[-2] - self.steps
+
+
+def from_samples(position, tangent, dt: float, preview: int, contour: Contour | None = None, in_motion: bool = True) -> Reference:
+    """Reference from sampled positions and tangents, preview samples included: T = S - preview.
+
+    Args:
+        position: (S, m) [m].
+        tangent: (S, m) unit vectors along the motion.
+        dt: sample period [s].
+        preview: how many of the samples are preview only.
+        contour: true geometry for the contour error; the polyline through the samples when not given.
+        in_motion: the machine enters sample 0 at position[1] - position[0] per sample; otherwise it stands there.
+
+    Raises:
+        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no control step is left.
+    """
+    position, tangent = np.asarray(position, float), np.asarray(tangent, float)
+    if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
+        raise ValueError(f"position, tangent: need the same shape (S, m), m from 1 to 3, received {position.shape} and {tangent.shape}")
+    if len(position) < 2:
+        raise ValueError(f"position: needs at least two samples, received {len(position)}")
+    if contour is not None and contour.axes != position.shape[1]:
+        raise ValueError(f"contour: needs as many axes as the samples, {position.shape[1]}, received {contour.axes}")
+    _check_finite(position=position, tangent=tangent)
+    worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
+    if worst > 1e-6:
+        raise ValueError(f"tangent: needs unit vectors, received one whose length is off by {worst:.3g}")
+    if contour is None:
+        contour = polyline(position)
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    else:
+        arc = np.asarray(_projected(contour, jnp.asarray(position)))
+    increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
+    return _reference(position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool))
+
+
+def in_time(contour: Contour, law: Law, duration: float, dt: float, preview: int = 1, dwell: float = 0.0) -> Reference:
+    """Reference that waits at the start of a contour, then visits it at the arc lengths that a law of time gives: exact at every sample.
+
+    The control steps are at the times 0, dt, ..., duration; the preview samples after them follow the law too. It starts at rest.
+
+    Args:
+        contour: the path.
+        law: arc length [m] at times since the end of the dwell [s]; see `point_to_point`.
+        duration: of the whole run, dwell included [s].
+        dt: sample period [s].
+        preview: samples of future to append.
+        dwell: wait before the law begins [s].
+
+    Raises:
+        ValueError: the duration is not a whole number of samples, at least one, or the dwell is not between zero and the duration.
+    """
+    steps = duration / dt
+    if not (np.isfinite(steps) and steps >= 0.5 and abs(steps - round(steps)) < 1e-6):
+        raise ValueError(f"duration: needs a whole number of samples of {dt} s, at least one, received {duration} s")
+    if not 0 <= dwell <= duration:
+        raise ValueError(f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s")
+    time = np.arange(round(steps) + 1 + preview) * dt
+    arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
+    _check_finite(arc=arc)
+    position, tangent = _sampled(contour, arc)
+    return _reference(position, tangent, arc, contour, dt, preview, np.zeros(position.shape[1]), np.ones(arc.size, bool))
+
+
+def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
+    """Reference that visits `contour` at the arc lengths a feed law gives, one for each control step.
+
+    The preview samples appended after the last step hold the end of a run that ends at rest; otherwise they go on at the last
+    increment, around a closed contour or straight on from an open one.
+
+    Args:
+        contour: the path.
+        arc: (T,) arc length at each control step [m], as made by `feed_laws`.
+        dt: sample period [s].
+        preview: samples of future to append.
+        at_rest: True for a rest-to-rest run; False when the machine enters and leaves the run at speed.
+        scored: (T,) which samples count in the metrics; all when not given.
+
+    Raises:
+        ValueError: `arc` is not a finite vector of at least two samples, `scored` has another length, or `preview` is negative.
+    """
+    arc = np.asarray(arc, float)
+    if arc.ndim != 1 or arc.size < 2:
+        raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
+    _check_finite(arc=arc)
+    last = 0.0 if at_rest else arc[-1] - arc[-2]
+    arc = np.concatenate([arc, arc[-1] + last * np.arange(1, preview + 1)])
+    position, tangent = _sampled(contour, arc)
+    increment = np.zeros(position.shape[1]) if at_rest else position[1] - position[0]
+    mask = np.ones(arc.size, bool)
+    if scored is not None:
+        counts = np.asarray(scored, bool)
+        if counts.shape != (arc.size - preview,):
+            raise ValueError(f"scored: needs shape ({arc.size - preview},), one per control step, received {counts.shape}")
+        mask[: arc.size - preview] = counts
+    return _reference(position, tangent, arc, contour, dt, preview, increment, mask)
+
+
+def pad(reference: Reference, steps: int) -> Reference:
+    """The same run padded to `steps` control steps: the last sample is held and not scored, so that runs of different length batch.
+
+    Raises:
+        ValueError: the run is longer than `steps`.
+    """
+    extra = steps - reference.steps
+    if extra < 0:
+        raise ValueError(f"steps: the run has {reference.steps} control steps, more than the {steps} asked for")
+
+    def hold(values):
+        return jnp.asarray(np.concatenate([values, np.repeat(np.asarray(values)[-1:], extra, axis=0)]))
+
+    mask = jnp.asarray(np.concatenate([reference.mask, np.zeros(extra, bool)]))
+    return Reference(
+        hold(reference.position), hold(reference.tangent), hold(reference.arc), mask,
+        reference.start_increment, reference.contour, reference.dt, steps,
+    )  # fmt: skip
+
+
+@jax.jit
+def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, " S"]:
+    """Arc length of every sample, each sought around where the one before and the chord between them lead: no branch jumps."""
+
+    def advance(arc, samples):
+        before, here = samples
+        chord = jnp.linalg.norm(here - before)
+        arc = contour.nearest(here, arc + chord, chord)
+        return arc, arc
+
+    first = contour.nearest_anywhere(position[0])
+    _, later = jax.lax.scan(advance, first, (position[:-1], position[1:]))
+    return jnp.concatenate([first[None], later])
+
+
+def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Position and tangent as `Contour` gives them, in NumPy: nothing is compiled for a path that is sampled once."""
+    length = float(contour.length)
+    inside = np.mod(arc, length) if contour.closed else np.clip(arc, 0.0, length)
+    index = np.searchsorted(np.asarray(contour.start)[np.asarray(contour.mask)], inside, side="right") - 1
+    piece = jax.tree.map(lambda rows: np.asarray(rows)[index], contour.pieces)
+    position, velocity, _ = piece.jet(inside - piece.start)
+    beyond = 0.0 if contour.closed else arc - inside
+    tangent = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+    return position + np.reshape(beyond, (-1, 1)) * velocity, tangent
+
+
+def _reference(position, tangent, arc, contour, dt, preview, increment, mask) -> Reference:
+    steps = len(position) - preview
+    if preview < 0 or steps < 1:
+        raise ValueError(f"preview: {len(position)} samples leave no control step for a preview of {preview}")
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
+    mask = mask & (np.arange(len(position)) < steps)
+    arrays = (jnp.asarray(position), jnp.asarray(tangent), jnp.asarray(arc), jnp.asarray(mask), jnp.asarray(increment))
+    return Reference(*arrays, contour, float(dt), steps)
+
+
+def _check_finite(**named) -> None:
+    for name, values in named.items():
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")

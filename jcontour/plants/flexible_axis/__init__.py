@@ -1,0 +1,1 @@
+"""A linear motor that moves an end effector on a spring."""

@@ -1,0 +1,65 @@
+"""Friction of a guide way: a force that falls from rest to speed, sticks at rest, and grows with viscous drag.
+
+    F_f = s (f_c + f_s / (1 + (v / v_s)^2)) + b_v v        (Yuan, eq. 3.8, Lorentzian)
+s is the direction of slip. The printed eq. 3.8 decides between stick and slip by a speed threshold and compares with a force that
+omits spring and damper; here a slider has an explicit mode s in {-1, 0, 1}, as Karnopp had it, and the whole force decides.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jcontour.linear.plant import is_concrete
+
+Axes = Float[Array, " m"]
+
+
+class Friction(eqx.Module):
+    """Lorentzian friction of every axis.
+
+    Args:
+        coulomb: f_c [N].
+        stribeck: f_s [N], what rest adds to it.
+        stribeck_speed: v_s [m/s].
+        viscous: b_v [N s/m].
+
+    Raises:
+        ValueError: a value is negative or not finite, or the Stribeck speed is zero.
+    """
+
+    coulomb: Axes
+    stribeck: Axes
+    stribeck_speed: Axes
+    viscous: Axes
+
+    def __init__(self, coulomb, stribeck, stribeck_speed, viscous):
+        named = {"coulomb": coulomb, "stribeck": stribeck, "stribeck_speed": stribeck_speed, "viscous": viscous}
+        for name, value in named.items():
+            if is_concrete(value) and not np.all((np.asarray(value) >= 0) & np.isfinite(value)):
+                raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
+            setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
+        if is_concrete(stribeck_speed) and not np.all(np.asarray(stribeck_speed) > 0):
+            raise ValueError(f"stribeck_speed: needs to be above zero, received {stribeck_speed}")
+
+    def slipping(self, mode: Axes, speed: Axes) -> Axes:
+        """Force against the motion [N] while the mode is -1 or 1."""
+        return mode * self.dry(speed) + self.viscous * speed
+
+    def smooth(self, speed: Axes, sharpness: Float[Array, ""]) -> Axes:
+        """The differentiable twin: tanh(sharpness v) in place of the mode; there is no stick, only creep."""
+        return jnp.tanh(sharpness * speed) * self.dry(speed) + self.viscous * speed
+
+    def dry(self, speed: Axes) -> Axes:
+        """Size of the force without drag [N]."""
+        return self.coulomb + self.stribeck / (1 + (speed / self.stribeck_speed) ** 2)
+
+    def released(self, mode: Int[Array, " m"], force: Axes) -> Int[Array, " m"]:
+        """Mode before a substep: a slider at rest breaks loose, in the direction of the force, when it exceeds f_c + f_s."""
+        loose = jnp.abs(force) > self.coulomb + self.stribeck
+        return jnp.where((mode == 0) & loose, jnp.sign(force).astype(mode.dtype), mode)
+
+
+def caught(mode: Int[Array, " m"], speed: Axes) -> Int[Array, " m"]:
+    """Mode after a substep: a slider whose speed has turned against its mode sticks."""
+    return jnp.where(mode * speed <= 0, 0, mode)

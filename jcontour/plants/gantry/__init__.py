@@ -1,0 +1,1 @@
+"""A gantry with two drives on its beam."""

@@ -1,0 +1,1 @@
+"""One quadratic program: its data, its solvers, its residuals."""

@@ -1,0 +1,1 @@
+"""Riccati equations: the sweep over a run and the algebraic equation."""

@@ -1,0 +1,202 @@
+"""Riccati mathematics: the receding-horizon sweep over a whole run at once, and the algebraic equation by doubling.
+
+At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal (H, g):
+    K_j = (B' H_{j+1} B + R)^-1 B' H_{j+1} A
+    H_j = A' H_{j+1} (A - B K_j) + C' Q_j C
+    g_j = (A - B K_j)' g_{j+1} - C' Q_j y_d(k+j)
+    u(k) = -(B' H_1 B + R)^-1 B' (H_1 A x(k) + g_1)
+McNab & Tsao, eqs. 11-13, with the minus of (11) and (12) restored and H_{j+1}, g_{j+1} throughout. The gains depend on the
+future of the reference only, never on the state, so all steps are swept together: axis T in front, j the only loop.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.kernels.dispatch import block_length, suits_lanes, suits_spans
+from jcontour.kernels.sliding_window import sliding_plan
+from jcontour.kernels.window_sweep import window_plan
+from jcontour.linear.plant import AffinePlan, LinearPlant, is_concrete, spectral_radius
+
+MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
+DOUBLINGS = 20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
+
+
+class CostToGo(NamedTuple):
+    """x' H x + 2 g' x, the cost that remains."""
+
+    H: Float[Array, "T n n"]
+    g: Float[Array, "T n"]
+
+
+def receding_horizon_plan(
+    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array | np.ndarray, " N_p"],
+    R: Float[Array, "p p"], terminal: CostToGo | None,
+) -> AffinePlan:  # fmt: skip
+    """Gains F, f (u = f - F x) of every step of a run.
+
+    Long windows whose stage profile is known to be uniform are composed from spans (`kernels.sliding_window`), others are swept
+    stage by stage: by the GPU's kernels where they take the plant, by `kernels.window_sweep` elsewhere.
+
+    Args:
+        model: A, B, C.
+        Q: output weight at every sample, S = T + N_p.
+        y_d: desired output at every sample [m].
+        stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the terminal); traced, or known.
+        R: control weight.
+        terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is weighted like the others, by stage
+            times Q, and then S has to be T + N_p exactly.
+    """
+    seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
+    Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
+    lanes = suits_lanes(model.pattern, model, Q, y_d, stage, R, terminal)
+    if suits_spans(stage if terminal is None else stage[:-1], lanes):
+        return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
+    stage = jnp.asarray(stage)
+    if lanes:
+        from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
+
+        end = () if terminal is None else tuple(terminal)
+        return AffinePlan(*lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end))  # pyright: ignore[reportGeneralTypeIssues]
+    if terminal is None:
+        cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
+        terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
+    if model.states > MOST_STATES:
+        return readable_plan(model, Q, y_d, stage, R, terminal)
+    return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))
+
+
+def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
+    """By spans; without a terminal the last sample belongs to them."""
+    steps = Q.shape[0] - preview
+    window = preview if terminal is None else preview - 1
+    end = None if terminal is None else jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
+    seen = slice(1, steps + window)
+    return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps))
+
+
+def scheduled_plan(
+    models: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    terminal: CostToGo,
+) -> AffinePlan:  # fmt: skip
+    """The same for a machine that changes along the path: A_j, B_j, C_j are those of sample k + j, `models` stacked over all S samples."""
+    steps, preview = terminal.g.shape[0], stage.shape[0]
+
+    def at(rows, j):
+        return jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, j, steps), rows)
+
+    def sweep(cost, j):
+        model, Q_j, y_j = at((models, Q, y_d), j)
+        return one_stage_back(model, R, cost, stage[j - 1] * Q_j, y_j), None
+
+    first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
+    return first_control(at(models, 0), R, first)
+
+
+def readable_plan(
+    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    terminal: CostToGo,
+) -> AffinePlan:  # fmt: skip
+    """The same as the equations say it, stage by stage; `kernels.window_sweep` is tested equal to it."""
+    steps, preview = terminal.g.shape[0], stage.shape[0]
+
+    def sweep(cost, j):
+        Q_j = stage[j - 1] * jax.lax.dynamic_slice_in_dim(Q, j, steps)
+        y_j = jax.lax.dynamic_slice_in_dim(y_d, j, steps)
+        return one_stage_back(model, R, cost, Q_j, y_j), None
+
+    first, _ = jax.lax.scan(sweep, terminal, jnp.arange(preview - 1, 0, -1))
+    return first_control(model, R, first)
+
+
+def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, "T m"]) -> CostToGo:
+    """(y - y_d)' Q (y - y_d) as a cost to go: the last stage of eqs. 12 and 13, with the minus of g restored."""
+    return CostToGo(model.C.T @ Q @ model.C, -jnp.einsum("tij,tj->ti", Q, y_d) @ model.C)
+
+
+def one_stage_back(model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]) -> CostToGo:
+    """(H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13, of one model for all steps or of one for each."""
+    A, B, C = model.A, model.B, model.C
+    K, _ = _gain(model, R, cost)
+    closed = A - B @ K
+    H = A.mT @ cost.H @ closed + C.mT @ Q_j @ C
+    g = _apply(closed.mT, cost.g) - _apply(C.mT, _apply(Q_j, y_j))
+    return CostToGo((H + H.mT) / 2, g)
+
+
+def first_control(model: LinearPlant, R, cost: CostToGo) -> AffinePlan:
+    """u = f - F x that minimises one step plus the cost to go: eq. 11."""
+    F, f = _gain(model, R, cost)
+    return AffinePlan(F, f)
+
+
+def _gain(model: LinearPlant, R, cost: CostToGo) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
+    BH = model.B.mT @ cost.H
+    inverse = small_inverse(BH @ model.B + R)
+    return inverse @ (BH @ model.A), -_apply(inverse, _apply(model.B.mT, cost.g))
+
+
+def dare(A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]) -> Float[Array, "n n"]:
+    """Stabilising solution of H = A' (H - H B (B' H B + R)^-1 B' H) A + Q by structured doubling.
+
+    McNab & Tsao, eq. 16. After i doublings the iterate is the Riccati recursion of 2^i steps from zero, so values and
+    derivatives are those of the limit. It is not finite, or A - B K is not stable, when there is no stabilising solution;
+    see `check_dare` for the message.
+    """
+    identity = jnp.eye(A.shape[0], dtype=A.dtype)
+
+    def double(carry, _):
+        A_k, G, H = carry
+        W = jnp.linalg.inv(identity + G @ H)
+        AW = A_k @ W
+        G_next = G + AW @ G @ A_k.T
+        H_next = H + A_k.T @ H @ W @ A_k
+        return (AW @ A_k, (G_next + G_next.T) / 2, (H_next + H_next.T) / 2), None
+
+    start = (A, B @ small_inverse(R) @ B.T, Q)
+    (_, _, H), _ = jax.lax.scan(double, start, length=DOUBLINGS)
+    return H
+
+
+def lqr_gain(A, B, H: Float[Array, "n n"], R) -> Float[Array, "p n"]:
+    """K = (B' H B + R)^-1 B' H A, so that u = -K x (McNab & Tsao, eq. 17, with the trailing A)."""
+    return small_inverse(B.T @ H @ B + R) @ B.T @ H @ A
+
+
+def check_dare(A, B, Q, R) -> None:
+    """Raise ValueError unless the Riccati equation has a stabilising solution; traced values pass unchecked (NaN shows there)."""
+    if not is_concrete(A, B, Q, R):
+        return
+    radius = float(spectral_radius(_dare_loop(A, B, Q, R)))
+    if not radius < 1:
+        raise ValueError(
+            f"the Riccati equation has no stabilising solution: its closed loop has spectral radius {radius:.6g} "
+            "(a mode that is not stable is out of reach of the control, or costs nothing)"
+        )
+
+
+@jax.jit
+def _dare_loop(A, B, Q, R):
+    return A - B @ lqr_gain(A, B, dare(A, B, Q, R), R)
+
+
+def small_inverse(M: Float[Array, "*batch p p"]) -> Float[Array, "*batch p p"]:
+    """Inverse in closed form up to 3 x 3, which halves the run and compile time of the sweep; LU beyond."""
+    if M.shape[-1] == 1:
+        return 1 / M
+    if M.shape[-1] == 2:
+        a, b, c, d = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+        adjugate = jnp.stack([jnp.stack([d, -b], -1), jnp.stack([-c, a], -1)], -2)
+        return adjugate / (a * d - b * c)[..., None, None]
+    if M.shape[-1] == 3:
+        first, second, third = M[..., 0, :], M[..., 1, :], M[..., 2, :]
+        adjugate = jnp.stack([jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)], -1)
+        return adjugate / jnp.sum(first * adjugate[..., 0], axis=-1)[..., None, None]
+    return jnp.linalg.inv(M)
+
+
+def _apply(matrices: Float[Array, "*T a b"], vectors: Float[Array, "T b"]) -> Float[Array, "T a"]:
+    return jnp.einsum("...ij,...j->...i", matrices, vectors)

@@ -1,0 +1,75 @@
+"""The closed loop: plant and controller stepped together along a reference.
+
+u(k), w(k+1) = controller(w(k), plan(k), measure(x(k)));   x(k+1) = plant(x(k), u(k))
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+from jcontour.controller import Controller, Plan, check_preview
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant, State
+
+
+class Rollout(eqx.Module):
+    """A closed-loop run; row k is taken before control k acts."""
+
+    state: Any
+    output: Float[Array, "T m"]
+    measurement: Any
+    control: Float[Array, "T p"]
+    memory: Any
+    final_state: Any
+    final_memory: Any
+
+
+def start_state(plant: Plant, reference: Reference) -> State:
+    """State in which the reference says the run begins: at rest on the first sample, or in steady motion through it."""
+    return plant.initial_state(reference.position[0], reference.start_increment)
+
+
+@eqx.filter_jit
+def simulate(plant: Plant, controller: Controller, reference: Reference, state: State | None = None) -> Rollout:
+    """Run `controller` on `plant` along `reference` for its T steps, from `state` or from where the reference begins.
+
+    Raises:
+        ValueError: the reference has fewer preview samples than the controller needs, or their sample periods differ.
+    """
+    check_run(plant, controller, reference)
+    return follow(plant, controller, controller.prepare(reference), reference, state)
+
+
+@eqx.filter_jit
+def prepared(controller: Controller, reference: Reference) -> Plan:
+    """The plan alone, for all T steps: a gain schedule, for instance.
+
+    Raises:
+        ValueError: the reference has fewer preview samples than the controller needs.
+    """
+    check_preview(controller, reference)
+    return controller.prepare(reference)
+
+
+def follow(plant: Plant, controller: Controller, plan: Plan, reference: Reference, state: State | None = None) -> Rollout:
+    """The loop of `simulate` with the plan already prepared, so that a family of plants can share it."""
+    state = start_state(plant, reference) if state is None else state
+
+    def step(carry, plan_k):
+        state, memory = carry
+        measurement = plant.measure(state)
+        next_memory, control = controller.step(memory, plan_k, measurement)
+        row = (state, plant.output(state), measurement, control, memory)
+        return (plant.step(state, control), next_memory), row
+
+    (final_state, final_memory), rows = jax.lax.scan(step, (state, controller.initial_memory(reference)), plan)
+    return Rollout(*rows, final_state, final_memory)
+
+
+def check_run(plant: Plant, controller: Controller, reference: Reference) -> None:
+    """Raise ValueError unless the reference suits the controller and the plant."""
+    check_preview(controller, reference)
+    if plant.dt != reference.dt:
+        raise ValueError(f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s")

@@ -1,0 +1,129 @@
+"""One controller on many contours and many plants: metrics with axes (contour, plant).
+
+The plan is prepared once per contour and shared by the family. On a CPU the batches are loops (`lax.map`: one run stays in the
+cache, and memory does not grow with the batch), on an accelerator they are vectorised (`vmap`).
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.controller import Controller, Plan
+from jcontour.geometry.contours import stack as stack_contours
+from jcontour.kernels.dispatch import suits_lanes
+from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.motion.references import Reference, pad
+from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import check_run, follow, start_state
+from jcontour.simulation.metrics import Metrics, score_signals
+
+KEPT = 16  # members whose intermediate numbers a derivative may keep, about 1 MB each for 500 steps; running again costs 40 % of its time
+Batching = Callable[[Callable, Any], Any]  # (function of one member, batch of members with axis 0 in front) -> batch of results
+
+
+def one_by_one(function: Callable, members: Any) -> Any:
+    """`lax.map`: memory of a single member, fastest on a CPU. The derivative of a large batch runs every member a second time for it."""
+    size = jnp.shape(jax.tree.leaves(members)[0])[0]
+    return jax.lax.map(jax.checkpoint(function) if size > KEPT else function, members)
+
+
+def all_at_once(function: Callable, members: Any) -> Any:
+    """`vmap`: fastest on an accelerator."""
+    return jax.vmap(function)(members)
+
+
+def platform_batching() -> Batching:
+    """`one_by_one` on a CPU, `all_at_once` elsewhere."""
+    return one_by_one if jax.default_backend() == "cpu" else all_at_once
+
+
+def family_batching(plants: Plant) -> Batching:
+    """That of the platform, unless the plants run faster side by side on any."""
+    return all_at_once if plants.side_by_side else platform_batching()
+
+
+def evaluate(
+    controller: Controller, plants: Plant, references: Reference, window: tuple[int, int] | None = None,
+    batching: Batching | None = None,
+) -> Metrics:  # fmt: skip
+    """Metrics (contour, plant) of one controller over stacked references and a stacked family of plants.
+
+    Args:
+        controller: prepared once per contour.
+        plants: `stack_plants([...])`, axis 0.
+        references: `stack_references([...])`, axis 0.
+        window: samples a..b-1 that are scored; all when not given.
+        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen by the platform when not given.
+
+    Raises:
+        ValueError: as `simulate` and `score`.
+    """
+    check_run(plants, controller, references)
+    each = family_batching(plants)
+    batching = platform_batching() if batching is None else batching
+
+    def on_contour(reference: Reference) -> Metrics:
+        plan = controller.prepare(reference)
+        return each(lambda plant: _followed(plant, controller, plan, reference, window), plants)
+
+    return batching(on_contour, references)
+
+
+def _followed(plant: Plant, controller: Controller, plan: Plan, reference: Reference, window: tuple[int, int] | None) -> Metrics:
+    """Metrics of one run; a linear plant under a static affine law has a kernel on a GPU, which returns no rollout."""
+    static = isinstance(plan, AffinePlan) and controller.initial_memory(reference) is None
+    if static and type(plant) is LinearPlant:  # a wrapper may measure less than the state
+        start = start_state(plant, reference)
+        if suits_lanes(plant.pattern, plant, plan, start):
+            from jcontour.kernels.lane_score import lane_score  # loads Pallas, which a CPU has no use for
+
+            score = partial(score_signals, window=window)
+            metrics = lane_score(plant.pattern, score, plant.A, plant.B, plant.C, plan.F, plan.f, start, reference)
+            return eqx.tree_at(lambda m: m.diverged, metrics, replace_fn=lambda flag: flag != 0)
+    rollout = follow(plant, controller, plan, reference)
+    return score_signals(rollout.output, rollout.control, reference, window)
+
+
+def stack_plants(plants: Sequence[Plant]) -> Plant:
+    """A family: plants of the same structure, stacked on axis 0.
+
+    Raises:
+        ValueError: none given, or their structures differ.
+    """
+    return _stack("plants", plants)
+
+
+def stack_references(references: Sequence[Reference]) -> Reference:
+    """Runs of different length and shape, padded and stacked on axis 0.
+
+    Raises:
+        ValueError: none given, or their preview, sample period or number of axes differ.
+    """
+    steps = max((reference.steps for reference in references), default=0)
+    contours = stack_contours([reference.contour for reference in references])
+    alike = [
+        eqx.tree_at(lambda r: r.contour, pad(reference, steps), member(jax.device_get(contours), k))
+        for k, reference in enumerate(references)
+    ]
+    return _stack("references", alike)
+
+
+def member(batch: Any, index: int) -> Any:
+    """One member of a stacked batch."""
+    return jax.tree.map(lambda leaf: leaf[index], batch)
+
+
+def _stack(name: str, members: Sequence) -> Any:
+    if not members:
+        raise ValueError(f"{name}: needs at least one, received none")
+    shapes = [jax.tree.map(jnp.shape, one) for one in members]
+    first = jax.tree.structure(members[0])
+    for k, one in enumerate(members):
+        if jax.tree.structure(one) != first or shapes[k] != shapes[0]:
+            raise ValueError(f"{name}: all need the same structure, sample period and shapes; number {k} differs from number 0")
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *members)  # stacked by NumPy: nothing to compile

@@ -1,0 +1,78 @@
+"""How long a tool took along a path, and how far from it, when the controller chose the speed itself."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.geometry.contour import Contour
+
+REACH = 8.0  # times step and error: the foot of a tool that cuts a corner of 28 degrees jumps so far from leg to leg
+END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as done
+
+
+class Score(NamedTuple):
+    """A run up to where its tool has passed the end of the path less the margin; t = 0 does not count, that last sample does.
+
+    Attributes:
+        time: until then [s]; NaN when the tool did not get there.
+        rms: contour error [m].
+        peak: largest contour error [m].
+        arc: path parameter nearest to the tool [m], all samples of the run, laps unrolled.
+        error: distance from the path [m], all samples.
+    """
+
+    time: float
+    rms: float
+    peak: float
+    arc: Float[np.ndarray, " T"]
+    error: Float[np.ndarray, " T"]
+
+
+def traversal_score(
+    contour: Contour, output: Float[Array, "T m"], dt: float, start: float = 0.0, margin: float = END_MARGIN, progress=None
+) -> Score:
+    """Time and contour error of a tool path (T, m) [m] sampled every `dt` [s], which begins at the arc length `start` [m].
+
+    `progress` (T,) is where the controller holds the tool to be [m]: the nearest point is then sought around it, which finds its way
+    around sharp corners; without it, it is sought around the one before.
+    """
+    output = jnp.asarray(output)
+    found = _followed(contour, output, jnp.asarray(float(start))) if progress is None else _around(contour, output, jnp.asarray(progress))
+    arc, error = (np.asarray(values) for values in found)
+    there = np.flatnonzero(arc >= float(contour.length) - margin)
+    last = int(there[0]) if there.size else len(arc) - 1
+    counted = error[1 : last + 1]
+    time = last * dt if there.size else np.nan
+    return Score(time, float(np.sqrt(np.mean(counted**2))), float(counted.max()), arc, error)
+
+
+@jax.jit
+def _followed(contour: Contour, output, start):
+    """Nearest point of every sample, each sought around the one before: start and end of a closed path coincide, laps unroll."""
+    length = contour.length
+
+    def advance(carry, samples):
+        arc, error = carry
+        before, here = samples
+        reach = REACH * (jnp.linalg.norm(here - before) + error) + 1e-6 * length
+        nearest = contour.nearest(here, arc, reach)
+        moved = nearest - contour._inside(arc)
+        arc = arc + jnp.where(contour.closed, moved - length * jnp.round(moved / length), moved)
+        error = jnp.linalg.norm(here - contour.position(arc))
+        return (arc, error), (arc, error)
+
+    first = jnp.linalg.norm(output[0] - contour.position(start))
+    return jax.lax.scan(advance, (start, first), (jnp.concatenate([output[:1], output[:-1]]), output))[1]
+
+
+@jax.jit
+def _around(contour: Contour, output, progress):
+    """Nearest point of every sample around a known progress."""
+    gap = jnp.linalg.norm(output - contour.position(progress), axis=-1)
+    nearest = contour.nearest(output, progress, REACH * gap + 1e-6 * contour.length)
+    moved = nearest - contour._inside(progress)
+    arc = progress + jnp.where(contour.closed, moved - contour.length * jnp.round(moved / contour.length), moved)
+    return arc, jnp.linalg.norm(output - contour.position(arc), axis=-1)

@@ -1,0 +1,107 @@
+"""Flexible axes as machines: their family, what they measure, and the motions they make."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import job_named, machine_named
+from experiments.jobs.job import TOOLPATHS, Pace
+from experiments.machines.flexible_axis import biaxial_axes, biaxial_machine, thesis_machine
+from experiments.machines.from_file import load_machine
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.point_to_point import thesis_task_a, thesis_task_b
+from jcontour.plants.flexible_axis.axis import thesis_axis
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return thesis_machine()
+
+
+def test_family_is_off_by_a_fifth_and_late(machine):
+    assert machine.family_names[0] == "nominal" and machine.family_names[-1] == "1 sample late"
+    smooth, true = machine.smooth_family(), machine.true_family()
+    assert len(smooth) == len(true) == len(machine.family_names) == 6
+    ratios = [
+        (float(late.plant.plant.parameters.stiffness[0]) / 2908.0, float(late.plant.plant.parameters.motor_mass[0]) / 39.62,
+         float(late.plant.plant.parameters.tool_mass[0]) / 0.38, int(late.plant.samples)) for late in smooth
+    ]  # fmt: skip
+    wanted = [(1, 1, 1, 0), (1.2, 1.2, 1.2, 0), (1.2, 0.8, 0.8, 0), (0.8, 1.2, 1.2, 0), (0.8, 0.8, 0.8, 0), (1, 1, 1, 1)]
+    np.testing.assert_allclose(ratios, wanted, rtol=1e-12)
+    with pytest.raises(ValueError, match="measures its motors"):
+        machine.true_family("state")
+
+
+def test_motors_are_measured_and_tools_are_felt():
+    pair = biaxial_machine()
+    position = jnp.array([0.01, -0.02])
+    for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.nominal()):
+        start = plant.initial_state(position, jnp.array([1e-4, 0.0]))
+        measured = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))])
+        np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
+        np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
+    assert isinstance(pair.nominal().plant, LinearPlant)
+    with pytest.raises(ValueError, match="measures its motors"):
+        pair.nominal("state")
+
+
+def test_biaxial_axes_differ():
+    p = biaxial_axes()
+    for ours, thesis in zip(jax.tree.leaves(p), jax.tree.leaves(thesis_axis()), strict=True):
+        np.testing.assert_array_equal(ours[0], thesis[0])
+    ringing = np.sqrt(p.stiffness * (1 / p.motor_mass + 1 / p.tool_mass)) / (2 * np.pi)
+    np.testing.assert_allclose(ringing, [13.99, 15.29], atol=0.01)  # [Hz]
+
+
+def test_a_file_is_the_built_in_machine(machine, tmp_path):
+    found = load_machine(TOOLPATHS.parent / "machines" / "thesis-axis.json")
+    assert found.error == "tracking" and found.axes == ("X",)
+    np.testing.assert_array_equal(found.model.A, machine.model.A)
+    np.testing.assert_array_equal(found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0])
+    fields = json.loads((TOOLPATHS.parent / "machines" / "thesis-axis.json").read_text())
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
+    mine = machine_named(str(path))
+    assert mine.name == "mine" and float(mine.limits.control[0]) == 3.0
+    path.write_text(json.dumps({**fields, "motor_mass": -1.0}))
+    with pytest.raises(ValueError, match="mine.json: motor_mass"):
+        machine_named(str(path))
+
+
+def test_machine_says_what_it_is(machine):
+    facts = machine.facts()
+    assert "39.62 + 0.38 kg" in facts["Machine"] and "1 um" in facts["Measured"]
+    assert machine.usual.controller == "cascade"
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())])
+def test_motions_are_the_tasks_of_the_thesis(machine, name, wanted):
+    motion = job_named(name, Pace(machine, None, None))
+    found = motion.reference(1e-3, 1)
+    assert found.steps == motion.samples == wanted.steps
+    np.testing.assert_allclose(found.position, wanted.position, rtol=0, atol=1e-15)
+
+
+def test_another_pace(machine):
+    motion = job_named("task-a", Pace(machine, 0.05, 2.0))
+    speed = np.diff(np.asarray(motion.reference(1e-3, 0).arc)) / 1e-3
+    assert speed.max() == pytest.approx(0.05) and np.diff(speed).max() / 1e-3 == pytest.approx(2.0)
+    curve = np.asarray(job_named("s-curve", Pace(machine, None, None)).reference(1e-3, 0).arc)
+    assert np.abs(np.diff(curve, 3)).max() / 1e-9 <= 100.0 * (1 + 1e-5) and curve[-1] == 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "machine", "pace", "says"),
+    [
+        ("task-b", thesis_machine(), (0.1, None), "leave them out"),
+        ("task-a", biaxial_machine(), (None, None), "single axis, flexible-axes has 2"),
+        ("circle", thesis_machine(), (None, None), "circle needs 2 axes, flexible-axis has 1"),
+        (str(TOOLPATHS / "cam.ngc"), thesis_machine(), (None, None), "needs a machine of two or three axes"),
+    ],
+)
+def test_runs_that_do_not_suit(name, machine, pace, says):
+    with pytest.raises(ValueError, match=says):
+        job_named(name, Pace(machine, *pace))

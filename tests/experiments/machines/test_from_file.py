@@ -1,0 +1,131 @@
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import experiments.machines
+from experiments.files.checks import MachineError
+from experiments.machines.from_file import load_machine, machine_from
+from experiments.machines.linear import bridgeport_machine
+from experiments.machines.machine import Machine
+
+EXAMPLE = Path(experiments.machines.__file__).parent / "example.json"
+FIELDS = json.loads(EXAMPLE.read_text())
+
+
+def test_example_in_metres():
+    machine = load_machine(EXAMPLE)
+    assert machine.name == "example-mill" and machine.axes == ("X", "Y") and machine.control_unit == "mm/s"
+    np.testing.assert_array_equal(np.asarray(machine.model.C)[:, :4], 1e-3 * np.array(FIELDS["C"]))
+    assert machine.model.states == 4 + 2  # one sample of known delay on two inputs
+    np.testing.assert_allclose(machine.limits.speed, [0.2, 0.2])
+    np.testing.assert_allclose(machine.limits.acceleration, [3.0, 2.5])
+    assert machine.encoder_resolution == pytest.approx(1e-6)
+
+
+def test_family_has_nominal_first():
+    members = bridgeport_machine().members
+    assert [name for name, _, _ in members] == ["nominal", "gains 1.1, 0.9", "gains 0.9, 1.1", "1 sample late", "2 samples late"]
+    assert [delay for _, _, delay in members] == [0, 0, 0, 1, 2]
+
+
+def test_npz_equals_json():
+    flat = {key: np.array(FIELDS[key]) for key in ("A", "B", "C", "dt", "length_unit", "known_delay", "encoder_resolution")}
+    buffer = io.BytesIO()
+    np.savez(buffer, **flat, **{"limits.speed": np.array(200.0), "uncertainty.gain": np.array(0.1)})
+    machine = machine_from(buffer.getvalue())
+    other = load_machine(EXAMPLE)
+    np.testing.assert_array_equal(machine.model.A, other.model.A)
+    np.testing.assert_array_equal(machine.limits.speed, other.limits.speed)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"A": [[1.0, 0.0]]}, "A: needs to be square"),
+        ({"A": [[float("nan")] * 4] * 4}, "A: every entry needs to be finite"),
+        ({"B": [[1.0, 0.0]]}, "B: needs shape (4, p)"),
+        ({"C": [[1.0, 0.0]]}, "C: needs shape (m, 4)"),
+        ({"C": [[1.0, 0.0, 0.0, 0.0]]}, "C: needs two or three outputs"),
+        ({"dt": 0}, "dt: needs a finite number above 0"),
+        ({"dt": "fast"}, "dt: needs a number"),
+        ({"dt": True}, "dt: needs a number"),
+        ({"A": "text"}, "A: needs a matrix"),
+        ({"A": [[1.0, 0.0], [0.0]]}, "A: needs a matrix"),
+        ({"colour": "red"}, "there is no field 'colour'"),
+        ({"limits": {"jerk": 1.0}}, "limits: there is no field 'jerk'"),
+        ({"limits": {"speed": [1.0, 2.0, 3.0]}}, "limits.speed: needs one number or 2"),
+        ({"limits": {"control": -1.0}}, "limits.control: needs a finite number above 0"),
+        ({"length_unit": "furlong"}, "length_unit: needs one of"),
+        ({"known_delay": 1.5}, "known_delay: needs a whole number"),
+        ({"uncertainty": {"gain": 1.0}}, "uncertainty.gain: needs a fraction below 1"),
+        ({"axes": ["X", "X"]}, "axes: needs 2 different names"),
+        ({"B": [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0001], [0.0, 0.18]]}, "out of reach of the inputs"),
+        ({"C": [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]}, "does not show in the outputs"),
+    ],
+)
+def test_one_clear_line(change, says):
+    with pytest.raises(MachineError) as error:
+        machine_from(json.dumps({**FIELDS, **change}).encode())
+    assert says in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("missing", ["A", "B", "C", "dt"])
+def test_missing_field(missing):
+    with pytest.raises(MachineError, match=f"^{missing}: missing"):
+        machine_from(json.dumps({key: value for key, value in FIELDS.items() if key != missing}).encode())
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(MachineError, match="cannot be read"):
+        load_machine(tmp_path / "none.json")
+
+
+def valid_or_ours(content):
+    try:
+        assert isinstance(machine_from(content), Machine)
+    except MachineError as error:
+        assert "\n" not in str(error)
+
+
+@given(st.binary(max_size=300))
+def test_random_bytes(content):
+    valid_or_ours(content)
+
+
+@given(st.binary(max_size=100))
+def test_random_archives(content):
+    valid_or_ours(b"PK\x03\x04" + content)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=3), max_leaves=5
+)
+
+
+@given(st.sampled_from(sorted(FIELDS)), JSON)
+def test_replaced_fields(name, value):
+    valid_or_ours(json.dumps({**FIELDS, name: value}).encode())
+
+
+@settings(max_examples=30)
+@given(st.data())
+def test_mutated_bytes(data):
+    content = bytearray(EXAMPLE.read_bytes())
+    for _ in range(data.draw(st.integers(1, 3))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    valid_or_ours(bytes(content))
+
+
+@settings(max_examples=30)
+@given(st.data())
+def test_mutated_archives(data):
+    buffer = io.BytesIO()
+    np.savez(buffer, **{key: np.array(FIELDS[key]) for key in ("A", "B", "C", "dt")})
+    content = bytearray(buffer.getvalue())
+    content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    valid_or_ours(bytes(content))

@@ -1,0 +1,291 @@
+from types import SimpleNamespace
+from typing import Any
+
+import control
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import brentq
+
+from jcontour.analysis.stability import GAIN_RESOLUTION, GAIN_SEARCH, frozen_spectral_radii, frozen_spectral_radius, margins
+from jcontour.controller import Controller
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
+from jcontour.geometry.contours import circle, line
+from jcontour.linear.plant import LinearPlant, with_input_delay, with_input_gains
+from jcontour.motion.references import along
+from jcontour.plant import Plant
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.linear_models import tangent
+from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.wrappers.wrapper import Delayed, Encoders, Saturated
+from jcontour.sensors import Sensors
+
+
+class Proportional(Controller):
+    """u = gain (y_d - x) for an integrator whose state is its position."""
+
+    gain: Any
+    limit: float = np.inf
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return None, jnp.clip(self.gain * (plan - measurement), -self.limit, self.limit)
+
+
+class Leaning(Plant):
+    """Integrators whose inputs act (1 + lean x_1) as much as at x = 0, with x_1 the first position."""
+
+    lean: float
+    dt: float = eqx.field(static=True, default=1e-3)
+
+    def initial_state(self, position, increment):
+        return position
+
+    def step(self, state, control):
+        return state + (1 + self.lean * state[0]) * control
+
+    def output(self, state):
+        return state
+
+
+@pytest.fixture(scope="module")
+def integrators():
+    return LinearPlant(np.eye(2), np.eye(2), np.eye(2), 1e-3)
+
+
+@pytest.fixture(scope="module")
+def straight():
+    return along(line([0, 0], [1e-3, 0]), 1e-5 * np.arange(4), 1e-3, 3, at_rest=False)
+
+
+@pytest.mark.parametrize(("gain", "delay"), [(0.3, 3), (0.7, 0), (0.2, 6)])
+def test_margins_of_an_integrator_have_closed_forms(gain, delay, integrators, straight):
+    """x+ = x - g u: stable for 0 < g < 2; with d samples of delay for 0 < g < 2 sin(pi / (2 (2 d + 1)))."""
+    found = margins(integrators, Proportional(gain), straight)
+    assert found.spectral_radius == pytest.approx(max(abs(1 - gain), 0))
+    np.testing.assert_allclose(found.gain[:, 1], 2 / gain, rtol=2 * GAIN_RESOLUTION)
+    assert (found.gain[:, 0] < 1.06 / GAIN_SEARCH).all()  # any positive gain will do
+    limits = [2 * np.sin(np.pi / (2 * (2 * d + 1))) for d in range(20)]
+    assert found.delay == max(d for d in range(20) if gain < limits[d]) >= delay
+
+
+def test_an_unstable_loop_has_no_margin(integrators, straight):
+    found = margins(integrators, Proportional(2.5), straight)
+    assert (found.spectral_radius, found.delay) == (pytest.approx(1.5), -1)
+    np.testing.assert_array_equal(found.gain, 1.0)
+
+
+@pytest.fixture(scope="module")
+def law(two_axes):
+    return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 3, at_rest=False)
+
+
+def loops(plant, plan):
+    """Spectral radius of every frozen loop by NumPy, states fed back."""
+    A, B, F = (np.asarray(m) for m in (plant.A, plant.B, plan.F))
+    wide = np.concatenate([F, np.zeros((*F.shape[:2], A.shape[0] - F.shape[2]))], axis=2)  # states of a delay line are not fed back
+    return np.abs(np.linalg.eigvals(A - B @ wide)).max(axis=1)
+
+
+def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
+    wanted = loops(two_axes, law.prepare(bent))
+    np.testing.assert_allclose(frozen_spectral_radii(two_axes, law, bent), wanted, rtol=1e-9)
+    late = Delayed(two_axes, jnp.asarray(2), 2, 2)
+    np.testing.assert_allclose(frozen_spectral_radii(late, law, bent), loops(with_input_delay(two_axes, 2), law.prepare(bent)), rtol=1e-7)
+
+
+def test_frozen_radius_of_a_direction(two_axes, law):
+    for direction in ([1.0, 0.0], [-3.0, 4.0]):
+        unit = np.array(direction) / np.linalg.norm(direction)
+        along_it = along(line([0, 0], 1e-2 * unit), [0.0, 1e-4], 1e-3, 3, at_rest=False)
+        assert frozen_spectral_radius(law, np.array(direction)) == pytest.approx(loops(two_axes, law.prepare(along_it))[0], rel=1e-9)
+    for bad in ([0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
+        with pytest.raises(ValueError, match="direction"):
+            frozen_spectral_radius(law, np.array(bad))
+
+
+@pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
+def test_observers_add_their_own_poles(form, two_axes, law, bent):
+    """Separation: the eigenvalues of A - B F and of A - A L C."""
+    L = kalman_gain(two_axes, 0.01, 1e-6)
+    own = np.abs(np.linalg.eigvals(np.asarray(two_axes.A - two_axes.A @ L @ two_axes.C))).max()
+    found = frozen_spectral_radii(Encoders(two_axes), form(law, two_axes, L), bent)
+    np.testing.assert_allclose(found, np.maximum(loops(two_axes, law.prepare(bent)), own), rtol=1e-7)
+
+
+def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes, law, bent):
+    found, plan = margins(two_axes, law, bent), law.prepare(bent)
+    assert found.spectral_radius == pytest.approx(loops(two_axes, plan).max(), rel=1e-9)
+    for axis in range(2):
+        low, high = found.gain[axis]
+        assert low < 1 < high
+        beyond = 1 + 2 * GAIN_RESOLUTION
+        for factor, inside in ((high, True), (high * beyond, False), (low, True), (low / beyond, False)):
+            if not inside and not 1 / GAIN_SEARCH < factor < GAIN_SEARCH:
+                continue  # the search ends there
+            gains = np.where(np.arange(2) == axis, factor, 1.0)
+            assert (loops(with_input_gains(two_axes, gains), plan).max() < 1) == inside
+    assert loops(with_input_delay(two_axes, found.delay), plan).max() < 1
+    assert loops(with_input_delay(two_axes, found.delay + 1), plan).max() >= 1
+
+
+@pytest.mark.parametrize("query", [frozen_spectral_radii, margins])
+def test_a_reference_that_does_not_suit_is_refused(query, two_axes, law):
+    with pytest.raises(ValueError, match="preview"):
+        query(two_axes, law, along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 1, at_rest=False))
+
+
+def test_an_observer_needs_no_plant_to_be_checked(two_axes, law):
+    observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
+    assert frozen_spectral_radius(observer, np.array([1.0, 0.0])) < 1
+
+
+def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
+    """Poles by python-control, the loop of the cascade cut at its control."""
+    plant = LinearPlant([[1.0, 8e-4], [0.0, 0.6]], [[2e-4], [0.4]], [[1.0, 0.0]], 1e-3)
+    k_p, k_v, T_i, dt = 200.0, 0.8, 0.004, 1e-3
+    cascade = Cascade(CascadeGains(k_p, k_v, T_i), Sensors([0], [1]), dt)
+    found = margins(plant, cascade, along(line([0.0], [1e-2]), 1e-5 * np.arange(5), dt, 1, at_rest=False))
+    motion = control.ss2tf(control.ss(plant.A, plant.B, [[k_p, 1.0]], 0, dt))
+    cut = k_v * (1 + dt / T_i * control.tf([1, 0], [1, -1], dt)) * motion
+
+    def excess(gain):
+        return np.abs(control.feedback(gain * cut).poles()).max() - 1
+
+    assert found.spectral_radius - 1 == pytest.approx(excess(1.0), rel=1e-6)
+    assert found.gain[0, 1] == pytest.approx(brentq(excess, 1.0, GAIN_SEARCH), rel=2 * GAIN_RESOLUTION)
+    assert found.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
+
+
+def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
+    """From rest to 0.1 mm per sample: the control that a lag of v / g asks for is at its limit until the path stands still again.
+
+    Before the limit or behind it, a delay line that is not used hides nothing.
+    """
+    law, speed = Proportional(0.5, limit=4.9e-5), 1e-4
+    arc = speed * np.concatenate([np.zeros(3), np.arange(10), np.full(25, 9.0)])
+    reference = along(line([0, 0], [1e-3, 0]), arc, 1e-3, 0, at_rest=True)
+    x, saturated = 0.0, 0
+    for target in np.asarray(reference.position)[:, 0]:
+        asked = 0.5 * (target - x)
+        saturated, x = saturated + (asked > 4.9e-5), x + min(asked, 4.9e-5)
+    limit, none = jnp.full(2, 4.9e-5), jnp.asarray(0)
+    limited = [
+        Saturated(integrators, limit),
+        Delayed(Saturated(integrators, limit), none, 2, 2),
+        Saturated(Delayed(integrators, none, 2, 2), limit),
+    ]
+    for found in (margins(integrators, law, reference), *(margins(plant, Proportional(0.5), reference) for plant in limited)):
+        assert found.saturated == saturated > 10
+        assert found.spectral_radius == pytest.approx(0.5)
+        np.testing.assert_allclose(found.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
+        assert found.delay == 2
+    moving = eqx.tree_at(lambda r: r.mask, reference, (4 < np.arange(38)) & (np.arange(38) < 10))
+    stuck = margins(integrators, law, moving)  # open at every sample
+    assert (stuck.spectral_radius, stuck.delay, stuck.saturated) == (1.0, -1, 5)
+
+
+def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrators, straight):
+    """Two samples late, the loop is open at the samples that apply an old control beyond the limit, whatever is asked meanwhile."""
+    gain, limit, late = 0.2, 5e-5, 2
+    reference = along(line([0, 0], [1e-2, 0]), np.r_[0.0, np.full(39, 1e-3)], 1e-3, 0, at_rest=True)
+    x, line_of, saturated = 0.0, [0.0] * late, 0
+    for target in np.asarray(reference.position)[:, 0]:
+        line_of = [gain * (target - x), *line_of]
+        acting = line_of.pop()
+        saturated, x = saturated + (abs(acting) > limit), x + np.clip(acting, -limit, limit)
+    found = margins(Delayed(Saturated(integrators, jnp.full(2, limit)), jnp.asarray(late), 3, 2), Proportional(gain), reference)
+    assert found.saturated == saturated > 10
+
+
+def test_a_zero_gain_closes_no_loop(integrators, straight):
+    found = margins(integrators, Proportional(np.array([0.3, 0.0])), straight)
+    assert found.saturated == straight.steps and found.spectral_radius == 1.0
+
+
+def test_margins_of_a_machine_that_changes_along_the_path():
+    """At rest x+ = x - g (1 + lean x_1) (x - x_d) is lost at 2 / (g (1 + lean x_1)), first where x_1 is largest: in the middle."""
+    arc, scored = np.repeat([1.0, 1.5, 0.25], 60), np.tile(np.arange(60) >= 50, 3)  # [m] at rest where it counts
+    found = margins(Leaning(0.4), Proportional(0.5), along(line([0, 0], [2.0, 0]), arc, 1e-3, 0, at_rest=True, scored=scored))
+    np.testing.assert_allclose(found.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
+    np.testing.assert_array_equal(found.gain_at[:, 0], -1)  # any positive gain will do
+    assert ((110 <= found.gain_at[:, 1]) & (found.gain_at[:, 1] < 120)).all()
+    unstable = margins(Leaning(2.0), Proportional(0.9), along(line([0, 0], [2.0, 0]), 0.2 + 1e-3 * np.arange(1500), 1e-3, 0, at_rest=True))
+    assert unstable.delay == -1 and not unstable.spectral_radius < 1
+
+
+class Held(Controller):
+    """u = K (x_d - x) with x_d at rest on the reference."""
+
+    gain: Any
+    plant: Plant
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return jax.vmap(lambda y: self.plant.initial_state(y, jnp.zeros(2)))(reference.position[: reference.steps])
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return None, self.gain @ (plan - measurement)
+
+
+def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
+    """The nonlinear machine with its limits, still on two places of its beam, against A - B G K of each by SciPy; K knows the centre."""
+    p, dt, heads = thesis_gantry(), 1e-3, (-0.55, 0.3)
+
+    def model(head):
+        A, B, _ = (np.asarray(matrix) for matrix in tangent(p, head))
+        both = expm(dt * np.block([[A, B], [np.zeros((3, 9))]]))
+        return both[:6, :6], both[:6, 6:]
+
+    A, B = model(0.0)
+    Q, R = np.diag([1e8, 1e9, 1e8, 1.0, 1.0, 1.0]), np.eye(3)
+    H = solve_discrete_are(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ H @ B, B.T @ H @ A)
+
+    def radii(gains=1.0, delay=0):
+        hand = [LinearPlant(*model(head), np.eye(6), dt) for head in heads]
+        late = [with_input_delay(one, delay) for one in hand]
+        return np.array([loops(with_input_gains(one, gains), SimpleNamespace(F=K[None]))[0] for one in late])
+
+    plant = Gantry(p, dt)
+    arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])
+    reference = along(line([heads[0], 0.0], [heads[1], 0.0]), arc, dt, 0, at_rest=True, scored=np.isin(np.arange(1503), [2, 1502]))
+    found = margins(Saturated(plant, jnp.full(3, 10.0)), Held(K, plant), reference)
+    assert found.saturated == 0
+    assert found.spectral_radius == pytest.approx(radii().max(), abs=1e-6)  # Runge-Kutta against the matrix exponential
+    for index, side in np.ndindex(3, 2):
+        low, high = np.sort(found.gain[index, side] * (1 + 2 * GAIN_RESOLUTION * np.array([-1, 1])))
+        inner, outer = (high, low) if side == 0 else (low, high)
+        if not 1 / GAIN_SEARCH < outer < GAIN_SEARCH:
+            continue  # the search ends there
+        assert (radii(np.where(np.arange(3) == index, inner, 1.0)) < 1).all()
+        lost = radii(np.where(np.arange(3) == index, outer, 1.0))
+        assert lost.max() >= 1
+        if lost.min() < 1:
+            assert found.gain_at[index, side] == (2, 1502)[np.argmax(lost)], (index, side)
+    assert (found.gain_at >= 0).sum() >= 2
+    assert radii(delay=found.delay).max() < 1 <= radii(delay=found.delay + 1).max()
+
+
+def test_nothing_scored_has_no_margins(integrators, straight):
+    with pytest.raises(ValueError, match="mask"):
+        margins(integrators, Proportional(0.5), eqx.tree_at(lambda r: r.mask, straight, np.zeros(7, bool)))

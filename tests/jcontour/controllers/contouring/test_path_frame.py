@@ -1,0 +1,109 @@
+"""What all contouring schemes keep to; what each does is in its own test file."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.contouring.command_shaping import CommandShaped
+from jcontour.controllers.contouring.cross_coupled import ConstantCoupling, CrossCoupled, CrossGains, VariableCoupling
+from jcontour.controllers.contouring.path_frame import PathFrame
+from jcontour.controllers.contouring.precompensation import Precompensated
+from jcontour.controllers.contouring.task_frame import TaskFrame
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import circle, polygon
+from jcontour.motion.references import along, from_samples
+from jcontour.plants.flexible_axis.axis import AxisParameters, SmoothFlexibleAxis
+from jcontour.plants.friction import Friction
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+SCHEMES = {
+    "cross-coupled": lambda cascade, k: CrossCoupled(cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), ConstantCoupling()),
+    "cross-coupled-variable": lambda cascade, k: CrossCoupled(cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), VariableCoupling()),
+    "task-frame": lambda cascade, k: TaskFrame(eqx.tree_at(lambda c: c.gains.position, cascade, jnp.array([30.0, 30.0 + 9.0 * k]))),
+    "precompensated": lambda cascade, k: Precompensated(cascade, 4.0 * k),
+    "command-shaped": lambda cascade, k: CommandShaped(cascade, 0.7 * k),
+}
+
+
+def flexible_pair():
+    """Two different flexible axes, smooth, with cogging and friction."""
+    friction = Friction([36.0, 20.0], [22.0, 10.0], [2.8, 1.0], [250.0, 150.0])
+    cogging = [[4.0, 1.0], [2.0, 3.0]]
+    parameters = AxisParameters([40.0, 20.0], [0.4, 0.6], [2900.0, 5000.0], [2.0, 3.0], [80.0, 50.0], friction, cogging, cogging, 0.0875)
+    return SmoothFlexibleAxis(parameters, 1e-3, substeps=4)
+
+
+def flexible_cascade():
+    return Cascade(CascadeGains(jnp.array([30.0, 30.0]), jnp.array([55.0, 40.0]), 0.04, 0.3, 0.2, 1.0, 0.1), Sensors((0, 1), (2, 3)), 1e-3)
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_contour_error_of_a_circle(clockwise):
+    """On the circle through r, r - y = e has c'e = (|y|^2 - R^2) / 2R, to the left of the path when positive on a clockwise turn."""
+    random = np.random.default_rng(0)
+    for angle in random.uniform(0, 2 * np.pi, 5):
+        sign, radius = -1.0 if clockwise else 1.0, 0.03
+        radial = np.array([np.cos(angle), np.sin(angle)])
+        frame = PathFrame(jnp.asarray(sign * np.array([-radial[1], radial[0]])), jnp.asarray(sign / radius))
+        tool = radius * radial + random.normal(0, 1e-3, 2)
+        expected = sign * (tool @ tool - radius**2) / (2 * radius)
+        assert float(frame.contour_error(radius * radial - tool)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_frames_along_a_reference(table):
+    scheme = TaskFrame(table.cascade())
+    left = scheme.prepare(table.on_circle(steps=50)).frame
+    right = scheme.prepare(table.on_circle(clockwise=True, steps=50)).frame
+    straight = scheme.prepare(table.on_line(0.7, steps=50)).frame
+    np.testing.assert_allclose(left.curvature, 1 / table.radius, rtol=1e-12)
+    np.testing.assert_allclose(right.curvature, -1 / table.radius, rtol=1e-12)
+    np.testing.assert_allclose(straight.curvature, 0.0, atol=1e-12)
+    np.testing.assert_allclose(straight.normal, np.tile([-np.sin(0.7), np.cos(0.7)], (50, 1)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_zero_gain_is_the_plain_cascade(name):
+    cascade, plant = flexible_cascade(), flexible_pair()
+    reference = along(circle(0.02), 5e-5 * np.arange(150), 1e-3, 1, at_rest=False)
+    plain = simulate(plant, cascade, reference)
+    run = simulate(plant, SCHEMES[name](cascade, 0.0), reference)
+    np.testing.assert_allclose(run.control, plain.control, rtol=0, atol=1e-11 * np.abs(plain.control).max())
+    moved = simulate(plant, SCHEMES[name](cascade, 1.0), reference)
+    assert np.abs(moved.control - plain.control).max() > 1e-3 * np.abs(plain.control).max()
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_gradients_of_all_gains_are_those_of_differences(name):
+    plant = flexible_pair()
+    reference = along(polygon(0.01 * np.array([[0, 0], [1, 0.3], [0.2, 1.1]])), 1e-4 * np.arange(200), 1e-3, 1, at_rest=False)
+    moving, fixed = eqx.partition(SCHEMES[name](flexible_cascade(), 1.0), eqx.is_inexact_array)
+    moving, rest = eqx.partition(moving, lambda leaf: bool(jnp.all(jnp.isfinite(leaf))))  # the limit is infinite
+    leaves, structure = jax.tree.flatten(moving)
+    sizes = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    @jax.jit
+    def cost(factors):
+        scaled = [leaf * f.reshape(leaf.shape) for leaf, f in zip(leaves, jnp.split(factors, sizes), strict=True)]
+        run = simulate(plant, eqx.combine(jax.tree.unflatten(structure, scaled), rest, fixed), reference)
+        lag = run.output - reference.position[: reference.steps]
+        return 1e6 * jnp.mean(lag**2) + 1e-4 * jnp.mean(jnp.diff(run.control, axis=0) ** 2)
+
+    ones, h = jnp.ones(int(sum(leaf.size for leaf in leaves))), 1e-5
+    gradient = jax.jit(jax.grad(cost))(ones)
+    largest = float(jnp.max(jnp.abs(gradient)))
+    for i in range(ones.size):
+        difference = float(cost(ones.at[i].add(h)) - cost(ones.at[i].add(-h))) / (2 * h)
+        assert float(gradient[i]) == pytest.approx(difference, rel=1e-5, abs=1e-8 * largest)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_other_than_two_axes_is_one_line(name, table):
+    samples = np.zeros((20, 3))
+    samples[:, 0] = np.arange(20)
+    reference = from_samples(samples, np.tile([1.0, 0.0, 0.0], (20, 1)), table.dt, 1)
+    with pytest.raises(ValueError, match="two axes, received 3") as error:
+        SCHEMES[name](table.cascade(), 1.0).prepare(reference)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,132 @@
+import json
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import line
+from jcontour.motion.point_to_point import PointToPoint, thesis_task_b
+from jcontour.motion.references import from_samples, in_time
+from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
+from jcontour.plants.friction import Friction
+from jcontour.plants.wrappers.wrapper import Saturated
+from jcontour.plants.xy_table import FrictionXYTable, xy_table
+from jcontour.sensors import Sensors, motors
+from jcontour.simulation.closed_loop import simulate
+
+DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
+TABLE = Sensors((2, 6), (1, 5), 0.7958e-3)  # encoders on the loads, resolvers on the motors
+
+
+def step_reference(target, dt, steps):
+    """From rest at the origin straight to a point (m,) [m]."""
+    samples = np.tile(np.asarray(target, float), (steps + 1, 1))
+    samples[0] = 0.0
+    return from_samples(samples, np.tile(np.eye(len(target))[0], (steps + 1, 1)), dt, 1, in_motion=False)
+
+
+THESIS = CascadeGains(30.0, 55.67, 0.04)  # section 3.4.2
+
+
+def thesis_run(task, gains=THESIS):
+    return simulate(FlexibleAxis(thesis_axis(), 1e-3), Cascade(gains, motors(1), 1e-3), task)
+
+
+def test_reference_trajectory_of_the_flexible_axis():
+    row = next(row for row in DATA if row["name"] == "B PI")
+    run = thesis_run(thesis_task_b())
+    np.testing.assert_allclose(np.concatenate(run.state.motion, axis=1)[:: row["every"]], row["X"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.control[:-1, 0][:: row["every"]], row["U"], rtol=0, atol=1e-8)
+
+
+def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
+    """Mass and drag alone, fed the exact inverse: the loop has nothing left to do but for the sampling."""
+    none, rigid = Friction(0.0, 0.0, 1.0, 200.0), 1e7
+    axis = FlexibleAxis(AxisParameters(20.0, 20.0, rigid, 2e3, 80.0, none, [0.0], [0.0], 1.0), 1e-3, substeps=40)
+    task = in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.2, 2.0, 40.0), 0.8, 1e-3)
+    errors, shares = [], []
+    for gains in (CascadeGains(30.0, 55.67, 0.04), CascadeGains(30.0, 55.67, 0.04, 1.0, inertia=0.5, viscous=2.5)):
+        controller = Cascade(gains, motors(1), 1e-3)
+        run = simulate(axis, controller, task)
+        errors.append(np.abs(np.asarray(run.output) - task.position[:-1]).max())
+        shares.append(np.abs(run.control - controller.prepare(task).control).max())
+    assert errors[1] < 0.02 * errors[0] and shares[1] < 0.05 * np.abs(run.control).max()
+
+
+def test_friction_feedforward_halves_the_error_of_the_cosine():
+    """Against the true axis: what velocity and acceleration feedforward leave is the reversal."""
+    fed = [CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504), CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504, 250.9 / 79.33, 58.4 / 79.33)]
+    runs = [thesis_run(thesis_task_b(), gains) for gains in fed]
+    errors = [np.abs(np.asarray(run.output) - thesis_task_b().position[:-1]).mean() for run in runs]
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated_machine():
+    dt, target = 1e-3, np.array([0.02, 0.03])
+    plant, reference = xy_table(dt), step_reference(target, dt, 1500)
+    gains = CascadeGains(25.0, 10.0, 0.05)
+    limited = simulate(plant, Cascade(gains, TABLE, dt, 0.5), reference)
+    assert np.abs(limited.control).max() <= 0.5 and np.abs(limited.memory).max() <= 0.5
+    assert (np.abs(np.asarray(limited.control)) == 0.5).any()
+
+    windup = simulate(Saturated(plant, np.array([0.5, 0.5])), Cascade(gains, TABLE, dt), reference)
+    overshoot = [float((np.asarray(run.output).max(axis=0) - target).max()) for run in (limited, windup)]
+    assert overshoot[0] < 0.5 * overshoot[1]
+    np.testing.assert_allclose(limited.output[-1], target, atol=1e-6)
+
+
+def test_integrator_takes_up_a_constant_load():
+    dt = 1e-3
+    reference = step_reference(np.array([1e-4, 1e-4]), dt, 4000)
+    plant = FrictionXYTable(dt, motor_coulomb=0.0, load_coulomb=0.0, load_torque=0.03)
+    run = simulate(plant, Cascade(CascadeGains(25.0, 10.0, 0.05), TABLE, dt, 0.5), reference)
+    np.testing.assert_allclose(run.output[-1], [1e-4, 1e-4], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.control[-1], 0.03 / 0.4364, rtol=1e-6)
+
+
+def test_velocity_feedforward_removes_the_lag_of_a_ramp():
+    dt, speed = 1e-3, 0.05
+    position = speed * dt * np.arange(1501)[:, None] * np.array([0.6, 0.8])
+    reference = from_samples(position, np.broadcast_to([0.6, 0.8], position.shape), dt, 1)
+    lags = []
+    for share in (0.0, 1.0):
+        controller = Cascade(CascadeGains(25.0, 10.0, 0.05, share), TABLE, dt, 0.5)
+        run = simulate(xy_table(dt), controller, reference)
+        lags.append(np.linalg.norm(np.asarray(run.output)[-1] - position[1499]))
+    assert lags[0] == pytest.approx(speed / 25.0, rel=3e-2) and lags[1] < 0.06 * lags[0]
+
+
+def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
+    dt, plant = 1e-3, xy_table(1e-3)
+    reference = step_reference(np.array([1e-3, 2e-3]), dt, 200)
+
+    def cost(values):
+        run = simulate(plant, Cascade(CascadeGains(*values), TABLE, dt), reference)
+        return 1e6 * ((run.output - reference.position[1]) ** 2).mean()
+
+    values = np.array([25.0, 10.0, 0.05, 0.5, 0.02, 0.3, 0.1])
+    gradient = jax.grad(cost)(values)
+    for i, h in enumerate(1e-5 * values):
+        step = h * np.eye(7)[i]
+        assert float(gradient[i]) == pytest.approx(float(cost(values + step) - cost(values - step)) / (2 * h), rel=1e-5, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: CascadeGains(-1.0, 1.0, 1.0), "position"),
+        (lambda: CascadeGains(1.0, 1.0, 0.0), "integral_time"),
+        (lambda: CascadeGains(1.0, 1.0, 1.0, coulomb=-0.1), "coulomb"),
+        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,)), 1e-3), "sensors: the velocity loop"),
+        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 0.0), "dt"),
+        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 1e-3, 0.0), "limit"),
+        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 2e-3).prepare(step_reference([1.0, 0.0], 1e-3, 5)), "dt"),
+        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,), (1,)), 1e-3).prepare(step_reference([1.0, 0.0], 1e-3, 5)), "sensors"),
+    ],
+)
+def test_bad_input_is_one_line(make, words):
+    with pytest.raises(ValueError, match=words) as error:
+        make()
+    assert "\n" not in str(error.value)

@@ -1,0 +1,150 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, balanced, contour_weight
+from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.motion.references import from_samples
+from jcontour.simulation.closed_loop import simulate
+
+T = 7
+
+
+def reference_of(seed, axes, preview, dt=1e-3):
+    """Samples and directions that have nothing to do with one another: the law must not care."""
+    random = np.random.default_rng(seed)
+    tangent = random.standard_normal((T + preview, axes))
+    return from_samples(random.standard_normal((T + preview, axes)), tangent / np.linalg.norm(tangent, axis=1, keepdims=True), dt, preview)
+
+
+def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
+    """u(k) of the whole horizon solved as one least-squares problem: no recursion, no linearisation."""
+    A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
+    y_d, r = np.asarray(reference.position), np.asarray(reference.tangent)
+    n, p = B.shape
+    stage = np.ones(preview) if weights.stage is None else np.asarray(weights.stage)
+    free, forced = x, np.zeros((n, preview * p))  # x(k+j) = free + forced u
+    rows, target = [], []
+    for j in range(1, preview + 1):
+        free, forced = A @ free, A @ forced
+        forced[:, (j - 1) * p : j * p] += B
+        if j < preview or H_N is None:
+            Q = stage[j - 1] * (float(weights.alpha + weights.beta) * np.eye(len(C)) - float(weights.beta) * np.outer(r[k + j], r[k + j]))
+            values, vectors = np.linalg.eigh(Q)
+            root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+            rows.append(root @ C @ forced)
+            target.append(root @ (y_d[k + j] - C @ free))
+        else:
+            values, vectors = np.linalg.eigh(stage[-1] * H_N)
+            root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+            rows.append(root @ forced)
+            target.append(root @ (x_d[k] - free))
+    R = np.asarray(weights.rho) if np.ndim(weights.rho) else float(weights.rho) * np.eye(p)
+    rows.append(np.kron(np.eye(preview), np.linalg.cholesky(R).T))
+    target.append(np.zeros(preview * p))
+    return np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=None)[0][:p]
+
+
+CASES = {
+    "three axes": (3, 9, 4, LQWeights(0.7, 3.0, 0.2)),
+    "profile": (2, 5, 6, LQWeights(0.7, 3.0, 0.2, [0.5, 2.0, 1.0, 0.3, 4.0, 1.5])),
+    "no tracking weight": (2, 5, 3, LQWeights(0.0, 3.0, 0.2)),
+    "a weight for every pair of controls": (3, 7, 4, LQWeights(0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0))),
+    "one sample": (2, 4, 1, LQWeights(2.0, 1.0, 0.05, [3.0])),
+}
+
+
+@pytest.mark.parametrize("terminal", ["output", "riccati"])
+@pytest.mark.parametrize("case", CASES)
+def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_plant):
+    axes, states, preview, weights = CASES[case]
+    model = coupled_plant(len(case), states, axes)
+    random = np.random.default_rng(1)
+    Sy, Sv = random.standard_normal((2, states, axes))
+    reference = reference_of(2, axes, preview)
+    end = OutputTerminal() if terminal == "output" else RiccatiTerminal(SteadyMotion(jnp.asarray(Sy), jnp.asarray(Sv)))
+    rollout = simulate(model, ContouringLQ(model, weights, preview, end), reference, jnp.asarray(random.standard_normal(states)))
+    H_N = x_d = None
+    if terminal == "riccati":
+        A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
+        R = np.asarray(weights.rho) if np.ndim(weights.rho) else float(weights.rho) * np.eye(B.shape[1])
+        H_N = solve_discrete_are(A, B, float(weights.alpha + weights.beta) * C.T @ C, R)
+        y_d = np.asarray(reference.position)[preview - 1 :]
+        x_d = y_d[1:] @ Sy.T + np.diff(y_d, axis=0) @ Sv.T
+    for k in (0, 1, T - 1):
+        wanted = best_first_control(model, weights, preview, H_N, x_d, reference, k, np.asarray(rollout.state[k]))
+        np.testing.assert_allclose(rollout.control[k], wanted, rtol=1e-9, atol=1e-9 * np.abs(rollout.control).max())
+
+
+def test_only_ratios_of_the_weights_matter(two_axes):
+    reference = reference_of(0, 2, 3)
+
+    @eqx.filter_jit
+    def gains(scale):
+        return ContouringLQ(two_axes, LQWeights(3 * scale, 5 * scale, 0.1 * scale), 3, RiccatiTerminal()).prepare(reference)
+
+    for found, wanted in zip(jax.tree.leaves(gains(1e-3)), jax.tree.leaves(gains(1.0)), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12)
+
+
+def test_stage_profile_gradient_is_that_of_differences(two_axes):
+    reference = reference_of(0, 2, 4)
+
+    @jax.jit
+    def size(stage):
+        plan = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 0.1, stage), 4, RiccatiTerminal()).prepare(reference)
+        return jnp.sum(plan.F**2) + jnp.sum(plan.f**2)
+
+    stage, h = np.array([0.5, 2.0, 1.0, 3.0]), 1e-5
+    slopes = jax.jit(jax.grad(size))(stage)
+    for slope, e in zip(slopes, np.eye(4), strict=True):
+        assert float(slope) == pytest.approx(float(size(stage + h * e) - size(stage - h * e)) / (2 * h), rel=1e-6)
+
+
+def test_contour_weight_forgives_what_is_along():
+    tangent = np.array([[0.6, 0.8], [1.0, 0.0]])
+    Q = np.asarray(contour_weight(2.0, 5.0, jnp.asarray(tangent)))
+    along, across = np.einsum("tij,tj->ti", Q, tangent), np.einsum("tij,tj->ti", Q, tangent[:, ::-1] * [-1, 1])
+    np.testing.assert_allclose(along, 2.0 * tangent)
+    np.testing.assert_allclose(across, 7.0 * tangent[:, ::-1] * [-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("weights", "words"),
+    [
+        ((-1.0, 1.0, 1.0), "alpha: needs a finite weight of at least zero"),
+        ((1.0, np.nan, 1.0), "beta"),
+        ((1.0, np.inf, 1.0), "beta"),
+        ((1.0, 1.0, 0.0), "rho: needs a finite weight above zero"),
+        ((1.0, 1.0, -1.0), "rho"),
+        ((1.0, 1.0, [[1.0, 2.0], [2.0, 1.0]]), "rho: needs a finite weight above zero"),
+        ((0.0, 0.0, 1.0), "alpha, beta"),
+        ((1.0, 1.0, 1.0, [1.0, 0.0]), "stage"),
+        ((1.0, 1.0, 1.0, [1.0, np.nan]), "stage"),
+    ],
+)
+def test_bad_weights_are_named(weights, words):
+    with pytest.raises(ValueError, match=words):
+        LQWeights(*weights)
+
+
+def test_bad_controllers_are_named(two_axes):
+    with pytest.raises(ValueError, match="preview: needs a whole number"):
+        ContouringLQ(two_axes, LQWeights(1, 1, 1), 0)
+    with pytest.raises(ValueError, match="received 2.7"):
+        ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match=r"stage.*shape \(3,\), received \(2,\)"):
+        ContouringLQ(two_axes, LQWeights(1, 1, 1, [1.0, 1.0]), 3)
+    with pytest.raises(ValueError, match=r"rho: needs one number or shape \(2, 2\), received \(3, 3\)"):
+        ContouringLQ(two_axes, LQWeights(1, 1, np.eye(3)), 3)
+    out_of_reach = LinearPlant(np.diag([1.1, 0.5]), [[0.0], [1.0]], np.eye(2), 1.0)
+    with pytest.raises(ValueError, match="no stabilising solution"):
+        ContouringLQ(out_of_reach, LQWeights(1, 1, 1), 3, RiccatiTerminal())
+
+
+def test_a_schedule_needs_the_whole_preview(two_axes):
+    with pytest.raises(ValueError, match="preview"):
+        ContouringLQ(two_axes, LQWeights(1, 1, 1), 5).prepare(reference_of(0, 2, 3))

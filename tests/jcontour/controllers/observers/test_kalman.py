@@ -1,0 +1,160 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_are
+
+from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import LinearPlant, spectral_radius
+from jcontour.motion.point_to_point import PointToPoint
+from jcontour.motion.references import along, in_time
+from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.models import zoh_model
+from jcontour.plants.friction import Friction
+from jcontour.plants.wrappers.wrapper import Disturbed, Encoders, Saturated, Sensed
+from jcontour.simulation.closed_loop import simulate
+
+
+def scipy_gain(plant, control_noise, measurement_noise):
+    """The filter Riccati equation by SciPy, lengths in units of the first deviation."""
+    A, C = np.asarray(plant.A), np.asarray(plant.C)
+    B = np.asarray(plant.B) * control_noise / measurement_noise[0]
+    V = np.diag((np.asarray(measurement_noise) / measurement_noise[0]) ** 2)
+    P = solve_discrete_are(A.T, C.T, B @ B.T, V)
+    return P @ C.T @ np.linalg.inv(C @ P @ C.T + V)
+
+
+def test_kalman_gain_of_the_bridgeport_is_block_diagonal_and_that_of_scipy():
+    plant = bridgeport()
+    L = np.asarray(kalman_gain(plant, 0.01, 0.23e-6))
+    wanted = scipy_gain(plant, 0.01, [0.23e-6, 0.23e-6])
+    np.testing.assert_allclose(L, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+    assert np.abs(L[:3, 1]).max() < 1e-12 * np.abs(L).max()
+    assert np.abs(L[3:, 0]).max() < 1e-12 * np.abs(L).max()
+    assert spectral_radius(plant.A - plant.A @ L @ plant.C) < 1
+
+
+def test_kalman_gain_with_a_deviation_for_each_channel(coupled_plant):
+    plant = coupled_plant(6, 4, 2)
+    L = np.asarray(kalman_gain(plant, [0.3, 2.0], [0.5, 0.1]))
+    np.testing.assert_allclose(L, scipy_gain(plant, [0.3, 2.0], [0.5, 0.1]), rtol=1e-8, atol=1e-10)
+
+
+def test_hidden_modes_are_refused():
+    hidden = LinearPlant(np.diag([1.0, 0.5]), [[1.0], [1.0]], [[0.0, 1.0]], 1.0)
+    with pytest.raises(ValueError, match="no stabilising solution"):
+        kalman_gain(hidden, 1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def law(two_axes):
+    return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return along(line([0, 0], [3e-3, 4e-3]), 1e-5 * np.arange(25), 1e-3, 3, at_rest=False)
+
+
+@pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
+def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
+    """x - xh obeys (A - A L C) whatever the controller does."""
+    A, C = np.asarray(two_axes.A), np.asarray(two_axes.C)
+    L = kalman_gain(two_axes, 0.01, 1e-6)
+    error = 1e-4 * np.array([1.0, -2.0, 0.5, 3.0])
+    start = two_axes.initial_state(reference.position[0], reference.start_increment)
+    rollout = simulate(Encoders(two_axes), form(law, two_axes, L, start - error), reference, start)
+    found = np.asarray(rollout.state) - np.asarray(rollout.memory.estimate)
+    for row in found:
+        np.testing.assert_allclose(row, error, rtol=0, atol=1e-15)
+        error = (A - A @ np.asarray(L) @ C) @ error
+    assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
+
+
+@pytest.mark.parametrize("form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)])
+def test_a_perfect_start_is_state_feedback(form, two_axes, law, reference):
+    controller = form(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
+    found = simulate(Encoders(two_axes), controller, reference)
+    wanted = simulate(two_axes, law, reference)
+    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-11 * np.abs(wanted.control).max())
+    assert controller.preview == law.preview
+
+
+def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, law, reference):
+    L = kalman_gain(two_axes, 0.01, 1e-6)
+    row = jax.tree.map(lambda leaf: leaf[0], law.prepare(reference))
+    for form, uses in ((FilterObserver, True), (PredictorObserver, False)):
+        controller = form(law, two_axes, L)
+        memory = controller.initial_memory(reference)
+        controls = [controller.step(memory, row, jnp.asarray(y))[1] for y in ([0.0, 0.0], [1e-6, 0.0])]
+        assert (np.abs(controls[0] - controls[1]).max() > 0) == uses
+
+
+MODEL = zoh_model(thesis_axis(), 1e-3)
+MOTOR = np.eye(4)[:2]
+FEEDBACK = StateFeedback(lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL))
+NOISE = (0.05, [1e-6, 1e-3])
+
+
+def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
+    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    whole, seen = np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]), np.hstack([MOTOR, np.zeros((2, 1))])
+    scale = np.diag([1e6, 1e3])  # of the measurements, for SciPy's sake
+    W = np.block([[B @ B.T * 0.05**2, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 0.02**2)]])
+    P = solve_discrete_are(whole.T, (scale @ seen).T, W, np.eye(2))
+    wanted = P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
+    np.testing.assert_allclose(offset_free_gain(MODEL, MOTOR, 0.05, 0.02, [1e-6, 1e-3]), wanted, rtol=1e-7, atol=1e-9)
+
+
+def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
+    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
+    gain = kalman_gain(MODEL, *NOISE, MOTOR)
+    plain = FilterObserver(FEEDBACK, MODEL, gain, measured=MOTOR)
+    integral = OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)
+    frictionless = AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1)
+    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jnp.full((1, 1), 0.5))
+    errors = [abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01) for controller in (plain, integral)]
+    assert errors[0] > 5e-5 and errors[1] < 1e-9
+
+
+def test_without_a_load_integral_action_is_state_feedback():
+    """Separation: an observer that starts right changes nothing."""
+    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
+    wanted = simulate(MODEL, FEEDBACK, task)
+    found = simulate(
+        MODEL, OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2), np.eye(4)), task
+    )
+    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max())
+
+
+def test_at_a_limit_the_disturbance_is_not_mistaken():
+    """Told of the limit, the observer finds but what is left of its wrong start; untold, it takes the missing control for a load."""
+    rest = along(line([0.0], [0.1]), np.zeros(400), 1e-3, 1, at_rest=True)
+    start, gain = MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)), offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
+    machine = Saturated(Sensed(MODEL, lambda x: x[:2]), jnp.array([2.0]))
+    found = [np.abs(simulate(machine, OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, limit), rest, start).memory.disturbance[50:]).max()
+             for limit in (np.inf, 2.0)]  # fmt: skip
+    assert found[0] > 10.0 and found[1] < 1.0
+    with pytest.raises(ValueError, match="^limit: "):
+        OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, -1.0)
+
+
+def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
+    for make in (
+        lambda: FilterObserver(FEEDBACK, MODEL, -np.ones((4, 2)), measured=MOTOR),
+        lambda: PredictorObserver(FEEDBACK, MODEL, np.zeros((4, 1))),
+        lambda: OffsetFreeObserver(FEEDBACK, MODEL, np.zeros((5, 2)), MOTOR),
+    ):
+        with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
+            make()
+    slow = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3)
+    for observer in (FilterObserver(FEEDBACK, MODEL, kalman_gain(MODEL, *NOISE, MOTOR), measured=MOTOR),
+                     OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)):  # fmt: skip
+        with pytest.raises(ValueError, match="^dt: the controller is sampled every 0.001 s, the reference every 0.002 s"):
+            observer.initial_memory(slow)
+    with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
+        FilterObserver(FEEDBACK, MODEL, np.zeros((4, 1)), measured=MOTOR)

@@ -1,0 +1,97 @@
+import json
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controller import Controller
+from jcontour.controllers.observers.reduced_observer import ReducedObserver, augmented_model, error_matrix, thesis_gain
+from jcontour.linear.plant import AffinePlan
+from jcontour.motion.point_to_point import thesis_task_a
+from jcontour.plant import Plant
+from jcontour.plants.flexible_axis.axis import thesis_axis
+from jcontour.plants.flexible_axis.models import euler_model, zoh_model
+from jcontour.simulation.closed_loop import simulate
+
+DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())
+DT = 1e-3
+MODEL = zoh_model(thesis_axis(), DT)
+
+
+class Law(Controller):
+    """u = f - F x, the same at every step."""
+
+    F: np.ndarray
+    preview: int = 1
+
+    def prepare(self, reference):
+        return AffinePlan(jnp.zeros((reference.steps, 1, 4)), 2.0 * jnp.sin(jnp.arange(reference.steps))[:, None])
+
+    def initial_memory(self, reference):
+        return jnp.zeros((0,))
+
+    def step(self, memory, plan, measurement):
+        return memory, plan.f - self.F @ measurement
+
+
+LAW = Law(np.array([[2e3, 30.0, -1.9e3, 1.0]]))
+
+
+@pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
+def test_thesis_observer(name, make):
+    """The printed gain: stable with the exact model, not with the printed one."""
+    model, wanted = make(thesis_axis(), DT), DATA[name]
+    moduli = np.sort(np.abs(np.linalg.eigvals(error_matrix(model, thesis_gain()))))
+    np.testing.assert_allclose(moduli, wanted["abs_eig_Lambda"], rtol=0, atol=1e-12)
+    if name == "euler":
+        augmented = augmented_model(model, thesis_gain())
+        for found, key in ((augmented.A, "A_aug"), (augmented.B[:, 0], "B_aug"), (augmented.C, "C_aug")):
+            np.testing.assert_allclose(found, wanted[key], rtol=0, atol=1e-12)
+        with pytest.raises(ValueError, match=r"gain: the observer is not stable: .* they are \[0\.99.*\+0\.0\d+j 0\.99.*\]"):
+            ReducedObserver(LAW, model, thesis_gain())
+
+
+class Measured(Plant):
+    """The model as a machine that measures its motor."""
+
+    dt: float = DT
+
+    def initial_state(self, position, increment):
+        return MODEL.initial_state(position, increment)
+
+    def step(self, state, control):
+        return MODEL.step(state, control)
+
+    def output(self, state):
+        return MODEL.output(state)
+
+    def measure(self, state):
+        return state[:1], state[1:2]
+
+
+def test_estimation_error_obeys_lambda_under_any_control():
+    plant, task = Measured(), thesis_task_a()
+    off = np.array([1e-3, -0.02])
+    start = MODEL.initial_state(task.position[0], task.start_increment) + np.concatenate([[0, 0], off])
+    run = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task, jnp.asarray(start))
+    states = np.asarray(run.state)
+    estimate = np.asarray(run.memory.z) + states[:, :2] @ thesis_gain().T
+    assert np.abs(states).max() > 1e-2
+    Lambda = np.asarray(error_matrix(MODEL, thesis_gain()))
+    for k in (0, 1, 7, 400):
+        np.testing.assert_allclose(states[k, 2:] - estimate[k], np.linalg.matrix_power(Lambda, k) @ off, rtol=0, atol=1e-12)
+
+
+def test_a_perfect_start_is_state_feedback():
+    plant, task = Measured(), thesis_task_a()
+    found = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task)
+    wanted = simulate(MODEL, LAW, task)
+    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max())
+
+
+def test_bad_gains_are_named():
+    with pytest.raises(ValueError, match="^gain: needs shape"):
+        ReducedObserver(LAW, MODEL, np.zeros((2, 1)))
+    with pytest.raises(ValueError, match="^gain: the observer is not stable"):
+        ReducedObserver(LAW, MODEL, np.array([[0.0, -1.0], [0.0, -1.0]]))

@@ -1,0 +1,48 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.wrappers.motor_kinematics import OfMotors
+from jcontour.geometry.contours import circle
+from jcontour.motion.references import along, from_samples
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.motor_coordinates import MotorEncoders
+from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.sensors import motors
+from jcontour.simulation.closed_loop import simulate
+
+DT = 1e-3
+BOTH_DRIVES = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+MOVING = jnp.array([40.0, 65.0, 65.0]) / 60  # [A s^2/m] moving mass over force constant
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return along(circle(0.05), 1e-4 * np.arange(400), DT, 1, at_rest=False)
+
+
+@pytest.fixture(scope="module")
+def cascade():
+    gains = CascadeGains(20.0, 100 * MOVING, 0.05, 1.0, MOVING, 200 / 60)
+    return Cascade(gains, motors(3), DT, 10.0)
+
+
+def test_every_motor_gets_its_share_of_the_path(reference, cascade):
+    """The plan is that of a reference whose third axis is the second once more."""
+    position, tangent = (np.asarray(rows) for rows in (reference.position, reference.tangent))
+    third = position[:, [0, 1, 1]]
+    unit = np.concatenate([tangent, 0 * tangent[:, :1]], axis=1)
+    wanted = cascade.prepare(from_samples(third, unit, DT, 1))
+    found = OfMotors(cascade, BOTH_DRIVES).prepare(reference)
+    for name in ("position", "velocity", "control"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13)
+
+
+def test_a_cascade_of_its_motors_follows_on_the_gantry(reference, cascade):
+    """A decoupled drive each: the tool stays within a millimetre, the twist within what 10 A of difference hold against the springs."""
+    plant = Sensed(Gantry(thesis_gantry(), DT), MotorEncoders(thesis_gantry()))
+    run = simulate(plant, OfMotors(cascade, BOTH_DRIVES), reference)
+    assert np.abs(np.asarray(run.output) - np.asarray(reference.position[:400])).max() < 1e-3
+    assert run.control.shape == (400, 3) and np.abs(run.control).max() <= 10

@@ -1,0 +1,161 @@
+"""`loop` against `simulate`, and what it does when a step has no answer."""
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from experiments.catalogue.controllers import CONTROLLERS, PLANTS
+from experiments.machines.linear import bridgeport_machine
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle
+from jcontour.host.loop import HostController, StepReport, Stopped, loop, reported_loop
+from jcontour.motion.references import along
+from jcontour.qp.problem import QP, Unsolved
+from jcontour.simulation.closed_loop import simulate
+
+PREVIEW, DT = 3, 0.5e-3
+WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
+
+
+def on_circle(steps=12):
+    return along(circle(1e-3), 2.5e-5 * np.arange(steps), DT, PREVIEW, at_rest=False)
+
+
+def same(found, wanted, relative=1e-12):
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        a, b = np.asarray(a), np.asarray(b)
+        assert a.shape == b.shape and a.dtype == b.dtype
+        np.testing.assert_allclose(a, b, rtol=0, atol=relative * max(1.0, np.abs(b).max(initial=0.0)))
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_loop_is_simulate_for_every_controller(closed_loop, name):
+    (plant, _), controller, reference = closed_loop(name)
+    reference = reference(12)
+    start = plant.initial_state(reference.position[0], reference.start_increment)
+    start = jax.tree.map(lambda x: x + 1e-6 if np.issubdtype(x.dtype, np.floating) else x, start)
+    same(loop(plant, controller, reference, start), simulate(plant, controller, reference, start))
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_loop_is_simulate_on_every_plant(closed_loop, name):
+    if PLANTS[name].on != "bridgeport":
+        pytest.skip("its controllers are run on it above")
+    machine, reference = bridgeport_machine(), on_circle()
+    plant = PLANTS[name].make()
+    measured = jax.tree.leaves(plant.measure(plant.initial_state(*np.zeros((2, 2)))))
+    wanted = "contouring-lq-state" if measured[0].size == machine.model.states else "contouring-lq"
+    controller = closed_loop(wanted)[1]
+    rollout = simulate(plant, controller, reference)
+    same(loop(plant, controller, reference), rollout)
+
+
+class Affine(HostController):
+    """u = f - F x on the host; fails in the steps it is told to."""
+
+    def __init__(self, controller: ContouringLQ, failing=(), soft=False, last=None):
+        self.inner, self.preview, self.failing, self.soft, self.last = controller, controller.preview, failing, soft, last
+
+    def prepare(self, reference):
+        plan = self.inner.prepare(reference)
+        return np.asarray(plan.F), np.asarray(plan.f)
+
+    def initial_memory(self, reference):
+        return 0
+
+    def step(self, memory, plan, measurement):
+        if memory in self.failing:
+            one = np.ones(1)
+            raise Unsolved("test", "infeasible", QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one))
+        return self.soft_step(memory, plan, measurement, True)
+
+    def soft_step(self, memory, plan, measurement, hard=False):
+        F, f = plan
+        return (memory + 1, f - F @ measurement) if hard or self.soft else None
+
+    def held(self, memory, measurement, control):
+        return memory + 1
+
+    def finished(self, memory):
+        return memory == self.last
+
+    def report(self):
+        return StepReport(active=2, residual=1e-12, iterations=3)
+
+
+@cache
+def zoo():
+    plant = bridgeport_machine().model
+    return plant, ContouringLQ(plant, WEIGHTS, PREVIEW)
+
+
+def test_a_host_controller_gives_the_rollout_of_its_traceable_twin():
+    plant, controller = zoo()
+    run, wanted = reported_loop(plant, Affine(controller), on_circle()), simulate(plant, controller, on_circle())
+    for name in ("state", "output", "measurement", "control", "final_state"):
+        same(getattr(run.rollout, name), getattr(wanted, name))
+    assert run.rollout.memory.tolist() == list(range(12)) and run.rollout.final_memory == 12
+    assert run.report.fallbacks == 0 and run.report.active_fraction == 1.0 and run.report.worst_residual == 1e-12
+
+
+def test_a_finished_run_is_shorter():
+    plant, controller = zoo()
+    rollout = loop(plant, Affine(controller, last=7), on_circle())
+    wanted = simulate(plant, controller, on_circle())
+    same(rollout.output, wanted.output[:7])
+    same(rollout.final_state, wanted.state[7])
+
+
+def test_an_unsolved_step_stops_the_run_and_keeps_what_there_is():
+    plant, controller = zoo()
+    with pytest.raises(Stopped, match=r"^step 5: test did not solve the QP \(1 variables, 0 rows\): infeasible$") as caught:
+        loop(plant, Affine(controller, failing=(5,)), on_circle())
+    stopped, wanted = caught.value, simulate(plant, controller, on_circle())
+    assert stopped.step == 5 and stopped.cause.step == 5 and stopped.cause.qp.upper.tolist() == [-1.0]
+    same(stopped.rollout.control, wanted.control[:5])
+    same(stopped.rollout.final_state, wanted.state[5])
+    assert stopped.run.report.active.shape == (5,)
+
+
+def test_hold_repeats_the_last_control_and_is_counted():
+    plant, controller = zoo()
+    run = reported_loop(plant, Affine(controller, failing=(5, 6)), on_circle(), fallback="hold")
+    assert run.report.fallbacks == 2 and np.flatnonzero(run.report.fallback).tolist() == [5, 6]
+    same(run.rollout.control[5:7], np.repeat(run.rollout.control[4:5], 2, axis=0))
+    with pytest.warns(UserWarning, match="fallback 'hold' acted in 2 of 12 steps, first in step 5"):
+        loop(plant, Affine(controller, failing=(5, 6)), on_circle(), fallback="hold")
+    with pytest.raises(Stopped) as caught:
+        loop(plant, Affine(controller, failing=(0,)), on_circle(), fallback="hold")
+    assert caught.value.step == 0 and caught.value.rollout.output is None
+
+
+def test_soft_solves_again():
+    plant, controller = zoo()
+    run = reported_loop(plant, Affine(controller, failing=(0, 5), soft=True), on_circle(), fallback="soft")
+    same(run.rollout.control, simulate(plant, controller, on_circle()).control)
+    assert run.report.fallbacks == 2
+    held = reported_loop(plant, Affine(controller, failing=(5,)), on_circle(), fallback="soft")
+    same(held.rollout.control[5], held.rollout.control[4])
+
+
+def test_bad_input():
+    plant, controller = zoo()
+    with pytest.raises(ValueError, match="^fallback: there are hold and soft, received 'pray'$"):
+        loop(plant, Affine(controller), on_circle(), fallback="pray")  # type: ignore
+    late = along(circle(1e-3), 2.5e-5 * np.arange(5), 1e-3, PREVIEW, at_rest=False)
+    blind = along(circle(1e-3), 2.5e-5 * np.arange(5), DT, PREVIEW - 1, at_rest=False)
+    for one in (controller, Affine(controller)):
+        with pytest.raises(ValueError, match="^dt: the plant is sampled"):
+            loop(plant, one, late)
+        with pytest.raises(ValueError, match="^preview: the controller looks 3 samples ahead"):
+            loop(plant, one, blind)
+
+
+def test_machines_of_one_kind_share_one_compilation():
+    plant, controller = zoo()
+    other = eqx.tree_at(lambda p: p.B, plant, 1.1 * plant.B)
+    same(loop(other, controller, on_circle()), simulate(other, controller, on_circle()))
+    same(loop(plant, controller, on_circle()), simulate(plant, controller, on_circle()))

@@ -1,0 +1,190 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import cont2discrete
+
+from jcontour.linear.plant import (
+    LinearPlant,
+    Pattern,
+    check_stable,
+    decoupled_axes,
+    spectral_radius,
+    steady_motion,
+    with_input_delay,
+    with_input_gains,
+    zoh,
+)
+from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.wrappers.wrapper import Delayed
+
+
+def block(*blocks):
+    """Block diagonal."""
+    rows, columns = (sum(np.shape(b)[i] for b in blocks) for i in (0, 1))
+    out, i, j = np.zeros((rows, columns)), 0, 0
+    for b in blocks:
+        out[i : i + len(b), j : j + np.shape(b)[1]] = b
+        i, j = i + len(b), j + np.shape(b)[1]
+    return out
+
+
+def run(plant, x, controls):
+    """States and outputs by NumPy."""
+    A, B, C = (np.asarray(m) for m in (plant.A, plant.B, plant.C))
+    states = [np.asarray(x)]
+    for u in controls:
+        states.append(A @ states[-1] + B @ u)
+    return np.array(states), np.array(states) @ C.T
+
+
+def test_zoh_is_that_of_scipy():
+    states, random = 6, np.random.default_rng(6)
+    A, B = random.standard_normal((states, states)), random.standard_normal((states, 2))
+    A[0] = 0.0  # singular: no closed form through the inverse
+    discretise = jax.jit(zoh)
+    for dt in (1e-3, 0.7):
+        wanted = cont2discrete((A, B, np.eye(states), np.zeros((states, 2))), dt)
+        found = discretise(A, B, dt)
+        np.testing.assert_allclose(found[0], wanted[0], rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(found[1], wanted[1], rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_delay_in_the_model_is_the_delay_of_the_wrapper(samples, coupled_plant):
+    plant = coupled_plant(1, 4, 2)
+    model, wrapped = with_input_delay(plant, samples), Delayed(plant, samples, 3, 2)
+    random = np.random.default_rng(2)
+    x, controls = random.standard_normal(4), random.standard_normal((9, 2))
+    _, outputs = run(model, np.append(x, np.zeros(2 * samples)), controls)
+    _, found = jax.lax.scan(lambda state, u: (wrapped.step(state, u), wrapped.output(state)), (jnp.asarray(x), jnp.zeros((3, 2))), controls)
+    np.testing.assert_allclose(found, outputs[:-1], rtol=1e-12, atol=1e-13)
+
+
+def test_no_delay_is_the_plant_itself(two_axes):
+    assert with_input_delay(two_axes, 0) is two_axes
+    with pytest.raises(ValueError, match="samples.*-1"):
+        with_input_delay(two_axes, -1)
+
+
+def test_input_gains_scale_columns_of_b(two_axes):
+    np.testing.assert_array_equal(with_input_gains(two_axes, (1.1, 0.5)).B, np.asarray(two_axes.B) * [1.1, 0.5])
+    np.testing.assert_array_equal(with_input_gains(two_axes, 2.0).B, 2.0 * np.asarray(two_axes.B))
+
+
+@pytest.mark.parametrize("delay", [2, pytest.param(0, marks=pytest.mark.slow)])
+def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
+    plant = with_input_delay(bridgeport(), delay)
+    y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
+    x = np.asarray(plant.initial_state(y, dy))
+    for i, steps in enumerate((3 + delay, 5 + delay)):  # an axis of n states is held for n steps; its poles are printed to four digits
+        forced = run(plant, np.zeros(plant.states), np.tile(np.eye(2)[i], (steps, 1)))[1][:, i]
+        free = run(plant, x, np.zeros((steps, 2)))[1][:, i]
+        ramp = y[i] + np.arange(steps + 1) * dy[i]
+        u = (ramp - free) @ forced / (forced @ forced)
+        np.testing.assert_allclose(free + u * forced, ramp, rtol=0, atol=1e-14)
+
+
+def test_steady_motion_of_true_integrators_never_ends(two_axes):
+    y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
+    x = np.asarray(two_axes.initial_state(jnp.asarray(y), jnp.asarray(dy)))
+    u = dy / np.array([2e-4 + 8e-4 * 0.4 / 0.4, 3e-4 + 7e-4 * 0.5 / 0.5])  # ramp gain of each axis, by hand
+    outputs = run(two_axes, x, np.tile(u, (200, 1)))[1]
+    np.testing.assert_allclose(outputs, y + np.arange(201)[:, None] * dy, rtol=0, atol=1e-14)
+    at_rest = np.asarray(two_axes.initial_state(jnp.asarray(y), jnp.zeros(2)))
+    np.testing.assert_allclose(run(two_axes, at_rest, np.zeros((50, 2)))[1], np.tile(y, (51, 1)), rtol=0, atol=1e-15)
+
+
+def test_steady_motion_is_differentiable_where_the_pattern_is_given(two_axes):
+    @jax.jit
+    def start(A):
+        return jnp.sum(steady_motion(LinearPlant(A, two_axes.B, two_axes.C, 1e-3, two_axes.pattern)).Sv)
+
+    # more states need more samples to tell the ramp: the derivative to the lag of X, against a difference
+    h = np.zeros((4, 4))
+    h[1, 1] = 1e-6
+    slope = float(jax.jit(jax.grad(start))(two_axes.A)[1, 1])
+    assert slope == pytest.approx(float(start(two_axes.A + h) - start(two_axes.A - h)) / 2e-6, rel=1e-6)
+
+
+def test_steady_motion_refuses_what_it_cannot_solve(coupled_plant):
+    with pytest.raises(ValueError, match=r"states \[0, 1, 2\].*give SteadyMotion"):
+        steady_motion(coupled_plant(0, 3, 2))
+    hidden = LinearPlant(block([[0.5, 0.0], [0.0, 0.5]]), [[1.0], [1.0]], [[1.0, 1.0]], 1.0)  # the two states look the same
+    with pytest.raises(ValueError, match="output 0.*steady motion"):
+        steady_motion(hidden)
+
+
+@settings(max_examples=40)
+@given(st.lists(st.integers(1, 4), min_size=1, max_size=3), st.randoms(use_true_random=False))
+def test_decoupled_axes_are_found_however_the_plant_is_ordered(sizes, order):
+    """A chain of states per axis, linked one by one, with states, inputs and outputs shuffled."""
+    axes, n = len(sizes), sum(sizes)
+    A = block(*(np.eye(s) + np.eye(s, k=-1) for s in sizes))
+    B, C = block(*(np.eye(s)[:, :1] for s in sizes)), block(*(np.eye(s)[-1:] for s in sizes))
+    states, inputs, outputs = (order.sample(range(k), k) for k in (n, axes, axes))
+    found = decoupled_axes(Pattern.of(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)]))
+    owner = np.repeat(np.arange(axes), sizes)
+    assert [axis.outputs for axis in found] == [(i,) for i in range(axes)]
+    for i, axis in enumerate(found):
+        assert axis.inputs == (inputs.index(outputs[i]),)
+        assert axis.states == tuple(k for k, state in enumerate(states) if owner[state] == outputs[i])
+
+
+def test_steady_motion_of_a_permuted_plant(two_axes):
+    states, inputs, outputs = [3, 0, 2, 1], [1, 0], [0, 1]
+    A, B, C = (np.asarray(m) for m in (two_axes.A, two_axes.B, two_axes.C))
+    shuffled = LinearPlant(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)], 1e-3)
+    plain, mixed = steady_motion(two_axes), steady_motion(shuffled)
+    np.testing.assert_allclose(mixed.Sy, np.asarray(plain.Sy)[states], atol=1e-15)
+    np.testing.assert_allclose(mixed.Sv, np.asarray(plain.Sv)[states], rtol=1e-12, atol=1e-15)
+
+
+def test_pattern_is_hashable_and_full_where_values_are_traced(two_axes):
+    assert hash(two_axes.pattern) == hash(Pattern.of(two_axes.A, two_axes.B, two_axes.C))
+    traced = []
+    jax.eval_shape(lambda A: traced.append(LinearPlant(A, two_axes.B, two_axes.C, 1e-3).pattern), two_axes.A)
+    assert np.all(traced[0].A) and not np.all(traced[0].B)
+
+
+def test_spectral_radius_is_infinite_for_what_is_not_finite():
+    M = np.stack([np.diag([0.5, -2.0]), np.full((2, 2), np.nan), np.array([[0.0, 1.0], [-1.0, 0.0]])])
+    np.testing.assert_allclose(spectral_radius(M), [2.0, np.inf, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"A": np.zeros((2, 3))}, r"A: needs to be square.*\(2, 3\)"),
+        ({"A": np.zeros((0, 0))}, "A: needs to be square"),
+        ({"B": np.zeros((3, 1))}, r"B: needs shape \(2, p\).*\(3, 1\)"),
+        ({"B": np.zeros(2)}, "B: needs shape"),
+        ({"C": np.zeros((1, 3))}, r"C: needs shape \(m, 2\).*\(1, 3\)"),
+        ({"A": np.array([[1.0, np.nan], [0.0, 1.0]])}, "A: every entry needs to be finite"),
+        ({"C": np.array([[np.inf, 0.0]])}, "C: every entry needs to be finite"),
+        ({"dt": 0.0}, "dt: the sample period"),
+        ({"dt": float("nan")}, "dt: the sample period"),
+    ],
+)
+def test_bad_matrices_are_named(change, words):
+    good = {"A": np.eye(2), "B": np.ones((2, 1)), "C": np.ones((1, 2)), "dt": 1e-3}
+    with pytest.raises(ValueError, match=words):
+        LinearPlant(**{**good, **change})
+
+
+def test_integers_become_floats():
+    plant = LinearPlant([[1, 0], [0, 1]], [[1], [0]], [[1, 0]], 1)
+    assert plant.A.dtype == plant.B.dtype == plant.C.dtype == jnp.float64
+    assert (plant.states, plant.inputs, plant.axes, plant.dt) == (2, 1, 1, 1.0)
+
+
+def test_unstable_matrices_are_named_with_their_eigenvalues():
+    check_stable("loop", np.diag([0.5, -0.999]))
+    jax.jit(lambda M: check_stable("loop", M))(2 * np.eye(2))  # traced: not looked at
+    for matrix, values in ((np.diag([0.5, -1.5]), "0.5 +-1.5"), ([[1.0, 1.0], [0.0, 1.0]], "1. +1."), ([[np.nan]], "not finite")):
+        with pytest.raises(
+            ValueError, match=f"^loop is not stable: needs all eigenvalues inside the unit circle, they are .{{0,2}}{values}"
+        ):
+            check_stable("loop", np.asarray(matrix))

@@ -1,0 +1,68 @@
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle
+from jcontour.motion.references import along
+from jcontour.simulation.closed_loop import check_run, follow, simulate, start_state
+
+PREVIEW = 3
+
+
+@pytest.fixture(scope="module")
+def controller(two_axes):
+    return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), PREVIEW)
+
+
+def reference_of(at_rest=False, preview=PREVIEW, dt=1e-3):
+    return along(circle(1e-3), 1e-5 * np.arange(8), dt, preview, at_rest)
+
+
+def test_rows_are_those_of_a_plain_loop(two_axes, controller):
+    """Row k is taken before control k acts."""
+    reference = reference_of()
+    rollout = simulate(two_axes, controller, reference)
+    plan = controller.prepare(reference)
+    A, B, C, F, f = (np.asarray(m) for m in (two_axes.A, two_axes.B, two_axes.C, plan.F, plan.f))
+    x = np.asarray(start_state(two_axes, reference))
+    for k in range(reference.steps):
+        np.testing.assert_allclose(rollout.state[k], x, rtol=1e-12, atol=1e-17)
+        np.testing.assert_allclose(rollout.output[k], C @ x, rtol=1e-12, atol=1e-17)
+        np.testing.assert_array_equal(rollout.measurement[k], rollout.state[k])
+        u = f[k] - F[k] @ x
+        np.testing.assert_allclose(rollout.control[k], u, rtol=1e-10, atol=1e-13)
+        x = A @ x + B @ u
+    np.testing.assert_allclose(rollout.final_state, x, rtol=1e-12, atol=1e-17)
+    assert rollout.memory is None and rollout.final_memory is None
+
+
+def test_start_is_what_the_reference_says_or_what_is_given(two_axes, controller):
+    at_rest = simulate(two_axes, controller, reference_of(at_rest=True))
+    np.testing.assert_allclose(two_axes.step(at_rest.state[0], jnp.zeros(2)), at_rest.state[0], rtol=0, atol=1e-18)
+    np.testing.assert_allclose(at_rest.output[0], [1e-3, 0.0], atol=1e-18)
+    given = jnp.array([1e-3, 2e-3, 3e-3, 4e-3])
+    np.testing.assert_array_equal(simulate(two_axes, controller, reference_of(), given).state[0], given)
+
+
+def test_more_preview_than_needed_changes_nothing(two_axes, controller):
+    short, long = (simulate(two_axes, controller, reference_of(preview=n)) for n in (PREVIEW, PREVIEW + 4))
+    np.testing.assert_allclose(long.control, short.control, rtol=1e-13)
+
+
+def test_a_reference_that_does_not_suit_is_refused(two_axes, controller):
+    with pytest.raises(ValueError, match="preview: the controller looks 3 samples ahead, the reference was made with 2"):
+        simulate(two_axes, controller, reference_of(preview=2))
+    with pytest.raises(ValueError, match="dt: the plant is sampled every 0.001 s, the reference every 0.002 s"):
+        simulate(two_axes, controller, reference_of(dt=2e-3))
+    check_run(two_axes, controller, reference_of())
+
+
+def test_a_plan_can_be_shared(two_axes, controller):
+    reference = reference_of()
+    shared = eqx.filter_jit(follow)(two_axes, controller, controller.prepare(reference), reference)
+    wanted = simulate(two_axes, controller, reference)
+    for found, row in zip(jax.tree.leaves(shared), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(found, row, rtol=1e-11, atol=1e-15)

@@ -1,0 +1,128 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import circle, line, polyline
+from jcontour.linear.plant import with_input_gains
+from jcontour.motion.references import along
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import (
+    all_at_once,
+    evaluate,
+    family_batching,
+    member,
+    one_by_one,
+    platform_batching,
+    stack_plants,
+    stack_references,
+)
+from jcontour.simulation.metrics import score
+
+WINDOW = (2, 8)
+
+
+@pytest.fixture(scope="module")
+def controller(two_axes):
+    return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+
+
+@pytest.fixture(scope="module")
+def plants(two_axes):
+    return [Delayed(with_input_gains(two_axes, gains), jnp.asarray(d), 2, 2) for gains, d in ((1.0, 0), ((0.9, 1.1), 0), (1.0, 2))]
+
+
+@pytest.fixture(scope="module")
+def references():
+    """Different shapes, lengths, sizes and numbers of pieces; one scored in part."""
+    corners = polyline([[0, 0], [4e-5, 0], [4e-5, 5e-5], [0, 5e-5]])
+    return [
+        along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 3, at_rest=False),
+        along(corners, 1e-5 * np.arange(13), 1e-3, 3, at_rest=True, scored=np.arange(13) != 5),
+        along(line([1e-3, 0], [2e-3, 1e-3]), 2e-5 * np.arange(11), 1e-3, 3, at_rest=False),
+    ]
+
+
+@pytest.fixture(scope="module")
+def evaluated(controller, plants, references):
+    batch = stack_plants(plants), stack_references(references)
+    return {b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(c, p, r, WINDOW, b))(controller, *batch) for b in (one_by_one, all_at_once)}
+
+
+def test_flexible_axes_run_side_by_side_and_linear_plants_as_the_platform_likes(plants):
+    axes = stack_plants([Delayed(SmoothFlexibleAxis(thesis_axis(), 1e-3), jnp.asarray(d), 2, 1) for d in (0, 2)])
+    assert family_batching(axes) is all_at_once and family_batching(stack_plants(plants)) is platform_batching()
+
+
+def test_metrics_are_those_of_single_runs(evaluated, controller, plants, references):
+    for i, reference in enumerate(references):
+        for j in (0, 2):
+            wanted = score(simulate(plants[j], controller, reference), reference, WINDOW)
+            found = jax.tree.map(lambda leaf, i=i, j=j: leaf[i, j], evaluated["one_by_one"])
+            for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+                np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-18)
+
+
+def test_one_by_one_is_all_at_once(evaluated):
+    for a, b in zip(*(jax.tree.leaves(evaluated[name]) for name in ("one_by_one", "all_at_once")), strict=True):
+        assert a.shape == (3, 3)
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-18)
+
+
+def test_platform_chooses():
+    assert platform_batching() is (one_by_one if jax.default_backend() == "cpu" else all_at_once)
+
+
+def test_stacking_keeps_every_run(references):
+    stacked = stack_references(references)
+    assert (stacked.steps, stacked.preview) == (13, 3)
+    for i, reference in enumerate(references):
+        one = member(stacked, i)
+        rows = reference.steps + reference.preview
+        np.testing.assert_array_equal(one.position[:rows], reference.position)
+        assert int(one.mask.sum()) == int(reference.mask.sum())
+        arc = 0.7 * reference.arc[:5] + 1e-6
+        np.testing.assert_allclose(one.contour.position(arc), reference.contour.position(arc), atol=1e-18)
+
+
+def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
+    for plants in ([], [two_axes, coupled_plant(0, 4, 2)], [two_axes, Delayed(two_axes, 0, 1, 2)]):
+        with pytest.raises(ValueError, match="plants: "):
+            stack_plants(plants)
+    flat = references[0]
+    for others in (
+        along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 4, at_rest=False),  # preview
+        along(circle(1e-3), 1e-5 * np.arange(9), 2e-3, 3, at_rest=False),  # sample period
+        along(line([0, 0, 0], [1e-3, 0, 0]), 1e-5 * np.arange(9), 1e-3, 3, at_rest=False),  # axes
+    ):
+        with pytest.raises(ValueError):
+            stack_references([flat, others])
+    with pytest.raises(ValueError):
+        stack_references([])
+
+
+def test_a_batch_that_does_not_suit_is_refused(controller, plants):
+    short = stack_references([along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 2, at_rest=False)])
+    with pytest.raises(ValueError, match="preview"):
+        evaluate(controller, stack_plants(plants), short)
+
+
+def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
+    def value(scale, members):
+        def one(x):
+            return jnp.sum(jax.lax.scan(lambda y, _: (jnp.sin(scale * y),) * 2, x, length=100)[1])
+
+        return jnp.sum(one_by_one(one, members))
+
+    def compiled(size):
+        members = jnp.linspace(0, 1, 10 * size).reshape(size, 10)
+        return jax.jit(jax.grad(value)).lower(1.1, members).compile(), members
+
+    (few, _), (many, members) = compiled(1), compiled(1024)
+    assert many.memory_analysis().temp_size_in_bytes <= 2 * few.memory_analysis().temp_size_in_bytes
+    alone = [few(1.1, members[k : k + 1]) for k in range(0, 1024, 64)]
+    np.testing.assert_allclose(compiled(16)[0](1.1, members[::64]), sum(alone), rtol=1e-12)
+    np.testing.assert_allclose(many(1.1, jnp.repeat(members[::64], 64, axis=0)), 64 * sum(alone), rtol=1e-11)
