@@ -4,9 +4,12 @@ import abc
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.motion.references import Reference
+from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
 Plan = Any  # any pytree of arrays with a leading axis of T steps
@@ -64,3 +67,20 @@ def check_period(dt: float, reference: Reference) -> None:
     """Raise ValueError unless the reference has the sample period [s] that the controller was made for."""
     if reference.dt != dt:
         raise ValueError(f"dt: the controller is sampled every {dt} s, the reference every {reference.dt} s")
+
+
+def checked_gain(name: str, value) -> Array:
+    """The gain as an array.
+
+    Raises:
+        ValueError: it is negative or not finite.
+    """
+    if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
+        raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
+    return jnp.asarray(value, float)
+
+
+def check_limit(limit) -> None:
+    """Raise ValueError unless the limits of the control, the same in both directions, are above zero; traced values pass unchecked."""
+    if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
+        raise ValueError(f"limit: needs to be above zero, received {limit}")

@@ -51,7 +51,8 @@ def two_axes():
 def _closed_loop(name: str):
     """Nominal smooth plant and the true one, controller with its own start weights, short references in motion, of a catalogued name."""
     from experiments.catalogue.choices import design_for
-    from experiments.catalogue.controllers import CONTROLLERS, MACHINES
+    from experiments.catalogue.controllers import CONTROLLERS
+    from experiments.catalogue.machines import MACHINES
     from experiments.options import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along

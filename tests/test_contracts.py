@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.catalogue.controllers import CONTROLLERS, MACHINES, PLANTS
+from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import MACHINES
+from experiments.catalogue.plants import PLANTS
 from jcontour.controller import Controller
 from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate

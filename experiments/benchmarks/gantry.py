@@ -4,9 +4,8 @@ from typing import Any
 
 from rich.console import Console
 
-from experiments.benchmarks.gantry_engines import engines
+from experiments.benchmarks.gantry_engines import engines, show_engines
 from experiments.options import Bench
-from experiments.papers.yuan_gantry.tables import show_engines
 
 SECONDS = 2.0  # for each rate
 

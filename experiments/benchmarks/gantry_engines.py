@@ -7,7 +7,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from rich.console import Console
 
+from experiments.reports.tables import digits, plain_table
 from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import SUBSTEP, Gantry
 from jcontour.plants.gantry.mjx_engine import GantryMJX
@@ -85,3 +87,19 @@ def _spent(program: Callable[..., Any], *arguments: Any) -> float:
     before = time.perf_counter()
     jax.block_until_ready(program(*arguments))
     return time.perf_counter() - before
+
+
+def show_engines(engines: list[dict[str, Any]], console: Console) -> None:
+    """Agreement and rates of the engines."""
+    ours = engines[0]
+    rows = [
+        [row["engine"], "-" if row is ours else f"{row['difference']:.1e}", *_shown_rate(row["single"], ours["single"]),
+         *_shown_rate(row["batched"], ours["batched"])]
+        for row in engines
+    ]  # fmt: skip
+    alone, together = ("million steps\na second", "of ours"), (f"{ours['batch']:,} at once:\nmillion steps a second", "of ours")
+    console.print(plain_table("Runge-Kutta steps of 0.25 ms in every engine", ("engine", "difference\nof a step", *alone, *together), rows))
+
+
+def _shown_rate(rate: float | None, ours: float) -> tuple[str, str]:
+    return ("-", "-") if rate is None else (digits(rate / 1e6), f"{rate / ours:.2g}")

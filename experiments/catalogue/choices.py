@@ -3,7 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.catalogue.controllers import CONTOURS, CONTROLLERS, MACHINES, NEEDS
+from experiments.catalogue.contours import CONTOURS
+from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import MACHINES, NEEDS
 from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Run, from_file
 from experiments.machines.from_file import load_machine

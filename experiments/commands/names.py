@@ -1,6 +1,8 @@
 """`jcontour list`: everything that has a name."""
 
-from experiments.catalogue.controllers import CONTOURS, CONTROLLERS, PLANTS
+from experiments.catalogue.contours import CONTOURS
+from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.plants import PLANTS
 from experiments.commands.reproduce import experiments_found
 from experiments.files import run_folder
 from experiments.options import Listing

@@ -97,8 +97,9 @@ def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:
 
 
 def _store(machine: Machine, course: Course, found: Replay, folder: Path, summary: dict[str, Any]) -> None:
-    from experiments.files.netcdf import rollouts, save_dataset
+    from experiments.files.netcdf import save_dataset
     from experiments.reports.figures import draw_runs
+    from experiments.reports.rollouts import rollouts
 
     attributes = {"title": f"jcontour simulate: {summary['controller']} on {summary['contour']}", **run_folder.versions()}
     dataset = rollouts({summary["controller"]: found}, course, machine.axes, machine.control_unit, attributes)

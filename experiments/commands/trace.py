@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.catalogue.controllers import CONTOURS
+from experiments.catalogue.contours import CONTOURS
 from experiments.files import run_folder
 from experiments.jobs.job import Pace
 from experiments.machines.machine import Machine

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.designs.gains import Gain, Gains
+from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.machines.flexible_axis import FlexibleMachine
+from experiments.options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of
@@ -259,3 +260,15 @@ def _heaviness(machine: FlexibleMachine | None):
 def _number(per_axis):
     """One number for a single axis."""
     return per_axis[0] if per_axis.shape == (1,) else per_axis
+
+
+def axis_design(line: str, law: Law, *gains: Part) -> Callable[[str, FlexibleMachine, Controlled], GainDesign]:
+    """Maker of a design from its parts: each part names its gains."""
+
+    def make(name: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
+        named = {key: gain for part in gains for key, gain in part(machine).items()}
+        start = {key: gain.start for key, gain in named.items()}
+        space = {key: gain.parameter for key, gain in named.items()}
+        return GainDesign(name, machine, start, space, 1, "outputs", law, line, named)
+
+    return make

@@ -15,7 +15,8 @@ from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import CountingEncoders, Delayed, FineEncoders
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller

@@ -35,7 +35,8 @@ from experiments.files.checks import MachineError
 from experiments.machines.flexible_axis import flexible_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, MachineLimits
-from jcontour.linear.plant import LinearPlant, steady_motion, with_input_delay
+from jcontour.linear.plant import LinearPlant, steady_motion
+from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}

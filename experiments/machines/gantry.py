@@ -21,7 +21,10 @@ from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import Linearisation, control_oriented, tangent
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
-from jcontour.plants.wrappers.wrapper import CountingEncoders, Delayed, Disturbed, FineEncoders, Saturated, Sensed
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import motors, row
 
 SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
-from jcontour.linear.plant import with_input_gains
+from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
-from jcontour.plants.wrappers.wrapper import Delayed, Encoders, Quantised
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
 
 USUAL = Usual(
     "contouring-lq",

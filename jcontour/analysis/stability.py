@@ -20,7 +20,7 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.wrapper import Encoders
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import check_run, follow
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited

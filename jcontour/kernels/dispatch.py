@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.linear.plant import Pattern, is_concrete
+from jcontour.linear.plant import Pattern
+from jcontour.tracing import is_concrete
 
 MOST_MULTIPLICATIONS = 1500  # of one stage, unrolled: 8 coupled states; beyond, the derivative takes minutes to compile
 MOST_REGISTERS = 110  # for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep is faster

@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import jax.scipy.linalg as jsl
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jcontour.plant import Plant
+from jcontour.tracing import is_concrete
 
 ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's precision
 
@@ -104,37 +103,10 @@ class LinearPlant(Plant):
         return self.C @ state
 
 
-def zoh(A, B, dt: float) -> tuple[Float[Array, "n n"], Float[Array, "n p"]]:
-    """Exact zero-order-hold discretisation of dx/dt = A x + B u: the blocks of expm([[A, B], [0, 0]] dt)."""
-    A, B = jnp.asarray(A), jnp.asarray(B)
-    n, p = B.shape
-    block = jnp.zeros((n + p, n + p), A.dtype).at[:n, :n].set(A).at[:n, n:].set(B)
-    discrete = jsl.expm(block * dt)
-    return discrete[:n, :n], discrete[:n, n:]
 
 
-def with_input_delay(plant: LinearPlant, samples: int) -> LinearPlant:
-    """Model of a plant whose control acts `samples` late: the state gains the line (u(k-1), ..., u(k-samples)).
-
-    Raises:
-        ValueError: `samples` is negative.
-    """
-    if samples < 0:
-        raise ValueError(f"samples: a delay cannot be negative, received {samples}")
-    if samples == 0:
-        return plant
-    n, p, line = plant.states, plant.inputs, samples * plant.inputs
-    A = jnp.zeros((n + line, n + line), plant.A.dtype).at[:n, :n].set(plant.A).at[:n, n + line - p :].set(plant.B)
-    A = A.at[n + p :, n : n + line - p].set(jnp.eye(line - p))
-    B = jnp.zeros((n + line, p), plant.A.dtype).at[n : n + p].set(jnp.eye(p))
-    C = jnp.concatenate([plant.C, jnp.zeros((plant.axes, line), plant.A.dtype)], axis=1)
-    return LinearPlant(A, B, C, plant.dt)
 
 
-def with_input_gains(plant: LinearPlant, gains) -> LinearPlant:
-    """The plant with input i scaled by `gains` (p,): B diag(gains)."""
-    gains = jnp.broadcast_to(jnp.asarray(gains, plant.B.dtype), (plant.inputs,))
-    return eqx.tree_at(lambda p: p.B, plant, plant.B * gains)
 
 
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
@@ -235,9 +207,6 @@ def _steady_equations(A, B, C) -> Float[Array, "n+1 n+1"]:
     return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
 
 
-def is_concrete(*values) -> bool:
-    """Whether every value is a number that the host can look at, none a tracer."""
-    return not any(isinstance(value, Tracer) for value in values)
 
 
 def _floating(value) -> Array:

@@ -21,8 +21,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.linear.plant import is_concrete
 from jcontour.motion.references import Law
+from jcontour.tracing import is_concrete
 
 
 class Shaper(eqx.Module):

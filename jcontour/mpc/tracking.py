@@ -22,7 +22,7 @@ from jcontour.mpc.condense import Condensed, predict
 from jcontour.mpc.limits import Limits, full_limits
 from jcontour.qp.problem import Solution, check_weight
 from jcontour.qp.solvers import DAQP, Solver
-from jcontour.riccati.receding_horizon import check_dare, dare
+from jcontour.riccati.algebraic import check_dare, dare
 
 NO_LIMITS = Limits()
 EXACT_PENALTY = 1e5  # far above the multipliers, which are of order one in the scaled problem

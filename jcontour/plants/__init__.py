@@ -9,7 +9,10 @@ from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSl
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
-from jcontour.plants.wrappers.wrapper import CountingEncoders, Delayed, Disturbed, Encoders, LateSensors, Quantised, Saturated, Sensed
+from jcontour.plants.wrappers.delays import Delayed, LateSensors
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
 __all__ = [

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear.plant import is_concrete
+from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
 

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import LinearPlant, zoh
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
 
 SUBSTEP = 5e-5  # [s] within which the friction torque is held

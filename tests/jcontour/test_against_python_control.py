@@ -18,7 +18,7 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
 
 DT, W, B0 = 1e-3, 87.0, 79.33 / 39.62

@@ -13,10 +13,13 @@ from jcontour.analysis.stability import frozen_spectral_radius
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight, control_weight
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver
 from jcontour.geometry.contours import circle, polyline
-from jcontour.linear.plant import LinearPlant, SteadyMotion, spectral_radius, steady_motion, with_input_gains
+from jcontour.linear.plant import LinearPlant, SteadyMotion, spectral_radius, steady_motion
+from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.wrapper import Delayed, Disturbed, Encoders
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.riccati.receding_horizon import CostToGo, one_stage_back
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references

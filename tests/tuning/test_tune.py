@@ -10,10 +10,10 @@ from scipy.optimize import minimize
 
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, polyline
-from jcontour.linear.plant import with_input_gains
+from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.objectives import AtMost, mean_contour_error, worst_contour_error
 from tuning.parameters import Chart, LQSpace

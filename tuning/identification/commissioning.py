@@ -26,7 +26,7 @@ from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import in_time
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor
-from jcontour.plants.wrappers.wrapper import Disturbed
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 from tuning.identification.instruments import InstrumentedAxis, Instruments, Seen

@@ -12,7 +12,7 @@ from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.evaluation import stack_plants, stack_references
 
 DT = 1e-3  # [s] of the thesis's controllers

@@ -9,7 +9,8 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.held import Held
 from jcontour.host.loop import HostController, Stopped, reported_loop
-from jcontour.linear.plant import LinearPlant, with_input_delay
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, along
 from jcontour.mpc.contouring import MPCC, ContouringWeights

@@ -24,11 +24,12 @@ from jcontour.controllers.lq.contouring_lq import (
 )
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.geometry.contours import circle, line
-from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, spectral_radius, steady_motion, with_input_delay, with_input_gains
+from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, spectral_radius, steady_motion
+from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 from jcontour.simulation.closed_loop import follow, prepared
 from jcontour.simulation.evaluation import member, stack_plants, stack_references

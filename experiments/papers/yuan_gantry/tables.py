@@ -5,6 +5,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from experiments.benchmarks.gantry_engines import show_engines
 from experiments.reports.tables import digits, plain_table, worded_table
 
 
@@ -39,17 +40,5 @@ def _numbers(row: dict[str, Any]) -> list[str]:
     return [*(digits(1e6 * row[name]) for name in names), digits(load), digits(None if remainder is None else 1e3 * remainder)]
 
 
-def show_engines(engines: list[dict[str, Any]], console: Console) -> None:
-    """Agreement and rates of the engines."""
-    ours = engines[0]
-    rows = [
-        [row["engine"], "-" if row is ours else f"{row['difference']:.1e}", *_rate(row["single"], ours["single"]),
-         *_rate(row["batched"], ours["batched"])]
-        for row in engines
-    ]  # fmt: skip
-    alone, together = ("million steps\na second", "of ours"), (f"{ours['batch']:,} at once:\nmillion steps a second", "of ours")
-    console.print(plain_table("Runge-Kutta steps of 0.25 ms in every engine", ("engine", "difference\nof a step", *alone, *together), rows))
 
 
-def _rate(rate: float | None, ours: float) -> tuple[str, str]:
-    return ("-", "-") if rate is None else (digits(rate / 1e6), f"{rate / ours:.2g}")

@@ -8,8 +8,9 @@ contour error becomes 1 / (1 + k) of what it was when both axes have the same k_
 
 from jaxtyping import Array, Float
 
+from jcontour.controller import checked_gain
 from jcontour.controllers.contouring.path_frame import OnPath, PathPlan
-from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, checked_gain
+from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
 
 

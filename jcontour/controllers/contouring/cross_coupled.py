@@ -13,8 +13,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour.controller import checked_gain
 from jcontour.controllers.contouring.path_frame import OnPath, PathFrame, PathPlan
-from jcontour.controllers.feedback.cascade import Cascade, checked_gain
+from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.motion.references import Reference
 
 Axes = Float[Array, " 2"]

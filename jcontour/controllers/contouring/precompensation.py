@@ -11,8 +11,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jcontour.controller import checked_gain
 from jcontour.controllers.contouring.path_frame import OnPath, PathPlan
-from jcontour.controllers.feedback.cascade import Cascade, CascadePlan, checked_gain
+from jcontour.controllers.feedback.cascade import Cascade, CascadePlan
 from jcontour.motion.references import Reference
 
 

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_period
-from jcontour.linear.plant import is_concrete
+from jcontour.controller import Controller, check_limit, check_period, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
+from jcontour.tracing import is_concrete
 
 
 class CascadeGains(eqx.Module):
@@ -54,21 +54,8 @@ class CascadeGains(eqx.Module):
             raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
 
 
-def checked_gain(name: str, value) -> Array:
-    """The gain as an array.
-
-    Raises:
-        ValueError: it is negative or not finite.
-    """
-    if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) >= 0)):
-        raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-    return jnp.asarray(value, float)
 
 
-def check_limit(limit) -> None:
-    """Raise ValueError unless the limits of the control, the same in both directions, are above zero; traced values pass unchecked."""
-    if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
-        raise ValueError(f"limit: needs to be above zero, received {limit}")
 
 
 class CascadePlan(eqx.Module):

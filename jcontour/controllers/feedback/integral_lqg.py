@@ -18,8 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_period
-from jcontour.controllers.feedback.cascade import check_limit
+from jcontour.controller import Controller, check_limit, check_period
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain
 from jcontour.controllers.observers.kalman import check_gain
 from jcontour.linear.plant import LinearPlant, check_stable

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from jcontour.linear.plant import LinearPlant, decoupled_axes, is_concrete
+from jcontour.linear.plant import LinearPlant, decoupled_axes
+from jcontour.tracing import is_concrete
 
 
 def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Array, "p n"]:

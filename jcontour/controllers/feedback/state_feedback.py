@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller
-from jcontour.linear.plant import LinearPlant, is_concrete
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
-from jcontour.riccati.receding_horizon import check_dare, dare, lqr_gain
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain
+from jcontour.tracing import is_concrete
 
 
 class SteadyTarget(eqx.Module):

@@ -14,9 +14,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, check_preview, whole_preview
-from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
+from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
-from jcontour.riccati.receding_horizon import CostToGo, check_dare, dare, output_cost, receding_horizon_plan
+from jcontour.riccati.algebraic import check_dare, dare
+from jcontour.riccati.receding_horizon import CostToGo, output_cost, receding_horizon_plan
+from jcontour.tracing import is_concrete
 
 
 class LQWeights(eqx.Module):

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, check_preview, whole_preview
-from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, is_concrete, steady_motion
+from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
-from jcontour.riccati.receding_horizon import check_dare, dare, lqr_gain, small_inverse
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
+from jcontour.tracing import is_concrete
 
 
 class PreviewLQ(Controller):

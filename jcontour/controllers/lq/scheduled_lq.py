@@ -13,9 +13,11 @@ from jaxtyping import Array, Float
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import LQWeights, RiccatiTerminal, contour_weight, control_weight
 from jcontour.linear.model_schedule import ModelSchedule
-from jcontour.linear.plant import AffinePlan, is_concrete, steady_motion
+from jcontour.linear.plant import AffinePlan, steady_motion
 from jcontour.motion.references import Reference
-from jcontour.riccati.receding_horizon import CostToGo, check_dare, scheduled_plan
+from jcontour.riccati.algebraic import check_dare
+from jcontour.riccati.receding_horizon import CostToGo, scheduled_plan
+from jcontour.tracing import is_concrete
 
 
 class ScheduledLQ(Controller):

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Wrapper, check_period
-from jcontour.linear.plant import is_concrete
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
+from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
 BUTTERWORTH = np.sqrt(0.5)  # damping of the flattest low pass of second order

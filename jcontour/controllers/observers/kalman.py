@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Wrapper, check_period
-from jcontour.controllers.feedback.cascade import check_limit
-from jcontour.linear.plant import LinearPlant, check_stable, is_concrete
+from jcontour.controller import Controller, Wrapper, check_limit, check_period
+from jcontour.linear.plant import LinearPlant, check_stable
 from jcontour.motion.references import Reference
-from jcontour.riccati.receding_horizon import check_dare, dare
+from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.sensors import row
+from jcontour.tracing import is_concrete
 
 
 class ObserverMemory(NamedTuple):

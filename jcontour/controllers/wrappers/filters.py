@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Wrapper
-from jcontour.linear.plant import is_concrete
 from jcontour.motion.references import Reference
+from jcontour.tracing import is_concrete
 
 
 class Biquad(eqx.Module):

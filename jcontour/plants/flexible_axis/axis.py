@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear.plant import is_concrete
 from jcontour.plant import Plant
 from jcontour.plants.friction import Axes, Friction, caught
 from jcontour.plants.integrators import runge_kutta
+from jcontour.tracing import is_concrete
 
 SUBSTEP = 5e-5  # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 UNROLLED = 2  # substeps in one turn of the loop: a third quicker than one; more gain nothing

@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from jcontour.linear.plant import is_concrete
 from jcontour.plant import Plant
+from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
 Phasors = Complex[Array, " m"]

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import LinearPlant, Pattern, zoh
+from jcontour.linear.plant import LinearPlant, Pattern
+from jcontour.linear.transformations import zoh
 from jcontour.plants.flexible_axis.axis import AxisParameters
 
 

@@ -7,7 +7,8 @@ So the model has the bench's viscous friction; the head's is left to F_Nx, which
 
 import jax.numpy as jnp
 
-from jcontour.linear.plant import LinearPlant, with_input_delay, zoh
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay, zoh
 from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors
 from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar

@@ -16,10 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jcontour.linear.plant import LinearPlant, is_concrete, zoh
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, check_on_beam, untwisted
+from jcontour.tracing import is_concrete
 
 X, Y = (0, 3), (1, 4, 2, 5)  # where the thesis's states (x_h, x_h') and (y_N, y_N', theta, theta') stand
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import is_concrete
+from jcontour.tracing import is_concrete
 
 Scalar = Float[Array, ""]
 Coordinates = Float[Array, "3"]

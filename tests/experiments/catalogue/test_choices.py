@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from experiments.catalogue.choices import controllers_for, design_for, machine_named
-from experiments.catalogue.controllers import CONTROLLERS, MACHINES
+from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import MACHINES
 from experiments.options import Simulate
 
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, job_named
-from experiments.catalogue.controllers import CONTOURS
+from experiments.catalogue.contours import CONTOURS
 from experiments.jobs.job import Pace
 from experiments.machines.gantry import CURRENT, ENCODER_RESOLUTION, friction_gantry_machine, gantry_machine
 from experiments.options import Simulate

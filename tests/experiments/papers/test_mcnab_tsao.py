@@ -17,7 +17,7 @@ from experiments.papers.mcnab_tsao.runs import RHO, AnyHorizonLQ, Bench, Law, Me
 from experiments.papers.verdicts import Verdict
 from jcontour.analysis.stability import frozen_spectral_radii
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 
 DATA = Path(__file__).parents[2] / "data" / "mcnab"
 NUMBERS = {"te": "te_um", "ce": "ce_um", "pce": "projected_um", "u": "control", "du": "increment"}

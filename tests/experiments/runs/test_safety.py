@@ -13,7 +13,8 @@ from jcontour.analysis.stability import Margins
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
-from jcontour.plants.wrappers.wrapper import Delayed, Saturated
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.evaluation import stack_references
 
 PATHS = [along(line([x, 0.0], [x + 1e-2, 0.0]), 1e-3 * np.arange(5), 1e-3, 0, at_rest=False) for x in (0.0, 0.5)]

@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 
 from experiments.files.checkpoints import load_state, save_state
-from experiments.files.netcdf import load_dataset, rollouts, save_dataset, save_gains
+from experiments.files.netcdf import load_dataset, save_dataset, save_gains
 from experiments.jobs.replays import replay
 from experiments.options import Tune
 from experiments.reports.progress import progress
+from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning import tuning_run
 from jcontour.simulation.evaluation import member
 from tuning.tune import TuneState, advance

@@ -35,7 +35,8 @@ from experiments.video.frames import (
 from experiments.video.gantry_video import FPS, LONGEST, SHORTEST, Pace, pose
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.wrapper import Delayed, Saturated
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.saturation import Saturated
 
 
 @pytest.fixture

@@ -16,13 +16,16 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
 from jcontour.geometry.contours import circle, line
-from jcontour.linear.plant import LinearPlant, with_input_delay, with_input_gains
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import along
 from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import tangent
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.wrapper import Delayed, Encoders, Saturated
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import Sensors
 
 

@@ -11,7 +11,7 @@ from jcontour.host.observed import ObservedHost
 from jcontour.motion.references import along
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
-from jcontour.plants.wrappers.wrapper import Encoders
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import simulate
 
 WEIGHTS, N = LQWeights(3.0, 50.0, 2e-8), 4

@@ -6,19 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
-from jcontour.linear.plant import (
-    LinearPlant,
-    Pattern,
-    check_stable,
-    decoupled_axes,
-    spectral_radius,
-    steady_motion,
-    with_input_delay,
-    with_input_gains,
-    zoh,
-)
+from jcontour.linear.plant import LinearPlant, Pattern, check_stable, decoupled_axes, spectral_radius, steady_motion
+from jcontour.linear.transformations import with_input_delay, with_input_gains, zoh
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 
 
 def block(*blocks):

@@ -99,7 +99,7 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
 def test_rows_out_of_reach_are_left_out(coupled_plant):
     """A control that acts two samples late cannot change the first output."""
     plant = coupled_plant(1, 5, 2)
-    from jcontour.linear.plant import with_input_delay
+    from jcontour.linear.transformations import with_input_delay
 
     late = with_input_delay(plant, 1)
     rows = limit_rows(late, predict(late, N), full_limits(Limits.within(output=1.0), late))

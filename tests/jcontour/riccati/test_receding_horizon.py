@@ -6,7 +6,8 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jcontour.linear.plant import LinearPlant, spectral_radius
-from jcontour.riccati.receding_horizon import CostToGo, check_dare, dare, lqr_gain, receding_horizon_plan, scheduled_plan, small_inverse
+from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
+from jcontour.riccati.receding_horizon import CostToGo, receding_horizon_plan, scheduled_plan
 
 
 def system(seed, states, inputs, radius=1.2):

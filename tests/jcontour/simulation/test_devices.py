@@ -5,7 +5,7 @@ import pytest
 
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
-from jcontour.linear.plant import with_input_gains
+from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.simulation.devices import Spread, device_mesh
 from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references

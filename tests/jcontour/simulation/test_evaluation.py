@@ -5,10 +5,10 @@ import pytest
 
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line, polyline
-from jcontour.linear.plant import with_input_gains
+from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.wrappers.wrapper import Delayed
+from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.evaluation import (
     all_at_once,

@@ -10,7 +10,7 @@ from jcontour.geometry.contours import circle
 from jcontour.linear.plant import AffinePlan
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport
-from jcontour.plants.wrappers.wrapper import Saturated
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation import programs
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.programs import run_program

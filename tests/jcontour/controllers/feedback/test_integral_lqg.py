@@ -9,13 +9,15 @@ from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.observers.kalman import FilterObserver, OffsetFreeObserver, kalman_gain, offset_free_gain
 from jcontour.geometry.contours import line
-from jcontour.linear.plant import with_input_gains
+from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Disturbed, Saturated, Sensed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import Sensed
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -14,7 +14,7 @@ from jcontour.motion.references import along
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.simulation.closed_loop import simulate
 
 DT, PREVIEW, T = 2e-3, 6, 9

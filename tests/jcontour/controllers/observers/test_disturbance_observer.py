@@ -5,9 +5,10 @@ import pytest
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
-from jcontour.linear.plant import LinearPlant, zoh
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import zoh
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.plants.wrappers.wrapper import Disturbed
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

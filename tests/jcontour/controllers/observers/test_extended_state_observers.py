@@ -12,7 +12,7 @@ from jcontour.controllers.observers.extended_state_observers import NLESO, Curre
 from jcontour.motion.point_to_point import thesis_task_a, thesis_task_b
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Disturbed
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -15,7 +15,9 @@ from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Disturbed, Encoders, Saturated, Sensed
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import Encoders, Sensed
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.closed_loop import simulate
 
 

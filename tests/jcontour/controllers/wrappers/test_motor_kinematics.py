@@ -9,7 +9,7 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders
 from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 

@@ -12,7 +12,7 @@ from jcontour.motion.references import along, in_time
 from jcontour.plants.flexible_axis.axis import AxisParameters
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 

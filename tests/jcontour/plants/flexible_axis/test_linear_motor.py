@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.wrapper import Disturbed
+from jcontour.plants.wrappers.disturbances import Disturbed
 
 PERIOD, DT = 1e-4, 1e-3
 R, L, K_E, TAU = 12.51, 10.7e-3, 52.89, 0.0875

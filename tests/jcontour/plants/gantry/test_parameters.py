@@ -5,7 +5,7 @@ import pytest
 
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import GantryParameters, check_on_beam, thesis_gantry
-from jcontour.plants.wrappers.wrapper import Sensed
+from jcontour.plants.wrappers.encoders import Sensed
 
 
 def test_the_thesis_gantry_is_that_of_the_reference_data(reference_gantry):

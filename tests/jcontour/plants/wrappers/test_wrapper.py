@@ -4,17 +4,11 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
-from jcontour.plants.wrappers.wrapper import (
-    CountingEncoders,
-    Delayed,
-    Disturbed,
-    Encoders,
-    FineEncoders,
-    LateSensors,
-    Quantised,
-    Saturated,
-    unwrapped,
-)
+from jcontour.plants.wrappers.delays import Delayed, LateSensors
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, FineEncoders, Quantised
+from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.plants.wrappers.wrapper import unwrapped
 from jcontour.sensors import Sensors, motors
 
 

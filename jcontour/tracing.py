@@ -1,0 +1,9 @@
+"""Is a value a number that the host can look at, or a tracer inside a JAX transformation?"""
+
+from jax.core import Tracer
+
+
+def is_concrete(*values) -> bool:
+    """Whether every value is a number that the host can look at, none a tracer."""
+    return not any(isinstance(value, Tracer) for value in values)
+
