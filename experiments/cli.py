@@ -40,7 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         how = str(interruption)
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
         return INTERRUPTED
-    except (ValueError, OSError) as error:  # ours are ValueErrors; anything else is a fault of this program and keeps its traceback
+    except (
+        ValueError,
+        OSError,
+        # ours are ValueErrors; anything else is a fault of this program and keeps its traceback
+    ) as error:
         if os.environ.get(TRACEBACK):  # a ValueError may be a fault too: NumPy and JAX raise them
             raise
         print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
@@ -51,11 +55,16 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
     flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
-    return flags, lambda flags: import_module(COMMANDS[type(flags)][1]).command(flags)  # devices are set up before it is imported
+    return flags, lambda flags: import_module(COMMANDS[type(flags)][1]).command(
+        flags
+    )  # devices are set up before it is imported
 
 
 def _any_command() -> Any:
-    choices = tuple(Annotated[kind, tyro.conf.subcommand(name, prefix_name=False)] for kind, (name, _) in COMMANDS.items())
+    choices = tuple(
+        Annotated[kind, tyro.conf.subcommand(name, prefix_name=False)]
+        for kind, (name, _) in COMMANDS.items()
+    )
     return Union[choices]  # noqa: UP007  (made from a tuple)
 
 

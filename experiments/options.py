@@ -43,7 +43,8 @@ class Controlled(MachineFlags):
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution (stable on straight lines)."""
-    alpha: float = 1.2  # with beta = 20 the best contour error that McNab & Tsao found by hand (Table 1, case II)
+    # with beta = 20 the best contour error that McNab & Tsao found by hand (Table 1, case II)
+    alpha: float = 1.2
     """LQ: start weight on the tracking error [1/m^2]."""
     beta: float = 20.0
     """LQ: start weight on the contour error [1/m^2]."""
@@ -116,7 +117,9 @@ class Tune(Spreading):
     """Descent steps between two updates of the limits' multipliers."""
     outer_steps: int = 4  # enough for a tenth of a per cent within the minute
     """Most updates of the limits' multipliers in one descent."""
-    tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
+    tolerance: float = (
+        1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
+    )
     """Relative change of objective and weights at which a descent ends."""
 
 

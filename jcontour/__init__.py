@@ -5,7 +5,9 @@ import os as _os
 import jax as _jax
 
 if _os.environ.get("JAX_ENABLE_X64", "1") not in ("0", "false", "False"):
-    _jax.config.update("jax_enable_x64", True)  # micrometres on metres, and the DARE, need double precision
+    _jax.config.update(
+        "jax_enable_x64", True
+    )  # micrometres on metres, and the DARE, need double precision
 
 from jcontour.analysis.stability import frozen_spectral_radius, margins
 from jcontour.geometry import contours, toolpaths

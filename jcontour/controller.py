@@ -29,7 +29,9 @@ class Controller(eqx.Module):
         """Memory before the first step of a run that starts as the reference says."""
 
     @abc.abstractmethod
-    def step(self, memory: Memory, plan: Plan, measurement: Any) -> tuple[Memory, Float[Array, " p"]]:
+    def step(
+        self, memory: Memory, plan: Plan, measurement: Any
+    ) -> tuple[Memory, Float[Array, " p"]]:
         """Next memory and the control, from one row of the plan and what the sensors give now."""
 
 
@@ -51,7 +53,9 @@ class Wrapper(Controller):
 def whole_preview(preview: int) -> int:
     """The preview as an int; ValueError unless it is a whole number of at least one sample."""
     if not (preview == int(preview) and preview >= 1):
-        raise ValueError(f"preview: needs a whole number of samples, at least one, received {preview}")
+        raise ValueError(
+            f"preview: needs a whole number of samples, at least one, received {preview}"
+        )
     return int(preview)
 
 
@@ -66,7 +70,9 @@ def check_preview(controller: Controller, reference: Reference) -> None:
 def check_period(dt: float, reference: Reference) -> None:
     """Raise ValueError unless the reference has the sample period [s] that the controller was made for."""
     if reference.dt != dt:
-        raise ValueError(f"dt: the controller is sampled every {dt} s, the reference every {reference.dt} s")
+        raise ValueError(
+            f"dt: the controller is sampled every {dt} s, the reference every {reference.dt} s"
+        )
 
 
 def checked_gain(name: str, value) -> Array:

@@ -26,10 +26,15 @@ class Sensors(eqx.Module):
     scale: Float[Array, "*m"]
 
     def __init__(self, position, velocity=(), scale=1.0):
-        self.position, self.velocity = tuple(int(i) for i in position), tuple(int(i) for i in velocity)
+        self.position, self.velocity = (
+            tuple(int(i) for i in position),
+            tuple(int(i) for i in velocity),
+        )
         alike = not self.velocity or len(self.position) == len(self.velocity)
         if not alike or not self.position or min(self.position + self.velocity) < 0:
-            raise ValueError(f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}")
+            raise ValueError(
+                f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}"
+            )
         self.scale = jnp.asarray(scale, float)
 
     @property

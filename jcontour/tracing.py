@@ -6,4 +6,3 @@ from jax.core import Tracer
 def is_concrete(*values) -> bool:
     """Whether every value is a number that the host can look at, none a tracer."""
     return not any(isinstance(value, Tracer) for value in values)
-

@@ -17,9 +17,13 @@ def pytest_configure(config):
     hypothesis.settings.load_profile("untimed")
     config.addinivalue_line("filterwarnings", "error")
     config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
-    config.addinivalue_line("filterwarnings", "ignore:.*os.fork.*:RuntimeWarning")  # subprocess of the command-line tests
+    config.addinivalue_line(
+        "filterwarnings", "ignore:.*os.fork.*:RuntimeWarning"
+    )  # subprocess of the command-line tests
     config.addinivalue_line("filterwarnings", "ignore::ResourceWarning")
-    config.addinivalue_line("filterwarnings", "ignore:The Pallas Triton backend is deprecated")  # the other one has no float64
+    config.addinivalue_line(
+        "filterwarnings", "ignore:The Pallas Triton backend is deprecated"
+    )  # the other one has no float64
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:
@@ -27,7 +31,9 @@ def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> Linea
     random = np.random.default_rng(seed)
     A = random.standard_normal((states, states))
     A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
-    return LinearPlant(A, random.standard_normal((states, axes)), random.standard_normal((axes, states)), dt)
+    return LinearPlant(
+        A, random.standard_normal((states, axes)), random.standard_normal((axes, states)), dt
+    )
 
 
 @pytest.fixture(scope="session")
@@ -59,11 +65,17 @@ def _closed_loop(name: str):
 
     machine = MACHINES[CONTROLLERS[name].on]()
     design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
-    plants = [machine.model] * 2 if design.measured == "state" else [machine.smooth_family()[0], machine.true_family()[0]]
+    plants = (
+        [machine.model] * 2
+        if design.measured == "state"
+        else [machine.smooth_family()[0], machine.true_family()[0]]
+    )
     contour = line([0.0], [1e-2]) if len(machine.axes) == 1 else circle(1e-3)
 
     def reference(steps: int):
-        return along(contour, 2.5e-5 * np.arange(steps), machine.model.dt, design.preview, at_rest=False)
+        return along(
+            contour, 2.5e-5 * np.arange(steps), machine.model.dt, design.preview, at_rest=False
+        )
 
     return plants, design.build(design.start), reference
 

@@ -56,7 +56,14 @@ def disturbed_start(plant, reference):
 def shifted(state, size):
     """A state with every number moved at random, counters left alone."""
     random = np.random.default_rng(0)
-    return jax.tree.map(lambda x: x + size * random.standard_normal(x.shape) if jnp.issubdtype(x.dtype, jnp.inexact) else x, state)
+    return jax.tree.map(
+        lambda x: (
+            x + size * random.standard_normal(x.shape)
+            if jnp.issubdtype(x.dtype, jnp.inexact)
+            else x
+        ),
+        state,
+    )
 
 
 def numbers(tree):
@@ -71,11 +78,15 @@ def test_jit_is_no_jit(loop, ran, name):
     plan = controller.prepare(reference)
     controls = []
     for k in range(2):
-        memory, control = controller.step(memory, jax.tree.map(lambda rows, k=k: rows[k], plan), plant.measure(state))
+        memory, control = controller.step(
+            memory, jax.tree.map(lambda rows, k=k: rows[k], plan), plant.measure(state)
+        )
         state = plant.step(state, control)
         controls.append(control)
     wanted = np.asarray(ran(name).control)
-    np.testing.assert_allclose(np.array(controls), wanted[:2], rtol=0, atol=1e-9 * np.abs(wanted).max())
+    np.testing.assert_allclose(
+        np.array(controls), wanted[:2], rtol=0, atol=1e-9 * np.abs(wanted).max()
+    )
 
 
 @pytest.mark.parametrize("name", some_slow(CONTROLLERS))
@@ -84,8 +95,14 @@ def test_vmap_over_references_is_a_loop(closed_loop, name):
     stacked = stack_references([reference(STEPS), reference(STEPS - 1)])
     batched = jax.jit(jax.vmap(lambda r: simulate(plant, controller, r)))(stacked)
     for i in range(2):
-        for found, wanted in zip(numbers(member(batched, i)), numbers(simulate(plant, controller, member(stacked, i))), strict=True):
-            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * max(np.abs(wanted).max(), 1e-30))
+        for found, wanted in zip(
+            numbers(member(batched, i)),
+            numbers(simulate(plant, controller, member(stacked, i))),
+            strict=True,
+        ):
+            np.testing.assert_allclose(
+                found, wanted, rtol=0, atol=1e-9 * max(np.abs(wanted).max(), 1e-30)
+            )
 
 
 @pytest.mark.parametrize("name", some_slow(SMOOTH))
@@ -93,15 +110,27 @@ def test_gradients_are_those_of_differences(loop, name):
     """Of a scalar of the metrics, to the start state and to the controller's numbers."""
     plant, controller, reference = loop(name)
     start, counters = eqx.partition(disturbed_start(plant, reference), eqx.is_inexact_array)
-    moving, fixed = eqx.partition(controller, lambda leaf: eqx.is_inexact_array(leaf) and np.isfinite(leaf).all())  # no limit: none to move
-    error = "rms_tracking_error" if MACHINES[CONTROLLERS[name].on]().error == "tracking" else "rms_contour_error"
+    moving, fixed = eqx.partition(
+        controller, lambda leaf: eqx.is_inexact_array(leaf) and np.isfinite(leaf).all()
+    )  # no limit: none to move
+    error = (
+        "rms_tracking_error"
+        if MACHINES[CONTROLLERS[name].on]().error == "tracking"
+        else "rms_contour_error"
+    )
 
     @jax.jit
     def value(state, change):
-        scaled = jax.tree.map(lambda leaf, c: leaf * (1 + c), moving, change)  # relative: numbers of any size alike
+        scaled = jax.tree.map(
+            lambda leaf, c: leaf * (1 + c), moving, change
+        )  # relative: numbers of any size alike
         run = simulate(plant, eqx.combine(scaled, fixed), reference, eqx.combine(state, counters))
         metrics = score(run, reference)
-        return jnp.log(getattr(metrics, error)) + jnp.log(metrics.rms_tracking_error) + 0.1 * jnp.log(metrics.rms_increment)
+        return (
+            jnp.log(getattr(metrics, error))
+            + jnp.log(metrics.rms_tracking_error)
+            + 0.1 * jnp.log(metrics.rms_increment)
+        )
 
     random = np.random.default_rng(1)
     none = jax.tree.map(jnp.zeros_like, moving)
@@ -109,16 +138,28 @@ def test_gradients_are_those_of_differences(loop, name):
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
     direction = jax.tree.map(lambda leaf: 1e-6 * random.standard_normal(leaf.shape), start)
     h = 1e-4
-    ahead, behind = (float(value(jax.tree.map(lambda x, d, s=s: x + s * h * d, start, direction), none)) for s in (1, -1))
-    assert product(slopes[0], direction) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5, abs=ROUNDING)
+    ahead, behind = (
+        float(value(jax.tree.map(lambda x, d, s=s: x + s * h * d, start, direction), none))
+        for s in (1, -1)
+    )
+    assert product(slopes[0], direction) == pytest.approx(
+        (ahead - behind) / (2 * h), rel=1e-5, abs=ROUNDING
+    )
     change = jax.tree.map(lambda leaf: jnp.asarray(random.standard_normal(leaf.shape)), moving)
     step = 1e-6
-    ahead, behind = (float(value(start, jax.tree.map(lambda c, s=s: s * step * c, change))) for s in (1, -1))
-    assert product(slopes[1], change) == pytest.approx((ahead - behind) / (2 * step), rel=1e-5, abs=ROUNDING)
+    ahead, behind = (
+        float(value(start, jax.tree.map(lambda c, s=s: s * step * c, change))) for s in (1, -1)
+    )
+    assert product(slopes[1], change) == pytest.approx(
+        (ahead - behind) / (2 * step), rel=1e-5, abs=ROUNDING
+    )
 
 
 def product(slopes, change):
-    return sum(float(jnp.sum(a * b)) for a, b in zip(jax.tree.leaves(slopes), jax.tree.leaves(change), strict=True))
+    return sum(
+        float(jnp.sum(a * b))
+        for a, b in zip(jax.tree.leaves(slopes), jax.tree.leaves(change), strict=True)
+    )
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -156,11 +197,16 @@ def test_plants_hold_still_and_keep_their_types(name):
         return plant.step(state, control), plant.output(state), plant.measure(state)
 
     after, again = advance(start), advance(start)
-    assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), after[0]) == jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), start)
+    assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), after[0]) == jax.tree.map(
+        lambda leaf: (leaf.shape, leaf.dtype), start
+    )
     for a, b in zip(jax.tree.leaves(after), jax.tree.leaves(again), strict=True):
         np.testing.assert_array_equal(a, b)
     assert after[1].dtype == jnp.float64
     rest = plant.initial_state(jnp.zeros(axes), jnp.zeros(axes))
     moved = eqx.filter_jit(plant.step)(rest, 0 * control)
-    still = all(np.array_equal(now, before) for now, before in zip(jax.tree.leaves(moved), jax.tree.leaves(rest), strict=True))
+    still = all(
+        np.array_equal(now, before)
+        for now, before in zip(jax.tree.leaves(moved), jax.tree.leaves(rest), strict=True)
+    )
     assert still is PLANTS[name].still

@@ -26,7 +26,9 @@ MODULES = [
 def test_has_a_test_file(module):
     folder, _, name = module.rpartition("/")
     expected = ROOT / ELSEWHERE.get(module, f"tests/{folder}/test_{name}")
-    assert expected.is_file() and "def test_" in expected.read_text(), f"{module} needs {expected.relative_to(ROOT)}"
+    assert expected.is_file() and "def test_" in expected.read_text(), (
+        f"{module} needs {expected.relative_to(ROOT)}"
+    )
 
 
 def test_exceptions_are_still_needed():

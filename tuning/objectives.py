@@ -1,6 +1,7 @@
 """What to make small and what to respect: functions of Metrics with axes (contour, plant).
 
-An objective returns positive values, the largest of which is made small (one value is simply made small). A limit returns a vector
+An objective returns positive values, the largest of which is made small (one value is simply made
+small). A limit returns a vector
 that must not be above zero: ln(value / limit), so that a per cent counts alike on every machine.
 """
 
@@ -57,16 +58,23 @@ class AtMost(eqx.Module):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
         for name, limit in limits.items():
             if name not in known:
-                raise ValueError(f"{name}: there is no such metric to limit; known are {', '.join(known)}")
+                raise ValueError(
+                    f"{name}: there is no such metric to limit; known are {', '.join(known)}"
+                )
             if not limit > 0:
                 raise ValueError(f"{name}: a limit needs to be positive, received {limit}")
         self.names, self.bounds = tuple(limits), jnp.asarray(list(limits.values()), float)
 
     def __call__(self, metrics: Metrics) -> Float[Array, " c"]:
         """ln(value / limit), one entry per limit, contour and plant."""
-        parts = [jnp.ravel(_log(getattr(metrics, name) / bound)) for name, bound in zip(self.names, self.bounds, strict=True)]
+        parts = [
+            jnp.ravel(_log(getattr(metrics, name) / bound))
+            for name, bound in zip(self.names, self.bounds, strict=True)
+        ]
         return jnp.concatenate(parts) if parts else no_limits(metrics)
 
 
 def _log(value: Float[Array, "..."]) -> Float[Array, "..."]:
-    return jnp.log(jnp.maximum(value, 1e-30))  # 1e-30: nothing measurable is smaller, and ln 0 would have no gradient
+    return jnp.log(
+        jnp.maximum(value, 1e-30)
+    )  # 1e-30: nothing measurable is smaller, and ln 0 would have no gradient

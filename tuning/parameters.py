@@ -1,6 +1,7 @@
 """Which weights are free, and where they may go: a tree of constraints that mirrors the tree of weights.
 
-    space = LQWeights-shaped tree, one entry per weight:  Positive() | Interval(low, high) | Free() | Fixed()
+    space = LQWeights-shaped tree, one entry per weight:  Positive() | Interval(low, high) | Free()
+    | Fixed()
 
 Each entry maps its weight to an unbounded coordinate z, in which the tuner moves without limits.
 """
@@ -61,7 +62,9 @@ class Interval(Parameter):
 
     def __check_init__(self):
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"Interval: needs finite bounds with low < high, received {self.low} and {self.high}")
+            raise ValueError(
+                f"Interval: needs finite bounds with low < high, received {self.low} and {self.high}"
+            )
 
     def coordinate(self, weight):
         """logit of the place between the bounds."""
@@ -120,7 +123,9 @@ class LQSpace(NamedTuple):
 
     alpha: Parameter = Positive()
     beta: Parameter = Positive()
-    rho: Parameter = Fixed()  # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
+    rho: Parameter = (
+        Fixed()
+    )  # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
     stage: Parameter | None = None
 
 
@@ -134,12 +139,15 @@ class Chart(NamedTuple):
         """z (d,) of the start.
 
         Raises:
-            ValueError: the space does not mirror the weights, a start lies outside of its parameter, or nothing is free.
+            ValueError: the space does not mirror the weights, a start lies outside of its
+                parameter, or nothing is free.
         """
         parts = []
         for (path, parameter), weight in zip(*self._pairs(), strict=True):
             if not parameter.allows(np.asarray(weight)):
-                raise ValueError(f"{jax.tree_util.keystr(path)}: the start {weight} lies outside of {parameter}")
+                raise ValueError(
+                    f"{jax.tree_util.keystr(path)}: the start {weight} lies outside of {parameter}"
+                )
             parts.append(jnp.ravel(parameter.coordinate(jnp.asarray(weight))))
         z = jnp.concatenate(parts)
         if z.size == 0:
@@ -160,8 +168,12 @@ class Chart(NamedTuple):
         return jax.tree.unflatten(jax.tree.structure(self.start), leaves)
 
     def _pairs(self):
-        parameters = jax.tree_util.tree_leaves_with_path(self.space, is_leaf=lambda node: isinstance(node, Parameter))
+        parameters = jax.tree_util.tree_leaves_with_path(
+            self.space, is_leaf=lambda node: isinstance(node, Parameter)
+        )
         weights = jax.tree.leaves(self.start)
         if len(parameters) != len(weights):
-            raise ValueError(f"space: needs one parameter per weight, received {len(parameters)} for {len(weights)} weights")
+            raise ValueError(
+                f"space: needs one parameter per weight, received {len(parameters)} for {len(weights)} weights"
+            )
         return parameters, weights

@@ -1,7 +1,8 @@
 """The trade-off front: the best value of the objective for each of several budgets.
 
-Each budget is a tuning problem of its own; the search goes from one to the next, begins where the last one ended, and every point
-ever evaluated counts for every budget that it satisfies, so that a larger budget is never worse.
+Each budget is a tuning problem of its own; the search goes from one to the next, begins where the
+last one ended, and every point ever evaluated counts for every budget that it satisfies, so that a
+larger budget is never worse.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,8 +36,11 @@ class FrontState:
 
 
 def trade_off_front(
-    problems: Sequence[Problem], start: Weights, settings: Settings = Settings(), on_step: Callable[[FrontState], None] = lambda state: None
-) -> list[FrontPoint]:  # fmt: skip
+    problems: Sequence[Problem],
+    start: Weights,
+    settings: Settings = Settings(),
+    on_step: Callable[[FrontState], None] = lambda state: None,
+) -> list[FrontPoint]:
     """One point per problem; the problems differ in their limits only (`AtMost` with growing budgets).
 
     Raises:
@@ -56,7 +60,9 @@ def done(problems: Sequence[Problem], state: FrontState) -> bool:
     return len(state.histories) == len(problems)
 
 
-def advance_front(problems: Sequence[Problem], start: Weights, settings: Settings, state: FrontState) -> FrontState:
+def advance_front(
+    problems: Sequence[Problem], start: Weights, settings: Settings, state: FrontState
+) -> FrontState:
     """One step of the budget in progress, or the move to the next one."""
     problem = problems[len(state.histories)]
     if state.run.done:
@@ -66,7 +72,9 @@ def advance_front(problems: Sequence[Problem], start: Weights, settings: Setting
     return replace(state, run=advance(problem, weights, settings, state.run))
 
 
-def front_points(problems: Sequence[Problem], start: Weights, state: FrontState) -> list[FrontPoint]:
+def front_points(
+    problems: Sequence[Problem], start: Weights, state: FrontState
+) -> list[FrontPoint]:
     """The best of everything evaluated so far for each budget searched.
 
     Raises:
@@ -76,15 +84,23 @@ def front_points(problems: Sequence[Problem], start: Weights, state: FrontState)
     for problem in problems[: len(state.histories)]:
         best = _best(problem, state.histories)
         if best is None:
-            raise ValueError("every start diverges: begin with a stabilising controller (see frozen_spectral_radius)")
+            raise ValueError(
+                "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
+            )
         weights = Chart(problem.space, start).weights(jnp.asarray(best.z))
-        points.append(FrontPoint(weights, best.metrics, best.objective, _violation(problem, best) <= FEASIBLE))
+        points.append(
+            FrontPoint(weights, best.metrics, best.objective, _violation(problem, best) <= FEASIBLE)
+        )
     return points
 
 
 def _best(problem: Problem, histories: Sequence[list[Evaluated]]) -> Evaluated | None:
     sound = [row for history in histories for row in history if not row.diverged]
-    return min(sound, key=lambda row: (max(_violation(problem, row), FEASIBLE), row.objective), default=None)
+    return min(
+        sound,
+        key=lambda row: (max(_violation(problem, row), FEASIBLE), row.objective),
+        default=None,
+    )
 
 
 def _violation(problem: Problem, row: Evaluated) -> float:

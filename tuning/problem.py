@@ -20,9 +20,12 @@ from tuning.parameters import Chart, Weights
 
 Numbers = Array | np.ndarray  # inside jit or on the host
 
-SHARPNESS = 16.0  # of the smooth maximum: low enough for a curved valley to stay easy, the shares do the rest
+# of the smooth maximum: low enough for a curved valley to stay easy, the shares do the rest
+SHARPNESS = 16.0
 LEAST_SHARE = 1e-6  # a value that does not matter now may come back
-LIMIT_MARGIN = 1e-5  # the tuner aims this hair inside every limit, so that its last point is feasible to 1e-6 without a repair
+# the tuner aims this hair inside every limit, so that its last point is feasible to 1e-6 without a
+# repair
+LIMIT_MARGIN = 1e-5
 
 
 class Problem(eqx.Module):
@@ -36,7 +39,8 @@ class Problem(eqx.Module):
         limits: metrics -> vector that must not be above zero.
         space: one parameter per weight, see `parameters`.
         window: samples a..b-1 that are scored; all when None.
-        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen by the platform when None.
+        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
+            by the platform when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)
@@ -50,14 +54,21 @@ class Problem(eqx.Module):
 
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""
-        return evaluate(self.build(weights), self.plants, self.references, self.window, self.batching)
+        return evaluate(
+            self.build(weights), self.plants, self.references, self.window, self.batching
+        )
 
     def counts(self) -> tuple[int, int]:
         """Number of limits, and of values that the objective returns."""
         runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
 
         def both():
-            metrics = Metrics(**{row.name: jnp.ones(runs, bool if row.name == "diverged" else float) for row in fields(Metrics)})
+            metrics = Metrics(
+                **{
+                    row.name: jnp.ones(runs, bool if row.name == "diverged" else float)
+                    for row in fields(Metrics)
+                }
+            )
             return self.limits(metrics), self.objective(metrics)
 
         limits, values = jax.eval_shape(both)
@@ -70,7 +81,9 @@ def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -
     return largest * jnp.sum(shares * (values / largest) ** SHARPNESS) ** (1 / SHARPNESS)
 
 
-def earned_shares(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[np.ndarray, " v"]:
+def earned_shares(
+    values: Float[Numbers, " v"], shares: Float[Numbers, " v"]
+) -> Float[np.ndarray, " v"]:
     """Next shares, in proportion to share v^p (the exponential method of multipliers for a minimax)."""
     earned = shares * (values / np.max(values)) ** SHARPNESS
     return np.maximum(earned / np.sum(earned), LEAST_SHARE)
@@ -82,7 +95,9 @@ class Merit(NamedTuple):
     multipliers: Float[Numbers, " c"]
     penalty: Float[Numbers, ""]
     scale: Float[Numbers, ""]  # of the objective
-    shares: Float[Numbers, " v"]  # of the objective's values in the smooth maximum: their multipliers, with sum one
+    shares: Float[
+        Numbers, " v"
+    ]  # of the objective's values in the smooth maximum: their multipliers, with sum one
 
 
 class Point(NamedTuple):
@@ -102,16 +117,21 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"], meri
 
     f is the smooth maximum of the objective's values under the shares they have earned so far.
 
-    A point where any member of the family diverges on any contour is `diverged`; its other numbers mean nothing.
+    A point where any member of the family diverges on any contour is `diverged`; its other numbers
+    mean nothing.
     """
 
     def lagrangian(z):
         metrics = problem.metrics(Chart(problem.space, start).weights(z))
         objective, limits = problem.objective(metrics), problem.limits(metrics)
         pressure = jnp.maximum(0.0, merit.multipliers + merit.penalty * (limits + LIMIT_MARGIN))
-        value = smooth_maximum(objective, merit.shares) / merit.scale + jnp.sum(pressure**2 - merit.multipliers**2) / (2 * merit.penalty)
+        value = smooth_maximum(objective, merit.shares) / merit.scale + jnp.sum(
+            pressure**2 - merit.multipliers**2
+        ) / (2 * merit.penalty)
         return value, (objective, limits, metrics)
 
-    (value, (objective, limits, metrics)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(z)
+    (value, (objective, limits, metrics)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(
+        z
+    )
     finite = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
     return Point(value, gradient, objective, limits, metrics, jnp.any(metrics.diverged) | ~finite)

@@ -1,6 +1,7 @@
 """Many designs at once: metrics (design, contour, plant) of a batch of weights, and the batches to sweep.
 
-The preview is an integer that shapes the program, so it is swept by the caller, one compiled program each.
+The preview is an integer that shapes the program, so it is swept by the caller, one compiled
+program each.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,9 +22,13 @@ from tuning.parameters import Weights
 
 @eqx.filter_jit
 def sweep(
-    build: Callable[[Weights], Controller], designs: Weights, plants: Plant, references: Reference,
-    window: tuple[int, int] | None = None, batching: Batching | None = None,
-) -> Metrics:  # fmt: skip
+    build: Callable[[Weights], Controller],
+    designs: Weights,
+    plants: Plant,
+    references: Reference,
+    window: tuple[int, int] | None = None,
+    batching: Batching | None = None,
+) -> Metrics:
     """Metrics with axes (design, contour, plant); a diverged design is flagged, not dropped.
 
     Args:
@@ -32,7 +37,8 @@ def sweep(
         plants: the family, stacked.
         references: the contours, stacked.
         window: samples a..b-1 that are scored; all when not given.
-        batching: how designs are batched, on one device or on several (`devices.Spread`); chosen by the platform when not given.
+        batching: how designs are batched, on one device or on several (`devices.Spread`); chosen by
+            the platform when not given.
     """
     batching = platform_batching() if batching is None else batching
     return batching(lambda weights: evaluate(build(weights), plants, references, window), designs)
@@ -51,7 +57,9 @@ def grid(**values: Sequence[float]) -> dict[str, Float[Array, " D"]]:
     return {name: jnp.asarray(column.ravel()) for name, column in zip(values, mesh, strict=True)}
 
 
-def random_sample(count: int, seed: int, **ranges: tuple[float, float]) -> dict[str, Float[Array, " D"]]:
+def random_sample(
+    count: int, seed: int, **ranges: tuple[float, float]
+) -> dict[str, Float[Array, " D"]]:
     """`count` designs, each named value drawn on a logarithmic scale between its two positive bounds.
 
     Raises:
@@ -61,9 +69,14 @@ def random_sample(count: int, seed: int, **ranges: tuple[float, float]) -> dict[
         raise ValueError(f"count: needs at least one design, received {count}")
     for name, (low, high) in ranges.items():
         if not 0 < low <= high < np.inf:
-            raise ValueError(f"{name}: needs bounds with 0 < low <= high, received {low} and {high}")
+            raise ValueError(
+                f"{name}: needs bounds with 0 < low <= high, received {low} and {high}"
+            )
     random = np.random.default_rng(seed)
-    return {name: jnp.asarray(np.exp(random.uniform(np.log(low), np.log(high), count))) for name, (low, high) in ranges.items()}
+    return {
+        name: jnp.asarray(np.exp(random.uniform(np.log(low), np.log(high), count)))
+        for name, (low, high) in ranges.items()
+    }
 
 
 def design(designs: Weights, index: int) -> Weights:

@@ -1,12 +1,16 @@
 """The tuner: multi-start, L-BFGS directions from optax, hard limits by an augmented Lagrangian, the best feasible point kept.
 
-A run is a sequence of `advance` calls on a `TuneState`, which holds everything: saved after any of them and loaded again, a run
-ends with the same bits. First scattered points are looked at; then the start that was given and the most promising of those
-points are descended from:
-    inner: minimise L(z; lambda, mu) along L-BFGS directions, steps cut back until L falls and no run diverges
-    outer: lambda <- max(0, lambda + mu c);  mu grows when the violation does not shrink to a quarter;
-           of several values to make small, those near the largest earn shares in the smooth maximum;
-           near the limits the objective is scaled by its last value: L then means the same for coarse and fine optima
+A run is a sequence of `advance` calls on a `TuneState`, which holds everything: saved after any of
+them and loaded again, a run ends with the same bits. First scattered points are looked at; then the
+start that was given and the most promising of those points are descended from:
+    inner: minimise L(z; lambda, mu) along L-BFGS directions, steps cut back until L falls and no
+    run diverges
+    outer: lambda <- max(0, lambda + mu c);  mu grows when the violation does not shrink to a
+    quarter;
+           of several values to make small, those near the largest earn shares in the smooth
+           maximum;
+           near the limits the objective is scaled by its last value: L then means the same for
+           coarse and fine optima
 """
 
 from collections.abc import Callable
@@ -20,17 +24,32 @@ import optax
 
 from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Chart, Weights
-from tuning.problem import LIMIT_MARGIN, Merit, Point, Problem, earned_shares, evaluate_point, smooth_maximum
+from tuning.problem import (
+    LIMIT_MARGIN,
+    Merit,
+    Point,
+    Problem,
+    earned_shares,
+    evaluate_point,
+    smooth_maximum,
+)
 
 FEASIBLE = 1e-6  # a limit may be exceeded by this relative amount
 NEARLY_FEASIBLE = 0.02  # violation below which the objective tells its size at the optimum
-PROMISE_LOST = 5.0  # a point 10 % above a limit is as promising as a feasible one with a 65 % larger objective
+PROMISE_LOST = (
+    5.0  # a point 10 % above a limit is as promising as a feasible one with a 65 % larger objective
+)
 LARGEST_MOVE = 2.0  # in z: no weight changes by more than e^2 in one step
 LEAST_FALL = 1e-4  # Armijo: part of the predicted fall that a step must reach
-HOPELESS = 1.2  # times the best objective so far: a nearly feasible descent this far above it is given up
-NEW_BEHAVIOUR = 0.5  # distance in ln(error, error, increment) from every descent so far that makes a start worth while
+HOPELESS = (
+    1.2  # times the best objective so far: a nearly feasible descent this far above it is given up
+)
+# distance in ln(error, error, increment) from every descent so far that makes a start worth while
+NEW_BEHAVIOUR = 0.5
 TRIALS = 8  # shortenings before a direction is given up
-FIRST_PENALTY = 4.0  # low, so that a descent may cross what the limits forbid on its way to a better valley
+FIRST_PENALTY = (
+    4.0  # low, so that a descent may cross what the limits forbid on its way to a better valley
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +60,9 @@ class Settings:
         ValueError: a number is below its least sensible value.
     """
 
-    starts: int = 5  # descents: one from the weights given, the others from promising points; hopeless ones are given up early
+    # descents: one from the weights given, the others from promising points; hopeless ones are
+    # given up early
+    starts: int = 5
     scatter: int = 24  # points looked at before descending: a Sobol sequence around the start
     spread: float = 7.0  # half width of the box they fill, in ln(weight): three decades up and down
     inner_steps: int = 15  # L-BFGS steps per outer step; two to thirteen weights need no more
@@ -51,7 +72,14 @@ class Settings:
 
     def __post_init__(self):
         """Check the ranges."""
-        for name, least in (("starts", 1), ("scatter", 0), ("spread", 0), ("inner_steps", 1), ("outer_steps", 1), ("seed", 0)):
+        for name, least in (
+            ("starts", 1),
+            ("scatter", 0),
+            ("spread", 0),
+            ("inner_steps", 1),
+            ("outer_steps", 1),
+            ("seed", 0),
+        ):
             if getattr(self, name) < least:
                 raise ValueError(f"{name}: needs at least {least}, received {getattr(self, name)}")
         if not self.tolerance > 0:
@@ -110,8 +138,11 @@ class Tuned(NamedTuple):
 
 
 def tune(
-    problem: Problem, start: Weights, settings: Settings = Settings(), on_step: Callable[[TuneState], None] = lambda state: None
-) -> Tuned:  # fmt: skip
+    problem: Problem,
+    start: Weights,
+    settings: Settings = Settings(),
+    on_step: Callable[[TuneState], None] = lambda state: None,
+) -> Tuned:
     """Weights that make the objective small within the limits.
 
     Args:
@@ -138,13 +169,22 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
     """
     sound = [row for row in state.history if not row.diverged]
     if not sound:
-        raise ValueError("every start diverges: begin with a stabilising controller (see frozen_spectral_radius)")
+        raise ValueError(
+            "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
+        )
     best = min(sound, key=_rank)
-    began = [next((row for row in state.history if row.start == s), None) for s in range(state.start + 1)]
+    began = [
+        next((row for row in state.history if row.start == s), None) for s in range(state.start + 1)
+    ]
     return Tuned(
-        Chart(problem.space, start).weights(jnp.asarray(best.z)), best.metrics, best.violation <= FEASIBLE, best.violation,
-        sum(row.diverged for row in state.history), sum(row is not None and row.diverged for row in began), state.history,
-    )  # fmt: skip
+        Chart(problem.space, start).weights(jnp.asarray(best.z)),
+        best.metrics,
+        best.violation <= FEASIBLE,
+        best.violation,
+        sum(row.diverged for row in state.history),
+        sum(row is not None and row.diverged for row in began),
+        state.history,
+    )
 
 
 def advance(problem: Problem, start: Weights, settings: Settings, state: TuneState) -> TuneState:
@@ -163,15 +203,29 @@ def advance(problem: Problem, start: Weights, settings: Settings, state: TuneSta
 def _begin(problem, start, settings, state: TuneState, index: int) -> TuneState:
     if index >= settings.starts:
         return replace(state, done=True)
-    z = np.asarray(Chart(problem.space, start).coordinates()) if index == 0 else _next_start(state.history)
+    z = (
+        np.asarray(Chart(problem.space, start).coordinates())
+        if index == 0
+        else _next_start(state.history)
+    )
     if z is None:
         return replace(state, done=True)
     point = _point(problem, start, z)
-    merit = _first_merit(point.limits.size, point.objective.size)._replace(scale=np.max(point.objective))
+    merit = _first_merit(point.limits.size, point.objective.size)._replace(
+        scale=np.max(point.objective)
+    )
     state = replace(
-        state, history=[*state.history, _row(index, z, point)], start=index, outer=0, inner=0, z=z, memory=_fresh(z),
-        merit=merit, violation=np.inf, objective=np.inf,
-    )  # fmt: skip
+        state,
+        history=[*state.history, _row(index, z, point)],
+        start=index,
+        outer=0,
+        inner=0,
+        z=z,
+        memory=_fresh(z),
+        merit=merit,
+        violation=np.inf,
+        objective=np.inf,
+    )
     state = _weighed(problem, start, state)
     return _begin(problem, start, settings, state, index + 1) if bool(point.diverged) else state
 
@@ -190,10 +244,19 @@ def _descend(problem, start, settings, state: TuneState) -> TuneState:
         if change <= LEAST_FALL * fall * length:
             reached = replace(state, history=history, z=z, memory=memory, inner=state.inner + 1)
             return replace(reached, lagrangian=float(there.lagrangian), gradient=there.gradient)
-        parabola = -fall * length**2 / (2 * (change - fall * length))  # its lowest point through here, slope and there
+        parabola = (
+            -fall * length**2 / (2 * (change - fall * length))
+        )  # its lowest point through here, slope and there
         length = np.clip(parabola, 0.1 * length, 0.5 * length)
-    gave_up = int(state.memory.count) == 0  # steepest descent found nothing either: this is the bottom
-    return replace(state, history=history, memory=_fresh(state.z), inner=settings.inner_steps if gave_up else state.inner + 1)
+    gave_up = (
+        int(state.memory.count) == 0
+    )  # steepest descent found nothing either: this is the bottom
+    return replace(
+        state,
+        history=history,
+        memory=_fresh(state.z),
+        inner=settings.inner_steps if gave_up else state.inner + 1,
+    )
 
 
 def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState:
@@ -201,10 +264,15 @@ def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState
     here = _point(problem, start, state.z, state.merit)
     multipliers, penalty, scale, shares = state.merit
     limits = here.limits + LIMIT_MARGIN
-    violation = float(np.max(np.abs(np.maximum(limits, -multipliers / penalty)), initial=0.0))  # of limits and complementarity
+    violation = float(
+        np.max(np.abs(np.maximum(limits, -multipliers / penalty)), initial=0.0)
+    )  # of limits and complementarity
     objective = float(np.max(here.objective))
     overstated = 1 - float(smooth_maximum(here.objective, shares)) / objective
-    settled = abs(objective - state.objective) < settings.tolerance * objective and abs(overstated) < 10 * settings.tolerance
+    settled = (
+        abs(objective - state.objective) < settings.tolerance * objective
+        and abs(overstated) < 10 * settings.tolerance
+    )
     converged = violation < LIMIT_MARGIN and settled
     hopeless = violation < NEARLY_FEASIBLE and objective > HOPELESS * _best_so_far(state.history)
     if converged or hopeless or state.outer + 1 >= settings.outer_steps:
@@ -216,12 +284,23 @@ def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState
         new_scale,
         earned_shares(here.objective, shares),
     )
-    state = replace(state, outer=state.outer + 1, inner=0, memory=_fresh(state.z), merit=merit, violation=violation, objective=objective)
+    state = replace(
+        state,
+        outer=state.outer + 1,
+        inner=0,
+        memory=_fresh(state.z),
+        merit=merit,
+        violation=violation,
+        objective=objective,
+    )
     return _weighed(problem, start, state)
 
 
 def _best_so_far(history: list[Evaluated]) -> float:
-    return min((row.objective for row in history if not row.diverged and row.violation <= FEASIBLE), default=np.inf)
+    return min(
+        (row.objective for row in history if not row.diverged and row.violation <= FEASIBLE),
+        default=np.inf,
+    )
 
 
 def _weighed(problem, start, state: TuneState) -> TuneState:
@@ -246,16 +325,24 @@ def _direction(z: np.ndarray, gradient, memory) -> tuple[np.ndarray, Any]:
 
 
 def _point(problem, start, z, merit: Merit | None = None) -> Point:
-    merit = _first_merit(*problem.counts()) if merit is None else merit  # a first look is for the numbers only
-    return jax.device_get(evaluate_point(problem, start, jnp.asarray(z), jax.tree.map(jnp.asarray, merit)))
+    merit = (
+        _first_merit(*problem.counts()) if merit is None else merit
+    )  # a first look is for the numbers only
+    return jax.device_get(
+        evaluate_point(problem, start, jnp.asarray(z), jax.tree.map(jnp.asarray, merit))
+    )
 
 
 def _first_merit(limits: int, values: int) -> Merit:
-    return Merit(np.zeros(limits), np.asarray(FIRST_PENALTY), np.asarray(1.0), np.full(values, 1 / values))
+    return Merit(
+        np.zeros(limits), np.asarray(FIRST_PENALTY), np.asarray(1.0), np.full(values, 1 / values)
+    )
 
 
 def _scattered_point(problem, start, settings: Settings, index: int) -> np.ndarray:
-    from scipy.stats.qmc import Sobol  # here, because it takes longer to import than the rest of the tuner
+    from scipy.stats.qmc import (
+        Sobol,
+    )  # here, because it takes longer to import than the rest of the tuner
 
     z = np.asarray(Chart(problem.space, start).coordinates())
     points = Sobol(z.size, rng=settings.seed).random(2 ** int(np.ceil(np.log2(settings.scatter))))
@@ -263,14 +350,21 @@ def _scattered_point(problem, start, settings: Settings, index: int) -> np.ndarr
 
 
 def _row(start: int, z: np.ndarray, point: Point) -> Evaluated:
-    objective, violation = float(np.max(point.objective)), float(np.max(point.limits, initial=-np.inf))
+    objective, violation = (
+        float(np.max(point.objective)),
+        float(np.max(point.limits, initial=-np.inf)),
+    )
     return Evaluated(start, z, objective, violation, point.metrics, bool(point.diverged))
 
 
 def _next_start(history: list[Evaluated]) -> np.ndarray | None:
     """The most promising scattered point that behaves like no point of the descents so far; None when there is none."""
     seen = np.array([_behaviour(row) for row in history if row.start >= 0 and not row.diverged])
-    new = [row for row in history if row.start < 0 and not row.diverged and _apart(_behaviour(row), seen)]
+    new = [
+        row
+        for row in history
+        if row.start < 0 and not row.diverged and _apart(_behaviour(row), seen)
+    ]
     return min(new, key=_promise).z if new else None
 
 

@@ -1,6 +1,7 @@
 """The gap table: what limits cost a tuned controller, found by replaying its weights through the constrained MPC.
 
-The same contours, plants, observer and scores; where no limit is active the two runs are equal, so the gap is the limits' doing.
+The same contours, plants, observer and scores; where no limit is active the two runs are equal, so
+the gap is the limits' doing.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,7 +33,8 @@ class Replayed(NamedTuple):
         model: of the machine, in the controller and in the Kalman filter.
         weights: alpha, beta, rho, stage.
         preview: horizon [samples].
-        gain: of the Kalman filter (n, m); None feeds the controller the state that the plant measures.
+        gain: of the Kalman filter (n, m); None feeds the controller the state that the plant
+            measures.
         terminal: of the controller.
     """
 
@@ -45,7 +47,9 @@ class Replayed(NamedTuple):
     def unlimited(self) -> ContouringLQ | FilterObserver:
         """The controller as it was tuned."""
         inner = ContouringLQ(self.model, self.weights, self.preview, self.terminal)
-        return inner if self.gain is None else FilterObserver(inner, self.model, np.asarray(self.gain))  # type: ignore
+        return (
+            inner if self.gain is None else FilterObserver(inner, self.model, np.asarray(self.gain))
+        )  # type: ignore
 
     def limited(self, limits: Limits, solver: Solver | None = None) -> TrackingMPC | ObservedHost:
         """The same weights under limits.
@@ -53,7 +57,14 @@ class Replayed(NamedTuple):
         Raises:
             ValueError: as `TrackingMPC`.
         """
-        inner = TrackingMPC(self.model, TrackingWeights.of(self.weights), self.preview, limits, self.terminal, solver)
+        inner = TrackingMPC(
+            self.model,
+            TrackingWeights.of(self.weights),
+            self.preview,
+            limits,
+            self.terminal,
+            solver,
+        )
         return inner if self.gain is None else ObservedHost(inner, self.model, self.gain)
 
 
@@ -87,9 +98,13 @@ class Gap(NamedTuple):
 
 
 def verify(
-    replayed: Replayed, limits: Limits, references: Mapping[str, Reference], plants: Mapping[str, Plant], solver: Solver | None = None,
+    replayed: Replayed,
+    limits: Limits,
+    references: Mapping[str, Reference],
+    plants: Mapping[str, Plant],
+    solver: Solver | None = None,
     fallback: Fallback | None = None,
-) -> Iterator[Gap]:  # fmt: skip
+) -> Iterator[Gap]:
     """Every contour on every plant, one after another as they are done.
 
     Args:
@@ -111,22 +126,40 @@ def verify(
             yield _gap(contour, plant_name, without, run, stopped, reference, limits)
 
 
-def _constrained(plant: Plant, controller, reference: Reference, fallback) -> tuple[Run, Stopped | None]:
+def _constrained(
+    plant: Plant, controller, reference: Reference, fallback
+) -> tuple[Run, Stopped | None]:
     try:
         return reported_loop(plant, controller, reference, fallback=fallback), None
     except Stopped as stopped:
         return stopped.run, stopped
 
 
-def _gap(contour: str, plant: str, without: Metrics, run: Run, stopped: Stopped | None, reference: Reference, limits: Limits) -> Gap:
+def _gap(
+    contour: str,
+    plant: str,
+    without: Metrics,
+    run: Run,
+    stopped: Stopped | None,
+    reference: Reference,
+    limits: Limits,
+) -> Gap:
     rollout: Rollout = run.rollout
     within = score(rollout, reference) if stopped is None else None
     report = run.report
     return Gap(
-        contour, plant, without, within, report.active_fraction, acting_fraction(rollout.control, limits), report.worst_residual,
+        contour,
+        plant,
+        without,
+        within,
+        report.active_fraction,
+        acting_fraction(rollout.control, limits),
+        report.worst_residual,
         report.fallbacks,
-        None if stopped is None else stopped.step, "" if stopped is None else str(stopped), run,
-    )  # fmt: skip
+        None if stopped is None else stopped.step,
+        "" if stopped is None else str(stopped),
+        run,
+    )
 
 
 def acting_fraction(control: ArrayLike | None, limits: Limits) -> float:

@@ -17,7 +17,9 @@ def rows(flags: Bench) -> dict[str, Any]:
         ValueError: several batches.
     """
     if len(flags.batch) > 1:
-        raise ValueError(f"batch: needs one number for the gantry, received {', '.join(map(str, flags.batch))}")
+        raise ValueError(
+            f"batch: needs one number for the gantry, received {', '.join(map(str, flags.batch))}"
+        )
     return {"engines": engines(SECONDS, *flags.batch)}
 
 

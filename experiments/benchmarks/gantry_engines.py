@@ -37,15 +37,29 @@ def engines(seconds: float, batch: int = BATCH) -> list[dict[str, Any]]:
         raise ValueError(f"batch: needs at least two machines at once, received {batch}")
     p = thesis_gantry()
     plants: dict[str, Plant] = {
-        "jcontour": Gantry(p, SUBSTEP), "MuJoCo": GantryMuJoCo(p, SUBSTEP), "MJX": GantryMJX(p, SUBSTEP),
-    }  # fmt: skip
+        "jcontour": Gantry(p, SUBSTEP),
+        "MuJoCo": GantryMuJoCo(p, SUBSTEP),
+        "MJX": GantryMJX(p, SUBSTEP),
+    }
     rows = []
     for name, plant in plants.items():
         on_host = isinstance(plant, GantryMuJoCo)
-        single = HOST_STEPS * _rate(GantryMuJoCo(p, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, seconds) if on_host else _rate(plant, 1, seconds)
+        single = (
+            HOST_STEPS * _rate(GantryMuJoCo(p, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, seconds)
+            if on_host
+            else _rate(plant, 1, seconds)
+        )
         batched = None if on_host else _rate(plant, batch, seconds)
         apart = _difference(plant, plants["jcontour"])
-        rows.append({"engine": name, "difference": apart, "single": single, "batch": batch, "batched": batched})
+        rows.append(
+            {
+                "engine": name,
+                "difference": apart,
+                "single": single,
+                "batch": batch,
+                "batched": batched,
+            }
+        )
     return rows
 
 
@@ -72,13 +86,20 @@ def _rate(plant: Plant, batch: int, seconds: float) -> float:
     """Steps per second of all members together, after compilation; as many steps as fill the time."""
 
     def run(start, steps):
-        return jax.lax.fori_loop(0, steps, lambda _, state: plant.step(state, jnp.array(CURRENTS)), start)
+        return jax.lax.fori_loop(
+            0, steps, lambda _, state: plant.step(state, jnp.array(CURRENTS)), start
+        )
 
     start = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
     if batch > 1:
-        start, run = jax.tree.map(lambda leaf: jnp.tile(leaf, (batch, 1)), start), jax.vmap(run, (0, None))
+        start, run = (
+            jax.tree.map(lambda leaf: jnp.tile(leaf, (batch, 1)), start),
+            jax.vmap(run, (0, None)),
+        )
     compiled, steps = jax.jit(run).lower(start, 1).compile(), 1
-    while (spent := min(_spent(compiled, start, steps) for _ in range(REPEATS))) < seconds / REPEATS:
+    while (
+        spent := min(_spent(compiled, start, steps) for _ in range(REPEATS))
+    ) < seconds / REPEATS:
         steps = int(steps * min(100.0, 1.2 * seconds / REPEATS / max(spent, 1e-6))) + 1
     return batch * steps / spent
 
@@ -93,12 +114,25 @@ def show_engines(engines: list[dict[str, Any]], console: Console) -> None:
     """Agreement and rates of the engines."""
     ours = engines[0]
     rows = [
-        [row["engine"], "-" if row is ours else f"{row['difference']:.1e}", *_shown_rate(row["single"], ours["single"]),
-         *_shown_rate(row["batched"], ours["batched"])]
+        [
+            row["engine"],
+            "-" if row is ours else f"{row['difference']:.1e}",
+            *_shown_rate(row["single"], ours["single"]),
+            *_shown_rate(row["batched"], ours["batched"]),
+        ]
         for row in engines
-    ]  # fmt: skip
-    alone, together = ("million steps\na second", "of ours"), (f"{ours['batch']:,} at once:\nmillion steps a second", "of ours")
-    console.print(plain_table("Runge-Kutta steps of 0.25 ms in every engine", ("engine", "difference\nof a step", *alone, *together), rows))
+    ]
+    alone, together = (
+        ("million steps\na second", "of ours"),
+        (f"{ours['batch']:,} at once:\nmillion steps a second", "of ours"),
+    )
+    console.print(
+        plain_table(
+            "Runge-Kutta steps of 0.25 ms in every engine",
+            ("engine", "difference\nof a step", *alone, *together),
+            rows,
+        )
+    )
 
 
 def _shown_rate(rate: float | None, ours: float) -> tuple[str, str]:

@@ -1,8 +1,9 @@
 """`jcontour bench lq`: whole runs of the receding-horizon LQ contouring controller per second, forward and with gradient.
 
-A run is what `evaluate` does: gains of all steps, closed loop, metrics against the contour. Every member of a batch has weights of its
-own, so that nothing is computed once for all. The derivative is that of the RMS errors with respect to alpha, beta and rho, or to these
-and a profile over the horizon.
+A run is what `evaluate` does: gains of all steps, closed loop, metrics against the contour. Every
+member of a batch has weights of its own, so that nothing is computed once for all. The derivative
+is that of the RMS errors with respect to alpha, beta and rho, or to these and a profile over the
+horizon.
 """
 
 from collections.abc import Callable
@@ -24,7 +25,13 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference, along
 from jcontour.plants import bridgeport
 from jcontour.simulation.devices import Spread, device_mesh
-from jcontour.simulation.evaluation import evaluate, member, platform_batching, stack_plants, stack_references
+from jcontour.simulation.evaluation import (
+    evaluate,
+    member,
+    platform_batching,
+    stack_plants,
+    stack_references,
+)
 from jcontour.simulation.metrics import Metrics
 from jcontour.simulation.programs import run_program
 
@@ -46,7 +53,9 @@ class Case(NamedTuple):
     @classmethod
     def of(cls, plant: LinearPlant, reference: Reference, preview: int, dtype: np.dtype) -> "Case":
         """With all numbers of one type."""
-        return cls(*cast((plant, stack_plants([plant]), stack_references([reference])), dtype), preview)
+        return cls(
+            *cast((plant, stack_plants([plant]), stack_references([reference])), dtype), preview
+        )
 
     @property
     def dtype(self) -> np.dtype:
@@ -56,7 +65,11 @@ class Case(NamedTuple):
     def metrics(self, weights) -> Metrics:
         """Of the run under weights (alpha, beta, rho, entries of the profile if there are any)."""
         alpha, beta, rho, *profile = weights
-        controller = ContouringLQ(self.plant, LQWeights(alpha, beta, rho, jnp.stack(profile) if profile else None), self.preview)
+        controller = ContouringLQ(
+            self.plant,
+            LQWeights(alpha, beta, rho, jnp.stack(profile) if profile else None),
+            self.preview,
+        )
         found = evaluate(controller, self.plants, self.references)
         return jax.tree.map(lambda number: number[0, 0], found)
 
@@ -77,19 +90,33 @@ def rows(flags: Bench) -> dict[str, Any]:
     batches = flags.batch or ((1024, 65536) if on_gpu() else (1, 256))
     types = [np.dtype("float64"), np.dtype("float32")]
     rates = {dtype.name: arithmetic_rate(dtype) for dtype in types}
-    loops = {name: looped(loop, STEPS) for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop))}
+    loops = {
+        name: looped(loop, STEPS)
+        for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop))
+    }
     slowest = loops["NumPy loop"]
-    runs = [measured(paper_case(dtype), batch, rates[dtype.name], slowest) for dtype in types for batch in batches]
+    runs = [
+        measured(paper_case(dtype), batch, rates[dtype.name], slowest)
+        for dtype in types
+        for batch in batches
+    ]
     sizes = [of_size(states, max(batches) // 16 or 1, rates["float64"]) for states in SIZES]
     return {
-        "rates": rates, "loops": {name: 1 / spent for name, spent in loops.items()}, "runs": runs, "sizes": sizes,
-        "previews": previews(), "devices": over_devices(max(batches)), "program": program(),
-    }  # fmt: skip
+        "rates": rates,
+        "loops": {name: 1 / spent for name, spent in loops.items()},
+        "runs": runs,
+        "sizes": sizes,
+        "previews": previews(),
+        "devices": over_devices(max(batches)),
+        "program": program(),
+    }
 
 
 def paper_case(dtype: np.dtype, steps: int = STEPS, preview: int = PREVIEW) -> Case:
     """The paper's machine on a circle."""
-    reference = along(circle(RADIUS), ADVANCE * np.arange(steps), bridgeport().dt, preview, at_rest=False)
+    reference = along(
+        circle(RADIUS), ADVANCE * np.arange(steps), bridgeport().dt, preview, at_rest=False
+    )
     return Case.of(bridgeport(), reference, preview, dtype)
 
 
@@ -98,27 +125,47 @@ def measured(case: Case, batch: int, rate: float, slowest: float) -> dict[str, A
     batching, weights = platform_batching(), case.weights(batch)
     forward = timed(lambda w: batching(case.metrics, w), weights)
     gradient = timed(lambda w: batching(jax.value_and_grad(case.objective), w), weights)
-    profile = timed(lambda w: batching(jax.value_and_grad(case.objective), w), case.weights(batch, case.preview))
+    profile = timed(
+        lambda w: batching(jax.value_and_grad(case.objective), w), case.weights(batch, case.preview)
+    )
     return {
-        "type": case.dtype.name, "batch": batch, "forward": batch / forward.running, "gradient": batch / gradient.running,
-        "gradient_ratio": gradient.running / forward.running, "profile_ratio": profile.running / forward.running,
-        "times_numpy": slowest * batch / forward.running, "share_of_rate": work(case) * batch / forward.running / rate,
-        "compiling": forward.compiling, "compiling_gradient": gradient.compiling,
-        "memory": forward.memory, "memory_gradient": gradient.memory, "by": formulation(case),
-    }  # fmt: skip
+        "type": case.dtype.name,
+        "batch": batch,
+        "forward": batch / forward.running,
+        "gradient": batch / gradient.running,
+        "gradient_ratio": gradient.running / forward.running,
+        "profile_ratio": profile.running / forward.running,
+        "times_numpy": slowest * batch / forward.running,
+        "share_of_rate": work(case) * batch / forward.running / rate,
+        "compiling": forward.compiling,
+        "compiling_gradient": gradient.compiling,
+        "memory": forward.memory,
+        "memory_gradient": gradient.memory,
+        "by": formulation(case),
+    }
 
 
 def of_size(states: tuple[int, ...], batch: int, rate: float) -> dict[str, Any]:
     """Forward, of a machine with so many states in every axis."""
     plant = machine(states)
     path = line([0.0] * plant.axes, [1.0] * plant.axes)
-    case = Case.of(plant, along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True), PREVIEW, np.dtype("float64"))
+    case = Case.of(
+        plant,
+        along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True),
+        PREVIEW,
+        np.dtype("float64"),
+    )
     found = timed(lambda w: platform_batching()(case.metrics, w), case.weights(batch))
     name = " + ".join(map(str, states))
     return {
-        "states": name, "inputs": plant.inputs, "batch": batch, "by": formulation(case), "forward": batch / found.running,
-        "share_of_rate": work(case) * batch / found.running / rate, "compiling": found.compiling,
-    }  # fmt: skip
+        "states": name,
+        "inputs": plant.inputs,
+        "batch": batch,
+        "by": formulation(case),
+        "forward": batch / found.running,
+        "share_of_rate": work(case) * batch / found.running / rate,
+        "compiling": found.compiling,
+    }
 
 
 def previews() -> list[dict[str, Any]]:
@@ -127,15 +174,23 @@ def previews() -> list[dict[str, Any]]:
     found = []
     for preview in PREVIEWS:
         case = paper_case(np.dtype("float64"), steps, preview)
-        spent = timed(lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)).running
-        found.append({"preview": preview, "steps": steps, "batch": batch, "milliseconds": 1e3 * spent})
-    return [{**row, "times_shortest": row["milliseconds"] / found[0]["milliseconds"]} for row in found]
+        spent = timed(
+            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
+        ).running
+        found.append(
+            {"preview": preview, "steps": steps, "batch": batch, "milliseconds": 1e3 * spent}
+        )
+    return [
+        {**row, "times_shortest": row["milliseconds"] / found[0]["milliseconds"]} for row in found
+    ]
 
 
 def over_devices(batch: int) -> list[dict[str, Any]]:
     """Forward, float64, the same batch on each of 1, 2, 4 ... devices."""
     case, found = paper_case(np.dtype("float64")), []
-    for count in [2**k for k in range(jax.device_count().bit_length()) if 2**k <= jax.device_count()]:
+    for count in [
+        2**k for k in range(jax.device_count().bit_length()) if 2**k <= jax.device_count()
+    ]:
         spread, weights = Spread(device_mesh(count)), case.weights(batch * count)
         spent = timed(lambda w, spread=spread: spread(case.metrics, w), weights).running
         found.append({"devices": count, "batch": batch * count, "forward": batch * count / spent})
@@ -147,14 +202,23 @@ def program() -> dict[str, float]:
     steps = LONG if on_gpu() else LONG // 10
     case = paper_case(np.dtype("float64"), steps)
     controller = ContouringLQ(case.plant, LQWeights(1.0, 5.0, 1e-10), case.preview)
-    spent = timed(lambda reference: run_program(case.plant, controller, reference), member(case.references, 0))
+    spent = timed(
+        lambda reference: run_program(case.plant, controller, reference), member(case.references, 0)
+    )
     return {"steps": steps, "milliseconds": 1e3 * spent.running, "compiling": spent.compiling}
 
 
 def machine(states: tuple[int, ...]) -> LinearPlant:
     """A stable machine whose axes have so many states."""
     random, owner = np.random.default_rng(sum(states)), np.repeat(np.arange(len(states)), states)
-    A, B, C = (random.standard_normal(shape) for shape in ((owner.size, owner.size), (owner.size, len(states)), (len(states), owner.size)))
+    A, B, C = (
+        random.standard_normal(shape)
+        for shape in (
+            (owner.size, owner.size),
+            (owner.size, len(states)),
+            (len(states), owner.size),
+        )
+    )
     A *= owner[:, None] == owner
     A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
     acts = owner[:, None] == np.arange(len(states))
@@ -177,13 +241,28 @@ def looped(loop: Callable, steps: int) -> float:
     plant, r = (jax.tree.map(np.asarray, part) for part in (case.plant, member(case.references, 0)))
     start = np.asarray(case.plant.initial_state(r.position[0], r.start_increment)).reshape(-1, 1)
     return min(
-        seconds(lambda: loop(plant.A, plant.B, plant.C, r.tangent, r.position, (1.0, 5.0, 1e-10), steps, PREVIEW, start)) for _ in range(3)
+        seconds(
+            lambda: loop(
+                plant.A,
+                plant.B,
+                plant.C,
+                r.tangent,
+                r.position,
+                (1.0, 5.0, 1e-10),
+                steps,
+                PREVIEW,
+                start,
+            )
+        )
+        for _ in range(3)
     )
 
 
 def cast(tree: Any, dtype: np.dtype) -> Any:
     """Floating-point leaves as another type."""
-    return jax.tree.map(lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, tree)
+    return jax.tree.map(
+        lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, tree
+    )
 
 
 RUNS = {  # heading of a column -> what is in it, and its factor
@@ -217,27 +296,56 @@ WINDOWS = {
     "ms": ("milliseconds", 1.0),
     "times\nshortest": ("times_shortest", 1.0),
 }
-DEVICES = {"devices": ("devices", 1.0), "batch": ("batch", 1.0), "runs/s": ("forward", 1.0), "times\none": ("times_one", 1.0)}
+DEVICES = {
+    "devices": ("devices", 1.0),
+    "batch": ("batch", 1.0),
+    "runs/s": ("forward", 1.0),
+    "times\none": ("times_one", 1.0),
+}
 
 
 def show(console: Console, summary: dict[str, Any]) -> None:
     """Tables, and what the runs are compared with."""
 
-    def table(title: str, key: str, words: dict[str, str], columns: dict[str, tuple[str, float]]) -> None:
-        lines = [[*(r[w] for w in words.values()), *(_text(f * r[n]) for n, f in columns.values())] for r in summary[key]]
+    def table(
+        title: str, key: str, words: dict[str, str], columns: dict[str, tuple[str, float]]
+    ) -> None:
+        lines = [
+            [*(r[w] for w in words.values()), *(_text(f * r[n]) for n, f in columns.values())]
+            for r in summary[key]
+        ]
         console.print(tables.plain_table(title, [*words, *columns], lines, text_columns=len(words)))
 
-    table(f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics", "runs", {"type": "type", "by": "by"}, RUNS)
+    table(
+        f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics",
+        "runs",
+        {"type": "type", "by": "by"},
+        RUNS,
+    )
     table("What they take", "runs", {"type": "type", "by": "by"}, COSTS)
-    table("Other sizes, float64, random machines on a straight line", "sizes", {"states of axes": "states", "by": "by"}, OTHERS)
+    table(
+        "Other sizes, float64, random machines on a straight line",
+        "sizes",
+        {"states of axes": "states", "by": "by"},
+        OTHERS,
+    )
     table("Long previews, float64, uniform profile", "previews", {}, WINDOWS)
     table("Devices, float64, the same batch on each", "devices", {}, DEVICES)
     long = {name: tables.digits(value) for name, value in summary["program"].items()}
-    tables.say(console, f"one program of {long['steps']} steps: {long['milliseconds']} ms, compiled in {long['compiling']} s")
+    tables.say(
+        console,
+        f"one program of {long['steps']} steps: {long['milliseconds']} ms, compiled in {long['compiling']} s",
+    )
     for name, rate in summary["loops"].items():
-        tables.say(console, f"{name:<14} {tables.digits(rate)} runs/s, float64, tracking and projected error only")
+        tables.say(
+            console,
+            f"{name:<14} {tables.digits(rate)} runs/s, float64, tracking and projected error only",
+        )
     for name, rate in summary["rates"].items():
-        tables.say(console, f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: multiplications and additions in registers")
+        tables.say(
+            console,
+            f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: multiplications and additions in registers",
+        )
 
 
 def _text(value: float) -> str:

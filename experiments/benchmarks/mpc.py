@@ -38,10 +38,18 @@ def show(console: Console, summary: dict[str, Any]) -> None:
         "times NumPy's\nlinear solve",
     ]
     lines = [
-        [r["controller"], r["solver"], *(tables.digits(r[n]) for n in ("build", "solve", "step", "step_99", "ratio"))]
+        [
+            r["controller"],
+            r["solver"],
+            *(tables.digits(r[n]) for n in ("build", "solve", "step", "step_99", "ratio")),
+        ]
         for r in summary["steps"]
     ]
-    console.print(tables.plain_table("One step of MPCC on the X-Y table, process time", columns, lines, text_columns=2))
+    console.print(
+        tables.plain_table(
+            "One step of MPCC on the X-Y table, process time", columns, lines, text_columns=2
+        )
+    )
 
 
 def rows(flags: Bench) -> dict[str, Any]:
@@ -49,7 +57,11 @@ def rows(flags: Bench) -> dict[str, Any]:
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
     cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
     cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
-    return {"steps": [_measured(name, solver, period, horizon) for name, solver, period, horizon in cases]}
+    return {
+        "steps": [
+            _measured(name, solver, period, horizon) for name, solver, period, horizon in cases
+        ]
+    }
 
 
 def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[str, Any]:
@@ -62,12 +74,28 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
         controller.write_qp(memories[-1], x)
         problems.append(QP(*(np.array(field) for field in controller.qp)))
         memories.append(controller.step(memories[-1], None, x)[0])
-    build, _ = _times([lambda m=m, x=x: controller.write_qp(m, x) for m, x in zip(memories, state, strict=False)])
-    step, step_99 = _times([lambda m=m, x=x: controller.step(m, None, x) for m, x in zip(memories, state, strict=False)])
+    build, _ = _times(
+        [lambda m=m, x=x: controller.write_qp(m, x) for m, x in zip(memories, state, strict=False)]
+    )
+    step, step_99 = _times(
+        [
+            lambda m=m, x=x: controller.step(m, None, x)
+            for m, x in zip(memories, state, strict=False)
+        ]
+    )
     solve, _ = _times([lambda problem=problem: solver.solve(problem) for problem in problems])
-    unconstrained, _ = _times([lambda problem=problem: np.linalg.solve(problem.H, problem.g) for problem in problems])
-    return {"controller": name, "solver": solver.name, "build": build, "solve": solve, "step": step, "step_99": step_99,
-            "ratio": step / unconstrained}  # fmt: skip
+    unconstrained, _ = _times(
+        [lambda problem=problem: np.linalg.solve(problem.H, problem.g) for problem in problems]
+    )
+    return {
+        "controller": name,
+        "solver": solver.name,
+        "build": build,
+        "solve": solve,
+        "step": step,
+        "step_99": step_99,
+        "ratio": step / unconstrained,
+    }
 
 
 def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:

@@ -25,7 +25,10 @@ def plain_loop(product: Callable, inverse: Callable) -> Callable:
                     HB, BH = product(H, B), product(Bt, H)
                     K = product(inverse(product(Bt, HB) + rho * np.eye(B.shape[1])), product(BH, A))
                     closed = A - product(B, K)
-                    H, g = product(At, product(H, closed)), product(np.ascontiguousarray(closed.T), g)
+                    H, g = (
+                        product(At, product(H, closed)),
+                        product(np.ascontiguousarray(closed.T), g),
+                    )
                 r = tangent[k + j]
                 Q = (alpha + beta) * np.eye(m) - beta * r.reshape(m, 1) * r
                 CQ = product(Ct, Q)
@@ -41,7 +44,9 @@ def plain_loop(product: Callable, inverse: Callable) -> Callable:
 @numba.njit
 def closed_form(M):
     """Inverse of a 2 x 2 matrix."""
-    return np.array([[M[1, 1], -M[0, 1]], [-M[1, 0], M[0, 0]]]) / (M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0])
+    return np.array([[M[1, 1], -M[0, 1]], [-M[1, 0], M[0, 0]]]) / (
+        M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
+    )
 
 
 @numba.njit

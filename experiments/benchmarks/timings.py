@@ -10,7 +10,11 @@ import numpy as np
 
 from jcontour.kernels.dispatch import on_gpu
 
-FEWEST, MOST, SECONDS = 3, 20, 1.0  # repetitions of a timed call, and how long they may take together
+FEWEST, MOST, SECONDS = (
+    3,
+    20,
+    1.0,
+)  # repetitions of a timed call, and how long they may take together
 CHAIN = 512  # multiplications in a row, to measure the rate of arithmetic
 SIDE_BY_SIDE = {"cpu": 2**14, "gpu": 2**21}  # to keep the device busy
 
@@ -37,7 +41,11 @@ def timed(function: Callable, *arguments) -> Timing:
     while len(spent) < FEWEST or (len(spent) < MOST and sum(spent) < SECONDS):
         spent.append(seconds(call))
     memory = program.memory_analysis()
-    needed = memory.temp_size_in_bytes + memory.argument_size_in_bytes + memory.output_size_in_bytes if memory else 0
+    needed = (
+        memory.temp_size_in_bytes + memory.argument_size_in_bytes + memory.output_size_in_bytes
+        if memory
+        else 0
+    )
     return Timing(compiling, float(np.median(spent)), needed)
 
 
@@ -51,7 +59,12 @@ def seconds(call: Callable[[], Any]) -> float:
 def arithmetic_rate(dtype: np.dtype) -> float:
     """Measured operations per second of multiplications and additions in registers."""
     run, operations = _fused_chains(dtype) if on_gpu() else _chains(dtype)
-    return operations / timed(run, jnp.linspace(0.0, 1.0, SIDE_BY_SIDE[jax.default_backend()], dtype=dtype)).running
+    return (
+        operations
+        / timed(
+            run, jnp.linspace(0.0, 1.0, SIDE_BY_SIDE[jax.default_backend()], dtype=dtype)
+        ).running
+    )
 
 
 def _chains(dtype: np.dtype) -> tuple[Callable, float]:
@@ -83,4 +96,6 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
         ends = jax.lax.fori_loop(0, CHAIN, body, tuple(start * (1 + k) for k in range(chains)))
         y[lanes.index] = sum(ends[1:], ends[0])
 
-    return lambda x: launch(kernel, members // LANES, [Operand(x)], [(members,)])[0], 2.0 * 16 * CHAIN * chains * members
+    return lambda x: launch(kernel, members // LANES, [Operand(x)], [(members,)])[
+        0
+    ], 2.0 * 16 * CHAIN * chains * members

@@ -22,7 +22,9 @@ def machine_named(name: str) -> Machine:
     if name in MACHINES:
         return MACHINES[name]()
     if not Path(name).suffix:
-        raise ValueError(f"plant: there is none named {name!r}; give {', '.join(MACHINES)}, or a JSON or npz file")
+        raise ValueError(
+            f"plant: there is none named {name!r}; give {', '.join(MACHINES)}, or a JSON or npz file"
+        )
     return load_machine(name)
 
 
@@ -35,7 +37,9 @@ def job_named(name: str, pace: Pace) -> Run:
     if name in CONTOURS:
         return CONTOURS[name].make(pace)
     if not Path(name).suffix:
-        raise ValueError(f"contour: there is none named {name!r}; give one of {', '.join(CONTOURS)}, or a toolpath file")
+        raise ValueError(
+            f"contour: there is none named {name!r}; give one of {', '.join(CONTOURS)}, or a toolpath file"
+        )
     return from_file(Path(name), pace)
 
 
@@ -47,19 +51,26 @@ def controllers_for(machine: Machine) -> list[str]:
 def design_for(machine: Machine, flags: Controlled) -> Design:
     """The controller that the flags name, for this machine; its start has been built once, on the host.
 
-    A name goes to the machine's own controller of that name first: `cascade` is `gantry-cascade` on a gantry.
+    A name goes to the machine's own controller of that name first: `cascade` is `gantry-cascade` on
+    a gantry.
 
     Raises:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
     asked = flags.controller or machine.usual.controller
-    name = next((own for prefix in machine.own if (own := f"{prefix}-{asked}") in CONTROLLERS), asked)
+    name = next(
+        (own for prefix in machine.own if (own := f"{prefix}-{asked}") in CONTROLLERS), asked
+    )
     if name not in CONTROLLERS:
-        raise ValueError(f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}")
+        raise ValueError(
+            f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}"
+        )
     entry = CONTROLLERS[name]
     need = NEEDS[entry.on]
     if not need.met_by(machine):
-        raise ValueError(f"controller: {name} needs {need.words}; {machine.name} takes {machine.usual.controller}")
+        raise ValueError(
+            f"controller: {name} needs {need.words}; {machine.name} takes {machine.usual.controller}"
+        )
     design = entry.make(name, machine, flags)
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)

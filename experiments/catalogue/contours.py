@@ -8,19 +8,40 @@ from jcontour.geometry.contours import circle, ellipse, lemniscate
 
 
 def _along_the_beam(name: str, x: float, outline: contours.Outline) -> Entry:
-    return Entry(contours.along_the_beam(name, x, outline), f"a tenth of a metre around {x:g} m on the gantry's beam", on="gantry")
+    return Entry(
+        contours.along_the_beam(name, x, outline),
+        f"a tenth of a metre around {x:g} m on the gantry's beam",
+        on="gantry",
+    )
 
 
 CONTOURS = {
-    "circle": Entry(lambda pace: at_constant_feed("circle", circle(1e-3), pace), "circle of 1 mm radius, constant feed"),
+    "circle": Entry(
+        lambda pace: at_constant_feed("circle", circle(1e-3), pace),
+        "circle of 1 mm radius, constant feed",
+    ),
     "square": Entry(contours.square, "square of 2 mm, constant feed, corners and all"),
-    "ellipse": Entry(lambda pace: at_constant_feed("ellipse", ellipse(3e-3, 1.5e-3), pace), "ellipse of 6 x 3 mm at constant feed"),
-    "lemniscate": Entry(lambda pace: at_constant_feed("lemniscate", lemniscate(3e-3), pace), "figure of eight 6 mm wide, crosses itself"),
+    "ellipse": Entry(
+        lambda pace: at_constant_feed("ellipse", ellipse(3e-3, 1.5e-3), pace),
+        "ellipse of 6 x 3 mm at constant feed",
+    ),
+    "lemniscate": Entry(
+        lambda pace: at_constant_feed("lemniscate", lemniscate(3e-3), pace),
+        "figure of eight 6 mm wide, crosses itself",
+    ),
     "wave": Entry(contours.wave, "cubic spline through five points, open"),
-    "bracket": Entry(lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace), "bracket with fillets, holes and a slot, 12 x 8 mm, G-code"),
-    "cam": Entry(lambda pace: from_file(TOOLPATHS / "cam.ngc", pace), "cam profile of a few hundred segments and arcs, G-code"),
+    "bracket": Entry(
+        lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace),
+        "bracket with fillets, holes and a slot, 12 x 8 mm, G-code",
+    ),
+    "cam": Entry(
+        lambda pace: from_file(TOOLPATHS / "cam.ngc", pace),
+        "cam profile of a few hundred segments and arcs, G-code",
+    ),
     "ring": Entry(contours.ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
-    "rounded-square": Entry(contours.rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"),
+    "rounded-square": Entry(
+        contours.rounded_square, "spline of 50 mm, for flexible axes", on="flexible-axes"
+    ),
     "ring-left": _along_the_beam("ring-left", -0.55, contours.ring_outline),
     "ring-centre": _along_the_beam("ring-centre", 0.0, contours.ring_outline),
     "cushion-left": _along_the_beam("cushion-left", -0.3, contours.cushion_outline),
@@ -31,4 +52,3 @@ CONTOURS = {
     "task-b": Entry(task_b, "to and fro along a cosine (Yuan)", on="flexible-axis"),
     "s-curve": Entry(s_curve, "point to point with limited jerk", on="flexible-axis"),
 }
-

@@ -10,12 +10,14 @@ class Entry(NamedTuple):
     """One thing with a name.
 
     Attributes:
-        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) -> Job or Motion.
+        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) ->
+            Job or Motion.
         line: what it is, in one line.
         smooth: differentiable where it is used.
         stable: its loop settles.
         still: a plant that stays where it is at rest without control.
-        on: name of the machine that it is for, or of one of them; a controller is for all that have what `NEEDS` says of it.
+        on: name of the machine that it is for, or of one of them; a controller is for all that have
+            what `NEEDS` says of it.
     """
 
     make: Callable[..., Any]
@@ -31,4 +33,3 @@ class Need(NamedTuple):
 
     words: str
     met_by: Callable[[Machine], bool]
-

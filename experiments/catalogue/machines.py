@@ -18,14 +18,17 @@ MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of 
 
 
 NEEDS = {  # of the controllers on each
-    "bridgeport": Need("a machine given by A, B, C", lambda machine: isinstance(machine, LinearMachine)),
+    "bridgeport": Need(
+        "a machine given by A, B, C", lambda machine: isinstance(machine, LinearMachine)
+    ),
     "flexible-axis": Need("a flexible axis", lambda machine: isinstance(machine, FlexibleMachine)),
     "flexible-axes": Need(
-        "two flexible axes or more, for a contour", lambda machine: isinstance(machine, FlexibleMachine) and len(machine.axes) > 1
+        "two flexible axes or more, for a contour",
+        lambda machine: isinstance(machine, FlexibleMachine) and len(machine.axes) > 1,
     ),
     "gantry": Need("a gantry", lambda machine: isinstance(machine, GantryMachine)),
     "gantry-friction": Need(
-        "a gantry with dry friction", lambda machine: isinstance(machine, GantryMachine) and machine.friction is not None
+        "a gantry with dry friction",
+        lambda machine: isinstance(machine, GantryMachine) and machine.friction is not None,
     ),
 }
-

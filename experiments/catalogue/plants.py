@@ -19,11 +19,20 @@ def _late(samples: int):
 
 
 PLANTS = {
-    "bridgeport": Entry(bridgeport, "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)", stable=False),
-    "bridgeport-encoders": Entry(lambda: Encoders(bridgeport()), "the same, only its positions measured", stable=False),
-    "bridgeport-late": Entry(lambda: _late(1), "the same under one sample of unmodelled delay", stable=False),
+    "bridgeport": Entry(
+        bridgeport, "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)", stable=False
+    ),
+    "bridgeport-encoders": Entry(
+        lambda: Encoders(bridgeport()), "the same, only its positions measured", stable=False
+    ),
+    "bridgeport-late": Entry(
+        lambda: _late(1), "the same under one sample of unmodelled delay", stable=False
+    ),
     "bridgeport-quantised": Entry(
-        lambda: Quantised(Encoders(bridgeport()), 0.8e-6), "the same with encoder counts of 0.8 um", smooth=False, stable=False
+        lambda: Quantised(Encoders(bridgeport()), 0.8e-6),
+        "the same with encoder counts of 0.8 um",
+        smooth=False,
+        stable=False,
     ),
     "flexible-axis": Entry(
         lambda: FlexibleAxis(thesis_axis(), 1e-3),
@@ -38,10 +47,16 @@ PLANTS = {
         on="flexible-axis",
     ),
     "flexible-axes": Entry(
-        lambda: FlexibleAxis(biaxial_axes(), 1e-3), "two different flexible axes at right angles", smooth=False, on="flexible-axes"
+        lambda: FlexibleAxis(biaxial_axes(), 1e-3),
+        "two different flexible axes at right angles",
+        smooth=False,
+        on="flexible-axes",
     ),
     "gantry": Entry(
-        lambda: Gantry(thesis_gantry(), 1e-3), "head on a beam that twists between its two drives (Yuan)", stable=False, on="gantry"
+        lambda: Gantry(thesis_gantry(), 1e-3),
+        "head on a beam that twists between its two drives (Yuan)",
+        stable=False,
+        on="gantry",
     ),
     "gantry-friction": Entry(
         lambda: StickSlipGantry(thesis_gantry(), guide_ways(), 1e-3),
@@ -64,4 +79,3 @@ PLANTS = {
         on="gantry",
     ),
 }
-

@@ -33,7 +33,10 @@ def hardware() -> dict[str, str]:
 
     try:
         with open("/proc/cpuinfo") as file:
-            model = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), platform.processor())
+            model = next(
+                (line.split(":")[1].strip() for line in file if line.startswith("model name")),
+                platform.processor(),
+            )
     except OSError:
         model = platform.processor() or platform.machine()
     load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"

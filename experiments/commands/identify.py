@@ -22,12 +22,25 @@ from tuning.identification.separability import unseparated
 
 AXIS, DATA = "axis.json", "data.csv"
 UNITS = {
-    "resistance": "Ohm", "inductance": "H", "back_emf": "V s/m", "force_constant": "N/A",
-    "total_mass": "kg", "motor_mass": "kg", "tool_mass": "kg", "stiffness": "N/m", "damping": "N s/m",
-    "stiffness_per_mass": "1/s^2", "damping_per_mass": "1/s",
-    "break_away": "N", "coulomb": "N", "stribeck": "N", "stribeck_speed": "m/s", "viscous": "N s/m", "constant_force": "N",
+    "resistance": "Ohm",
+    "inductance": "H",
+    "back_emf": "V s/m",
+    "force_constant": "N/A",
+    "total_mass": "kg",
+    "motor_mass": "kg",
+    "tool_mass": "kg",
+    "stiffness": "N/m",
+    "damping": "N s/m",
+    "stiffness_per_mass": "1/s^2",
+    "damping_per_mass": "1/s",
+    "break_away": "N",
+    "coulomb": "N",
+    "stribeck": "N",
+    "stribeck_speed": "m/s",
+    "viscous": "N s/m",
+    "constant_force": "N",
     "pole_pitch": "m",
-}  # fmt: skip
+}
 WAVES = ("amplitude", "sine", "cosine")  # of every harmonic of cogging [N]
 
 
@@ -35,7 +48,12 @@ def command(flags: Identify) -> int:
     """The whole command: fit, store, print."""
     records = _records(flags)
     found = identify(records, flags.force_constant, flags.pole_pitch)
-    folder = run_folder.create(flags.out or run_folder.default_folder("identify"), "identify", flags, [] if flags.data is None else [flags.data])
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("identify"),
+        "identify",
+        flags,
+        [] if flags.data is None else [flags.data],
+    )
     summary = run_folder.plain(_summary(flags, records, found))
     _store(flags, records, found, folder, summary)
     if flags.json:
@@ -49,7 +67,9 @@ def _records(flags: Identify) -> list[Record]:
     if flags.demo == (flags.data is not None):
         raise ValueError("identify: needs a CSV file, or --demo for simulated data, and not both")
     if not (np.isfinite(flags.encoder_um) and flags.encoder_um > 0):
-        raise ValueError(f"encoder-um: needs to be finite and above zero, received {flags.encoder_um}")
+        raise ValueError(
+            f"encoder-um: needs to be finite and above zero, received {flags.encoder_um}"
+        )
     if flags.data is not None:
         return load_records(flags.data)
     return Commissioning(thesis_axis(), thesis_motor(), seed=flags.seed).thesis_tests()
@@ -61,17 +81,28 @@ def _summary(flags: Identify, records: Sequence[Record], found: IdentifiedAxis) 
     waves = {f"{kind}_{j}": "N" for j in range(1, found.forces.cogging.count + 1) for kind in WAVES}
     rows = [
         {
-            "parameter": name, "unit": unit, "separated": name not in hidden, "value": estimate[name] if name in estimate.names else None,
-            "interval": estimate.interval(name) if name in estimate.names else None, "truth": truth.get(name),
+            "parameter": name,
+            "unit": unit,
+            "separated": name not in hidden,
+            "value": estimate[name] if name in estimate.names else None,
+            "interval": estimate.interval(name) if name in estimate.names else None,
+            "truth": truth.get(name),
         }
-        for name, unit in (UNITS | waves).items() if name in estimate.names or name in hidden
-    ]  # fmt: skip
+        for name, unit in (UNITS | waves).items()
+        if name in estimate.names or name in hidden
+    ]
     return {
         "data": str(flags.data) if flags.data else _demo(flags.seed),
-        "tests": [{"name": one.name, "rows": one.rows, "dt": one.dt, "duration": one.duration} for one in records],
-        "parameters": rows, "fastest": found.forces.fastest, "residuals": _residuals(found), "notes": found.notes,
+        "tests": [
+            {"name": one.name, "rows": one.rows, "dt": one.dt, "duration": one.duration}
+            for one in records
+        ],
+        "parameters": rows,
+        "fastest": found.forces.fastest,
+        "residuals": _residuals(found),
+        "notes": found.notes,
         "model": None if found.parameters is None else AXIS,
-    }  # fmt: skip
+    }
 
 
 def _demo(seed: int) -> str:
@@ -86,15 +117,29 @@ def _truth(axis: AxisParameters, motor: LinearMotor) -> dict[str, float]:
     """Of a simulated axis, by the names of an estimate."""
     names = ("motor_mass", "tool_mass", "stiffness", "damping", "pole_pitch")
     values = {name: float(getattr(axis, name)[0]) for name in names}
-    values |= {name: float(getattr(axis.friction, name)[0]) for name in ("coulomb", "stribeck", "stribeck_speed", "viscous")}
-    values |= {name: float(getattr(motor, name)[0]) for name in ("resistance", "inductance", "back_emf", "force_constant")}
     values |= {
-        "total_mass": values["motor_mass"] + values["tool_mass"], "break_away": values["coulomb"] + values["stribeck"],
-        "stiffness_per_mass": values["stiffness"] / values["tool_mass"], "damping_per_mass": values["damping"] / values["tool_mass"],
+        name: float(getattr(axis.friction, name)[0])
+        for name in ("coulomb", "stribeck", "stribeck_speed", "viscous")
+    }
+    values |= {
+        name: float(getattr(motor, name)[0])
+        for name in ("resistance", "inductance", "back_emf", "force_constant")
+    }
+    values |= {
+        "total_mass": values["motor_mass"] + values["tool_mass"],
+        "break_away": values["coulomb"] + values["stribeck"],
+        "stiffness_per_mass": values["stiffness"] / values["tool_mass"],
+        "damping_per_mass": values["damping"] / values["tool_mass"],
         "constant_force": 0.0,
-    }  # fmt: skip
-    for j, (sine, cosine) in enumerate(zip(axis.cogging_sine[0].tolist(), axis.cogging_cosine[0].tolist(), strict=True), 1):
-        values |= {f"sine_{j}": sine, f"cosine_{j}": cosine, f"amplitude_{j}": float(np.hypot(sine, cosine))}
+    }
+    for j, (sine, cosine) in enumerate(
+        zip(axis.cogging_sine[0].tolist(), axis.cogging_cosine[0].tolist(), strict=True), 1
+    ):
+        values |= {
+            f"sine_{j}": sine,
+            f"cosine_{j}": cosine,
+            f"amplitude_{j}": float(np.hypot(sine, cosine)),
+        }
     return values
 
 
@@ -112,7 +157,13 @@ def _residuals(found: IdentifiedAxis) -> dict[str, float]:
     return left
 
 
-def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder: Path, summary: dict[str, Any]) -> None:
+def _store(
+    flags: Identify,
+    records: list[Record],
+    found: IdentifiedAxis,
+    folder: Path,
+    summary: dict[str, Any],
+) -> None:
     from experiments.reports.identification_figures import FIGURES, save_figures
 
     if flags.demo:
@@ -123,27 +174,62 @@ def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder
     run_folder.write_json(folder / run_folder.RESULT, summary)
 
 
-def _axis_file(flags: Identify, records: Sequence[Record], found: IdentifiedAxis, parameters: AxisParameters) -> AxisFile:
+def _axis_file(
+    flags: Identify, records: Sequence[Record], found: IdentifiedAxis, parameters: AxisParameters
+) -> AxisFile:
     winding = found.winding
-    electrical = None if winding is None else Electrical(*(np.array([value]) for value in winding.estimate.values))
+    electrical = (
+        None
+        if winding is None
+        else Electrical(*(np.array([value]) for value in winding.estimate.values))
+    )
     return AxisFile(
-        name="identified-axis" if flags.data is None else flags.data.stem, parameters=parameters, dt=mechanical(records)[0].dt, axes=("X",),
-        encoder_resolution=1e-6 * flags.encoder_um, electrical=electrical, notes=found.notes,
-    )  # fmt: skip
+        name="identified-axis" if flags.data is None else flags.data.stem,
+        parameters=parameters,
+        dt=mechanical(records)[0].dt,
+        axes=("X",),
+        encoder_resolution=1e-6 * flags.encoder_um,
+        electrical=electrical,
+        notes=found.notes,
+    )
 
 
 def show(summary: dict[str, Any], folder: Path, console: Console) -> None:
     """Parameters with their intervals, then what the data cannot tell."""
-    tests = ", ".join(f"{one['name']} {one['duration']:.3g} s at {1 / one['dt']:.5g} Hz" for one in summary["tests"])
+    tests = ", ".join(
+        f"{one['name']} {one['duration']:.3g} s at {1 / one['dt']:.5g} Hz"
+        for one in summary["tests"]
+    )
     tables.say(console, f"Data: {summary['data']}", f"Tests: {tests}")
     simulated = any(row["truth"] is not None for row in summary["parameters"])
-    columns = ["parameter", "unit", "value", "95 % interval", "+- %", *(["truth", "off %"] if simulated else [])]
+    columns = [
+        "parameter",
+        "unit",
+        "value",
+        "95 % interval",
+        "+- %",
+        *(["truth", "off %"] if simulated else []),
+    ]
     rows = [_cells(row, simulated) for row in summary["parameters"]]
     console.print(tables.plain_table("Identified axis", columns, rows, text_columns=2))
-    left = {"force_N": "force {:.3g} N", "current_A": "current {:.3g} A", "tool_position_m": "end effector {:.3g} m"}
-    unexplained = ", ".join(left[name].format(value) for name, value in summary["residuals"].items())
-    tables.say(console, f"Left unexplained, RMS: {unexplained}", *(f"NOTE: {note}" for note in summary["notes"]))
-    model = f"Axis file: {folder / AXIS}" if summary["model"] else "No axis file: the model has an end effector, the data do not"
+    left = {
+        "force_N": "force {:.3g} N",
+        "current_A": "current {:.3g} A",
+        "tool_position_m": "end effector {:.3g} m",
+    }
+    unexplained = ", ".join(
+        left[name].format(value) for name, value in summary["residuals"].items()
+    )
+    tables.say(
+        console,
+        f"Left unexplained, RMS: {unexplained}",
+        *(f"NOTE: {note}" for note in summary["notes"]),
+    )
+    model = (
+        f"Axis file: {folder / AXIS}"
+        if summary["model"]
+        else "No axis file: the model has an end effector, the data do not"
+    )
     tables.say(console, model, f"Run folder: {folder}")
 
 
@@ -154,7 +240,9 @@ def _cells(row: dict[str, Any], simulated: bool) -> list[str]:
         low, high = row["interval"]
         interval = f"{_number(low)} ... {_number(high)}"
         if row["separated"]:
-            relative = "-" if low <= 0 <= high else f"{100 * (high - low) / 2 / abs(row['value']):.2g}"
+            relative = (
+                "-" if low <= 0 <= high else f"{100 * (high - low) / 2 / abs(row['value']):.2g}"
+            )
             off = f"{100 * (row['value'] / row['truth'] - 1):+.2f}" if row["truth"] else "-"
     value = _number(row["value"]) if row["separated"] else "not separated"
     truth = [] if not simulated else ["-" if row["truth"] is None else _number(row["truth"]), off]

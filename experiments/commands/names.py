@@ -12,7 +12,10 @@ from experiments.reports.tables import console_of, plain_table, say
 def run() -> dict[str, dict[str, str]]:
     """One line per name, by kind."""
     kinds = {"plants": PLANTS, "controllers": CONTROLLERS, "contours": CONTOURS}
-    named = {kind: {name: entry.line for name, entry in entries.items()} for kind, entries in kinds.items()}
+    named = {
+        kind: {name: entry.line for name, entry in entries.items()}
+        for kind, entries in kinds.items()
+    }
     return {**named, "experiments": experiments_found()}
 
 
@@ -24,6 +27,16 @@ def command(flags: Listing) -> int:
         return 0
     console = console_of()
     for kind, entries in found.items():
-        console.print(plain_table(kind.capitalize(), ["name", "what it is"], [[name, line] for name, line in entries.items()], 2))
-    say(console, "--plant also takes a machine file (JSON, npz), contours and parts a toolpath file (.ngc, .csv).")
+        console.print(
+            plain_table(
+                kind.capitalize(),
+                ["name", "what it is"],
+                [[name, line] for name, line in entries.items()],
+                2,
+            )
+        )
+    say(
+        console,
+        "--plant also takes a machine file (JSON, npz), contours and parts a toolpath file (.ngc, .csv).",
+    )
     return 0

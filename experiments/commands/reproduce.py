@@ -1,7 +1,9 @@
 """`jcontour reproduce NAME`: run the experiment module of that name.
 
-An experiment is a module `experiments/papers/NAME/experiment.py` with SOURCE, PUBLISHED, Settings (a dataclass: its fields are the flags), and
-    run(settings, folder) -> dict of plain values,   draw(summary, folder) -> list of figures,   show(summary, console).
+An experiment is a module `experiments/papers/NAME/experiment.py` with SOURCE, PUBLISHED, Settings
+(a dataclass: its fields are the flags), and
+    run(settings, folder) -> dict of plain values,   draw(summary, folder) -> list of figures,
+    show(summary, console).
 """
 
 import ast
@@ -25,7 +27,9 @@ def experiments_found() -> dict[str, str]:
     for path in sorted(Path(papers.__file__).parent.glob("*/experiment.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         if NEEDED <= set(_names(tree)):
-            found[path.parent.name.replace("_", "-")] = (ast.get_docstring(tree) or "").split("\n")[0]
+            found[path.parent.name.replace("_", "-")] = (ast.get_docstring(tree) or "").split("\n")[
+                0
+            ]
     return found
 
 
@@ -49,7 +53,9 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
     """
     known = experiments_found()
     if name not in known:
-        raise ValueError(f"reproduce: there is no experiment {name!r}; known are {', '.join(known) or 'none'}")
+        raise ValueError(
+            f"reproduce: there is no experiment {name!r}; known are {', '.join(known) or 'none'}"
+        )
     module = import_module(f"experiments.papers.{name.replace('-', '_')}.experiment")
     assert is_dataclass(module.Settings)
 
@@ -64,7 +70,9 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
         json: bool = False
         """Print the result as JSON on stdout, and nothing else there."""
 
-    flags = tyro.cli(Flags, prog=f"jcontour reproduce {name}", description=known[name], args=list(arguments))
+    flags = tyro.cli(
+        Flags, prog=f"jcontour reproduce {name}", description=known[name], args=list(arguments)
+    )
     return flags, lambda flags: _run(module, name, flags)
 
 
@@ -72,7 +80,9 @@ def _run(module: Any, name: str, flags: Any) -> int:
     from experiments.files import run_folder
     from experiments.reports import tables
 
-    folder = run_folder.create(flags.out or run_folder.default_folder(name), f"reproduce {name}", flags, [])
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder(name), f"reproduce {name}", flags, []
+    )
     summary = run_folder.plain(module.run(flags.settings, folder))
     module.draw(summary, folder)
     run_folder.write_json(folder / run_folder.RESULT, summary)
@@ -88,5 +98,8 @@ def _run(module: Any, name: str, flags: Any) -> int:
 
 def command(flags: Any) -> int:
     """Without a name: say which there are."""
-    print(f"jcontour: reproduce: give one of {', '.join(experiments_found()) or 'none yet'}", file=sys.stderr)
+    print(
+        f"jcontour: reproduce: give one of {', '.join(experiments_found()) or 'none yet'}",
+        file=sys.stderr,
+    )
     return 2

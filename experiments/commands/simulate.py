@@ -29,11 +29,15 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
     course = Course.of([job], [False], machine, design.measured, design.preview)
     found = replay(design.build(design.start), course, maker and maker.watch)
     inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
-    folder = run_folder.create(flags.out or run_folder.default_folder("simulate"), "simulate", flags, inputs)
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("simulate"), "simulate", flags, inputs
+    )
     summary = run_folder.plain(_summary(design, course, found))
     _store(machine, course, found, folder, summary)
     if maker:
-        summary["video"] = _filmed(maker, course, found, folder, f"{design.name} on {summary['contour']}")
+        summary["video"] = _filmed(
+            maker, course, found, folder, f"{design.name} on {summary['contour']}"
+        )
         run_folder.write_json(folder / run_folder.RESULT, summary)
     return summary, folder
 
@@ -61,22 +65,30 @@ def film_of(course: Course, found: Replay, title: str) -> Film:
         VideoError: the run diverged.
     """
     if np.asarray(found.metrics.diverged)[0, 0]:
-        raise VideoError(f"video: the run on the {course.plants[0]} plant diverged, there is nothing to show")
+        raise VideoError(
+            f"video: the run on the {course.plants[0]} plant diverged, there is nothing to show"
+        )
     first, last = np.flatnonzero(scored(course)[0])[[0, -1]]
     shown = slice(first, last + 1)
     time = course.references.dt * np.arange(first, last + 1)
-    watched, tool, error = (np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error))
+    watched, tool, error = (
+        np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error)
+    )
     return Film(time, watched, tool, error, desired(course)[0, shown], title)
 
 
 def _film_maker(machine: Machine) -> FilmMaker:
     maker = machine.film()
     if maker is None:
-        raise ValueError(f"video: needs a machine that can be drawn, as a gantry can; {machine.name} cannot")
+        raise ValueError(
+            f"video: needs a machine that can be drawn, as a gantry can; {machine.name} cannot"
+        )
     return maker
 
 
-def _filmed(maker: FilmMaker, course: Course, found: Replay, folder: Path, title: str) -> dict[str, Any]:
+def _filmed(
+    maker: FilmMaker, course: Course, found: Replay, folder: Path, title: str
+) -> dict[str, Any]:
     """What is known of the video; its failure, where there is none: the run itself is good."""
     try:
         return run_folder.plain(maker.record(film_of(course, found, title), folder))
@@ -86,23 +98,42 @@ def _filmed(maker: FilmMaker, course: Course, found: Replay, folder: Path, title
 
 def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:
     metrics = {
-        plant: {name: np.asarray(values)[0, k] for name, values in vars(found.metrics).items()} for k, plant in enumerate(course.plants)
+        plant: {name: np.asarray(values)[0, k] for name, values in vars(found.metrics).items()}
+        for k, plant in enumerate(course.plants)
     }
     machine, job = design.machine, course.jobs[0]
     return {
-        "machine": {"name": machine.name, "control_unit": machine.control_unit, "axes": machine.axes, "truth": machine.truth},
-        "controller": design.name, "weights": plain_weights(design.start), "error": machine.error, "contour": job.name,
-        "feed_law": job.feed_law, "samples": job.samples, **design.settings(), "plants": metrics,
-    }  # fmt: skip
+        "machine": {
+            "name": machine.name,
+            "control_unit": machine.control_unit,
+            "axes": machine.axes,
+            "truth": machine.truth,
+        },
+        "controller": design.name,
+        "weights": plain_weights(design.start),
+        "error": machine.error,
+        "contour": job.name,
+        "feed_law": job.feed_law,
+        "samples": job.samples,
+        **design.settings(),
+        "plants": metrics,
+    }
 
 
-def _store(machine: Machine, course: Course, found: Replay, folder: Path, summary: dict[str, Any]) -> None:
+def _store(
+    machine: Machine, course: Course, found: Replay, folder: Path, summary: dict[str, Any]
+) -> None:
     from experiments.files.netcdf import save_dataset
     from experiments.reports.figures import draw_runs
     from experiments.reports.rollouts import rollouts
 
-    attributes = {"title": f"jcontour simulate: {summary['controller']} on {summary['contour']}", **run_folder.versions()}
-    dataset = rollouts({summary["controller"]: found}, course, machine.axes, machine.control_unit, attributes)
+    attributes = {
+        "title": f"jcontour simulate: {summary['controller']} on {summary['contour']}",
+        **run_folder.versions(),
+    }
+    dataset = rollouts(
+        {summary["controller"]: found}, course, machine.axes, machine.control_unit, attributes
+    )
     save_dataset(dataset, folder / "rollouts.nc")
     draw_runs(dataset, folder)
     run_folder.write_json(folder / run_folder.RESULT, summary)

@@ -41,7 +41,12 @@ def command(flags: Sweep) -> int:
     flags = replace(flags, previews=horizons(flags, machine))
     _check(flags, machine, jobs, values)
     if folder is None:
-        folder = run_folder.create(flags.out or run_folder.default_folder("sweep"), "sweep", replace(flags, json=False, out=None), flag_paths(flags))
+        folder = run_folder.create(
+            flags.out or run_folder.default_folder("sweep"),
+            "sweep",
+            replace(flags, json=False, out=None),
+            flag_paths(flags),
+        )
     with run_folder.locked(folder), run_folder.resumable("sweep", folder):
         dataset = _swept(flags, machine, jobs, values, folder)
         save_dataset(dataset, folder / "sweep.nc")
@@ -51,10 +56,21 @@ def command(flags: Sweep) -> int:
         print(run_folder.json_text({"run": str(folder), **summary}))
         return 0
     console = tables.console_of()
-    rows = [[str(r["preview"]), *(f"{r[n]:.4g}" for n in (*values, "worst_um", "nominal_um"))] for r in summary["best"]]
+    rows = [
+        [str(r["preview"]), *(f"{r[n]:.4g}" for n in (*values, "worst_um", "nominal_um"))]
+        for r in summary["best"]
+    ]
     headings = ["preview", *values, f"worst RMS {machine.error} um", "nominal um"]
-    console.print(tables.plain_table("Best weights for every preview (worst over contours and plants)", headings, rows))
-    tables.say(console, f"{summary['points']} points, {summary['diverged']} diverged.", f"Run folder: {folder}")
+    console.print(
+        tables.plain_table(
+            "Best weights for every preview (worst over contours and plants)", headings, rows
+        )
+    )
+    tables.say(
+        console,
+        f"{summary['points']} points, {summary['diverged']} diverged.",
+        f"Run folder: {folder}",
+    )
     return 0
 
 
@@ -68,7 +84,10 @@ def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]
         raise ValueError("previews, samples: need at least one preview, and samples of at least 0")
     varied = dict(map(_listed, flags.vary)) or around_start(design)
     if flags.samples:
-        ends = {name: (min((value for value in values if value > 0), default=0.0), max(values)) for name, values in varied.items()}
+        ends = {
+            name: (min((value for value in values if value > 0), default=0.0), max(values))
+            for name, values in varied.items()
+        }
         return random_sample(flags.samples, flags.seed, **ends)
     return grid(**varied)
 
@@ -79,18 +98,28 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
     Raises:
         ValueError: there is no such weight.
     """
-    starts = {name: np.unique(np.asarray(by_name(design.start)[name], float)) for name in design.free()}
-    single = {name: float(values[0]) for name, values in starts.items() if values.size == 1 and values[0] > 0}
+    starts = {
+        name: np.unique(np.asarray(by_name(design.start)[name], float)) for name in design.free()
+    }
+    single = {
+        name: float(values[0])
+        for name, values in starts.items()
+        if values.size == 1 and values[0] > 0
+    }
     if not single:
         raise ValueError(
             f"vary: {design.name} has no weight that is one positive number; name some of {', '.join(starts)} with their values"
         )
-    return {name: tuple(factor * single[name] for factor in FACTORS) for name in list(single)[:VARIED]}
+    return {
+        name: tuple(factor * single[name] for factor in FACTORS) for name in list(single)[:VARIED]
+    }
 
 
 def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
     """The previews that make different controllers: all of them for LQ, what a cascade looks ahead for a cascade."""
-    return tuple(dict.fromkeys(_design(flags, machine, preview).preview for preview in flags.previews))
+    return tuple(
+        dict.fromkeys(_design(flags, machine, preview).preview for preview in flags.previews)
+    )
 
 
 def _listed(words: str) -> tuple[str, tuple[float, ...]]:
@@ -98,16 +127,24 @@ def _listed(words: str) -> tuple[str, tuple[float, ...]]:
     try:
         return name, tuple(float(value) for value in values.split(","))
     except ValueError:
-        raise ValueError(f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}") from None
+        raise ValueError(
+            f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}"
+        ) from None
 
 
-def _check(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]]) -> None:
+def _check(
+    flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]]
+) -> None:
     for preview in flags.previews:
         design = _design(flags, machine, preview)
         unknown = [name for name in values if name not in by_name(design.start)]
         if unknown:
-            raise ValueError(f"vary: {design.name} has no weight {unknown[0]!r}; name some of {', '.join(by_name(design.start))}")
-        design.build(with_values(design.start, {name: column[0] for name, column in values.items()}))
+            raise ValueError(
+                f"vary: {design.name} has no weight {unknown[0]!r}; name some of {', '.join(by_name(design.start))}"
+            )
+        design.build(
+            with_values(design.start, {name: column[0] for name, column in values.items()})
+        )
         for job in jobs:
             job.reference(machine.model.dt, design.preview)
 
@@ -116,20 +153,35 @@ def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
     return design_for(machine, replace(flags, preview=preview))
 
 
-def _swept(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]], folder: Path) -> xr.Dataset:
-    parts, count, batching = SweptParts(folder / PARTS), next(iter(values.values())).size, batching_of(flags)
+def _swept(
+    flags: Sweep,
+    machine: Machine,
+    jobs: list[Run],
+    values: dict[str, Float[Array, " D"]],
+    folder: Path,
+) -> xr.Dataset:
+    parts, count, batching = (
+        SweptParts(folder / PARTS),
+        next(iter(values.values())).size,
+        batching_of(flags),
+    )
     for number, preview in enumerate(flags.previews):
         if parts.rows >= (number + 1) * count:
             continue
         design = _design(flags, machine, preview)
         course = Course.of(jobs, [False] * len(jobs), machine, design.measured, design.preview)
-        at_once = min(count, designs_at_once(len(jobs) * len(course.plants) * course.references.steps, batching))
+        at_once = min(
+            count,
+            designs_at_once(len(jobs) * len(course.plants) * course.references.steps, batching),
+        )
 
         def make(varied, design=design):
             return design.build(with_values(design.start, varied))
 
         while (first := parts.rows - number * count) < count:
-            rows = np.minimum(np.arange(first, first + at_once), count - 1)  # always as many: one program
+            rows = np.minimum(
+                np.arange(first, first + at_once), count - 1
+            )  # always as many: one program
             chunk = {name: column[rows] for name, column in values.items()}
             found = sweep(make, chunk, course.family, course.references, batching=batching)
             parts.add({name: np.asarray(row)[: count - first] for name, row in vars(found).items()})
@@ -144,20 +196,50 @@ def designs_at_once(steps: int, batching: Batching | None) -> int:
     return max(1, devices * at_once // steps)
 
 
-def _dataset(flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]], found: dict[str, Any]) -> xr.Dataset:
-    dims, design = ("preview", "sample", "contour", "plant"), _design(flags, machine, flags.previews[0])
-    shape = (len(flags.previews), next(iter(values.values())).size, len(jobs), len(machine.family_names))
+def _dataset(
+    flags: Sweep,
+    machine: Machine,
+    jobs: list[Run],
+    values: dict[str, Float[Array, " D"]],
+    found: dict[str, Any],
+) -> xr.Dataset:
+    dims, design = (
+        ("preview", "sample", "contour", "plant"),
+        _design(flags, machine, flags.previews[0]),
+    )
+    shape = (
+        len(flags.previews),
+        next(iter(values.values())).size,
+        len(jobs),
+        len(machine.family_names),
+    )
     data = {}
     for name in found:
         column = found[name].reshape(shape)
-        data[name] = (dims, column.astype("i1") if column.dtype == bool else column, {"units": metric_unit(name, machine.control_unit)})
+        data[name] = (
+            dims,
+            column.astype("i1") if column.dtype == bool else column,
+            {"units": metric_unit(name, machine.control_unit)},
+        )
     coordinates = {
-        "preview": ("preview", list(flags.previews), {"units": "samples"}), "contour": [job.name for job in jobs],
+        "preview": ("preview", list(flags.previews), {"units": "samples"}),
+        "contour": [job.name for job in jobs],
         "plant": machine.family_names,
-        **{name: ("sample", np.asarray(column), {"units": design.units()[name]}) for name, column in values.items()},
-    }  # fmt: skip
-    kept = {name: value for name, value in plain_weights(design.start).items() if isinstance(value, float) and name not in values}
-    return xr.Dataset(data, coordinates, {"title": f"jcontour sweep: machine with {machine.truth}", **kept, **run_folder.versions()})
+        **{
+            name: ("sample", np.asarray(column), {"units": design.units()[name]})
+            for name, column in values.items()
+        },
+    }
+    kept = {
+        name: value
+        for name, value in plain_weights(design.start).items()
+        if isinstance(value, float) and name not in values
+    }
+    return xr.Dataset(
+        data,
+        coordinates,
+        {"title": f"jcontour sweep: machine with {machine.truth}", **kept, **run_folder.versions()},
+    )
 
 
 def _summary(dataset: xr.Dataset, names: tuple[str, ...], error: str) -> dict[str, Any]:
@@ -165,8 +247,14 @@ def _summary(dataset: xr.Dataset, names: tuple[str, ...], error: str) -> dict[st
     lost = dataset.diverged.values.any(axis=(2, 3))
     worst = np.where(lost, np.inf, errors.max(axis=(2, 3)))
     best = [
-        {"preview": int(preview), **{name: float(dataset[name][i]) for name in names}, "worst_um": float(worst[p, i]),
-         "nominal_um": float(errors[p, i, :, 0].max())}
-        for p, preview in enumerate(dataset.preview.values) if np.isfinite(worst[p]).any() for i in [int(np.argmin(worst[p]))]
-    ]  # fmt: skip
+        {
+            "preview": int(preview),
+            **{name: float(dataset[name][i]) for name in names},
+            "worst_um": float(worst[p, i]),
+            "nominal_um": float(errors[p, i, :, 0].max()),
+        }
+        for p, preview in enumerate(dataset.preview.values)
+        if np.isfinite(worst[p]).any()
+        for i in [int(np.argmin(worst[p]))]
+    ]
     return {"points": int(lost.size), "diverged": int(lost.sum()), "best": best}

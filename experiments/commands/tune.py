@@ -37,7 +37,11 @@ def run(flags: Tune, console: Console) -> tuple[dict[str, Any], Path]:
 def _created(flags: Tune) -> tuple[Path, Tune, TuningRun]:
     job = tuning_run(flags)
     folder = run_folder.default_folder("tune") if flags.out is None else flags.out
-    return run_folder.create(folder, "tune", replace(flags, json=False, out=None), flag_paths(flags)), flags, job
+    return (
+        run_folder.create(folder, "tune", replace(flags, json=False, out=None), flag_paths(flags)),
+        flags,
+        job,
+    )
 
 
 def _resumed(flags: Tune) -> tuple[Path, Tune, TuningRun]:
@@ -48,10 +52,14 @@ def _resumed(flags: Tune) -> tuple[Path, Tune, TuningRun]:
 def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
     began = time.perf_counter()
     with ThreadPoolExecutor(1) as beside:
-        start = beside.submit(proved, job, job.start)  # compiles on the second core while the tuner descends
+        start = beside.submit(
+            proved, job, job.start
+        )  # compiles on the second core while the tuner descends
         tuned, state = _descended(job, folder, console)
         proofs = {"start": start.result(), "tuned": proved(job, tuned.weights)}
-    summary = summarise(job, tuned, state, proofs) | {"confirmed": confirmed(job, tuned, proofs["tuned"].replay)}
+    summary = summarise(job, tuned, state, proofs) | {
+        "confirmed": confirmed(job, tuned, proofs["tuned"].replay)
+    }
     summary["seconds"] = time.perf_counter() - began
     store(job, summary, tuned, {name: proof.replay for name, proof in proofs.items()}, folder)
     return summary
@@ -70,40 +78,40 @@ def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, T
         raise RuntimeError(f"no result: {error}; the points tried are kept in {folder}") from None
 
 
-
-
-
-
 def describe(job: TuningRun, console: Console) -> None:
     """Say what is tuned."""
     machine, flags, course = job.machine, job.flags, job.course
     limits = ", ".join(f"{name} <= {value:.6g}" for name, value in job.limits.items()) or "none"
     facts = machine.facts() | {
-        "Family": "; ".join(course.plants) + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
-        "Training": "; ".join(f"{one.name} ({one.samples} samples, {one.feed_law})" for one in course.jobs_seen(True)),
-        "Held out": "; ".join(f"{one.name} ({one.samples} samples)" for one in course.jobs_seen(False)),
+        "Family": "; ".join(course.plants)
+        + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
+        "Training": "; ".join(
+            f"{one.name} ({one.samples} samples, {one.feed_law})" for one in course.jobs_seen(True)
+        ),
+        "Held out": "; ".join(
+            f"{one.name} ({one.samples} samples)" for one in course.jobs_seen(False)
+        ),
         **job.design.facts(),
         "Objective": f"{flags.objective} RMS {machine.error} error over training contours and "
         f"{'the plant' if flags.nominal_only else 'family'}; limits: {limits}",
     }
     lines = [f"{heading:<11} {fact}" for heading, fact in facts.items()]
-    lines.append(f"Tuned without {machine.truth} (they have no slope); the tables below are with them.")
+    lines.append(
+        f"Tuned without {machine.truth} (they have no slope); the tables below are with them."
+    )
     if job.training_samples > PLENTY:
         lines.append(f"{job.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
 
 
-
-
-
-
-
-
-
-
-def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path) -> None:
+def store(
+    job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path
+) -> None:
     """Write everything but the settings and the state, which are there; the result comes last."""
-    attributes = {"title": f"jcontour tune: start against tuned weights, machine with {job.machine.truth}", **run_folder.versions()}
+    attributes = {
+        "title": f"jcontour tune: start against tuned weights, machine with {job.machine.truth}",
+        **run_folder.versions(),
+    }
     dataset = rollouts(replays, job.course, job.machine.axes, job.machine.control_unit, attributes)
     save_dataset(dataset, folder / "rollouts.nc")
     job.design.save(job.controller(tuned.weights), job.course, folder)
@@ -111,8 +119,6 @@ def store(job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[s
     run_folder.write_json(folder / "history.json", points)
     figures.draw_tuned(dataset, points, summary, folder)
     run_folder.write_json(folder / run_folder.RESULT, summary)
-
-
 
 
 def command(flags: Tune) -> int:

@@ -15,7 +15,11 @@ from jcontour.controllers.contouring.task_frame import TaskFrame
 
 def coupled(machine: FlexibleMachine) -> dict[str, Gain]:
     """A compensator that is weak beside the position loops."""
-    return {"cross": Gain(3.0, "1/s"), "cross_integral": Gain(3.0, "1/s^2"), "cross_derivative": Gain(0.01, "")}
+    return {
+        "cross": Gain(3.0, "1/s"),
+        "cross_integral": Gain(3.0, "1/s^2"),
+        "cross_derivative": Gain(0.01, ""),
+    }
 
 
 def along_and_across(machine: FlexibleMachine) -> dict[str, Gain]:

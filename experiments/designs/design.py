@@ -62,28 +62,45 @@ class Design(abc.ABC):
     def free(self) -> list[str]:
         """Names of the weights that are tuned."""
         space = by_name(self.space)
-        return [name for name in by_name(self.start) if not isinstance(space.get(name), (Fixed, type(None)))]
+        return [
+            name
+            for name in by_name(self.start)
+            if not isinstance(space.get(name), (Fixed, type(None)))
+        ]
 
     def check_start(self) -> None:
         """Raise ValueError unless every weight that is tuned starts where it may go."""
         for name in self.free():
             parameter, weight = by_name(self.space)[name], by_name(self.start)[name]
             if not parameter.allows(np.asarray(weight)):
-                raise ValueError(f"{name}: tuning needs a start {_place(parameter)}, received {weight}")
+                raise ValueError(
+                    f"{name}: tuning needs a start {_place(parameter)}, received {weight}"
+                )
 
 
 def by_name(weights: Weights) -> dict[str, Any]:
     """The weights, a dict, a module or a NamedTuple, as a dict."""
-    return dict(weights if isinstance(weights, dict) else getattr(weights, "_asdict", lambda: vars(weights))())
+    return dict(
+        weights
+        if isinstance(weights, dict)
+        else getattr(weights, "_asdict", lambda: vars(weights))()
+    )
 
 
 def _place(parameter: Parameter) -> str:
-    return f"between {parameter.low:g} and {parameter.high:g}" if isinstance(parameter, Interval) else "above zero"
+    return (
+        f"between {parameter.low:g} and {parameter.high:g}"
+        if isinstance(parameter, Interval)
+        else "above zero"
+    )
 
 
 def plain_weights(weights: Weights) -> dict[str, Any]:
     """Named weights as floats, and lists where there are several; None where there is none."""
-    return {name: None if value is None else np.asarray(value, float).tolist() for name, value in by_name(weights).items()}
+    return {
+        name: None if value is None else np.asarray(value, float).tolist()
+        for name, value in by_name(weights).items()
+    }
 
 
 def changed(start: Weights, changes: Sequence[str]) -> Weights:
@@ -101,12 +118,17 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
         try:
             values[name] = float(value)
         except ValueError:
-            raise ValueError(f"weights: needs NAME=VALUE with a number, received {change!r}") from None
+            raise ValueError(
+                f"weights: needs NAME=VALUE with a number, received {change!r}"
+            ) from None
     return with_values(start, values)
 
 
 def with_values(weights: Weights, values: dict[str, Any]) -> Weights:
     """The weights with some of them replaced by name; one number stands for all axes."""
     named = by_name(weights)
-    named = named | {name: jnp.broadcast_to(jnp.asarray(value), np.shape(named[name])) for name, value in values.items()}
+    named = named | {
+        name: jnp.broadcast_to(jnp.asarray(value), np.shape(named[name]))
+        for name, value in values.items()
+    }
     return named if isinstance(weights, dict) else type(weights)(**named)

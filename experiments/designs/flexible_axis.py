@@ -1,6 +1,7 @@
 """What gains build on a flexible axis: the cascade with its parts around it, and state feedback behind its observers.
 
-Every part names its gains once, where they start and where they may go, and every law takes all of them by name.
+Every part names its gains once, where they start and where they may go, and every law takes all of
+them by name.
 """
 
 from collections.abc import Callable
@@ -17,9 +18,18 @@ from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of
 from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
-from jcontour.controllers.feedback.state_feedback import StateFeedback, SteadyTarget, lq_gain, moving_target
+from jcontour.controllers.feedback.state_feedback import (
+    StateFeedback,
+    SteadyTarget,
+    lq_gain,
+    moving_target,
+)
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
-from jcontour.controllers.observers.extended_state_observers import NLESO, DisturbanceRejection, ExtendedStateObserver
+from jcontour.controllers.observers.extended_state_observers import (
+    NLESO,
+    DisturbanceRejection,
+    ExtendedStateObserver,
+)
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, kalman_gain, offset_free_gain
 from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
 from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
@@ -30,7 +40,9 @@ from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.sensors import motors
 from tuning.parameters import Interval
 
-RATIO = Interval(0.02, 0.98)  # of damping: poles stay complex, and Ackermann's formula well conditioned
+RATIO = Interval(
+    0.02, 0.98
+)  # of damping: poles stay complex, and Ackermann's formula well conditioned
 SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
 CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
 
@@ -42,7 +54,11 @@ Law = Callable[[FlexibleMachine, Gains], Controller]
 def loops(machine: FlexibleMachine) -> dict[str, Gain]:
     """The thesis's cascade, section 3.4.2; its velocity loop as fast on another axis as on the thesis's."""
     velocity = 55.67 * _heaviness(machine) / _heaviness(None)
-    return {"position": Gain(30.0, "1/s"), "velocity": Gain(_number(velocity), "A s/m"), "integral_time": Gain(0.04, "s")}
+    return {
+        "position": Gain(30.0, "1/s"),
+        "velocity": Gain(_number(velocity), "A s/m"),
+        "integral_time": Gain(0.04, "s"),
+    }
 
 
 def feedforward(machine: FlexibleMachine) -> dict[str, Gain]:
@@ -50,19 +66,28 @@ def feedforward(machine: FlexibleMachine) -> dict[str, Gain]:
     p = machine.parameters
     dry = (p.friction.coulomb + p.friction.stribeck) / p.force_constant
     return {
-        "feedforward": Gain(1.0, ""), "inertia": Gain(_number(_heaviness(machine)), "A s^2/m"),
-        "viscous": Gain(_number(p.friction.viscous / p.force_constant), "A s/m"), "coulomb": Gain(_number(dry), "A"),
-    }  # fmt: skip
+        "feedforward": Gain(1.0, ""),
+        "inertia": Gain(_number(_heaviness(machine)), "A s^2/m"),
+        "viscous": Gain(_number(p.friction.viscous / p.force_constant), "A s/m"),
+        "coulomb": Gain(_number(dry), "A"),
+    }
 
 
 def notched(machine: FlexibleMachine) -> dict[str, Gain]:
     """The thesis's notch, section 3.4.2."""
-    return {"notch": Gain(87.0, "rad/s", _below_nyquist(machine)), "depth": Gain(0.85, ""), "notch_damping": Gain(0.05, "")}
+    return {
+        "notch": Gain(87.0, "rad/s", _below_nyquist(machine)),
+        "depth": Gain(0.85, ""),
+        "notch_damping": Gain(0.05, ""),
+    }
 
 
 def smoothed(machine: FlexibleMachine) -> dict[str, Gain]:
     """A low pass a decade above the velocity loop."""
-    return {"low_pass": Gain(1000.0, "rad/s", _below_nyquist(machine)), "low_pass_damping": Gain(np.sqrt(0.5), "")}
+    return {
+        "low_pass": Gain(1000.0, "rad/s", _below_nyquist(machine)),
+        "low_pass_damping": Gain(np.sqrt(0.5), ""),
+    }
 
 
 def rejection(machine: FlexibleMachine) -> dict[str, Gain]:
@@ -83,17 +108,21 @@ def inverted(machine: FlexibleMachine) -> dict[str, Gain]:
 def poles(machine: FlexibleMachine) -> dict[str, Gain]:
     """A rigid pair as fast as the thesis's velocity loop, and the link's own, damped."""
     return {
-        "rigid": Gain(60.0, "rad/s"), "rigid_damping": Gain(0.9, "", RATIO),
-        "link": Gain(_link_frequency(machine), "rad/s"), "link_damping": Gain(0.1, "", RATIO),
-    }  # fmt: skip
+        "rigid": Gain(60.0, "rad/s"),
+        "rigid_damping": Gain(0.9, "", RATIO),
+        "link": Gain(_link_frequency(machine), "rad/s"),
+        "link_damping": Gain(0.1, "", RATIO),
+    }
 
 
 def state_weights(machine: FlexibleMachine) -> dict[str, Gain]:
     """Diagonal of Q beside R = 1 / A^2: an ampere for 0.3 mm of the motor or the tool, or for 20 mm/s."""
     return {
-        "motor": Gain(1e7, "A^2/m^2"), "motor_speed": Gain(2.5e3, "A^2 s^2/m^2"),
-        "tool": Gain(1e7, "A^2/m^2"), "tool_speed": Gain(10.0, "A^2 s^2/m^2"),
-    }  # fmt: skip
+        "motor": Gain(1e7, "A^2/m^2"),
+        "motor_speed": Gain(2.5e3, "A^2 s^2/m^2"),
+        "tool": Gain(1e7, "A^2/m^2"),
+        "tool_speed": Gain(10.0, "A^2 s^2/m^2"),
+    }
 
 
 def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
@@ -104,8 +133,12 @@ def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
 def vibration(machine: FlexibleMachine) -> dict[str, Gain]:
     """The mode that a shaper cancels: the tool on its spring."""
     p = machine.parameters
-    return {"mode": Gain(_link_frequency(machine), "rad/s"),
-            "mode_damping": Gain(float(np.mean(p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass)))), "", RATIO)}  # fmt: skip
+    return {
+        "mode": Gain(_link_frequency(machine), "rad/s"),
+        "mode_damping": Gain(
+            float(np.mean(p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass)))), "", RATIO
+        ),
+    }
 
 
 def drifting(machine: FlexibleMachine) -> dict[str, Gain]:
@@ -116,7 +149,9 @@ def drifting(machine: FlexibleMachine) -> dict[str, Gain]:
 def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
     """P-PI on the motors; of the gains those that it knows."""
     known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
-    return Cascade(CascadeGains(**known), motors(len(machine.axes)), machine.model.dt, _current_limit(machine))
+    return Cascade(
+        CascadeGains(**known), motors(len(machine.axes)), machine.model.dt, _current_limit(machine)
+    )
 
 
 def with_notch(law: Law) -> Law:
@@ -144,7 +179,9 @@ def with_observer(law: Law, observer: Callable[..., ExtendedStateObserver]) -> L
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         p, width = machine.parameters, {"delta": gains["delta"]} if observer is NLESO else {}
-        estimator = observer(gains["bandwidth"], _number(p.force_constant / p.motor_mass), machine.model.dt, **width)
+        estimator = observer(
+            gains["bandwidth"], _number(p.force_constant / p.motor_mass), machine.model.dt, **width
+        )
         return DisturbanceRejection(law(machine, gains), estimator, motors(len(machine.axes)))
 
     return build
@@ -155,7 +192,9 @@ def with_inverse(law: Law) -> Law:
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         b0 = _number(1 / _heaviness(machine))
-        return DisturbanceObserver(law(machine, gains), motors(len(machine.axes)), gains["bandwidth"], b0, machine.model.dt)
+        return DisturbanceObserver(
+            law(machine, gains), motors(len(machine.axes)), gains["bandwidth"], b0, machine.model.dt
+        )
 
     return build
 
@@ -174,7 +213,9 @@ def placed(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         wanted = damped_poles(
-            jnp.stack([gains["rigid"], gains["link"]]), jnp.stack([gains["rigid_damping"], gains["link_damping"]]), machine.model.dt
+            jnp.stack([gains["rigid"], gains["link"]]),
+            jnp.stack([gains["rigid_damping"], gains["link_damping"]]),
+            machine.model.dt,
         )
         return StateFeedback(placed_gain(machine.model, wanted), target(machine.model))
 
@@ -207,7 +248,11 @@ def behind_offset_free_filter(law: Law) -> Law:
         measured, noise = _measured(machine)
         gain = offset_free_gain(machine.model, measured, CONTROL_NOISE, gains["drift"], noise)
         return OffsetFreeObserver(
-            controller=law(machine, gains), model=machine.model, gain=gain, measured=measured, limit=_current_limit(machine)
+            controller=law(machine, gains),
+            model=machine.model,
+            gain=gain,
+            measured=measured,
+            limit=_current_limit(machine),
         )
 
     return build
@@ -218,24 +263,36 @@ def integral_lqg(machine: FlexibleMachine, gains: Gains) -> IntegralLQG:
     model, m = machine.model, len(machine.axes)
     (measured, noise), sensors = _measured(machine), motors(m)
     integral = jnp.diag(jnp.broadcast_to(gains["integral"], (m,)))
-    K, K_i = integral_lq_gains(model, positions_of(sensors, measured), _state_weight(machine, gains), integral, jnp.eye(m))
+    K, K_i = integral_lq_gains(
+        model, positions_of(sensors, measured), _state_weight(machine, gains), integral, jnp.eye(m)
+    )
     seen = LinearPlant(model.A, model.B, measured, model.dt)
     L = kalman_gain(seen, CONTROL_NOISE, noise)
     return IntegralLQG(
-        feedback=StateFeedback(K, moving_target(model)), integral_gain=K_i, model=model, filter_gain=L, measured=measured, sensors=sensors,
+        feedback=StateFeedback(K, moving_target(model)),
+        integral_gain=K_i,
+        model=model,
+        filter_gain=L,
+        measured=measured,
+        sensors=sensors,
         limit=_current_limit(machine),
-    )  # fmt: skip
+    )
 
 
 def _state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]:
-    diagonal = [jnp.broadcast_to(gains[name], (len(machine.axes),)) for name in ("motor", "motor_speed", "tool", "tool_speed")]
+    diagonal = [
+        jnp.broadcast_to(gains[name], (len(machine.axes),))
+        for name in ("motor", "motor_speed", "tool", "tool_speed")
+    ]
     return jnp.diag(jnp.concatenate(diagonal))
 
 
 def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.ndarray, " q"]]:
     """C of the motors' positions and speeds, the first states, and the standard deviations on them."""
     m = len(machine.axes)
-    return jnp.eye(2 * m, machine.model.states), np.repeat([machine.encoder_resolution / np.sqrt(12), SPEED_NOISE], m)
+    return jnp.eye(2 * m, machine.model.states), np.repeat(
+        [machine.encoder_resolution / np.sqrt(12), SPEED_NOISE], m
+    )
 
 
 def _link_frequency(machine: FlexibleMachine) -> float:
@@ -262,7 +319,9 @@ def _number(per_axis):
     return per_axis[0] if per_axis.shape == (1,) else per_axis
 
 
-def axis_design(line: str, law: Law, *gains: Part) -> Callable[[str, FlexibleMachine, Controlled], GainDesign]:
+def axis_design(
+    line: str, law: Law, *gains: Part
+) -> Callable[[str, FlexibleMachine, Controlled], GainDesign]:
     """Maker of a design from its parts: each part names its gains."""
 
     def make(name: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:

@@ -60,11 +60,17 @@ class GainDesign(Design):
     def values(self, weights: dict[str, Any]) -> list[str]:
         """Every gain with its unit."""
         width = max(map(len, weights))
-        return [f"{name:<{width}}  {_words(value)} {self.gains[name].unit}".rstrip() for name, value in weights.items()]
+        return [
+            f"{name:<{width}}  {_words(value)} {self.gains[name].unit}".rstrip()
+            for name, value in weights.items()
+        ]
 
     def save(self, controller: Controller, course: Course, folder: Path) -> None:
         """All numbers of the controller, whatever is inside, by their place."""
-        run_folder.write_json(folder / "controller.json", {"dt": self.machine.model.dt, "controller": self.line, "numbers": _numbers(controller)})
+        run_folder.write_json(
+            folder / "controller.json",
+            {"dt": self.machine.model.dt, "controller": self.line, "numbers": _numbers(controller)},
+        )
 
 
 def _words(value: Any) -> str:
@@ -74,4 +80,6 @@ def _words(value: Any) -> str:
 
 def _numbers(controller: Controller) -> dict[str, Any]:
     leaves = jax.tree_util.tree_leaves_with_path(eqx.filter(controller, eqx.is_inexact_array))
-    return {jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf).tolist() for path, leaf in leaves}
+    return {
+        jax.tree_util.keystr(path).lstrip("."): np.asarray(leaf).tolist() for path, leaf in leaves
+    }

@@ -19,7 +19,9 @@ from jcontour.sensors import motors
 
 MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
 Part = Callable[[GantryMachine], dict[str, Gain]]
-Law = Callable[[GantryMachine, Gains, int], Controller]  # the last is the preview, which a cascade has no use for
+Law = Callable[
+    [GantryMachine, Gains, int], Controller
+]  # the last is the preview, which a cascade has no use for
 
 
 def loops(machine: GantryMachine) -> dict[str, Gain]:
@@ -28,9 +30,13 @@ def loops(machine: GantryMachine) -> dict[str, Gain]:
     inertia = jnp.stack([p.head_mass / p.head_constant, p.total_mass / (2 * p.drive_constant)])
     viscous = jnp.stack([p.head_viscous / p.head_constant, p.drive_viscous / p.drive_constant])
     return {
-        "position": Gain(jnp.full(2, 30.0), "1/s"), "velocity": Gain(100 * inertia, "A s/m"), "integral_time": Gain(jnp.full(2, 0.05), "s"),
-        "feedforward": Gain(jnp.ones(2), ""), "inertia": Gain(inertia, "A s^2/m"), "viscous": Gain(viscous, "A s/m"),
-    }  # fmt: skip
+        "position": Gain(jnp.full(2, 30.0), "1/s"),
+        "velocity": Gain(100 * inertia, "A s/m"),
+        "integral_time": Gain(jnp.full(2, 0.05), "s"),
+        "feedforward": Gain(jnp.ones(2), ""),
+        "inertia": Gain(inertia, "A s^2/m"),
+        "viscous": Gain(viscous, "A s/m"),
+    }
 
 
 def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
@@ -44,13 +50,22 @@ def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
 
 def quadratic(machine: GantryMachine) -> dict[str, Gain]:
     """Beside an ampere in each motor: a tenth of a millimetre of lag, a thirtieth off the contour, an ampere between the drives."""
-    return {"alpha": Gain(1e8, "A^2/m^2"), "beta": Gain(1e9, "A^2/m^2"), "difference": Gain(1.0, "")}
+    return {
+        "alpha": Gain(1e8, "A^2/m^2"),
+        "beta": Gain(1e9, "A^2/m^2"),
+        "difference": Gain(1.0, ""),
+    }
 
 
 def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
     """P-PI for each of the three motors by itself; its integrators know the limits of the machine's currents."""
     each = {name: MOTORS @ value for name, value in gains.items()}
-    return OfMotors(Cascade(CascadeGains(**each), motors(3), machine.model.dt, jnp.asarray(machine.limits.control)), MOTORS)
+    return OfMotors(
+        Cascade(
+            CascadeGains(**each), motors(3), machine.model.dt, jnp.asarray(machine.limits.control)
+        ),
+        MOTORS,
+    )
 
 
 def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
@@ -65,17 +80,35 @@ def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> Schedule
 
 def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
     """On the models along the path that remain where the nominal coupling of head and beam is cancelled (Yuan, section 5.4.2)."""
-    return Compensated(ScheduledLQ(machine.linearised_schedule, _weights(gains), preview), EncoderLinearisation(machine.parameters))
+    return Compensated(
+        ScheduledLQ(machine.linearised_schedule, _weights(gains), preview),
+        EncoderLinearisation(machine.parameters),
+    )
 
 
-def gantry_design(line: str, law: Law, part: Part) -> Callable[[str, GantryMachine, Controlled], GainDesign]:
+def gantry_design(
+    line: str, law: Law, part: Part
+) -> Callable[[str, GantryMachine, Controlled], GainDesign]:
     """Maker of a design from its law and the gains that it takes."""
 
     def make(name: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
         gains = part(machine)
-        start, space = {key: gain.start for key, gain in gains.items()}, {key: gain.parameter for key, gain in gains.items()}
+        start, space = (
+            {key: gain.start for key, gain in gains.items()},
+            {key: gain.parameter for key, gain in gains.items()},
+        )
         build = partial(_built, law, flags.preview)
-        return GainDesign(name, machine, start, space, build(machine, start).preview, "outputs", build, line, gains)
+        return GainDesign(
+            name,
+            machine,
+            start,
+            space,
+            build(machine, start).preview,
+            "outputs",
+            build,
+            line,
+            gains,
+        )
 
     return make
 

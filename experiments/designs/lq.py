@@ -16,7 +16,13 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, Measured
 from experiments.options import Controlled
 from jcontour.controller import Controller
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, Terminal
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+    Terminal,
+)
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
 from jcontour.simulation.closed_loop import prepared
@@ -51,7 +57,11 @@ class LQDesign(Design):
     def build(self, weights: LQWeights) -> Controller:
         """The law, behind its filter."""
         inner = self.law(self.machine, weights, self.preview)
-        return inner if self.measured == "state" else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
+        return (
+            inner
+            if self.measured == "state"
+            else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
+        )
 
     @property
     def fed_gain(self) -> np.ndarray | None:
@@ -69,8 +79,13 @@ class LQDesign(Design):
     def facts(self) -> dict[str, str]:
         """Law, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
-        start = ", ".join(f"{name} {float(getattr(self.start, name)):g}" for name in ("alpha", "beta", "rho"))
-        return {"Controller": f"{self.line}, preview {self.preview}, {self.terminal} terminal", "Free": f"{free}; start {start} (fixed)"}
+        start = ", ".join(
+            f"{name} {float(getattr(self.start, name)):g}" for name in ("alpha", "beta", "rho")
+        )
+        return {
+            "Controller": f"{self.line}, preview {self.preview}, {self.terminal} terminal",
+            "Free": f"{free}; start {start} (fixed)",
+        }
 
     def values(self, weights: dict[str, Any]) -> list[str]:
         """Weights, the two ratios that matter, and what they belong to."""
@@ -81,14 +96,23 @@ class LQDesign(Design):
             f"rho       {weights['rho']:.6g} 1/({unit})^2 (fixed)",
             f"preview   {self.preview} samples, {self.terminal} terminal",
         ]
-        return lines + (["stage     " + " ".join(f"{value:.4g}" for value in weights["stage"])] if weights["stage"] else [])
+        return lines + (
+            ["stage     " + " ".join(f"{value:.4g}" for value in weights["stage"])]
+            if weights["stage"]
+            else []
+        )
 
     def save(self, controller: Controller, course: Course, folder: Path) -> None:
         """Gain schedules of the training contours as CSV, and the Kalman filter as a drive would load it."""
         for k, (job, trained) in enumerate(zip(course.jobs, course.training, strict=True)):
             if trained:
                 plan = prepared(controller, member(course.references, k))
-                save_gains(plan, job.samples, self.machine.model.dt, folder / ("gains.csv" if k == 0 else f"gains-{job.name}.csv"))
+                save_gains(
+                    plan,
+                    job.samples,
+                    self.machine.model.dt,
+                    folder / ("gains.csv" if k == 0 else f"gains-{job.name}.csv"),
+                )
         if self.measured == "outputs":
             run_folder.write_json(folder / "observer.json", self._filter())
 
@@ -99,9 +123,14 @@ class LQDesign(Design):
         return {
             "form": f"{'filter' if used == 'xf' else 'predictor'}: xf = xh + L (y - C xh); u = f - F {used}; xh(next) = A xf + B u",
             "units": {"y": "m", "u": machine.control_unit},
-            "dt": model.dt, "A": model.A, "B": model.B, "C": model.C, "L": self.gain,
-            "control_noise": machine.control_noise, "measurement_noise": machine.measurement_noise,
-        }  # fmt: skip
+            "dt": model.dt,
+            "A": model.A,
+            "B": model.B,
+            "C": model.C,
+            "L": self.gain,
+            "control_noise": machine.control_noise,
+            "measurement_noise": machine.measurement_noise,
+        }
 
 
 def contouring_lq(
@@ -115,12 +144,24 @@ def contouring_lq(
         def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
             return ContouringLQ(machine.model, weights, preview, TERMINALS[chosen])
 
-        return _design(name, machine, flags, law, "receding-horizon LQ contouring", chosen, measured, observer, LQSpace())
+        return _design(
+            name,
+            machine,
+            flags,
+            law,
+            "receding-horizon LQ contouring",
+            chosen,
+            measured,
+            observer,
+            LQSpace(),
+        )
 
     return make
 
 
-def preview_lq(measured: Measured = "outputs") -> Callable[[str, LinearMachine, Controlled], LQDesign]:
+def preview_lq(
+    measured: Measured = "outputs",
+) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
     """Maker of a preview LQ design: alpha alone is tuned, there is no contour weight."""
 
     def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
@@ -128,12 +169,32 @@ def preview_lq(measured: Measured = "outputs") -> Callable[[str, LinearMachine, 
 
     def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
         space = LQSpace(beta=Fixed())
-        return _design(name, machine, flags, law, "finite-preview LQ tracking", "riccati", measured, FilterObserver, space)
+        return _design(
+            name,
+            machine,
+            flags,
+            law,
+            "finite-preview LQ tracking",
+            "riccati",
+            measured,
+            FilterObserver,
+            space,
+        )
 
     return make
 
 
-def _design(name, machine: LinearMachine, flags: Controlled, law: Law, line: str, terminal: str, measured, observer, space) -> LQDesign:
+def _design(
+    name,
+    machine: LinearMachine,
+    flags: Controlled,
+    law: Law,
+    line: str,
+    terminal: str,
+    measured,
+    observer,
+    space,
+) -> LQDesign:
     """The design with the flags' weights.
 
     Raises:
@@ -142,7 +203,11 @@ def _design(name, machine: LinearMachine, flags: Controlled, law: Law, line: str
     if flags.preview < 1:
         raise ValueError(f"preview: needs at least one sample, received {flags.preview}")
     profiled = getattr(flags, "stage_profile", False)
-    start = LQWeights(flags.alpha, flags.beta, flags.rho, jnp.ones(flags.preview) if profiled else None)
+    start = LQWeights(
+        flags.alpha, flags.beta, flags.rho, jnp.ones(flags.preview) if profiled else None
+    )
     gain = np.asarray(kalman_gain(machine.model, machine.control_noise, machine.measurement_noise))
     space = space._replace(stage=Positive()) if profiled else space
-    return LQDesign(name, machine, start, space, flags.preview, measured, law, line, terminal, observer, gain)
+    return LQDesign(
+        name, machine, start, space, flags.preview, measured, law, line, terminal, observer, gain
+    )

@@ -12,15 +12,16 @@ A JSON object, SI units; what is marked * is one number, or a list with one for 
     damping*             c_s [N s/m]
     force_constant*      k_t [N/A]
     pole_pitch*          tau [m]
-    friction             coulomb* f_c [N], stribeck* f_s [N], stribeck_speed* v_s [m/s], viscous* b_v [N s/m]
-    cogging_sine         S_j [N]: a list over the harmonics, or a list of such lists, one for each axis; [] for none
-    cogging_cosine       C_j [N]: likewise
+    friction             coulomb* f_c [N], stribeck* f_s [N], stribeck_speed* v_s [m/s], viscous*
+    b_v [N s/m] cogging_sine         S_j [N]: a list over the harmonics, or a list of such lists,
+    one for each axis; [] for none cogging_cosine       C_j [N]: likewise
     encoder_resolution   [m] per count of the motor's encoder; 1 um when not given
     current_limit*       optional [A]
     electrical           optional: resistance* R [Ohm], inductance* L [H], back_emf* k_e [V s/m]
     notes                optional list of texts: what the numbers are not good for
 
-`experiments/machines/thesis-axis.json` is one, and `jcontour.plants.flexible_axis` has the equations.
+`experiments/machines/thesis-axis.json` is one, and `jcontour.plants.flexible_axis` has the
+equations.
 """
 
 from dataclasses import dataclass
@@ -43,7 +44,16 @@ NUMBERS = (*POSITIVE, "stiffness", "damping")
 FRICTION = ("coulomb", "stribeck", "stribeck_speed", "viscous")
 ELECTRICAL = ("resistance", "inductance", "back_emf")
 REQUIRED = ("dt", *NUMBERS, "friction", "cogging_sine", "cogging_cosine")
-FIELDS = {"kind", "name", "axes", *REQUIRED, "encoder_resolution", "current_limit", "electrical", "notes"}
+FIELDS = {
+    "kind",
+    "name",
+    "axes",
+    *REQUIRED,
+    "encoder_resolution",
+    "current_limit",
+    "electrical",
+    "notes",
+}
 
 
 class Electrical(NamedTuple):
@@ -97,18 +107,29 @@ def axis_from(fields: Any, name: str = "axis") -> AxisFile:
     values = {key: _per_axis(key, fields[key], axes, positive=key in POSITIVE) for key in NUMBERS}
     friction = checks.mapping("friction", fields["friction"], set(FRICTION))
     _all_there("friction.", friction, FRICTION)
-    rubbing = {key: _per_axis(f"friction.{key}", friction[key], axes, positive=key == "stribeck_speed") for key in FRICTION}
-    cogging = {key: _harmonics(key, fields[key], axes) for key in ("cogging_sine", "cogging_cosine")}
+    rubbing = {
+        key: _per_axis(f"friction.{key}", friction[key], axes, positive=key == "stribeck_speed")
+        for key in FRICTION
+    }
+    cogging = {
+        key: _harmonics(key, fields[key], axes) for key in ("cogging_sine", "cogging_cosine")
+    }
     if len({rows.shape for rows in cogging.values()}) > 1:
-        raise MachineError(f"cogging_cosine: needs as many harmonics as cogging_sine, {cogging['cogging_sine'].shape[1]}")
+        raise MachineError(
+            f"cogging_cosine: needs as many harmonics as cogging_sine, {cogging['cogging_sine'].shape[1]}"
+        )
     limit = fields.get("current_limit")
     return AxisFile(
         name=checks.text("name", fields.get("name", name)),
         parameters=AxisParameters(friction=Friction(**rubbing), **values, **cogging),
         dt=checks.number("dt", fields["dt"], above=0.0),
         axes=checks.axis_names(fields.get("axes"), axes),
-        encoder_resolution=checks.number("encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION), above=0.0),
-        current_limit=None if limit is None else _per_axis("current_limit", limit, axes, positive=True),
+        encoder_resolution=checks.number(
+            "encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION), above=0.0
+        ),
+        current_limit=None
+        if limit is None
+        else _per_axis("current_limit", limit, axes, positive=True),
         electrical=_electrical(fields.get("electrical"), axes),
         notes=_notes(fields.get("notes", [])),
     )
@@ -117,7 +138,12 @@ def axis_from(fields: Any, name: str = "axis") -> AxisFile:
 def axis_fields(axis: AxisFile) -> dict[str, Any]:
     """What `axis_from` reads, in plain numbers; of a single axis without lists."""
     p = axis.parameters
-    fields: dict[str, Any] = {"kind": KIND, "name": axis.name, "axes": list(axis.axes), "dt": axis.dt}
+    fields: dict[str, Any] = {
+        "kind": KIND,
+        "name": axis.name,
+        "axes": list(axis.axes),
+        "dt": axis.dt,
+    }
     fields |= {key: _plain(getattr(p, key)) for key in NUMBERS}
     fields["friction"] = {key: _plain(getattr(p.friction, key)) for key in FRICTION}
     fields |= {key: _plain(getattr(p, key)) for key in ("cogging_sine", "cogging_cosine")}
@@ -137,15 +163,27 @@ def save_axis(axis: AxisFile, path: Path) -> Path:
 def _all_there(prefix: str, fields: dict[str, Any], names: tuple[str, ...]) -> None:
     for name in names:
         if name not in fields:
-            raise MachineError(f"{prefix}{name}: missing; a flexible axis needs {', '.join(prefix + one for one in names)}")
+            raise MachineError(
+                f"{prefix}{name}: missing; a flexible axis needs {', '.join(prefix + one for one in names)}"
+            )
 
 
 def _count(fields: dict[str, Any]) -> int:
     """Axes: as many as there are names, or numbers in the longest list."""
     named, friction = fields.get("axes"), fields["friction"]
-    listed = [fields[key] for key in NUMBERS] + (list(friction.values()) if isinstance(friction, dict) else [])
-    listed += [fields[key] for key in ("cogging_sine", "cogging_cosine") if isinstance(fields[key], list) and _nested(fields[key])]
-    count = len(named) if isinstance(named, list) else max((len(value) for value in listed if isinstance(value, list)), default=1)
+    listed = [fields[key] for key in NUMBERS] + (
+        list(friction.values()) if isinstance(friction, dict) else []
+    )
+    listed += [
+        fields[key]
+        for key in ("cogging_sine", "cogging_cosine")
+        if isinstance(fields[key], list) and _nested(fields[key])
+    ]
+    count = (
+        len(named)
+        if isinstance(named, list)
+        else max((len(value) for value in listed if isinstance(value, list)), default=1)
+    )
     if not 1 <= count <= MOST_AXES:
         raise MachineError(f"axes: needs one to {MOST_AXES} axes, received {count}")
     return count
@@ -163,9 +201,16 @@ def _harmonics(name: str, value: Any, axes: int) -> np.ndarray:
     rows = value if isinstance(value, list) and _nested(value) else [value] * axes
     if len(rows) != axes:
         raise MachineError(f"{name}: needs one list of harmonics or {axes}, received {len(rows)}")
-    if any(not isinstance(row, list) or len(row) != len(rows[0]) or len(row) > MOST_HARMONICS for row in rows):
-        raise MachineError(f"{name}: needs lists of equal length, at most {MOST_HARMONICS} harmonics, received {checks.shown(value)}")
-    return np.array([[checks.number(name, entry) for entry in row] for row in rows]).reshape(axes, -1)
+    if any(
+        not isinstance(row, list) or len(row) != len(rows[0]) or len(row) > MOST_HARMONICS
+        for row in rows
+    ):
+        raise MachineError(
+            f"{name}: needs lists of equal length, at most {MOST_HARMONICS} harmonics, received {checks.shown(value)}"
+        )
+    return np.array([[checks.number(name, entry) for entry in row] for row in rows]).reshape(
+        axes, -1
+    )
 
 
 def _nested(rows: list[Any]) -> bool:
@@ -177,12 +222,20 @@ def _electrical(value: Any, axes: int) -> Electrical | None:
         return None
     given = checks.mapping("electrical", value, set(ELECTRICAL))
     _all_there("electrical.", given, ELECTRICAL)
-    return Electrical(*(_per_axis(f"electrical.{key}", given[key], axes, positive=True) for key in ELECTRICAL))
+    return Electrical(
+        *(_per_axis(f"electrical.{key}", given[key], axes, positive=True) for key in ELECTRICAL)
+    )
 
 
 def _notes(value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list) or len(value) > MOST_NOTES or not all(isinstance(entry, str) and entry.isprintable() for entry in value):
-        raise MachineError(f"notes: needs a list of at most {MOST_NOTES} printable texts, received {checks.shown(value)}")
+    if (
+        not isinstance(value, list)
+        or len(value) > MOST_NOTES
+        or not all(isinstance(entry, str) and entry.isprintable() for entry in value)
+    ):
+        raise MachineError(
+            f"notes: needs a list of at most {MOST_NOTES} printable texts, received {checks.shown(value)}"
+        )
     return tuple(value)
 
 

@@ -16,17 +16,31 @@ from tuning.problem import Merit
 from tuning.tune import Evaluated, TuneState
 
 STATE = "state.npz"
-_TREES = ("history", "memory", "merit")  # stored leaf by leaf; every other field of the state is one number or one array
+_TREES = (
+    "history",
+    "memory",
+    "merit",
+)  # stored leaf by leaf; every other field of the state is one number or one array
 
 
 def save_state(folder: Path, state: TuneState) -> Path:
     """Write the state of a run; what was there before stays until the new file is whole."""
-    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in vars(state).items() if name not in _TREES}
-    arrays |= {f"memory_{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(state.memory))}
+    arrays: dict[str, Any] = {
+        name: np.asarray(value) for name, value in vars(state).items() if name not in _TREES
+    }
+    arrays |= {
+        f"memory_{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(state.memory))
+    }
     if state.merit is not None:
-        arrays |= {f"merit_{name}": np.asarray(value) for name, value in state.merit._asdict().items()}
+        arrays |= {
+            f"merit_{name}": np.asarray(value) for name, value in state.merit._asdict().items()
+        }
     rows = state.history
-    arrays |= {f"history_{name}": np.asarray([getattr(row, name) for row in rows]) for name in Evaluated._fields if name != "metrics"}
+    arrays |= {
+        f"history_{name}": np.asarray([getattr(row, name) for row in rows])
+        for name in Evaluated._fields
+        if name != "metrics"
+    }
     for name in Metrics.__dataclass_fields__:
         arrays[f"metrics_{name}"] = np.asarray([getattr(row.metrics, name) for row in rows])
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
@@ -49,12 +63,21 @@ def load_state(folder: Path) -> TuneState:
 
 
 def _state(arrays: dict[str, np.ndarray]) -> TuneState:
-    leaves = [jnp.asarray(arrays[f"memory_{k}"]) for k in range(sum(name.startswith("memory_") for name in arrays))]
+    leaves = [
+        jnp.asarray(arrays[f"memory_{k}"])
+        for k in range(sum(name.startswith("memory_") for name in arrays))
+    ]
     structure = jax.tree.structure(optax.scale_by_lbfgs().init(jnp.zeros(1)))
     memory = jax.tree.unflatten(structure, leaves) if leaves else None
-    merit = Merit(*(arrays[f"merit_{name}"] for name in Merit._fields)) if "merit_scale" in arrays else None  # on the host, as it was
+    merit = (
+        Merit(*(arrays[f"merit_{name}"] for name in Merit._fields))
+        if "merit_scale" in arrays
+        else None
+    )  # on the host, as it was
     others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
-    plain: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in others.items()}
+    plain: dict[str, Any] = {
+        name: value.item() if value.ndim == 0 else value for name, value in others.items()
+    }
     return TuneState(history=_history(arrays), memory=memory, merit=merit, **plain)
 
 
@@ -63,8 +86,12 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
     return [
         Evaluated(
-            int(columns["start"][k]), columns["z"][k], float(columns["objective"][k]), float(columns["violation"][k]),
-            Metrics(**{name: values[k] for name, values in metrics.items()}), bool(columns["diverged"][k]),
+            int(columns["start"][k]),
+            columns["z"][k],
+            float(columns["objective"][k]),
+            float(columns["violation"][k]),
+            Metrics(**{name: values[k] for name, values in metrics.items()}),
+            bool(columns["diverged"][k]),
         )
         for k in range(len(columns["start"]))
-    ]  # fmt: skip
+    ]

@@ -18,13 +18,19 @@ def matrix(name: str, value: Any) -> np.ndarray:
     except (ValueError, TypeError, OverflowError, RecursionError):
         raise MachineError(f"{name}: needs a matrix of numbers, received {shown(value)}") from None
     if rows.ndim != 2 or rows.size == 0:
-        raise MachineError(f"{name}: needs a matrix, a list of rows of equal length, received shape {rows.shape}")
-    if isinstance(value, list) and any(isinstance(entry, (str, bool)) for row in value for entry in row):
+        raise MachineError(
+            f"{name}: needs a matrix, a list of rows of equal length, received shape {rows.shape}"
+        )
+    if isinstance(value, list) and any(
+        isinstance(entry, (str, bool)) for row in value for entry in row
+    ):
         raise MachineError(f"{name}: needs numbers, received text or true/false among them")
     if not np.isfinite(rows).all():
         raise MachineError(f"{name}: every entry needs to be finite, received NaN or inf")
     if np.abs(rows).max() > LARGEST:
-        raise MachineError(f"{name}: needs entries of at most {LARGEST:g}, received {np.abs(rows).max():g}")
+        raise MachineError(
+            f"{name}: needs entries of at most {LARGEST:g}, received {np.abs(rows).max():g}"
+        )
     return rows
 
 
@@ -42,7 +48,9 @@ def whole(name: str, value: Any, most: int) -> int:
     """A whole number of samples from 0 to `most`."""
     samples = number(name, value, least=0)
     if samples != int(samples) or samples > most:
-        raise MachineError(f"{name}: needs a whole number of samples from 0 to {most}, received {samples:g}")
+        raise MachineError(
+            f"{name}: needs a whole number of samples from 0 to {most}, received {samples:g}"
+        )
     return int(samples)
 
 
@@ -58,22 +66,32 @@ def axis_names(value: Any, count: int) -> tuple[str, ...]:
     """Names of the axes; X, Y, Z when none are given."""
     if value is None:
         return ("X", "Y", "Z")[:count]
-    if not isinstance(value, list) or len(value) != count or len({str(entry) for entry in value}) != count:
-        raise MachineError(f"axes: needs {count} different names, one per output, received {shown(value)}")
+    if (
+        not isinstance(value, list)
+        or len(value) != count
+        or len({str(entry) for entry in value}) != count
+    ):
+        raise MachineError(
+            f"axes: needs {count} different names, one per output, received {shown(value)}"
+        )
     return tuple(text("axes", entry) for entry in value)
 
 
 def text(name: str, value: Any) -> str:
     """A short printable text."""
     if not isinstance(value, str) or not value.isprintable() or not 0 < len(value) <= 80:
-        raise MachineError(f"{name}: needs a text of 1 to 80 printable characters, received {shown(value)}")
+        raise MachineError(
+            f"{name}: needs a text of 1 to 80 printable characters, received {shown(value)}"
+        )
     return value
 
 
 def mapping(name: str, value: Any, allowed: set[str]) -> dict[str, Any]:
     """An object with no other fields than the allowed ones."""
     if not isinstance(value, dict):
-        raise MachineError(f"{name}: needs an object with {', '.join(sorted(allowed))}, received {shown(value)}")
+        raise MachineError(
+            f"{name}: needs an object with {', '.join(sorted(allowed))}, received {shown(value)}"
+        )
     known(name, value, allowed)
     return value
 
@@ -82,7 +100,9 @@ def known(name: str, fields: dict[str, Any], allowed: set[str]) -> None:
     """Raise unless every field is one of the allowed ones."""
     unknown = sorted(set(fields) - allowed)
     if unknown:
-        raise MachineError(f"{name}: there is no field {shown(unknown[0])}; known are {', '.join(sorted(allowed))}")
+        raise MachineError(
+            f"{name}: there is no field {shown(unknown[0])}; known are {', '.join(sorted(allowed))}"
+        )
 
 
 def shown(value: Any) -> str:

@@ -11,8 +11,6 @@ from jcontour.linear.plant import AffinePlan
 LEVEL = 1  # of compression: the signals shrink little beyond it
 
 
-
-
 def metric_unit(name: str, control_unit: str) -> str:
     """Unit of a metric in SI."""
     if name == "diverged":
@@ -24,8 +22,14 @@ def metric_unit(name: str, control_unit: str) -> str:
 
 def save_dataset(dataset: xr.Dataset, path: Path) -> Path:
     """Write netCDF, compressed."""
-    encoding = {name: {"zlib": True, "complevel": LEVEL} for name, values in dataset.data_vars.items() if values.ndim > 3}
-    return write(path, lambda temporary: dataset.to_netcdf(temporary, engine="h5netcdf", encoding=encoding))
+    encoding = {
+        name: {"zlib": True, "complevel": LEVEL}
+        for name, values in dataset.data_vars.items()
+        if values.ndim > 3
+    }
+    return write(
+        path, lambda temporary: dataset.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
+    )
 
 
 def load_dataset(path: Path) -> xr.Dataset:
@@ -37,8 +41,15 @@ def load_dataset(path: Path) -> xr.Dataset:
 def save_gains(plan: AffinePlan, steps: int, dt: float, path: Path) -> Path:
     """Gain schedule u = f - F xf of every sample as CSV, 17 digits: k, t_s, F row by row, f."""
     F, f = np.asarray(plan.F)[:steps], np.asarray(plan.f)[:steps]
-    names = [f"F_u{i + 1}_x{j + 1}" for i in range(F.shape[1]) for j in range(F.shape[2])] + [f"f_u{i + 1}" for i in range(f.shape[1])]
+    names = [f"F_u{i + 1}_x{j + 1}" for i in range(F.shape[1]) for j in range(F.shape[2])] + [
+        f"f_u{i + 1}" for i in range(f.shape[1])
+    ]
     k = np.arange(len(F))
     rows = np.column_stack([k, k * dt, F.reshape(len(F), -1), f])
     formats = ["%d", "%.10g"] + ["%.17g"] * len(names)
-    return write(path, lambda temporary: np.savetxt(temporary, rows, formats, ",", header=",".join(["k", "t_s", *names]), comments=""))
+    return write(
+        path,
+        lambda temporary: np.savetxt(
+            temporary, rows, formats, ",", header=",".join(["k", "t_s", *names]), comments=""
+        ),
+    )

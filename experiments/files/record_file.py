@@ -1,16 +1,19 @@
 """Commissioning data: what a drive recorded, as a CSV file.
 
-One row for every sample, SI units, a header line with these names in any order, `.` in numbers and `,` between them:
+One row for every sample, SI units, a header line with these names in any order, `.` in numbers and
+`,` between them:
 
     test             name of the test that the row belongs to; one test when there is no such column
     time             [s], at a constant rate within a test
     motor_position   [m]
-    current_q        i_q [A]: what acts until the next row, a command that is held or the mean; in an electrical test its value at the row
+    current_q        i_q [A]: what acts until the next row, a command that is held or the mean; in
+    an electrical test its value at the row
     tool_position    optional: end effector [m]
     voltage_q        optional: u_q [V], held until the next row; makes the test an electrical one
     current_d        optional: i_d [A], which should be near zero
 
-A column that one test has and another has not stays empty there. `jcontour identify --demo` writes such a file.
+A column that one test has and another has not stays empty there. `jcontour identify --demo` writes
+such a file.
 """
 
 import csv
@@ -22,7 +25,13 @@ import numpy as np
 from experiments.files.run_folder import write
 from tuning.identification.records import Record
 
-SIGNALS = {"motor_position": "motor", "current_q": "current", "tool_position": "tool", "voltage_q": "voltage", "current_d": "current_d"}
+SIGNALS = {
+    "motor_position": "motor",
+    "current_q": "current",
+    "tool_position": "tool",
+    "voltage_q": "voltage",
+    "current_d": "current_d",
+}
 REQUIRED = ("time", "motor_position", "current_q")
 COLUMNS = ("test", "time", *SIGNALS)
 ONLY_TEST = "data"  # its name where there is no column for it
@@ -38,7 +47,8 @@ def load_records(path: str | Path) -> list[Record]:
     """The tests of a file, in the order in which they begin; the module's docstring is the format.
 
     Raises:
-        RecordError: the file cannot be read, a column is missing, a value is no number, or a clock is not uniform.
+        RecordError: the file cannot be read, a column is missing, a value is no number, or a clock
+            is not uniform.
     """
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
@@ -75,13 +85,18 @@ def save_records(records: Sequence[Record], path: Path) -> Path:
 def _columns(rows) -> dict[str, list[str]]:
     """Cells by column, the one of the tests among them."""
     header = [name.strip() for name in next(rows, [])]
-    missing, unknown = [name for name in REQUIRED if name not in header], [name for name in header if name not in COLUMNS]
+    missing, unknown = (
+        [name for name in REQUIRED if name not in header],
+        [name for name in header if name not in COLUMNS],
+    )
     if missing:
         raise RecordError(
             f"columns: {', '.join(missing)} missing; needed are {', '.join(REQUIRED)}, received {', '.join(header) or 'nothing'}"
         )
     if unknown or len(set(header)) < len(header):
-        raise RecordError(f"columns: needs {', '.join(COLUMNS)}, each at most once, received {', '.join(header)}")
+        raise RecordError(
+            f"columns: needs {', '.join(COLUMNS)}, each at most once, received {', '.join(header)}"
+        )
     found: list[list[str]] = []
     for line, row in enumerate(rows, 2):
         if not row:
@@ -91,7 +106,11 @@ def _columns(rows) -> dict[str, list[str]]:
         if len(found) == MOST_ROWS:
             raise RecordError(f"rows: needs at most {MOST_ROWS}")
         found.append(row)
-    columns = dict(zip(header, (list(cells) for cells in zip(*found, strict=True)), strict=False)) if found else {}
+    columns = (
+        dict(zip(header, (list(cells) for cells in zip(*found, strict=True)), strict=False))
+        if found
+        else {}
+    )
     if not columns:
         raise RecordError("rows: there are none below the header")
     return {"test": [ONLY_TEST] * len(found)} | columns
@@ -105,9 +124,13 @@ def _numbers(name: str, cells: list[str]) -> np.ndarray:
             try:
                 values[k] = float(cell)
             except ValueError:
-                raise RecordError(f"{name}: row {k + 1} needs a number, received {cell[:40]!r}") from None
+                raise RecordError(
+                    f"{name}: row {k + 1} needs a number, received {cell[:40]!r}"
+                ) from None
             if not np.isfinite(values[k]):
-                raise RecordError(f"{name}: row {k + 1} needs a finite number, received {cell.strip()!r}")
+                raise RecordError(
+                    f"{name}: row {k + 1} needs a finite number, received {cell.strip()!r}"
+                )
     return values
 
 
@@ -117,8 +140,14 @@ def _record(test: str, rows: np.ndarray, table: dict[str, np.ndarray]) -> Record
     for name, values in table.items():
         empty = np.isnan(values[rows])
         if empty.any() and (name in REQUIRED or not empty.all()):
-            raise RecordError(f"{name}: row {rows[np.argmax(empty)] + 1}, of test {test!r}, is empty")
-    signals = {field: table[name][rows] for name, field in SIGNALS.items() if name in table and not np.isnan(table[name][rows[0]])}
+            raise RecordError(
+                f"{name}: row {rows[np.argmax(empty)] + 1}, of test {test!r}, is empty"
+            )
+    signals = {
+        field: table[name][rows]
+        for name, field in SIGNALS.items()
+        if name in table and not np.isnan(table[name][rows[0]])
+    }
     return Record(test, _period(test, table["time"][rows]), **signals)
 
 

@@ -30,7 +30,11 @@ class Interrupted(KeyboardInterrupt):
 def default_folder(command: str) -> Path:
     """runs/<command>-<date>-<time>, with a number behind it where that exists."""
     stem = Path("runs") / f"{command}-{time.strftime('%Y%m%d-%H%M%S')}"
-    return next(path for k in range(1, 10_000) if not (path := stem if k == 1 else stem.with_name(f"{stem.name}-{k}")).exists())
+    return next(
+        path
+        for k in range(1, 10_000)
+        if not (path := stem if k == 1 else stem.with_name(f"{stem.name}-{k}")).exists()
+    )
 
 
 def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
@@ -46,16 +50,22 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     try:
         made.chmod(0o755)
-        copies = {str(path): f"inputs/{k}/{path.name}" for k, path in enumerate(inputs)}  # names stay: parts are called by them
+        copies = {
+            str(path): f"inputs/{k}/{path.name}" for k, path in enumerate(inputs)
+        }  # names stay: parts are called by them
         for path, copy in copies.items():
             (made / copy).parent.mkdir(parents=True)
             shutil.copyfile(path, made / copy)
         write_json(made / SETTINGS, settings(command, flags, copies))
-        made.rename(folder)  # fails where the folder holds anything, also when two runs start at once
+        made.rename(
+            folder
+        )  # fails where the folder holds anything, also when two runs start at once
     except OSError as error:
         shutil.rmtree(made, ignore_errors=True)
         if folder.exists():
-            raise RunError(f"{folder}: already holds another run; give another --out, or --resume it") from None
+            raise RunError(
+                f"{folder}: already holds another run; give another --out, or --resume it"
+            ) from None
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     return folder
 
@@ -82,7 +92,11 @@ def versions() -> dict[str, str]:
             return "unknown"
 
     packages = ("jcontour", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
-    return {"python": platform.python_version(), "platform": platform.platform(), **{name: of(name) for name in packages}}
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        **{name: of(name) for name in packages},
+    }
 
 
 def opened(folder: Path, command: str) -> dict[str, Any]:
@@ -106,7 +120,9 @@ def read_json(folder: Path, name: str) -> dict[str, Any]:
     try:
         found = json.loads((folder / name).read_text())
     except OSError:
-        raise RunError(f"{folder}: is not a run folder, or its run has not ended ({name} is missing)") from None
+        raise RunError(
+            f"{folder}: is not a run folder, or its run has not ended ({name} is missing)"
+        ) from None
     except ValueError:
         raise RunError(f"{folder / name}: is not JSON") from None
     if not isinstance(found, dict):
@@ -145,7 +161,9 @@ def resumable(command: str, folder: Path) -> Iterator[None]:
 
 def write(path: Path, fill: Callable[[Path], Any]) -> Path:
     """Write a file under a temporary name with `fill(temporary)`, and rename it."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")  # keeps the suffix: writers choose the format by it
+    temporary = path.with_name(
+        f".{path.stem}.{os.getpid()}{path.suffix}"
+    )  # keeps the suffix: writers choose the format by it
     try:
         fill(temporary)
         with temporary.open("rb") as file:

@@ -33,7 +33,9 @@ class SweptParts:
 
     def whole(self) -> dict[str, np.ndarray]:
         """All rows by name."""
-        return {name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]}
+        return {
+            name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]
+        }
 
     def _next(self) -> Path:
         return self.folder / f"{self.rows:09d}.npz"

@@ -8,14 +8,18 @@ from jaxtyping import Float
 from experiments.jobs.job import Job, Pace, at_constant_feed
 from jcontour.geometry.contours import circle, polygon, spline
 
-Outline = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]]  # points [m] by their angles
+Outline = Callable[
+    [Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]
+]  # points [m] by their angles
 BEAM_FEED = 0.3  # [m/s] along the gantry's beam
 BEAM_POINTS = 48  # that a spline goes through
 
 
 def square(pace: Pace) -> Job:
     """Of 2 mm."""
-    return at_constant_feed("square", polygon([[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]), pace)
+    return at_constant_feed(
+        "square", polygon([[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]), pace
+    )
 
 
 def wave(pace: Pace) -> Job:
@@ -31,7 +35,19 @@ def ring(pace: Pace) -> Job:
 
 def rounded_square(pace: Pace) -> Job:
     """Of 50 mm."""
-    corners = 25e-3 * np.array([[1, 0], [0.9, 0.9], [0, 1], [-0.9, 0.9], [-1, 0], [-0.9, -0.9], [0, -1], [0.9, -0.9], [1, 0]])
+    corners = 25e-3 * np.array(
+        [
+            [1, 0],
+            [0.9, 0.9],
+            [0, 1],
+            [-0.9, 0.9],
+            [-1, 0],
+            [-0.9, -0.9],
+            [0, -1],
+            [0.9, -0.9],
+            [1, 0],
+        ]
+    )
     return at_constant_feed("rounded-square", spline(corners), pace)
 
 
@@ -58,7 +74,9 @@ def cushion_outline(angle: np.ndarray) -> np.ndarray:
 
 def eight_outline(angle: np.ndarray) -> np.ndarray:
     """Figure of eight."""
-    return 0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
+    return (
+        0.08 / (1 + np.sin(angle) ** 2) * np.array([np.cos(angle), np.cos(angle) * np.sin(angle)])
+    )
 
 
 def oval_outline(angle: np.ndarray) -> np.ndarray:

@@ -16,8 +16,11 @@ from jcontour.motion.references import Law, Reference, along, in_time
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
-ACCELERATION = 2.0  # [m/s^2] of a path where the machine states none: usual for a table of this size
-RAPID = 3.0  # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
+ACCELERATION = (
+    2.0  # [m/s^2] of a path where the machine states none: usual for a table of this size
+)
+# times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
+RAPID = 3.0
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
@@ -47,7 +50,10 @@ class Pace(NamedTuple):
         Raises:
             ValueError: a feed or acceleration that is not finite and above zero.
         """
-        for name, value in (("feed-mm-per-min", flags.feed_mm_per_min), ("acceleration", flags.acceleration)):
+        for name, value in (
+            ("feed-mm-per-min", flags.feed_mm_per_min),
+            ("acceleration", flags.acceleration),
+        ):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
         feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
@@ -76,7 +82,9 @@ class Job(NamedTuple):
             ValueError: as `references.along`, or the run is shorter than the preview.
         """
         if preview > self.arc.size:
-            raise ValueError(f"preview: {preview} samples are more than the {self.arc.size} of the whole run along {self.name}")
+            raise ValueError(
+                f"preview: {preview} samples are more than the {self.arc.size} of the whole run along {self.name}"
+            )
         return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
 
 
@@ -111,12 +119,18 @@ Run = Job | Motion
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
     """In motion from the first sample; a closed contour is run twice and scored the second time, when the entry has died out."""
     if contour.axes > pace.machine.model.axes:
-        raise ValueError(f"contour: {name} needs {contour.axes} axes, {pace.machine.name} has {pace.machine.model.axes}")
+        raise ValueError(
+            f"contour: {name} needs {contour.axes} axes, {pace.machine.name} has {pace.machine.model.axes}"
+        )
     contour = _lifted(contour, pace.machine.model.axes)
     dt, feed = pace.machine.model.dt, pace.feed_or_default
     lap = constant_feed(contour, feed, dt)
     laps = 2 if bool(contour.closed) else 1
-    arc = feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1) if laps == 2 else lap
+    arc = (
+        feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1)
+        if laps == 2
+        else lap
+    )
     scored = arc >= (laps - 1) * float(contour.length)
     return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
 
@@ -125,7 +139,8 @@ def from_file(path: Path, pace: Pace) -> Job:
     """From rest to rest along a toolpath file, .csv points or G-code.
 
     Raises:
-        ToolpathError: as `read_gcode` and `read_csv`, or the file has another number of axes than the machine.
+        ToolpathError: as `read_gcode` and `read_csv`, or the file has another number of axes than
+            the machine.
     """
     try:
         return _read(path, pace)
@@ -142,17 +157,36 @@ def _read(path: Path, pace: Pace) -> Job:
         contour = _lifted(read_csv(path), machine.model.axes)
         if contour.axes != machine.model.axes:
             raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
-        feed, rapid = np.full(contour.rate.shape, pace.feed_or_default), np.zeros(contour.rate.shape, bool)
+        feed, rapid = (
+            np.full(contour.rate.shape, pace.feed_or_default),
+            np.zeros(contour.rate.shape, bool),
+        )
     else:
-        contour, feed, rapid = read_gcode(path, "XY" if machine.model.axes == 2 else "XYZ", pace.feed)
+        contour, feed, rapid = read_gcode(
+            path, "XY" if machine.model.axes == 2 else "XYZ", pace.feed
+        )
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
     arc = trapezoidal(
-        contour, np.where(rapid, rapid_speed, feed), machine.model.dt, pace.acceleration_or_default, speed, machine.limits.acceleration
+        contour,
+        np.where(rapid, rapid_speed, feed),
+        machine.model.dt,
+        pace.acceleration_or_default,
+        speed,
+        machine.limits.acceleration,
     )
-    piece = np.clip(np.searchsorted(np.asarray(contour.start), arc, side="right") - 1, 0, rapid.size - 1)
-    return Job(path.stem, contour, arc, ~rapid[piece], True, f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min")
+    piece = np.clip(
+        np.searchsorted(np.asarray(contour.start), arc, side="right") - 1, 0, rapid.size - 1
+    )
+    return Job(
+        path.stem,
+        contour,
+        arc,
+        ~rapid[piece],
+        True,
+        f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min",
+    )
 
 
 def _lifted(contour: Contour, axes: int) -> Contour:
@@ -160,6 +194,9 @@ def _lifted(contour: Contour, axes: int) -> Contour:
     if contour.axes >= axes:
         return contour
     return eqx.tree_at(
-        lambda c: (c.polynomial, c.cosine, c.sine), contour,
-        replace_fn=lambda rows: jnp.concatenate([rows, jnp.zeros((*rows.shape[:-1], 1), rows.dtype)], axis=-1),
-    )  # fmt: skip
+        lambda c: (c.polynomial, c.cosine, c.sine),
+        contour,
+        replace_fn=lambda rows: jnp.concatenate(
+            [rows, jnp.zeros((*rows.shape[:-1], 1), rows.dtype)], axis=-1
+        ),
+    )

@@ -27,19 +27,29 @@ def s_curve(pace: Pace) -> Motion:
 def task_b(pace: Pace) -> Motion:
     """Yuan, section 3.4.1: 0.05 cos(2 t) + 0.05 m."""
     if pace.feed is not None or pace.acceleration is not None:
-        raise ValueError("feed-mm-per-min, acceleration: task-b is a cosine with a speed of its own; leave them out")
+        raise ValueError(
+            "feed-mm-per-min, acceleration: task-b is a cosine with a speed of its own; leave them out"
+        )
     return _motion("task-b", pace, line([0.1], [0.0]), ToAndFro(0.1, 2.0), 3.3, "cosine, 2 rad/s")
 
 
-def _point_to_point(name: str, pace: Pace, distance: float, feed: float, acceleration: float, jerk: float = np.inf) -> Motion:
+def _point_to_point(
+    name: str, pace: Pace, distance: float, feed: float, acceleration: float, jerk: float = np.inf
+) -> Motion:
     feed, acceleration = pace.feed or feed, pace.acceleration or acceleration
     law = PointToPoint(distance, feed, acceleration, jerk)
-    words = f"{'trapezoidal' if np.isinf(jerk) else 'S-curve'}, {feed:g} m/s, {acceleration:g} m/s^2"
+    words = (
+        f"{'trapezoidal' if np.isinf(jerk) else 'S-curve'}, {feed:g} m/s, {acceleration:g} m/s^2"
+    )
     return _motion(name, pace, line([0.0], [distance]), law, DWELL + law.duration + SETTLING, words)
 
 
-def _motion(name: str, pace: Pace, contour: Contour, law: Law, duration: float, words: str) -> Motion:
+def _motion(
+    name: str, pace: Pace, contour: Contour, law: Law, duration: float, words: str
+) -> Motion:
     dt = pace.machine.model.dt
     if len(pace.machine.axes) != 1:
-        raise ValueError(f"contour: {name} is a motion of a single axis, {pace.machine.name} has {len(pace.machine.axes)}")
+        raise ValueError(
+            f"contour: {name} is a motion of a single axis, {pace.machine.name} has {len(pace.machine.axes)}"
+        )
     return Motion(name, contour, law, dt * math.ceil(duration / dt - 1e-6), DWELL, dt, words)

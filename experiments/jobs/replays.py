@@ -15,7 +15,12 @@ from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
 from jcontour.simulation.closed_loop import check_run, follow
-from jcontour.simulation.evaluation import family_batching, platform_batching, stack_plants, stack_references
+from jcontour.simulation.evaluation import (
+    family_batching,
+    platform_batching,
+    stack_plants,
+    stack_references,
+)
 from jcontour.simulation.metrics import Metrics, contour_error, score_signals
 
 Watch = Callable[[Plant, State], Any]  # what is kept of a state beside its output: arrays
@@ -52,7 +57,14 @@ class Course(NamedTuple):
     family: Plant
 
     @classmethod
-    def of(cls, jobs: Sequence[Run], training: Sequence[bool], machine: Machine, measured: Measured, preview: int) -> "Course":
+    def of(
+        cls,
+        jobs: Sequence[Run],
+        training: Sequence[bool],
+        machine: Machine,
+        measured: Measured,
+        preview: int,
+    ) -> "Course":
         """Course over the true machines of the family."""
         references = stack_references([job.reference(machine.model.dt, preview) for job in jobs])
         family = stack_plants(machine.true_family(measured))
@@ -74,17 +86,30 @@ def replay(controller: Controller, course: Course, watch: Watch | None = None) -
 
 
 @eqx.filter_jit
-def _replay(controller: Controller, family: Plant, references: Reference, watch: Watch | None) -> tuple[Any, ...]:
+def _replay(
+    controller: Controller, family: Plant, references: Reference, watch: Watch | None
+) -> tuple[Any, ...]:
     def on_contour(reference: Reference):
         plan = controller.prepare(reference)
 
         def on_plant(plant: Plant):
             run = follow(plant, controller, plan, reference)
             watched = None if watch is None else jax.vmap(partial(watch, plant))(run.state)
-            return score_signals(run.output, run.control, reference), run.output, run.control, watched
+            return (
+                score_signals(run.output, run.control, reference),
+                run.output,
+                run.control,
+                watched,
+            )
 
         metrics, output, control, watched = family_batching(family)(on_plant, family)
-        return metrics, output, control, jax.vmap(lambda y: contour_error(y, reference))(output), watched
+        return (
+            metrics,
+            output,
+            control,
+            jax.vmap(lambda y: contour_error(y, reference))(output),
+            watched,
+        )
 
     return platform_batching()(on_contour, references)
 

@@ -12,7 +12,12 @@ from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
 from experiments.machines.families import LATE, members
 from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
 from jcontour.plant import Plant
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.axis import (
+    AxisParameters,
+    FlexibleAxis,
+    SmoothFlexibleAxis,
+    thesis_axis,
+)
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.delays import Delayed
@@ -21,16 +26,32 @@ from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller
 MEMBERS = members(stiffness=0.2, mass=0.2)
-TWIN_SUBSTEP = 2.5e-4  # [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5, at a fifth of the time
-EFFORT = 1.2  # of the start's RMS current: a motor warms by its square, and near the limit of stability there is no end to it
+# [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5, at a fifth of the
+# time
+TWIN_SUBSTEP = 2.5e-4
+# of the start's RMS current: a motor warms by its square, and near the limit of stability there is
+# no end to it
+EFFORT = 1.2
 ALONE = Usual(
-    "cascade", training=("task-a",), held_out=("task-b", "s-curve"), beside_own=("task-b", "s-curve"), simulated="task-a",
-    front=("task-a",), swept=("task-a",), effort=EFFORT,
-)  # fmt: skip
+    "cascade",
+    training=("task-a",),
+    held_out=("task-b", "s-curve"),
+    beside_own=("task-b", "s-curve"),
+    simulated="task-a",
+    front=("task-a",),
+    swept=("task-a",),
+    effort=EFFORT,
+)
 SIDE_BY_SIDE = Usual(
-    "cascade", training=("ring",), held_out=("rounded-square",), beside_own=("ring",), simulated="ring", front=("ring",),
-    swept=("ring",), effort=EFFORT,
-)  # fmt: skip
+    "cascade",
+    training=("ring",),
+    held_out=("rounded-square",),
+    beside_own=("ring",),
+    simulated="ring",
+    front=("ring",),
+    swept=("ring",),
+    effort=EFFORT,
+)
 
 
 @dataclass(frozen=True)
@@ -68,13 +89,21 @@ class FlexibleMachine(Machine):
     def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
-        family = [self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured) for p, late in self._varied()]
+        family = [
+            self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured)
+            for p, late in self._varied()
+        ]
         return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
 
     def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """Stick and slip, behind encoders that count; the drives take speeds from their difference."""
-        family = [self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()]
-        return [CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution) for plant in family]
+        family = [
+            self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()
+        ]
+        return [
+            CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution)
+            for plant in family
+        ]
 
     def nominal(self, measured: Measured = "outputs") -> Plant:
         """The linear model: where the axis rests, its smooth twin has a friction so steep that it hides the loop."""
@@ -84,7 +113,9 @@ class FlexibleMachine(Machine):
     def facts(self) -> dict[str, str]:
         """Masses, link, sensors."""
         p = self.parameters
-        masses = "; ".join(f"{m:g} + {e:g} kg" for m, e in zip(p.motor_mass, p.tool_mass, strict=True))
+        masses = "; ".join(
+            f"{m:g} + {e:g} kg" for m, e in zip(p.motor_mass, p.tool_mass, strict=True)
+        )
         return {
             "Machine": f"{self.name}: {'flexible axis' if p.axes == 1 else 'flexible axes'} {', '.join(self.axes)}, motor and end effector "
             f"{masses}, dt {1e3 * self.model.dt:g} ms",
@@ -92,7 +123,9 @@ class FlexibleMachine(Machine):
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:
-        return [(scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS]
+        return [
+            (scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS
+        ]
 
     def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
         self._check_measured(measured)
@@ -106,32 +139,55 @@ class FlexibleMachine(Machine):
 def flexible_machine(axis: AxisFile) -> FlexibleMachine:
     """The machine of an axis file."""
     limits = MachineLimits(control=axis.current_limit)
-    return FlexibleMachine(axis.name, zoh_model(axis.parameters, axis.dt), axis.axes, "A", limits, axis.parameters, axis.encoder_resolution)
+    return FlexibleMachine(
+        axis.name,
+        zoh_model(axis.parameters, axis.dt),
+        axis.axes,
+        "A",
+        limits,
+        axis.parameters,
+        axis.encoder_resolution,
+    )
 
 
 def thesis_machine() -> FlexibleMachine:
     """The test bench of Yuan's thesis, chapter 3."""
-    return flexible_machine(AxisFile("flexible-axis", thesis_axis(), SAMPLE, ("X",), ENCODER_RESOLUTION))
+    return flexible_machine(
+        AxisFile("flexible-axis", thesis_axis(), SAMPLE, ("X",), ENCODER_RESOLUTION)
+    )
 
 
 def biaxial_axes() -> AxisParameters:
     """Two different axes at right angles: X is the thesis's test bench, Y is ours, lighter and with a weaker motor."""
     lighter = AxisParameters(
-        motor_mass=20.0, tool_mass=0.5, stiffness=4500.0, damping=3.0, force_constant=60.0,
-        friction=Friction(coulomb=25.0, stribeck=10.0, stribeck_speed=2.0, viscous=150.0), cogging_sine=[3.0, -0.5, 0.4],
-        cogging_cosine=[-5.0, 0.8, 0.3], pole_pitch=0.0875,
-    )  # fmt: skip
+        motor_mass=20.0,
+        tool_mass=0.5,
+        stiffness=4500.0,
+        damping=3.0,
+        force_constant=60.0,
+        friction=Friction(coulomb=25.0, stribeck=10.0, stribeck_speed=2.0, viscous=150.0),
+        cogging_sine=[3.0, -0.5, 0.4],
+        cogging_cosine=[-5.0, 0.8, 0.3],
+        pole_pitch=0.0875,
+    )
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), thesis_axis(), lighter)
 
 
 def biaxial_machine() -> FlexibleMachine:
     """What a contour needs of flexible axes."""
-    return flexible_machine(AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION))
+    return flexible_machine(
+        AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION)
+    )
 
 
 def scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:
     """With the link's stiffness and all masses times these factors."""
     return eqx.tree_at(
-        lambda p: (p.stiffness, p.motor_mass, p.tool_mass), parameters,
-        (stiffness * parameters.stiffness, mass * parameters.motor_mass, mass * parameters.tool_mass),
-    )  # fmt: skip
+        lambda p: (p.stiffness, p.motor_mass, p.tool_mass),
+        parameters,
+        (
+            stiffness * parameters.stiffness,
+            mass * parameters.motor_mass,
+            mass * parameters.tool_mass,
+        ),
+    )

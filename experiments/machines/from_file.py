@@ -1,24 +1,30 @@
 """Machine files: the linear model of a machine, its limits, and what is not known about it.
 
-A JSON object, or an npz with the same names (`limits.speed` for what is nested), all lengths in `length_unit`:
+A JSON object, or an npz with the same names (`limits.speed` for what is nested), all lengths in
+`length_unit`:
 
-    A, B, C              matrices of x(k+1) = A x + B u, y = C x; y is the tool point, two or three axes, one input each
-    dt                   sample period [s]
+    A, B, C              matrices of x(k+1) = A x + B u, y = C x; y is the tool point, two or three
+    axes, one input each dt                   sample period [s]
     name                 optional
     length_unit          m (default), mm or um: of y, and of the limits and the resolution below
     control_unit         text for tables and figures; "control unit" when not given
     axes                 names, one per output; X, Y, Z when not given
     limits               optional, each one number or one per axis:
-                           speed [length/s], acceleration [length/s^2], control [control unit], increment [control unit per sample]
-    known_delay          samples between a control and its effect that A and B do not contain; goes into the model (default 0)
-    uncertainty          optional: gain (0.1: each input gain is known to 10 %), delay (most further samples of delay)
-    encoder_resolution   [length] per count; 0.8 um when not given
-    control_noise        [control unit] standard deviation that the Kalman filter assumes on each control;
-                         5 % of the control limit, or 0.1, when not given: about what an input gain 10 % off does
+                           speed [length/s], acceleration [length/s^2], control [control unit],
+                           increment [control unit per sample]
+    known_delay          samples between a control and its effect that A and B do not contain; goes
+    into the model (default 0)
+    uncertainty          optional: gain (0.1: each input gain is known to 10 %), delay (most further
+    samples of delay) encoder_resolution   [length] per count; 0.8 um when not given
+    control_noise        [control unit] standard deviation that the Kalman filter assumes on each
+    control;
+                         5 % of the control limit, or 0.1, when not given: about what an input gain
+                         10 % off does
 
 Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
 
-`experiments/machines/example.json` is one. The tool starts in steady motion, so every axis needs one input and one output of its own.
+`experiments/machines/example.json` is one. The tool starts in steady motion, so every axis needs
+one input and one output of its own.
 """
 
 import io
@@ -42,11 +48,24 @@ from jcontour.plants.bridgeport import ENCODER_RESOLUTION
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES, MOST_DELAY = 200, 50
-RANK = 1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
+RANK = (
+    1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
+)
 FIELDS = {
-    "A", "B", "C", "dt", "name", "length_unit", "control_unit", "axes", "limits", "known_delay", "uncertainty",
-    "encoder_resolution", "control_noise",
-}  # fmt: skip
+    "A",
+    "B",
+    "C",
+    "dt",
+    "name",
+    "length_unit",
+    "control_unit",
+    "axes",
+    "limits",
+    "known_delay",
+    "uncertainty",
+    "encoder_resolution",
+    "control_noise",
+}
 
 
 def load_machine(path: str | Path) -> Machine:
@@ -84,7 +103,9 @@ def _json_fields(content: bytes) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise MachineError(f"file: neither JSON nor npz ({checks.line(error)})") from None
     if not isinstance(fields, dict):
-        raise MachineError(f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}")
+        raise MachineError(
+            f"file: needs a JSON object with A, B, C, dt, received {checks.shown(fields)}"
+        )
     return fields
 
 
@@ -98,7 +119,9 @@ def _npz_fields(content: bytes) -> dict[str, Any]:
             flat = {key: arrays[key].tolist() for key in arrays.files}
     except MachineError:
         raise
-    except Exception as error:  # a damaged archive fails in a dozen ways, none of them a fault of this program
+    except (
+        Exception
+    ) as error:  # a damaged archive fails in a dozen ways, none of them a fault of this program
         raise MachineError(f"file: not a readable npz ({checks.line(error)})") from None
     for key, value in flat.items():
         outer, _, inner = key.partition(".")
@@ -129,7 +152,9 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     except ValueError as error:
         raise MachineError(checks.line(error)) from None
     if plant.axes not in (2, 3):
-        raise MachineError(f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}")
+        raise MachineError(
+            f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}"
+        )
     known_delay = checks.whole("known_delay", fields.get("known_delay", 0), MOST_DELAY)
     _check_modes(A, B, C)
     model = with_input_delay(plant, known_delay)
@@ -142,36 +167,68 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     gain = checks.number("uncertainty.gain", uncertainty.get("gain", 0.0), least=0.0)
     if gain >= 1:
         raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
-    resolution = checks.number("encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION / metre), above=0.0) * metre
+    resolution = (
+        checks.number(
+            "encoder_resolution",
+            fields.get("encoder_resolution", ENCODER_RESOLUTION / metre),
+            above=0.0,
+        )
+        * metre
+    )
     assumed = 0.1 if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
-        checks.text("name", fields.get("name", name)), model, checks.axis_names(fields.get("axes"), plant.axes),
-        checks.text("control_unit", fields.get("control_unit", "control unit")), limits, known_delay, gain,
-        checks.whole("uncertainty.delay", uncertainty.get("delay", 0), MOST_DELAY), resolution,
+        checks.text("name", fields.get("name", name)),
+        model,
+        checks.axis_names(fields.get("axes"), plant.axes),
+        checks.text("control_unit", fields.get("control_unit", "control unit")),
+        limits,
+        known_delay,
+        gain,
+        checks.whole("uncertainty.delay", uncertainty.get("delay", 0), MOST_DELAY),
+        resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
-    )  # fmt: skip
+    )
 
 
 def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
     given = checks.mapping("limits", value, set(MachineLimits._fields))
-    sizes = {"speed": plant.axes, "acceleration": plant.axes, "control": plant.inputs, "increment": plant.inputs}
+    sizes = {
+        "speed": plant.axes,
+        "acceleration": plant.axes,
+        "control": plant.inputs,
+        "increment": plant.inputs,
+    }
     scale = {"speed": metre, "acceleration": metre}
-    return MachineLimits(**{key: checks.per_axis(f"limits.{key}", given[key], sizes[key]) * scale.get(key, 1.0) for key in given})
+    return MachineLimits(
+        **{
+            key: checks.per_axis(f"limits.{key}", given[key], sizes[key]) * scale.get(key, 1.0)
+            for key in given
+        }
+    )
 
 
 def _check_modes(A, B, C) -> None:
     """Hautus: every mode that does not die out is reached by the input and shown by the output."""
-    for name, A_, B_, missing in (("B", A, B, "is out of reach of the inputs"), ("C", A.T, C.T, "does not show in the outputs")):
+    for name, A_, B_, missing in (
+        ("B", A, B, "is out of reach of the inputs"),
+        ("C", A.T, C.T, "does not show in the outputs"),
+    ):
         B_ = B_ / max(np.abs(B_).max(), 1e-300)
         for value in np.linalg.eigvals(A_):
             if abs(value) < 1:
                 continue
-            singular = np.linalg.svd(np.hstack([A_ - value * np.eye(len(A_)), B_]), compute_uv=False)
+            singular = np.linalg.svd(
+                np.hstack([A_ - value * np.eye(len(A_)), B_]), compute_uv=False
+            )
             if not singular[-1] > RANK * singular[0]:
-                raise MachineError(f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}")
+                raise MachineError(
+                    f"{name}: a mode of A that does not die out (eigenvalue {value:.6g}) {missing}"
+                )
 
 
 def _unit(value: Any) -> float:
     if not isinstance(value, str) or value not in METRES:
-        raise MachineError(f"length_unit: needs one of {', '.join(METRES)}, received {checks.shown(value)}")
+        raise MachineError(
+            f"length_unit: needs one of {', '.join(METRES)}, received {checks.shown(value)}"
+        )
     return METRES[value]

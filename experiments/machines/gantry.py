@@ -31,8 +31,13 @@ SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
 CURRENT = 10.0  # [A] of each of the three motors
 ENCODER_RESOLUTION = 1e-6  # [m] per count
 NOISY = 8192  # samples of a run in which the smooth encoders have the noise of counts
-LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)  # of more gain: the late loop is not left at its edge
-MEMBERS = [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]  # of the joints, and of all masses together
+LATE_AND_LIGHT = Member(
+    f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE
+)  # of more gain: the late loop is not left at its edge
+MEMBERS = [
+    *members(stiffness=0.2, mass=0.1),
+    LATE_AND_LIGHT,
+]  # of the joints, and of all masses together
 SCHEDULED = 9  # head positions whose models are interpolated
 MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
 
@@ -43,7 +48,8 @@ class GantryMachine(Machine):
 
     Attributes:
         parameters: of the machine.
-        friction: of the guide ways of the head and of both drives, beside the viscous one; None without dry friction.
+        friction: of the guide ways of the head and of both drives, beside the viscous one; None
+            without dry friction.
     """
 
     parameters: GantryParameters
@@ -63,10 +69,15 @@ class GantryMachine(Machine):
     def usual(self) -> Usual:
         """Contours at several positions along the beam."""
         return Usual(
-            "gantry-scheduled-lq", training=("ring-left", "ring-centre", "cushion-right"),
+            "gantry-scheduled-lq",
+            training=("ring-left", "ring-centre", "cushion-right"),
             held_out=("eight-right", "oval-centre", "cushion-left"),
-            beside_own=("oval-centre",), simulated="ring-left", front=("ring-left",), swept=("ring-left",), effort=1.2,
-        )  # fmt: skip
+            beside_own=("oval-centre",),
+            simulated="ring-left",
+            front=("ring-left",),
+            swept=("ring-left",),
+            effort=1.2,
+        )
 
     @cached_property
     def schedule(self) -> ModelSchedule:
@@ -95,12 +106,18 @@ class GantryMachine(Machine):
         """
         self._check_measured(measured)
         noise = _rounding_noise()
-        return [_flat(FineEncoders(Disturbed(plant, noise=noise), motors(3))) for plant in self._family(SmoothFrictionGantry)]
+        return [
+            _flat(FineEncoders(Disturbed(plant, noise=noise), motors(3)))
+            for plant in self._family(SmoothFrictionGantry)
+        ]
 
     def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """Encoders that count; the drives take speeds from their difference."""
         self._check_measured(measured)
-        return [_flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION)) for plant in self._family(StickSlipGantry)]
+        return [
+            _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
+            for plant in self._family(StickSlipGantry)
+        ]
 
     def independent(self) -> tuple[str, Plant] | None:
         """The nominal plant of the true family in MuJoCo; none under dry friction, whose law there is another."""
@@ -120,7 +137,9 @@ class GantryMachine(Machine):
     def nominal(self, measured: Measured = "outputs") -> Plant:
         """With its limits; without dry friction, whose smooth twin is so steep where an axis turns that it hides the loop."""
         self._check_measured(measured)
-        return _flat(FineEncoders(self._driven(Gantry(self.parameters, self.model.dt), 0), motors(3)))
+        return _flat(
+            FineEncoders(self._driven(Gantry(self.parameters, self.model.dt), 0), motors(3))
+        )
 
     def facts(self) -> dict[str, str]:
         """Masses, beam, sensors."""
@@ -136,14 +155,27 @@ class GantryMachine(Machine):
 
     def _scheduled(self, linear: Linearisation) -> ModelSchedule:
         span = float(self.parameters.half_span)
-        return motor_schedule(self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear)
+        return motor_schedule(
+            self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear
+        )
 
     def _family(self, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
-        return [self._driven(self._gantry(_scaled(self.parameters, *factors), with_friction), late) for _, *factors, late in MEMBERS]
+        return [
+            self._driven(self._gantry(_scaled(self.parameters, *factors), with_friction), late)
+            for _, *factors, late in MEMBERS
+        ]
 
-    def _gantry(self, parameters: GantryParameters, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> Plant:
+    def _gantry(
+        self,
+        parameters: GantryParameters,
+        with_friction: type[SmoothFrictionGantry | StickSlipGantry],
+    ) -> Plant:
         dt = self.model.dt
-        return Gantry(parameters, dt) if self.friction is None else with_friction(parameters, self.friction, dt)
+        return (
+            Gantry(parameters, dt)
+            if self.friction is None
+            else with_friction(parameters, self.friction, dt)
+        )
 
     def _driven(self, plant: Plant, late: int) -> Plant:
         """With its currents limited and late, behind its motors' encoders."""
@@ -159,7 +191,9 @@ def gantry_machine() -> GantryMachine:
     """Yuan's laser cutter, chapter 5."""
     parameters = thesis_gantry()
     limits = MachineLimits(control=np.full(3, CURRENT))
-    return GantryMachine("gantry", motor_model(parameters, 0.0, SAMPLE), ("X", "Y"), "A", limits, parameters)
+    return GantryMachine(
+        "gantry", motor_model(parameters, 0.0, SAMPLE), ("X", "Y"), "A", limits, parameters
+    )
 
 
 def friction_gantry_machine() -> GantryMachine:
@@ -172,7 +206,9 @@ def guide_ways() -> Friction:
 
     The viscous part is in the parameters of the machine.
     """
-    return Friction(coulomb=[10.0, 14.0, 18.0], stribeck=[4.0, 6.0, 6.0], stribeck_speed=0.02, viscous=0.0)
+    return Friction(
+        coulomb=[10.0, 14.0, 18.0], stribeck=[4.0, 6.0, 6.0], stribeck_speed=0.02, viscous=0.0
+    )
 
 
 def _rounding_noise() -> Float[Array, "T 6"]:
@@ -195,5 +231,7 @@ def _words(friction: Friction) -> str:
 def _scaled(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:
     scaled = {"joint_stiffness": stiffness, **dict.fromkeys(MASSES, mass)}
     return eqx.tree_at(
-        lambda p: [getattr(p, name) for name in scaled], parameters, [f * getattr(parameters, name) for name, f in scaled.items()]
+        lambda p: [getattr(p, name) for name in scaled],
+        parameters,
+        [f * getattr(parameters, name) for name, f in scaled.items()],
     )

@@ -16,7 +16,11 @@ from jcontour.plants.wrappers.encoders import Encoders, Quantised
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
-    held_out=("bracket", "ellipse", "lemniscate"),  # the bracket's length would triple the minute that training takes
+    held_out=(
+        "bracket",
+        "ellipse",
+        "lemniscate",
+    ),  # the bracket's length would triple the minute that training takes
     beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
     simulated="circle",
     front=("square",),
@@ -58,9 +62,20 @@ class LinearMachine(Machine):
         sign = np.where(np.arange(self.model.inputs) % 2 == 0, 1.0, -1.0)
         gains = [("nominal", 0 * sign)]
         if self.gain > 0:
-            gains += [("gains " + ", ".join(f"{g:.3g}" for g in 1 + s * self.gain * sign), s * self.gain * sign) for s in (1, -1)]
-        late = [(f"{d} sample{'s' if d > 1 else ''} late", 0 * sign, d) for d in range(1, self.delay + 1)]
-        return [(name, 1 + change, 0) for name, change in gains] + [(name, 1 + change, d) for name, change, d in late]
+            gains += [
+                (
+                    "gains " + ", ".join(f"{g:.3g}" for g in 1 + s * self.gain * sign),
+                    s * self.gain * sign,
+                )
+                for s in (1, -1)
+            ]
+        late = [
+            (f"{d} sample{'s' if d > 1 else ''} late", 0 * sign, d)
+            for d in range(1, self.delay + 1)
+        ]
+        return [(name, 1 + change, 0) for name, change in gains] + [
+            (name, 1 + change, d) for name, change, d in late
+        ]
 
     @property
     def family_names(self) -> list[str]:
@@ -76,14 +91,21 @@ class LinearMachine(Machine):
         """The members behind encoders without quantisation, or with their whole state measured."""
         depth = max(self.delay, 1)
         late = [
-            Delayed(with_input_gains(self.model, gains), jnp.asarray(delay), depth, self.model.inputs) for _, gains, delay in self.members
+            Delayed(
+                with_input_gains(self.model, gains), jnp.asarray(delay), depth, self.model.inputs
+            )
+            for _, gains, delay in self.members
         ]
         return late if measured == "state" else [Encoders(plant) for plant in late]
 
     def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
         """The members behind encoders that round to whole counts; a state is measured as it is."""
         smooth = self.smooth_family(measured)
-        return smooth if measured == "state" else [Quantised(plant, self.encoder_resolution) for plant in smooth]
+        return (
+            smooth
+            if measured == "state"
+            else [Quantised(plant, self.encoder_resolution) for plant in smooth]
+        )
 
     def nominal(self, measured: Measured = "outputs") -> Plant:
         """The model, its positions or its state measured."""
@@ -107,6 +129,14 @@ class LinearMachine(Machine):
 def bridgeport_machine() -> LinearMachine:
     """The paper's X-Y table; it states no limits, and of its uncertainty only that models are never exact."""
     return LinearMachine(
-        "bridgeport", bridgeport(), ("X", "Y"), "control unit", MachineLimits(),
-        known_delay=0, gain=0.1, delay=2, encoder_resolution=ENCODER_RESOLUTION, control_noise=0.1,
-    )  # fmt: skip
+        "bridgeport",
+        bridgeport(),
+        ("X", "Y"),
+        "control unit",
+        MachineLimits(),
+        known_delay=0,
+        gain=0.1,
+        delay=2,
+        encoder_resolution=ENCODER_RESOLUTION,
+        control_noise=0.1,
+    )

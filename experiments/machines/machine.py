@@ -11,7 +11,9 @@ from experiments.video.film import FilmMaker
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
-Measured = Literal["outputs", "state"]  # what a controller is fed: the machine's own sensors, or the whole state
+Measured = Literal[
+    "outputs", "state"
+]  # what a controller is fed: the machine's own sensors, or the whole state
 
 
 class MachineLimits(NamedTuple):
@@ -32,7 +34,8 @@ class Usual(NamedTuple):
         held_out: what the tuner never sees.
         beside_own: held out beside parts of the user's own.
         simulated, front, swept: what these commands run.
-        effort: greatest RMS control of tuned weights where it is not limited, in multiples of what the start needs; None for any.
+        effort: greatest RMS control of tuned weights where it is not limited, in multiples of what
+            the start needs; None for any.
     """
 
     controller: str

@@ -22,7 +22,9 @@ DOTS = 150  # per inch
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
 
 
-def draw_tuned(dataset: xr.Dataset, points: list[dict[str, Any]], summary: dict[str, Any], folder: Path) -> list[Path]:
+def draw_tuned(
+    dataset: xr.Dataset, points: list[dict[str, Any]], summary: dict[str, Any], folder: Path
+) -> list[Path]:
     """Contours with magnified error, errors over time, loss history, trade-off."""
     made = draw_runs(dataset, folder)
     made.append(_saved(folder / "history.png", lambda: loss_history(points)))
@@ -36,8 +38,18 @@ def draw_runs(dataset: xr.Dataset, folder: Path) -> list[Path]:
     for name in dataset.contour.values:
         runs = dataset.sel(contour=name).isel(plant=0)
         if dataset.sizes["axis"] > 1:
-            made.append(_saved(folder / f"contour-{name}.png", lambda runs=runs, name=name: contour_with_error(runs, str(name))))
-        made.append(_saved(folder / f"errors-{name}.png", lambda runs=runs, name=name: errors_over_time(runs, str(name))))
+            made.append(
+                _saved(
+                    folder / f"contour-{name}.png",
+                    lambda runs=runs, name=name: contour_with_error(runs, str(name)),
+                )
+            )
+        made.append(
+            _saved(
+                folder / f"errors-{name}.png",
+                lambda runs=runs, name=name: errors_over_time(runs, str(name)),
+            )
+        )
     return made
 
 
@@ -45,17 +57,30 @@ def contour_with_error(runs: xr.Dataset, name: str) -> Figure:
     """The contour in the plane of its first two axes; the contour error of every design drawn larger than it is."""
     counted = runs.scored.values.astype(bool)
     desired = 1e3 * np.where(counted[:, None], runs.reference.values, np.nan)[:, :2]
-    errors = {str(d): 1e3 * np.where(counted[:, None], runs.contour_error.sel(design=d).values, np.nan)[:, :2] for d in runs.design.values}
+    errors = {
+        str(d): 1e3
+        * np.where(counted[:, None], runs.contour_error.sel(design=d).values, np.nan)[:, :2]
+        for d in runs.design.values
+    }
     size = float(np.nanmax(np.nanmax(desired, axis=0) - np.nanmin(desired, axis=0)))
     largest = max(float(np.nanmax(np.abs(np.where(np.isfinite(e), e, 0)))) for e in errors.values())
     factor = _round(MAGNIFIED * size / largest) if 0 < largest < size else 1.0
     figure, axes = plt.subplots(figsize=(7.0, 6.0), layout="constrained")
     axes.plot(*desired.T, color=DESIRED, linewidth=0.8, linestyle="--", label="contour")
     for design, error in errors.items():
-        axes.plot(*(desired + factor * error).T, color=COLOURS.get(design, TUNED), linewidth=1.0, label=f"{design}, error x {factor:g}")
+        axes.plot(
+            *(desired + factor * error).T,
+            color=COLOURS.get(design, TUNED),
+            linewidth=1.0,
+            label=f"{design}, error x {factor:g}",
+        )
     axes.set_aspect("equal", adjustable="datalim")
     names = [str(a) for a in runs.axis.values]
-    axes.set(xlabel=f"{names[0]} [mm]", ylabel=f"{names[1]} [mm]", title=f"{name}: contour error x {factor:g}, nominal plant")
+    axes.set(
+        xlabel=f"{names[0]} [mm]",
+        ylabel=f"{names[1]} [mm]",
+        title=f"{name}: contour error x {factor:g}, nominal plant",
+    )
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 
@@ -68,17 +93,37 @@ def errors_over_time(runs: xr.Dataset, name: str) -> Figure:
     for design in runs.design.values:
         one = runs.sel(design=design)
         signals = (
-            1e3 * one.output.values[:, 0] if alone else 1e6 * np.linalg.norm(one.contour_error.values, axis=-1),
+            1e3 * one.output.values[:, 0]
+            if alone
+            else 1e6 * np.linalg.norm(one.contour_error.values, axis=-1),
             1e6 * np.linalg.norm(one.output.values - one.reference.values, axis=-1),
             np.append(np.linalg.norm(np.diff(one.control.values, axis=0), axis=-1), np.nan),
         )
         for axes, signal in zip(rows, signals, strict=True):
-            axes.plot(time, np.where(counted, signal, np.nan), color=COLOURS.get(str(design), TUNED), linewidth=0.8, label=str(design))
+            axes.plot(
+                time,
+                np.where(counted, signal, np.nan),
+                color=COLOURS.get(str(design), TUNED),
+                linewidth=0.8,
+                label=str(design),
+            )
     unit = runs.control.attrs.get("units", "control unit")
     if alone:
-        rows[0].plot(time, np.where(counted, 1e3 * runs.reference.values[:, 0], np.nan), color=DESIRED, linewidth=0.8, linestyle="--")
+        rows[0].plot(
+            time,
+            np.where(counted, 1e3 * runs.reference.values[:, 0], np.nan),
+            color=DESIRED,
+            linewidth=0.8,
+            linestyle="--",
+        )
     for axes, label in zip(
-        rows, ("tool [mm]" if alone else "contour error [um]", "tracking error [um]", f"increment [{unit}]"), strict=True
+        rows,
+        (
+            "tool [mm]" if alone else "contour error [um]",
+            "tracking error [um]",
+            f"increment [{unit}]",
+        ),
+        strict=True,
     ):
         axes.set(ylabel=label)
         axes.grid(color="0.9")
@@ -86,7 +131,9 @@ def errors_over_time(runs: xr.Dataset, name: str) -> Figure:
     rows[0].set(title=f"{name}: scored samples, nominal plant")
     used = time[counted]
     rows[-1].set(xlabel="time [s]", xlim=(used[0], used[-1]))
-    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(
+        *rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+    )
     return figure
 
 
@@ -94,18 +141,49 @@ def loss_history(points: list[dict[str, Any]]) -> Figure:
     """Objective of every point tried, and the best feasible one so far."""
     figure, axes = plt.subplots(figsize=(7.0, 4.0), layout="constrained")
     index = np.arange(1, len(points) + 1)
-    objective = np.array([np.nan if p["diverged"] or p["objective"] is None else 1e6 * p["objective"] for p in points], float)
-    feasible = np.array([not p["diverged"] and (p["violation"] is None or p["violation"] <= 1e-6) for p in points])
+    objective = np.array(
+        [
+            np.nan if p["diverged"] or p["objective"] is None else 1e6 * p["objective"]
+            for p in points
+        ],
+        float,
+    )
+    feasible = np.array(
+        [not p["diverged"] and (p["violation"] is None or p["violation"] <= 1e-6) for p in points]
+    )
     best = np.fmin.accumulate(np.where(feasible, objective, np.inf))
     for descent in sorted({p["descent"] for p in points}):
         chosen = np.array([p["descent"] == descent for p in points])
-        axes.plot(index[chosen], objective[chosen], "o", markersize=4, label="random points" if descent < 0 else f"descent {descent + 1}")
-    axes.plot(index, np.where(np.isfinite(best), best, np.nan), color="0.3", linewidth=1.2, label="best feasible so far")
+        axes.plot(
+            index[chosen],
+            objective[chosen],
+            "o",
+            markersize=4,
+            label="random points" if descent < 0 else f"descent {descent + 1}",
+        )
+    axes.plot(
+        index,
+        np.where(np.isfinite(best), best, np.nan),
+        color="0.3",
+        linewidth=1.2,
+        label="best feasible so far",
+    )
     diverged = np.array([p["diverged"] for p in points])
     if diverged.any():
         height = np.nanmin(objective) if np.isfinite(objective).any() else 1.0
-        axes.plot(index[diverged], np.full(diverged.sum(), height), "x", color="tab:red", label="diverged: rejected")
-    axes.set(xlabel="evaluated point", ylabel="objective [um]", yscale="log", title="Points tried (smooth machine)")
+        axes.plot(
+            index[diverged],
+            np.full(diverged.sum(), height),
+            "x",
+            color="tab:red",
+            label="diverged: rejected",
+        )
+    axes.set(
+        xlabel="evaluated point",
+        ylabel="objective [um]",
+        yscale="log",
+        title="Points tried (smooth machine)",
+    )
     _plain_ticks(axes.yaxis)
     axes.grid(color="0.9", which="both")
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
@@ -119,21 +197,54 @@ def trade_off(points: list[dict[str, Any]], summary: dict[str, Any]) -> Figure:
     within = np.array([p["violation"] is None or p["violation"] <= 1e-6 for p in sound], bool)
     increment = np.array([p["rms_increment"] for p in sound])
     error = 1e6 * np.array([p[f"rms_{summary['error']}_error"] for p in sound])
-    axes.plot(increment[within], error[within], "o", color=OTHER, markersize=5, label="evaluated, within the limits")
+    axes.plot(
+        increment[within],
+        error[within],
+        "o",
+        color=OTHER,
+        markersize=5,
+        label="evaluated, within the limits",
+    )
     if not within.all():
-        axes.plot(increment[~within], error[~within], "o", mfc="none", color=OTHER, markersize=5, label="evaluated, limit exceeded")
+        axes.plot(
+            increment[~within],
+            error[~within],
+            "o",
+            mfc="none",
+            color=OTHER,
+            markersize=5,
+            label="evaluated, limit exceeded",
+        )
     edge = _edge(increment[within], error[within])
-    axes.step(increment[within][edge], error[within][edge], where="post", color="0.3", linewidth=1.0, label="front of these")
+    axes.step(
+        increment[within][edge],
+        error[within][edge],
+        where="post",
+        color="0.3",
+        linewidth=1.0,
+        label="front of these",
+    )
     for design, marker in (("start", "s"), ("tuned", "*")):
         found = _place(sound, summary["start" if design == "start" else "weights"])
         if found is not None:
             x, y = increment[found], error[found]
-            axes.plot(x, y, marker, color=COLOURS[design], markersize=13, label=design, linestyle="none", zorder=5)
+            axes.plot(
+                x,
+                y,
+                marker,
+                color=COLOURS[design],
+                markersize=13,
+                label=design,
+                linestyle="none",
+                zorder=5,
+            )
     axes.set(
         xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]",
-        ylabel=f"worst RMS {summary['error']} error [um]", xscale="log", yscale="log",
+        ylabel=f"worst RMS {summary['error']} error [um]",
+        xscale="log",
+        yscale="log",
         title="Trade-off over training contours and family (smooth machine)",
-    )  # fmt: skip
+    )
     for one in (axes.xaxis, axes.yaxis):
         _plain_ticks(one)
     axes.grid(color="0.9", which="both")
@@ -151,16 +262,28 @@ def front(summary: dict[str, Any]) -> Figure:
     figure, axes = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
     sound = [p for p in summary["points"] if p["feasible"]]
     missed = [p for p in summary["points"] if not p["feasible"]]
-    for points, style, label in ((sound, "o-", "tuned for this budget"), (missed, "o", "budget not met")):
+    for points, style, label in (
+        (sound, "o-", "tuned for this budget"),
+        (missed, "o", "budget not met"),
+    ):
         if points:
             error = [1e6 * p[f"rms_{summary['error']}_error"] for p in points]
             face = TUNED if points is sound else "none"
-            axes.plot([p["rms_increment"] for p in points], error, style, color=TUNED, mfc=face, label=label)
+            axes.plot(
+                [p["rms_increment"] for p in points],
+                error,
+                style,
+                color=TUNED,
+                mfc=face,
+                label=label,
+            )
     axes.set(
         xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]",
-        ylabel=f"worst RMS {summary['error']} error [um]", xscale="log", yscale="log",
+        ylabel=f"worst RMS {summary['error']} error [um]",
+        xscale="log",
+        yscale="log",
         title="Front over contours and family (smooth machine)",
-    )  # fmt: skip
+    )
     for one in (axes.xaxis, axes.yaxis):
         _plain_ticks(one)
     axes.grid(color="0.9", which="both")
@@ -186,7 +309,11 @@ def _edge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _place(points: list[dict[str, Any]], weights: dict[str, Any]) -> int | None:
     named = {name: value for name, value in weights.items() if value is not None}
-    same = [k for k, p in enumerate(points) if all(np.allclose(p[name], value, rtol=1e-9) for name, value in named.items())]
+    same = [
+        k
+        for k, p in enumerate(points)
+        if all(np.allclose(p[name], value, rtol=1e-9) for name, value in named.items())
+    ]
     return same[0] if same else None
 
 

@@ -15,7 +15,9 @@ POINT = {"marker": ".", "linestyle": "none", "markersize": 2.0, "alpha": 0.5}
 HARMONICS_SHOWN = 10
 
 
-def save_figures(figures: dict[str, Callable[[IdentifiedAxis], Figure]], found: IdentifiedAxis, folder: Path) -> list[Path]:
+def save_figures(
+    figures: dict[str, Callable[[IdentifiedAxis], Figure]], found: IdentifiedAxis, folder: Path
+) -> list[Path]:
     """Draw every figure; the names are those of the files."""
     return [_saved(folder / f"{name}.png", draw(found)) for name, draw in figures.items()]
 
@@ -54,8 +56,18 @@ def model(found: IdentifiedAxis) -> Figure:
     places = [slide.position for slide in found.forces.slides]
     place = np.linspace(min(p.min() for p in places), max(p.max() for p in places), 800)
     cogging.plot(place, _cogging(value, found, place), color="tab:blue")
-    _label(friction, "friction: the fit, and what inertia and cogging leave of the current", "speed [m/s]", "N")
-    _label(cogging, "cogging: the fit, and what inertia and friction leave of the current", "motor position [m]", "N")
+    _label(
+        friction,
+        "friction: the fit, and what inertia and cogging leave of the current",
+        "speed [m/s]",
+        "N",
+    )
+    _label(
+        cogging,
+        "cogging: the fit, and what inertia and friction leave of the current",
+        "motor position [m]",
+        "N",
+    )
     lines.plot(found.forces.spectrum.wavenumber, found.forces.spectrum.amplitude, linewidth=0.9)
     for j in range(1, found.forces.cogging.count + 1):
         lines.axvline(j / found.forces.cogging.pole_pitch, color="tab:orange", linewidth=0.6)
@@ -75,7 +87,13 @@ def _friction(value: dict[str, float], speed: np.ndarray) -> np.ndarray:
 def _cogging(value: dict[str, float], found: IdentifiedAxis, position: np.ndarray) -> np.ndarray:
     angle = 2 * np.pi / value.get("pole_pitch", found.forces.cogging.pole_pitch) * position
     orders = range(1, found.forces.cogging.count + 1)
-    return sum((value[f"sine_{j}"] * np.sin(j * angle) + value[f"cosine_{j}"] * np.cos(j * angle) for j in orders), np.zeros_like(position))
+    return sum(
+        (
+            value[f"sine_{j}"] * np.sin(j * angle) + value[f"cosine_{j}"] * np.cos(j * angle)
+            for j in orders
+        ),
+        np.zeros_like(position),
+    )
 
 
 def _label(axes: Axes, title: str, x: str, y: str) -> None:

@@ -11,7 +11,9 @@ from experiments.files.run_folder import write
 DOTS = 150  # per inch
 
 
-def save_figures(figures: dict[str, Callable[[dict[str, Any]], Figure]], summary: dict[str, Any], folder: Path) -> list[Path]:
+def save_figures(
+    figures: dict[str, Callable[[dict[str, Any]], Figure]], summary: dict[str, Any], folder: Path
+) -> list[Path]:
     """Draw every figure from the numbers of a run; the names are those of the files."""
     return [_saved(folder / f"{name}.png", make(summary)) for name, make in figures.items()]
 

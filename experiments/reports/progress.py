@@ -13,12 +13,21 @@ PACE = 0.85  # part of a descent that is left after a step: nobody knows how man
 
 
 @contextmanager
-def progress_of(console: Console, settings: Settings, error: str) -> Iterator[Callable[[TuneState], None]]:
+def progress_of(
+    console: Console, settings: Settings, error: str
+) -> Iterator[Callable[[TuneState], None]]:
     """A bar to tell the state of a run to, step by step."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("compiling", total=1.0)
-        yield lambda state: bar.update(task, completed=progress(state, settings), description=_words(state, settings, error))
+        yield lambda state: bar.update(
+            task, completed=progress(state, settings), description=_words(state, settings, error)
+        )
 
 
 def progress(state: TuneState, settings: Settings) -> float:
@@ -33,7 +42,15 @@ def progress(state: TuneState, settings: Settings) -> float:
 
 
 def _words(state: TuneState, settings: Settings, error: str) -> str:
-    phase = "random points" if state.start < 0 else f"descent {min(state.start + 1, settings.starts)} of {settings.starts}"
+    phase = (
+        "random points"
+        if state.start < 0
+        else f"descent {min(state.start + 1, settings.starts)} of {settings.starts}"
+    )
     row = state.history[-1] if state.history else None
-    worst = "diverged" if row is None or row.diverged else f"{1e6 * float(np.max(getattr(row.metrics, f'rms_{error}_error'))):.3f} um"
+    worst = (
+        "diverged"
+        if row is None or row.diverged
+        else f"{1e6 * float(np.max(getattr(row.metrics, f'rms_{error}_error'))):.3f} um"
+    )
     return f"{phase}: worst RMS {error} error now {worst}"

@@ -9,7 +9,13 @@ from experiments.files.netcdf import metric_unit
 from experiments.jobs.replays import Course, Replay, desired, scored
 
 
-def rollouts(designs: dict[str, Replay], course: Course, axes: Sequence[str], control_unit: str, attributes: dict[str, str]) -> xr.Dataset:
+def rollouts(
+    designs: dict[str, Replay],
+    course: Course,
+    axes: Sequence[str],
+    control_unit: str,
+    attributes: dict[str, str],
+) -> xr.Dataset:
     """Signals and metrics of several designs over one course."""
     dims = ("design", "contour", "plant")
     runs = list(designs.values())
@@ -19,16 +25,37 @@ def rollouts(designs: dict[str, Replay], course: Course, axes: Sequence[str], co
         return np.stack([values(run) for run in runs])
 
     data = {
-        "output": ((*dims, "time", "axis"), stacked(lambda run: run.output), {"units": "m", "long_name": "tool point"}),
-        "control": ((*dims, "time", "input"), stacked(lambda run: run.control), {"units": control_unit, "long_name": "control"}),
+        "output": (
+            (*dims, "time", "axis"),
+            stacked(lambda run: run.output),
+            {"units": "m", "long_name": "tool point"},
+        ),
+        "control": (
+            (*dims, "time", "input"),
+            stacked(lambda run: run.control),
+            {"units": control_unit, "long_name": "control"},
+        ),
         "contour_error": (
-            (*dims, "time", "axis"), stacked(lambda run: run.contour_error),
+            (*dims, "time", "axis"),
+            stacked(lambda run: run.contour_error),
             {"units": "m", "long_name": "vector from the nearest point of the contour to the tool"},
         ),
-        "reference": (("contour", "time", "axis"), desired(course), {"units": "m", "long_name": "where the tool should be"}),
-        "scored": (("contour", "time"), scored(course).astype("i1"), {"long_name": "1 where the sample counts in the metrics"}),
-        "training": (("contour",), np.array(course.training).astype("i1"), {"long_name": "1 where the tuner has seen the contour"}),
-    }  # fmt: skip
+        "reference": (
+            ("contour", "time", "axis"),
+            desired(course),
+            {"units": "m", "long_name": "where the tool should be"},
+        ),
+        "scored": (
+            ("contour", "time"),
+            scored(course).astype("i1"),
+            {"long_name": "1 where the sample counts in the metrics"},
+        ),
+        "training": (
+            ("contour",),
+            np.array(course.training).astype("i1"),
+            {"long_name": "1 where the tuner has seen the contour"},
+        ),
+    }
     for name in vars(runs[0].metrics):
         values = stacked(lambda run, name=name: np.asarray(getattr(run.metrics, name)))
         kind = values.astype("i1") if values.dtype == bool else values
@@ -42,4 +69,3 @@ def rollouts(designs: dict[str, Replay], course: Course, axes: Sequence[str], co
         "input": [f"u{k + 1}" for k in range(inputs)],
     }
     return xr.Dataset(data, coordinates, attributes)
-

@@ -18,7 +18,14 @@ COLUMNS = (  # metric, heading, factor from SI
 )
 
 
-WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")  # columns of `worded_table` that wrap
+WORDS = (
+    "where",
+    "the paper",
+    "the simulation",
+    "case",
+    "weights",
+    "verdict",
+)  # columns of `worded_table` that wrap
 WIDE = 110  # columns where the output is not a terminal
 
 
@@ -38,11 +45,19 @@ def digits(value: float | None) -> str:
     return "-" if value is None or value - value != 0 else f"{value:.4g}"
 
 
-def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1) -> Table:
+def plain_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1
+) -> Table:
     """A table whose first columns are text and the others numbers."""
-    table = Table(title=title, title_justify="left", title_style="bold", pad_edge=False, box=SIMPLE_HEAD)
+    table = Table(
+        title=title, title_justify="left", title_style="bold", pad_edge=False, box=SIMPLE_HEAD
+    )
     for k, name in enumerate(columns):
-        table.add_column(name, justify="left" if k < text_columns else "right", no_wrap=k == 0 or k >= text_columns)
+        table.add_column(
+            name,
+            justify="left" if k < text_columns else "right",
+            no_wrap=k == 0 or k >= text_columns,
+        )
     for row in rows:
         table.add_row(*row)
     return table
@@ -50,7 +65,14 @@ def plain_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
 
 def worded_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """A table of a paper: columns of words wrap, the others hold numbers."""
-    table = Table(title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    table = Table(
+        title=escape(title),
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
     for heading in headings:
         words = heading in WORDS
         table.add_column(heading, justify="left" if words else "right", no_wrap=not words)
@@ -66,12 +88,32 @@ def columns_of(error: str) -> tuple[tuple[str, str, float], ...]:
 
 def design_tables(result: dict[str, Any]) -> list[Table]:
     """Start against tuned, training and held-out contours apart, nominal plant and worst of the family."""
-    columns = ["contour", "plant", "weights", *(heading for _, heading, _ in columns_of(result["error"]))]
+    columns = [
+        "contour",
+        "plant",
+        "weights",
+        *(heading for _, heading, _ in columns_of(result["error"])),
+    ]
     made = []
-    for seen, title in ((True, "Training contours"), (False, "Held-out contours (never seen by the tuner)")):
-        rows = [row for one in result["contours"] if one["training"] is seen for row in _contour_rows(one, result["error"])]
+    for seen, title in (
+        (True, "Training contours"),
+        (False, "Held-out contours (never seen by the tuner)"),
+    ):
+        rows = [
+            row
+            for one in result["contours"]
+            if one["training"] is seen
+            for row in _contour_rows(one, result["error"])
+        ]
         if rows:
-            made.append(plain_table(f"{title}, machine with {result['machine']['truth']}", columns, rows, text_columns=3))
+            made.append(
+                plain_table(
+                    f"{title}, machine with {result['machine']['truth']}",
+                    columns,
+                    rows,
+                    text_columns=3,
+                )
+            )
     return made
 
 
@@ -80,9 +122,14 @@ def _contour_rows(contour: dict[str, Any], error: str) -> list[list[str]]:
     for plant in ("nominal", "worst"):
         for design, metrics in contour["metrics"].items():
             lost = metrics[plant]["diverged"]
-            cells = ["diverged" if lost else digits(_scaled(metrics[plant][name], factor)) for name, _, factor in columns_of(error)]
+            cells = [
+                "diverged" if lost else digits(_scaled(metrics[plant][name], factor))
+                for name, _, factor in columns_of(error)
+            ]
             first_of_plant = design == next(iter(contour["metrics"]))
-            rows.append(["" if rows else contour["name"], plant if first_of_plant else "", design, *cells])
+            rows.append(
+                ["" if rows else contour["name"], plant if first_of_plant else "", design, *cells]
+            )
     return rows
 
 
@@ -107,12 +154,21 @@ def values_block(result: dict[str, Any]) -> list[str]:
     ]
     lines += [
         f"How safe they are (frozen loops, up to {safety['probes_per_contour']} points of each training contour)",
-        *(f"  {name:<23}  {value:<24} start: {before}" for name, value, before in _safety_rows(safety, result["safety_of_start"])),
+        *(
+            f"  {name:<23}  {value:<24} start: {before}"
+            for name, value, before in _safety_rows(safety, result["safety_of_start"])
+        ),
         *_lost_first_line(safety["lost_first"], result["machine"]["axes"]),
     ]
-    lines += [f"Gap of the machine with {result['machine']['truth']} to the smooth one that was tuned", *map(_gap_line, result["gap"])]
+    lines += [
+        f"Gap of the machine with {result['machine']['truth']} to the smooth one that was tuned",
+        *map(_gap_line, result["gap"]),
+    ]
     if result["confirmed"]:
-        lines += [f"The same runs in {result['confirmed'][0]['engine']}, nominal plant", *map(_confirmed_line, result["confirmed"])]
+        lines += [
+            f"The same runs in {result['confirmed'][0]['engine']}, nominal plant",
+            *map(_confirmed_line, result["confirmed"]),
+        ]
     return [*lines, *(f"WARNING: {line}" for line in result["warnings"])]
 
 
@@ -130,7 +186,12 @@ def _gap_line(row: dict[str, Any]) -> str:
 
 def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
     """One row per margin: its name, then its value for every design."""
-    rows = [("largest spectral radius", *(f"{one['largest_frozen_spectral_radius']:.6f} (stable < 1)" for one in designs))]
+    rows = [
+        (
+            "largest spectral radius",
+            *(f"{one['largest_frozen_spectral_radius']:.6f} (stable < 1)" for one in designs),
+        )
+    ]
     for k in range(len(designs[0]["gain_range"])):
         rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
     return [*rows, ("delay margin", *(_delay(one) for one in designs))]
@@ -139,8 +200,12 @@ def _safety_rows(*designs: dict[str, Any]) -> list[tuple[str, ...]]:
 def _lost_first_line(place: dict[str, Any] | None, axes: Sequence[str]) -> list[str]:
     if place is None:
         return []
-    reference = ", ".join(f"{name} {1e3 * value:.4g}" for name, value in zip(axes, place["position"], strict=True))
-    return [f"  {'stability lost first':<23}  input {place['input']}, on {place['contour']} where the reference is at {reference} mm"]
+    reference = ", ".join(
+        f"{name} {1e3 * value:.4g}" for name, value in zip(axes, place["position"], strict=True)
+    )
+    return [
+        f"  {'stability lost first':<23}  input {place['input']}, on {place['contour']} where the reference is at {reference} mm"
+    ]
 
 
 def _gain_range(safety: dict[str, Any], k: int) -> str:
@@ -166,7 +231,13 @@ def plant_table(summary: dict[str, Any]) -> Table:
     """A simulation: one row per plant of the family."""
     columns = columns_of(summary["error"])
     rows = [
-        [plant, *("diverged" if metrics["diverged"] else digits(_scaled(metrics[name], factor)) for name, _, factor in columns)]
+        [
+            plant,
+            *(
+                "diverged" if metrics["diverged"] else digits(_scaled(metrics[name], factor))
+                for name, _, factor in columns
+            ),
+        ]
         for plant, metrics in summary["plants"].items()
     ]
     machine = summary["machine"]

@@ -12,13 +12,21 @@ from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import member
 
-PROBES = 48  # frozen loops per contour: they change with direction, bend and place of the path, slowly; as many as `margins` probes at once
+# frozen loops per contour: they change with direction, bend and place of the path, slowly; as many
+# as `margins` probes at once
+PROBES = 48
 
 
-def path_margins(controller: Controller, machine: Machine, course: Course, measured: Measured) -> dict:
+def path_margins(
+    controller: Controller, machine: Machine, course: Course, measured: Measured
+) -> dict:
     """Spectral radius, gain and delay margins over the training paths, every path frozen at up to `PROBES` of its scored samples."""
     plant = machine.nominal(measured)
-    paths = [_thinned(member(course.references, k)) for k, trained in enumerate(course.training) if trained]
+    paths = [
+        _thinned(member(course.references, k))
+        for k, trained in enumerate(course.training)
+        if trained
+    ]
     found = [margins(plant, controller, path) for path in paths]
     names = [job.name for job in course.jobs_seen(True)]
     without = [one.saturated == np.sum(path.mask) for one, path in zip(found, paths, strict=True)]
@@ -30,20 +38,30 @@ def path_margins(controller: Controller, machine: Machine, course: Course, measu
         "delay_samples": min(one.delay for one in found),
         "delay_search": DELAY_SEARCH,
         "probes_per_contour": PROBES,
-        "probes_left_out": sum(one.saturated for one, none in zip(found, without, strict=True) if not none),
-        "contours_without_margins": [name for name, none in zip(names, without, strict=True) if none],
+        "probes_left_out": sum(
+            one.saturated for one, none in zip(found, without, strict=True) if not none
+        ),
+        "contours_without_margins": [
+            name for name, none in zip(names, without, strict=True) if none
+        ],
         "lost_first": _lost_first(found, paths, names),
     }
 
 
-def _lost_first(found: list[Margins], paths: list[Reference], names: list[str]) -> dict[str, Any] | None:
+def _lost_first(
+    found: list[Margins], paths: list[Reference], names: list[str]
+) -> dict[str, Any] | None:
     """Where the smallest gain margin is, with the reference's position [m] there; None where all are lost at once, or none."""
     gains, samples = np.stack([one.gain for one in found]), np.stack([one.gain_at for one in found])
     contour, index, side = np.unravel_index(np.argmin(np.abs(np.log(gains))), gains.shape)
     sample = samples[contour, index, side]
     if sample < 0:
         return None
-    return {"contour": names[contour], "position": np.asarray(paths[contour].position)[sample], "input": index + 1}
+    return {
+        "contour": names[contour],
+        "position": np.asarray(paths[contour].position)[sample],
+        "input": index + 1,
+    }
 
 
 def _thinned(reference):

@@ -1,7 +1,7 @@
 """Work spread over devices and hosts, as `--devices` and `--hosts` say.
 
-Every host runs the same command. The first one prints and keeps the run folder; the others do the same in a folder of their own that
-is thrown away, so that nothing else needs to know of them.
+Every host runs the same command. The first one prints and keeps the run folder; the others do the
+same in a folder of their own that is thrown away, so that nothing else needs to know of them.
 """
 
 import os
@@ -55,7 +55,9 @@ def prepared(flags: F) -> Iterator[F]:
     import jax
 
     try:
-        jax.config.update("jax_num_cpu_devices", min(count_of(flags) or _cores(), _cores()))  # a CPU is as many as it is told to be
+        jax.config.update(
+            "jax_num_cpu_devices", min(count_of(flags) or _cores(), _cores())
+        )  # a CPU is as many as it is told to be
     except RuntimeError:  # called from a program that has computed already: its devices stay
         pass
     if not flags.hosts:
@@ -102,9 +104,15 @@ def _environment() -> dict[str, Any]:
     if missing:
         raise ValueError(f"{', '.join(missing)} is missing")
     try:
-        return {"coordinator_address": given[ADDRESS], "num_processes": int(given[COUNT]), "process_id": int(given[NUMBER])}
+        return {
+            "coordinator_address": given[ADDRESS],
+            "num_processes": int(given[COUNT]),
+            "process_id": int(given[NUMBER]),
+        }
     except ValueError:
-        raise ValueError(f"{COUNT} and {NUMBER} need whole numbers, received {given[COUNT]!r} and {given[NUMBER]!r}") from None
+        raise ValueError(
+            f"{COUNT} and {NUMBER} need whole numbers, received {given[COUNT]!r} and {given[NUMBER]!r}"
+        ) from None
 
 
 def _aside(flags: F, stack: ExitStack) -> F:

@@ -18,7 +18,14 @@ from experiments.runs.spreading import batching_of
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.metrics import Metrics
-from tuning.objectives import AtMost, Objective, mean_contour_error, mean_tracking_error, worst_contour_error, worst_tracking_error
+from tuning.objectives import (
+    AtMost,
+    Objective,
+    mean_contour_error,
+    mean_tracking_error,
+    worst_contour_error,
+    worst_tracking_error,
+)
 from tuning.parameters import Weights
 from tuning.problem import Problem
 from tuning.tune import Settings
@@ -26,9 +33,11 @@ from tuning.tune import Settings
 F = TypeVar("F", bound=Spreading)
 
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
-    ("worst", "contour"): worst_contour_error, ("mean", "contour"): mean_contour_error,
-    ("worst", "tracking"): worst_tracking_error, ("mean", "tracking"): mean_tracking_error,
-}  # fmt: skip
+    ("worst", "contour"): worst_contour_error,
+    ("mean", "contour"): mean_contour_error,
+    ("worst", "tracking"): worst_tracking_error,
+    ("mean", "tracking"): mean_tracking_error,
+}
 LIMITS = {  # flag -> metric, factor to SI
     "max_tracking_error_um": ("rms_tracking_error", 1e-6),
     "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
@@ -72,7 +81,11 @@ class TuningRun:
     @property
     def training_samples(self) -> int:
         """Samples of all training contours."""
-        return sum(job.samples for job, trained in zip(self.course.jobs, self.course.training, strict=True) if trained)
+        return sum(
+            job.samples
+            for job, trained in zip(self.course.jobs, self.course.training, strict=True)
+            if trained
+        )
 
 
 def tuning_run(flags: Tune) -> TuningRun:
@@ -86,26 +99,39 @@ def tuning_run(flags: Tune) -> TuningRun:
     design.check_start()
     pace, usual = Pace.of(flags, machine), machine.usual
     training = [job_named(name, pace) for name in flags.parts or usual.training]
-    held_out = [job_named(name, pace) for name in (usual.beside_own if flags.parts else usual.held_out) if name not in flags.parts]
+    held_out = [
+        job_named(name, pace)
+        for name in (usual.beside_own if flags.parts else usual.held_out)
+        if name not in flags.parts
+    ]
     training = _distinct(training)
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
     course = Course.of(_distinct(jobs), seen, machine, design.measured, design.preview)
     family = machine.smooth_family(design.measured)
     problem = Problem(
-        design.build, stack_plants(family[:1] if flags.nominal_only else family),
+        design.build,
+        stack_plants(family[:1] if flags.nominal_only else family),
         stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
-        OBJECTIVES[flags.objective, machine.error], design.space, batching=batching_of(flags),
-    )  # fmt: skip
+        OBJECTIVES[flags.objective, machine.error],
+        design.space,
+        batching=batching_of(flags),
+    )
     limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
-    return TuningRun(flags, machine, design, replace(problem, limits=AtMost(**limits)), settings, course, limits)
+    return TuningRun(
+        flags, machine, design, replace(problem, limits=AtMost(**limits)), settings, course, limits
+    )
 
 
 def tuner_settings(flags: Any) -> Settings:
     """Effort of the tuner."""
     return Settings(
-        starts=flags.starts, scatter=flags.scatter, inner_steps=flags.inner_steps, outer_steps=flags.outer_steps,
-        tolerance=flags.tolerance, seed=flags.seed,
-    )  # fmt: skip
+        starts=flags.starts,
+        scatter=flags.scatter,
+        inner_steps=flags.inner_steps,
+        outer_steps=flags.outer_steps,
+        tolerance=flags.tolerance,
+        seed=flags.seed,
+    )
 
 
 def named_limits(flags: Limited) -> dict[str, float]:
@@ -117,7 +143,9 @@ def named_limits(flags: Limited) -> dict[str, float]:
     given = {name: getattr(flags, name) for name in LIMITS if getattr(flags, name) is not None}
     for name, value in given.items():
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name.replace('_', '-')}: a limit needs to be finite and above zero, received {value}")
+            raise ValueError(
+                f"{name.replace('_', '-')}: a limit needs to be finite and above zero, received {value}"
+            )
     return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
 
 
@@ -126,7 +154,9 @@ def start_metrics(problem: Problem, start: Weights) -> Metrics:
     return eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(problem, start)
 
 
-def _effort_limit(flags: Limited, usual: Usual, problem: Problem, start: Weights) -> dict[str, float]:
+def _effort_limit(
+    flags: Limited, usual: Usual, problem: Problem, start: Weights
+) -> dict[str, float]:
     """Bound on the RMS control from what the start needs; none where it is bounded otherwise, or neither flags nor machine ask.
 
     Raises:
@@ -134,9 +164,13 @@ def _effort_limit(flags: Limited, usual: Usual, problem: Problem, start: Weights
     """
     effort = flags.max_effort
     if effort is not None and flags.max_rms_control is not None:
-        raise ValueError("max-effort, max-rms-control: both limit the RMS control; give one of them")
+        raise ValueError(
+            "max-effort, max-rms-control: both limit the RMS control; give one of them"
+        )
     if effort is not None and not (np.isfinite(effort) and effort > 0):
-        raise ValueError(f"max-effort: a limit needs to be finite and above zero, received {effort}")
+        raise ValueError(
+            f"max-effort: a limit needs to be finite and above zero, received {effort}"
+        )
     effort = effort or usual.effort
     if effort is None or flags.max_rms_control is not None:
         return {}
@@ -152,22 +186,37 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     """Folder and flags of the run that `--resume` names; it reads its own copies of its input files, on the devices named now.
 
     Raises:
-        ValueError: other flags are given as well, or the folder does not hold a run of this command.
+        ValueError: other flags are given as well, or the folder does not hold a run of this
+            command.
     """
     folder = flags.resume
     assert folder is not None
     new = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
-    given = [f.name for f in fields(flags) if f.name not in ("resume", *new) and getattr(flags, f.name) != f.default]
+    given = [
+        f.name
+        for f in fields(flags)
+        if f.name not in ("resume", *new) and getattr(flags, f.name) != f.default
+    ]
     if given:
-        raise ValueError(f"resume: the run keeps its own settings; leave out --{given[0].replace('_', '-')}")
+        raise ValueError(
+            f"resume: the run keeps its own settings; leave out --{given[0].replace('_', '-')}"
+        )
     stored = opened(folder, command)
     copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
     try:
-        known = {key: tuple(value) if isinstance(value, list) else value for key, value in stored["flags"].items()}
-        known |= {"plant": copies.get(known["plant"], known["plant"]), "parts": tuple(copies.get(name, name) for name in known["parts"])}
+        known = {
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in stored["flags"].items()
+        }
+        known |= {
+            "plant": copies.get(known["plant"], known["plant"]),
+            "parts": tuple(copies.get(name, name) for name in known["parts"]),
+        }
         return folder, type(flags)(**{**known, **new, "out": None, "resume": None})
     except (TypeError, KeyError):
-        raise RunError(f"{folder}: its settings are not those of this version's {command}") from None
+        raise RunError(
+            f"{folder}: its settings are not those of this version's {command}"
+        ) from None
 
 
 def _distinct(jobs: list[Run]) -> list[Run]:
@@ -175,6 +224,10 @@ def _distinct(jobs: list[Run]) -> list[Run]:
     named: list[Run] = []
     for job in jobs:
         names = {one.name for one in named}
-        name = next(n for k in range(1, len(jobs) + 1) if (n := job.name if k == 1 else f"{job.name}-{k}") not in names)
+        name = next(
+            n
+            for k in range(1, len(jobs) + 1)
+            if (n := job.name if k == 1 else f"{job.name}-{k}") not in names
+        )
         named.append(job._replace(name=name))
     return named

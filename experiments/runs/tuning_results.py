@@ -25,39 +25,83 @@ class Proof(NamedTuple):
 
 def proved(job: TuningRun, weights: Weights) -> Proof:
     controller = job.controller(weights)
-    return Proof(replay(controller, job.course), path_margins(controller, job.machine, job.course, job.design.measured))
+    return Proof(
+        replay(controller, job.course),
+        path_margins(controller, job.machine, job.course, job.design.measured),
+    )
 
 
-def summarise(job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]) -> dict[str, Any]:
+def summarise(
+    job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]
+) -> dict[str, Any]:
     """The result in plain numbers."""
     replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
-    lost, closed = bool(np.any(replays["tuned"].metrics.diverged)), not safety["contours_without_margins"]
+    lost, closed = (
+        bool(np.any(replays["tuned"].metrics.diverged)),
+        not safety["contours_without_margins"],
+    )
     weights = plain_weights(tuned.weights)
-    return run_folder.plain({
-        "machine": {
-            "name": job.machine.name, "control_unit": job.machine.control_unit, "axes": job.machine.axes, "truth": job.machine.truth,
-        },
-        "controller": job.design.name, "error": job.machine.error, **job.design.settings(),
-        "start": plain_weights(job.start), "weights": weights, "values": job.design.values(weights),
-        "feasible": tuned.feasible, "violation": tuned.violation if np.isfinite(tuned.violation) else None,
-        "usable": bool(tuned.feasible and not lost and closed and safety["largest_frozen_spectral_radius"] < 1),
-        "limits": job.limits,
-        "evaluated_points": len(tuned.history), "diverged_points": tuned.diverged_points, "diverged_starts": tuned.diverged_starts,
-        "descents": state.start + 1, "plants": job.course.plants, "safety": safety,
-        "safety_of_start": proofs["start"].safety, "warnings": run_warnings(job, tuned, safety, replays),
-        "contours": contour_metrics(job, replays), "gap": gap(job, tuned, replays["tuned"]), "training_samples": job.training_samples,
-    })  # fmt: skip
+    return run_folder.plain(
+        {
+            "machine": {
+                "name": job.machine.name,
+                "control_unit": job.machine.control_unit,
+                "axes": job.machine.axes,
+                "truth": job.machine.truth,
+            },
+            "controller": job.design.name,
+            "error": job.machine.error,
+            **job.design.settings(),
+            "start": plain_weights(job.start),
+            "weights": weights,
+            "values": job.design.values(weights),
+            "feasible": tuned.feasible,
+            "violation": tuned.violation if np.isfinite(tuned.violation) else None,
+            "usable": bool(
+                tuned.feasible
+                and not lost
+                and closed
+                and safety["largest_frozen_spectral_radius"] < 1
+            ),
+            "limits": job.limits,
+            "evaluated_points": len(tuned.history),
+            "diverged_points": tuned.diverged_points,
+            "diverged_starts": tuned.diverged_starts,
+            "descents": state.start + 1,
+            "plants": job.course.plants,
+            "safety": safety,
+            "safety_of_start": proofs["start"].safety,
+            "warnings": run_warnings(job, tuned, safety, replays),
+            "contours": contour_metrics(job, replays),
+            "gap": gap(job, tuned, replays["tuned"]),
+            "training_samples": job.training_samples,
+        }
+    )
 
 
 def gap(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
     """What the tuner saw against what the true machines do: RMS error of every training contour, nominal and worst of the tuned family."""
     name = f"rms_{job.machine.error}_error"
-    smooth, true = np.asarray(getattr(tuned.metrics, name)), np.asarray(getattr(found.metrics, name))
+    smooth, true = (
+        np.asarray(getattr(tuned.metrics, name)),
+        np.asarray(getattr(found.metrics, name)),
+    )
     rows = []
     for c, one in enumerate(job.course.jobs_seen(True)):
         members = true[c, : smooth.shape[1]]
-        for plant, pair in (("nominal", (smooth[c, 0], members[0])), ("worst", (smooth[c].max(), members.max()))):
-            rows.append({"contour": one.name, "plant": plant, "smooth": pair[0], "true": pair[1], "relative": pair[1] / pair[0] - 1})
+        for plant, pair in (
+            ("nominal", (smooth[c, 0], members[0])),
+            ("worst", (smooth[c].max(), members.max())),
+        ):
+            rows.append(
+                {
+                    "contour": one.name,
+                    "plant": plant,
+                    "smooth": pair[0],
+                    "true": pair[1],
+                    "relative": pair[1] / pair[0] - 1,
+                }
+            )
     return rows
 
 
@@ -67,16 +111,24 @@ def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any
     if independent is None:
         return []
     engine, plant = independent
-    other = replay(job.controller(tuned.weights), job.course._replace(plants=("nominal",), family=stack_plants([plant])))
+    other = replay(
+        job.controller(tuned.weights),
+        job.course._replace(plants=("nominal",), family=stack_plants([plant])),
+    )
     name, counts = f"rms_{job.machine.error}_error", scored(job.course)
     apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
-    return run_folder.plain([
-        {
-            "engine": engine, "contour": one.name, "ours": getattr(found.metrics, name)[c, 0], "theirs": getattr(other.metrics, name)[c, 0],
-            "apart": apart[c][counts[c]].max(),
-        }
-        for c, one in enumerate(job.course.jobs)
-    ])  # fmt: skip
+    return run_folder.plain(
+        [
+            {
+                "engine": engine,
+                "contour": one.name,
+                "ours": getattr(found.metrics, name)[c, 0],
+                "theirs": getattr(other.metrics, name)[c, 0],
+                "apart": apart[c][counts[c]].max(),
+            }
+            for c, one in enumerate(job.course.jobs)
+        ]
+    )
 
 
 def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str, Any]]:
@@ -85,12 +137,23 @@ def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str
     for c, (one, trained) in enumerate(zip(job.course.jobs, job.course.training, strict=True)):
         metrics = {
             design: {
-                "nominal": {name: np.asarray(values)[c, 0] for name, values in vars(run.metrics).items()},
-                "worst": {name: np.asarray(values)[c].max() for name, values in vars(run.metrics).items()},
+                "nominal": {
+                    name: np.asarray(values)[c, 0] for name, values in vars(run.metrics).items()
+                },
+                "worst": {
+                    name: np.asarray(values)[c].max() for name, values in vars(run.metrics).items()
+                },
             }
             for design, run in replays.items()
         }
-        rows.append({"name": one.name, "training": bool(trained), "samples": one.samples, "metrics": metrics})
+        rows.append(
+            {
+                "name": one.name,
+                "training": bool(trained),
+                "samples": one.samples,
+                "metrics": metrics,
+            }
+        )
     return rows
 
 
@@ -99,11 +162,13 @@ def history_of(job: TuningRun, tuned: Tuned) -> list[dict[str, Any]]:
     chart, error = Chart(job.problem.space, job.start), f"rms_{job.machine.error}_error"
     return [
         {
-            "descent": row.start, **plain_weights(chart.weights(jnp.asarray(row.z))), "objective": row.objective,
-            "violation": row.violation, "diverged": row.diverged,
+            "descent": row.start,
+            **plain_weights(chart.weights(jnp.asarray(row.z))),
+            "objective": row.objective,
+            "violation": row.violation,
+            "diverged": row.diverged,
             error: float(np.max(getattr(row.metrics, error))),
             "rms_increment": float(np.max(row.metrics.rms_increment)),
         }
         for row in tuned.history
-    ]  # fmt: skip
-
+    ]

@@ -40,7 +40,8 @@ class FilmMaker(NamedTuple):
 
     Attributes:
         watch: the pose (n,) of a plant in a state, traced; what a replay has to keep.
-        record: writes the film into a folder, and returns its file, pace, seconds, and what is `magnified`, in words; raises `VideoError`.
+        record: writes the film into a folder, and returns its file, pace, seconds, and what is
+            `magnified`, in words; raises `VideoError`.
     """
 
     watch: Callable[[Plant, State], Any]
@@ -49,5 +50,7 @@ class FilmMaker(NamedTuple):
 
 def lines(video: dict[str, Any], folder: Path) -> list[str]:
     """What a user is told of a recorded film."""
-    told = [f"Video: {folder / video['file']}, {video['seconds']:.3g} s, {video['pace']}, {video['magnified']}"]
+    told = [
+        f"Video: {folder / video['file']}, {video['seconds']:.3g} s, {video['pace']}, {video['magnified']}"
+    ]
     return told + ([f"It is a GIF: {MP4_NEEDS}"] if video["file"].endswith(".gif") else [])

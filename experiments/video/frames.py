@@ -1,7 +1,8 @@
 """One frame of a gantry's video after the other: MuJoCo's picture, the plan of the path, twist and contour error up to now.
 
-The twist theta is drawn n times as large, about the tool, which stays where it is: the pose (x_h, y_N, n theta) whose tool is at P_e of
-`gantry_parameters`. The contour error is magnified in the plan.
+The twist theta is drawn n times as large, about the tool, which stays where it is: the pose (x_h,
+y_N, n theta) whose tool is at P_e of `gantry_parameters`. The contour error is magnified in the
+plan.
 """
 
 from typing import Any
@@ -32,7 +33,9 @@ def twist_factor(film: Film) -> int:
 
 def error_factor(film: Film) -> int:
     """How many times the contour error is magnified."""
-    return magnification(np.linalg.norm(film.error, axis=1).max(), ERROR_SHOWN * np.ptp(film.path, axis=0).max())
+    return magnification(
+        np.linalg.norm(film.error, axis=1).max(), ERROR_SHOWN * np.ptp(film.path, axis=0).max()
+    )
 
 
 def magnification(peak: float, shown: float) -> int:
@@ -70,12 +73,17 @@ class Frames:
         figure = Figure(figsize=(SIZE[0] / DPI, SIZE[1] / DPI), dpi=DPI, layout="constrained")
         self._canvas = FigureCanvasAgg(figure)
         mosaic: Any = [["machine", "machine"], ["plan", "twist"], ["plan", "error"]]
-        panels = figure.subplot_mosaic(mosaic, height_ratios=(PICTURE[1] / 120, 1, 1), width_ratios=(1, 2.2))
+        panels = figure.subplot_mosaic(
+            mosaic, height_ratios=(PICTURE[1] / 120, 1, 1), width_ratios=(1, 2.2)
+        )
         self._machine, self._heading = _machine_panel(panels["machine"])
         self._trace = 1e3 * (film.tool + (error_factor(film) - 1) * film.error)
         self._traced, self._tip = _plan_panel(panels["plan"], film, self._trace)
         self._signals = 1e6 * film.pose[:, 2], 1e6 * np.linalg.norm(film.error, axis=1)
-        self._lines = [_signal_panel(panels[name], film.time, v) for name, v in zip(("twist", "error"), self._signals, strict=True)]
+        self._lines = [
+            _signal_panel(panels[name], film.time, v)
+            for name, v in zip(("twist", "error"), self._signals, strict=True)
+        ]
         panels["twist"].set(ylabel="twist [urad]")
         panels["twist"].tick_params(labelbottom=False)
         panels["error"].set(ylabel="contour error [um]", xlabel="time [s]", ylim=(0, None))
@@ -93,7 +101,9 @@ class Frames:
         pose = posed(self._parameters, film.tool[sample], twist_factor(film) * film.pose[sample, 2])
         straight = film.tool[sample, 1] + float(self._parameters.tool_offset)
         self._machine.set_data(self._scene.picture(pose, straight))
-        self._heading.set_text(f"{film.title}    t = {film.time[sample]:.3f} s, {self._pace}    twist x {twist_factor(film):,}")
+        self._heading.set_text(
+            f"{film.title}    t = {film.time[sample]:.3f} s, {self._pace}    twist x {twist_factor(film):,}"
+        )
         self._traced.set_data(*self._trace[seen].T)
         self._tip.set_data(*self._trace[sample : sample + 1].T)
         for line, values in zip(self._lines, self._signals, strict=True):
@@ -107,16 +117,36 @@ class Frames:
 def _machine_panel(axes: Axes) -> tuple[AxesImage, Text]:
     axes.set_axis_off()
     axes.set_title(" ")  # its room
-    picture = axes.imshow(np.full((*PICTURE[::-1], 3), 255, np.uint8), interpolation="nearest", animated=True)
-    return picture, axes.text(0.5, 1.01, "", ha="center", va="bottom", fontsize=12, transform=axes.transAxes, animated=True)
+    picture = axes.imshow(
+        np.full((*PICTURE[::-1], 3), 255, np.uint8), interpolation="nearest", animated=True
+    )
+    return picture, axes.text(
+        0.5,
+        1.01,
+        "",
+        ha="center",
+        va="bottom",
+        fontsize=12,
+        transform=axes.transAxes,
+        animated=True,
+    )
 
 
 def _plan_panel(axes: Axes, film: Film, trace: np.ndarray) -> tuple[Line2D, Line2D]:
     axes.plot(*(1e3 * film.path).T, color="0.55", linewidth=2.0)
     shown = np.vstack([trace, 1e3 * film.path])
-    axes.set(aspect="equal", xlim=_padded(shown[:, 0]), ylim=_padded(shown[:, 1]), xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(
+        aspect="equal",
+        xlim=_padded(shown[:, 0]),
+        ylim=_padded(shown[:, 1]),
+        xlabel="x [mm]",
+        ylabel="y [mm]",
+    )
     axes.set_title(f"contour error x {error_factor(film):,}", fontsize=11)
-    (traced,), (tip,) = axes.plot([], [], color="C1", linewidth=1.1, animated=True), axes.plot([], [], "o", color="C1", animated=True)
+    (traced,), (tip,) = (
+        axes.plot([], [], color="C1", linewidth=1.1, animated=True),
+        axes.plot([], [], "o", color="C1", animated=True),
+    )
     return traced, tip
 
 

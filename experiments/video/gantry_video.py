@@ -35,7 +35,11 @@ class Pace(NamedTuple):
     def of(cls, time: np.ndarray) -> "Pace":
         """Real time; the least round number of times slower, or faster, where the video would be too short, or too long."""
         duration = float(time[-1] - time[0])
-        speed = 1 / least_round(SHORTEST / duration) if duration < SHORTEST else max(1.0, least_round(duration / LONGEST))
+        speed = (
+            1 / least_round(SHORTEST / duration)
+            if duration < SHORTEST
+            else max(1.0, least_round(duration / LONGEST))
+        )
         shown = np.arange(int(duration / speed * FPS) + 1) * speed / FPS
         return cls(speed, np.rint(shown / duration * (len(time) - 1)).astype(int))
 
@@ -64,18 +68,32 @@ def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, 
     suffix, save = _format()
     with _scene(parameters, path) as scene:
         frames = Frames(scene, parameters, film, pace.words)
-        file = run_folder.write(folder / f"video{suffix}", lambda temporary: save(temporary, map(frames.pixels, pace.samples)))
-    twist, turned, off = float(np.abs(film.pose[:, 2]).max()), twist_factor(film), error_factor(film)
+        file = run_folder.write(
+            folder / f"video{suffix}",
+            lambda temporary: save(temporary, map(frames.pixels, pace.samples)),
+        )
+    twist, turned, off = (
+        float(np.abs(film.pose[:, 2]).max()),
+        twist_factor(film),
+        error_factor(film),
+    )
     return {
-        "file": file.name, "pace": pace.words, "seconds": len(pace.samples) / FPS, "twist_factor": turned, "error_factor": off,
-        "peak_twist_rad": twist, "magnified": f"twist x {turned:,} (peak {1e6 * twist:.3g} urad), contour error x {off:,}",
-    }  # fmt: skip
+        "file": file.name,
+        "pace": pace.words,
+        "seconds": len(pace.samples) / FPS,
+        "twist_factor": turned,
+        "error_factor": off,
+        "peak_twist_rad": twist,
+        "magnified": f"twist x {turned:,} (peak {1e6 * twist:.3g} urad), contour error x {off:,}",
+    }
 
 
 def _scene(parameters: GantryParameters, path: np.ndarray):
     """A `gantry_scene.Scene`: everything that imports the engine, and OpenGL with it."""
     if platform.system() == "Linux":
-        os.environ.setdefault("MUJOCO_GL", "egl")  # needs no display; the engine reads it when it is first imported
+        os.environ.setdefault(
+            "MUJOCO_GL", "egl"
+        )  # needs no display; the engine reads it when it is first imported
     try:
         import_module("jcontour.plants.gantry.mujoco_engine")
     except ImportError as error:  # names the version that is needed
@@ -92,7 +110,9 @@ def _scene(parameters: GantryParameters, path: np.ndarray):
 def _no_opengl(error: Exception) -> VideoError:
     how = os.environ.get("MUJOCO_GL") or "not set"
     helps = "install it (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri) or set MUJOCO_GL to another: egl, osmesa, glfw"
-    return VideoError(f"video: OpenGL cannot be opened (MUJOCO_GL is {how}: {checks.line(error)}); {helps}")
+    return VideoError(
+        f"video: OpenGL cannot be opened (MUJOCO_GL is {how}: {checks.line(error)}); {helps}"
+    )
 
 
 def _format() -> tuple[str, Callable[[Path, Iterable[np.ndarray]], None]]:
@@ -115,6 +135,10 @@ def _format() -> tuple[str, Callable[[Path, Iterable[np.ndarray]], None]]:
 def _save_gif(path: Path, frames: Iterable[np.ndarray]) -> None:
     """With one palette for all, that of the middle frame, so that what stands still costs nothing."""
     pictures = [Image.fromarray(frame) for frame in frames]
-    palette = pictures[len(pictures) // 2].quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3)  # lines keep their colours
-    first, *others = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)
+    palette = pictures[len(pictures) // 2].quantize(
+        COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3
+    )  # lines keep their colours
+    first, *others = (
+        picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures
+    )
     first.save(path, save_all=True, append_images=others, duration=1000 // FPS, loop=0)

@@ -17,7 +17,9 @@ from jcontour.plants.gantry.parameters import GantryParameters
 PATH_RADIUS, STRAIGHT_RADIUS = 0.004, 0.003  # [m] of the lines that are drawn
 PATH_COLOUR, STRAIGHT_COLOUR = (0.1, 0.3, 0.75, 1.0), (0.85, 0.1, 0.1, 1.0)
 ABOVE_BEAM = 0.06  # [m]
-TILT = -60.0  # [degrees] of the camera from the horizon: the beam's angle shows, and so do the drives
+TILT = (
+    -60.0
+)  # [degrees] of the camera from the horizon: the beam's angle shows, and so do the drives
 DISTANCE = 2.75  # of the camera, in half spans with their drives
 
 
@@ -44,7 +46,9 @@ class Scene(AbstractContextManager):
         self._shown = mujoco.MjvOption()
         self._shown.sitegroup[:] = False
         self._renderer = _opened(self._model, size)
-        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False  # half the time where the processor draws
+        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = (
+            False  # half the time where the processor draws
+        )
 
     def picture(self, pose: np.ndarray, straight: float) -> np.ndarray:
         """Pixels (height, width, 3) at (x_h, y_N, theta), with a line where the beam's axis would be without twist, at y = `straight`."""
@@ -57,11 +61,26 @@ class Scene(AbstractContextManager):
         self._line(*ends, STRAIGHT_RADIUS, STRAIGHT_COLOUR)
         return self._renderer.render()
 
-    def _line(self, start: Sequence[float], end: Sequence[float], radius: float, colour: tuple[float, ...]) -> None:
+    def _line(
+        self, start: Sequence[float], end: Sequence[float], radius: float, colour: tuple[float, ...]
+    ) -> None:
         scene = self._renderer.scene
         geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.zeros(9), np.array(colour, np.float32))
-        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, np.asarray(start, float), np.asarray(end, float))
+        mujoco.mjv_initGeom(
+            geom,
+            mujoco.mjtGeom.mjGEOM_CAPSULE,
+            np.zeros(3),
+            np.zeros(3),
+            np.zeros(9),
+            np.array(colour, np.float32),
+        )
+        mujoco.mjv_connector(
+            geom,
+            mujoco.mjtGeom.mjGEOM_CAPSULE,
+            radius,
+            np.asarray(start, float),
+            np.asarray(end, float),
+        )
         scene.ngeom += 1
 
     def __enter__(self) -> Self:

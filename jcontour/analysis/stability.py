@@ -1,8 +1,10 @@
 """Is the loop stable, and by how much: frozen loops along a path, and how much gain error and delay they bear.
 
-A frozen loop is the closed loop linearised at one sample of its own run, the plan of that step held for ever: z(k+1) = M z(k) + const,
-z the state of the plant and the memory of the controller. McNab & Tsao, Theorem 1 and eq. 23, where M = A - B K at every state; here M
-is the Jacobian of one step, so that observers, delays, limits and machines that change along the path are covered by the same words.
+A frozen loop is the closed loop linearised at one sample of its own run, the plan of that step held
+for ever: z(k+1) = M z(k) + const, z the state of the plant and the memory of the controller. McNab
+& Tsao, Theorem 1 and eq. 23, where M = A - B K at every state; here M is the Jacobian of one step,
+so that observers, delays, limits and machines that change along the path are covered by the same
+words.
 Of a linear plant under a linear controller it does not depend on the run. Host side.
 """
 
@@ -34,11 +36,15 @@ class Margins(NamedTuple):
 
     Attributes:
         spectral_radius: the largest of all frozen loops; the loop is stable below 1.
-        gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays stable.
-        gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are at once, or none within `GAIN_SEARCH`.
+        gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays
+            stable.
+        gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are
+            at once, or none within `GAIN_SEARCH`.
         delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
-        saturated: scored samples with an open loop: a control is saturated, by controller or plant, or of zero gain. The others leave them
-            out unless every sample is one: then there are no margins, and the others are those of the open loops.
+        saturated: scored samples with an open loop: a control is saturated, by controller or plant,
+            or of zero gain. The others leave them
+            out unless every sample is one: then there are no margins, and the others are those of
+            the open loops.
     """
 
     spectral_radius: float
@@ -84,34 +90,46 @@ class CutLoops(NamedTuple):
         return CutLoops(*(matrices[rows] for matrices in self))
 
 
-def frozen_spectral_radius(controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None) -> float:
+def frozen_spectral_radius(
+    controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None
+) -> float:
     """Spectral radius of the loop along a straight line: Theorem 1's check.
 
     Args:
         controller: any controller; its gains on the line must not depend on the speed.
         direction: (m,) of any length.
-        plant: the machine; the controller's own model when not given, behind encoders where an observer is fed positions.
+        plant: the machine; the controller's own model when not given, behind encoders where an
+            observer is fed positions.
 
     Raises:
-        ValueError: the direction is zero or not finite, or the controller has no model and no plant is given.
+        ValueError: the direction is zero or not finite, or the controller has no model and no plant
+            is given.
     """
     plant = _own_model(controller) if plant is None else plant
     along_path = np.asarray(direction, float)
     length = np.linalg.norm(along_path)
     if not (np.isfinite(length) and length > 0):
-        raise ValueError(f"direction: needs a finite vector of non-zero length, received {direction}")
-    contour = line(np.zeros(along_path.size), 1e-3 * along_path / length)  # [m] any length: the reference goes on straight
+        raise ValueError(
+            f"direction: needs a finite vector of non-zero length, received {direction}"
+        )
+    contour = line(
+        np.zeros(along_path.size), 1e-3 * along_path / length
+    )  # [m] any length: the reference goes on straight
     reference = along(contour, [0.0, 1e-3], plant.dt, controller.preview, at_rest=False)
     return float(frozen_spectral_radii(plant, controller, reference)[0])
 
 
-def frozen_spectral_radii(plant: Plant, controller: Controller, reference: Reference) -> Float[np.ndarray, " T"]:
+def frozen_spectral_radii(
+    plant: Plant, controller: Controller, reference: Reference
+) -> Float[np.ndarray, " T"]:
     """Spectral radius of the frozen loop of every step along a reference.
 
     Raises:
         ValueError: as `simulate`.
     """
-    return spectral_radius(cut_loops(plant, controller, reference, np.arange(reference.steps)).closed())
+    return spectral_radius(
+        cut_loops(plant, controller, reference, np.arange(reference.steps)).closed()
+    )
 
 
 def margins(plant: Plant, controller: Controller, reference: Reference) -> Margins:
@@ -136,21 +154,30 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
     return _margins(loops, rows, saturated)
 
 
-def cut_loops(plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]) -> CutLoops:
+def cut_loops(
+    plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]
+) -> CutLoops:
     """The loops at some steps of the run of `simulate`, as NumPy arrays.
 
     Raises:
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    return CutLoops(*(np.asarray(matrices) for matrices in _cut_loops(plant, controller, reference, jnp.asarray(rows))))
+    return CutLoops(
+        *(
+            np.asarray(matrices)
+            for matrices in _cut_loops(plant, controller, reference, jnp.asarray(rows))
+        )
+    )
 
 
 def _own_model(controller: Controller) -> Plant:
     model = getattr(controller, "model", None)
     if model is None:
         raise ValueError("plant: this controller has no model of its own; give the plant")
-    return Encoders(model) if hasattr(controller, "controller") else model  # an observer wraps a controller
+    return (
+        Encoders(model) if hasattr(controller, "controller") else model
+    )  # an observer wraps a controller
 
 
 @eqx.filter_jit
@@ -167,9 +194,13 @@ def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows)
             state, memory = eqx.combine(unravel(inputs[:N]), fixed)
             memory, control = controller.step(memory, plan_k, plant.measure(state))
             after = plant.step(state, jax.lax.stop_gradient(control) + inputs[N:]), memory
-            return jnp.concatenate([ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], control])
+            return jnp.concatenate(
+                [ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], control]
+            )
 
-        J = jax.jacfwd(one_step)(jnp.concatenate([flat, jnp.zeros(run.control.shape[1], flat.dtype)]))
+        J = jax.jacfwd(one_step)(
+            jnp.concatenate([flat, jnp.zeros(run.control.shape[1], flat.dtype)])
+        )
         return J[:N, :N], J[:N, N:], J[N:, :N]
 
     return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
@@ -184,7 +215,10 @@ def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) ->
     found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
     gain = np.array([[inside for inside, _ in pair] for pair in found])
     lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
-    delay = next((d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1), DELAY_SEARCH)
+    delay = next(
+        (d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1),
+        DELAY_SEARCH,
+    )
     return Margins(largest, gain, lost, delay, saturated)
 
 
@@ -195,7 +229,9 @@ def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int 
     rows = np.unique(np.linspace(0, steps - 1, min(PROBED_LOOPS, steps)).astype(int))
 
     def radii(gain: float, rows) -> np.ndarray:
-        return spectral_radius(loops.at(rows).closed(np.where(np.arange(inputs) == index, gain, 1.0)))
+        return spectral_radius(
+            loops.at(rows).closed(np.where(np.arange(inputs) == index, gain, 1.0))
+        )
 
     while True:
         inside, outside = _limit(lambda gain, rows=rows: radii(gain, rows).max() < 1, factor)

@@ -5,15 +5,23 @@ import math
 from collections.abc import Iterator
 
 MM = 1e-3  # [m]
-SHORTEST = 1e-9  # [m] moves below it are dropped, end points below it are the same: a thousandth of the finest word a program holds
-ARC_SLACK, ARC_SLACK_RELATIVE, ARC_SLACK_MOST = 5e-6, 1e-3, 0.5e-3  # [m], of the radius, [m]: between both radii of an arc, as Grbl has it
+# [m] moves below it are dropped, end points below it are the same: a thousandth of the finest word
+# a program holds
+SHORTEST = 1e-9
+ARC_SLACK, ARC_SLACK_RELATIVE, ARC_SLACK_MOST = (
+    5e-6,
+    1e-3,
+    0.5e-3,
+)  # [m], of the radius, [m]: between both radii of an arc, as Grbl has it
 
 
 class ToolpathError(ValueError):
     """A toolpath that cannot be traced; the message is one line, which begins with the number of the line where there is one."""
 
 
-def centre_from_radius(start: complex, end: complex, radius: float, counter_clockwise: bool) -> complex:
+def centre_from_radius(
+    start: complex, end: complex, radius: float, counter_clockwise: bool
+) -> complex:
     """Centre of the arc of a radius [m], below zero for the long way round.
 
     Raises:
@@ -22,15 +30,21 @@ def centre_from_radius(start: complex, end: complex, radius: float, counter_cloc
     chord = end - start
     half = 0.5 * abs(chord)
     if 2 * half < SHORTEST:
-        raise ToolpathError("an arc by radius (R) needs an end apart from its start; a full circle needs I, J or K")
+        raise ToolpathError(
+            "an arc by radius (R) needs an end apart from its start; a full circle needs I, J or K"
+        )
     if abs(radius) < SHORTEST or (abs(radius) < half and not _same_radius(abs(radius), half)):
-        raise ToolpathError(f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, {2 * half / MM:.6g} mm away")
+        raise ToolpathError(
+            f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, {2 * half / MM:.6g} mm away"
+        )
     height = math.sqrt(max(radius**2 - half**2, 0.0))
     to_the_left = counter_clockwise == (radius > 0)
     return start + chord * (0.5 + (1j if to_the_left else -1j) * height / abs(chord))
 
 
-def arcs_between(start: complex, end: complex, centre: complex, counter_clockwise: bool) -> Iterator[tuple[complex, complex, float]]:
+def arcs_between(
+    start: complex, end: complex, centre: complex, counter_clockwise: bool
+) -> Iterator[tuple[complex, complex, float]]:
     """Ends, centres and signed angles of the one or two arcs which run exactly from start to end; the given centre may be slightly off.
 
     Raises:

@@ -11,7 +11,8 @@ from jcontour.geometry.pieces import Piece
 class Contour(eqx.Module):
     """Path in arc length s [m]; each piece is p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s), s from its own start.
 
-    Everything works under jit and vmap, over points as well as over stacked contours (then every array has a leading axis).
+    Everything works under jit and vmap, over points as well as over stacked contours (then every
+    array has a leading axis).
 
     Attributes:
         polynomial: coefficients [m, 1, 1/m, ...].
@@ -23,8 +24,10 @@ class Contour(eqx.Module):
         mask: False for padding, which follows the pieces.
         closed: whether the end meets the start.
         size: diagonal of the bounding box [m].
-        fit_error: measured bound of the distance to the true curve [m]; 0 for lines, arcs and helices.
-        newton_steps: refinement of the nearest point; 0 when there are only lines and circular arcs, whose nearest point is a closed form.
+        fit_error: measured bound of the distance to the true curve [m]; 0 for lines, arcs and
+            helices.
+        newton_steps: refinement of the nearest point; 0 when there are only lines and circular
+            arcs, whose nearest point is a closed form.
         turns: whether any piece is an arc or a helix; where none is, no sine is computed.
     """
 
@@ -78,20 +81,28 @@ class Contour(eqx.Module):
         piece, s, beyond = self._at(jnp.asarray(arc))
         _, velocity, acceleration = piece.jet(s)
         speed = jnp.sum(velocity**2, axis=-1, keepdims=True)
-        across = acceleration - jnp.sum(acceleration * velocity, axis=-1, keepdims=True) / speed * velocity
+        across = (
+            acceleration
+            - jnp.sum(acceleration * velocity, axis=-1, keepdims=True) / speed * velocity
+        )
         return jnp.where(beyond[..., None] == 0, across / speed, 0.0)
 
     @jax.jit
     def nearest(
-        self, point: Float[ArrayLike, "*batch m"], arc: Float[ArrayLike, "*batch"], reach: Float[ArrayLike, "*#batch"]
+        self,
+        point: Float[ArrayLike, "*batch m"],
+        arc: Float[ArrayLike, "*batch"],
+        reach: Float[ArrayLike, "*#batch"],
     ) -> Float[Array, "*batch"]:
         """Arc length s* [m] of the contour point nearest to `point`, among those with |s - arc| <= reach.
 
-        The window keeps the search on its own branch at a self-crossing. It wraps on a closed contour and ends with an open one, into
-        which `arc` is taken first; without reach, or for a point that is not finite, the answer is `arc` itself. Corners are exact.
+        The window keeps the search on its own branch at a self-crossing. It wraps on a closed
+        contour and ends with an open one, into which `arc` is taken first; without reach, or for a
+        point that is not finite, the answer is `arc` itself. Corners are exact.
 
-        The search is not differentiated and nothing is lost by that: with s* held, |point - position(s*)|^2 has the derivative
-        2 (point - position(s*)), which is exact since s* is stationary or the end of a piece or of the window (envelope theorem).
+        The search is not differentiated and nothing is lost by that: with s* held, |point -
+        position(s*)|^2 has the derivative 2 (point - position(s*)), which is exact since s* is
+        stationary or the end of a piece or of the window (envelope theorem).
         """
         point, arc, reach = jnp.asarray(point), jnp.asarray(arc), jnp.asarray(reach)
         return jax.lax.stop_gradient(_nearest(*jax.lax.stop_gradient((self, point, arc, reach))))
@@ -101,7 +112,10 @@ class Contour(eqx.Module):
         """Arc length [m] of the nearest point of the whole contour, by search over all pieces; NaN for a point that is not finite."""
         contour, point = jax.lax.stop_gradient((self, jnp.asarray(point)[..., None, :]))
         pieces = contour._pieces(jnp.arange(contour.rate.size))
-        low = jnp.zeros(jnp.broadcast_shapes(point.shape[:-1], contour.rate.shape), jnp.result_type(point, contour.rate))
+        low = jnp.zeros(
+            jnp.broadcast_shapes(point.shape[:-1], contour.rate.shape),
+            jnp.result_type(point, contour.rate),
+        )
         s, square = contour._foot(pieces, point, low, low + pieces.extent)
         best = jnp.argmin(jnp.where(contour.mask, square, jnp.inf), axis=-1)[..., None]
         arc = jnp.take_along_axis(pieces.start + s, best, axis=-1)[..., 0]
@@ -141,7 +155,11 @@ class Contour(eqx.Module):
         return piece, inside - piece.start, jnp.where(self.closed, 0.0, arc - inside)
 
     def _foot(self, piece, point, low, high):
-        return piece.refined_foot(point, low, high, self.newton_steps) if self.newton_steps else piece.foot(point, low, high)
+        return (
+            piece.refined_foot(point, low, high, self.newton_steps)
+            if self.newton_steps
+            else piece.foot(point, low, high)
+        )
 
 
 def _nearest(contour: Contour, point, arc, reach):
@@ -151,7 +169,9 @@ def _nearest(contour: Contour, point, arc, reach):
     arc = jnp.broadcast_to(contour._inside(arc).astype(dtype), shape)
     length = contour.length
     usable = jnp.isfinite(point).all(-1) & jnp.isfinite(arc) & (reach > 0)
-    reach = jnp.where(usable, jnp.minimum(reach, jnp.where(contour.closed, 0.5 * length, length)), 0.0)
+    reach = jnp.where(
+        usable, jnp.minimum(reach, jnp.where(contour.closed, 0.5 * length, length)), 0.0
+    )
     begin, end = arc - reach, arc + reach
     begin = jnp.where(contour.closed, begin, jnp.maximum(begin, 0.0))
     end = jnp.where(contour.closed, end, jnp.minimum(end, length))

@@ -13,7 +13,11 @@ FASTEST = 100.0  # [m/s]
 LARGEST = 1e9  # of any number in a program
 MOST_MOVES = 100_000  # each is a sample at least, and kilobytes while its box is measured
 
-PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}  # first and second axis of the plane, then its normal
+PLANES = {
+    17: (0, 1, 2),
+    18: (2, 0, 1),
+    19: (1, 2, 0),
+}  # first and second axis of the plane, then its normal
 MODES = {"motion": (0, 1, 2, 3, 80), "plane": (17, 18, 19), "units": (20, 21), "distance": (90, 91)}
 MODE_OF = {float(code): mode for mode, codes in MODES.items() for code in codes}
 NO_MOTION_IN = frozenset({40, 49, 54, 61, 64, 91.1, 94})
@@ -79,7 +83,9 @@ class Interpreter:
     def _set_feed(self, word: float) -> None:
         feed = word * self.unit / 60.0
         if not 0 < feed <= FASTEST:
-            raise ToolpathError(f"the feed needs to be above 0 and at most {FASTEST:g} m/s, received F{word:g}")
+            raise ToolpathError(
+                f"the feed needs to be above 0 and at most {FASTEST:g} m/s, received F{word:g}"
+            )
         self.feed = feed
 
     def _move(self, values: dict[str, float]) -> None:
@@ -97,23 +103,37 @@ class Interpreter:
 
     def _lengths(self, values: dict[str, float]) -> tuple[Point, dict[int, float], float | None]:
         """End point, given centre offsets by axis, and the radius [m]."""
-        lengths = {letter: values[letter] * self.unit for letter in values.keys() & frozenset("XYZIJKR")}
+        lengths = {
+            letter: values[letter] * self.unit for letter in values.keys() & frozenset("XYZIJKR")
+        }
         origin = self.at if self.incremental else (0.0, 0.0, 0.0)
-        x, y, z = (origin[i] + lengths[name] if name in lengths else self.at[i] for i, name in enumerate("XYZ"))
+        x, y, z = (
+            origin[i] + lengths[name] if name in lengths else self.at[i]
+            for i, name in enumerate("XYZ")
+        )
         if not all(abs(length) <= FARTHEST for length in (x, y, z, *lengths.values())):
             raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")
-        return (x, y, z), {i: lengths[name] for i, name in enumerate("IJK") if name in lengths}, lengths.get("R")
+        return (
+            (x, y, z),
+            {i: lengths[name] for i, name in enumerate("IJK") if name in lengths},
+            lengths.get("R"),
+        )
 
     def _arc(self, target: Point, offset: dict[int, float], radius: float | None) -> None:
         first, second, normal = PLANES[self.plane]
         if normal < 2 and self.axes == 2:
-            raise ToolpathError(f'an arc in the plane of G{self.plane} needs a third axis: read the program with axes "XYZ"')
+            raise ToolpathError(
+                f'an arc in the plane of G{self.plane} needs a third axis: read the program with axes "XYZ"'
+            )
         if bool(offset) == (radius is not None):
             raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
         if offset.get(normal):
             raise ToolpathError(f"{'IJK'[normal]} is not in the plane of G{self.plane}")
         counter_clockwise = self.motion == 3
-        start, end = complex(self.at[first], self.at[second]), complex(target[first], target[second])
+        start, end = (
+            complex(self.at[first], self.at[second]),
+            complex(target[first], target[second]),
+        )
         if radius is None:
             centre = start + complex(offset.get(first, 0.0), offset.get(second, 0.0))
         else:
@@ -123,7 +143,11 @@ class Interpreter:
         slope = rise / sum(angle for _, _, angle in arcs) if abs(rise) >= SHORTEST else 0.0
         for end, centre, angle in arcs:
             level = self.at[normal]
-            self._trace(_in_space(self.plane, end, level + slope * angle), _in_space(self.plane, centre, level), angle)
+            self._trace(
+                _in_space(self.plane, end, level + slope * angle),
+                _in_space(self.plane, centre, level),
+                angle,
+            )
 
     def _trace(self, end: Point, centre: Point, angle: float) -> None:
         """Adds a move; one too short to see only takes the axes that are not traced along."""
@@ -150,7 +174,9 @@ def _words(line: str) -> tuple[dict[str, int], set[float], dict[str, float]]:
             raise ToolpathError(f"the number in {shown(word)} is too large")
         if letter == "G" and value in MODE_OF:
             if MODE_OF[value] in modes:
-                raise ToolpathError(f"{shown(word)} and another G code of its kind ({MODE_OF[value]}) in one line")
+                raise ToolpathError(
+                    f"{shown(word)} and another G code of its kind ({MODE_OF[value]}) in one line"
+                )
             modes[MODE_OF[value]] = int(value)
         elif letter == "G" and value in NO_MOTION_IN:
             others.add(value)
@@ -161,9 +187,15 @@ def _words(line: str) -> tuple[dict[str, int], set[float], dict[str, float]]:
                 raise ToolpathError(f"{letter} is given twice")
             values[letter] = value
         else:
-            raise ToolpathError(f"{shown(word)} is not supported" if letter in "GM" else f"unknown word {shown(word)}")
+            raise ToolpathError(
+                f"{shown(word)} is not supported"
+                if letter in "GM"
+                else f"unknown word {shown(word)}"
+            )
         if letter in "NST" and (value < 0 or value % 1):
-            raise ToolpathError(f"{shown(word)}: {letter} needs a whole number that is not negative")
+            raise ToolpathError(
+                f"{shown(word)}: {letter} needs a whole number that is not negative"
+            )
     return modes, machine_codes, values
 
 

@@ -2,8 +2,9 @@
 
     p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s)
 
-A line is a polynomial of degree 1, a circular arc a constant and the waves, a helix degree 1 and the waves, a smooth curve a chain of
-quintic polynomials. The same code serves NumPy arrays (constructors, on the host) and JAX arrays (everything else); leading axes broadcast.
+A line is a polynomial of degree 1, a circular arc a constant and the waves, a helix degree 1 and
+the waves, a smooth curve a chain of quintic polynomials. The same code serves NumPy arrays
+(constructors, on the host) and JAX arrays (everything else); leading axes broadcast.
 """
 
 from typing import Any, NamedTuple
@@ -13,9 +14,13 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 Some = Any  # NumPy or JAX array
-Foot = tuple[Float[Some, "..."], Float[Some, "..."]]  # local arc length [m] of the nearest point, squared distance to it [m^2]
+Foot = tuple[
+    Float[Some, "..."], Float[Some, "..."]
+]  # local arc length [m] of the nearest point, squared distance to it [m^2]
 
-FLATTEST_BEND = 1e-3  # of the speed squared: keeps Newton's denominator positive where a valley of the squared distance turns into a ridge
+# of the speed squared: keeps Newton's denominator positive where a valley of the squared distance
+# turns into a ridge
+FLATTEST_BEND = 1e-3
 
 
 class Piece(NamedTuple):
@@ -28,11 +33,15 @@ class Piece(NamedTuple):
     start: Float[Some, "..."]
     extent: Float[Some, "..."]
 
-    def jet(self, s: Float[Some, "..."]) -> tuple[Float[Some, "... m"], Float[Some, "... m"], Float[Some, "... m"]]:
+    def jet(
+        self, s: Float[Some, "..."]
+    ) -> tuple[Float[Some, "... m"], Float[Some, "... m"], Float[Some, "... m"]]:
         """Position [m], velocity dp/ds [1] and acceleration d2p/ds2 [1/m] at the local arc length s [m]."""
         t = s[..., None]
         position = velocity = half_acceleration = 0.0 * t
-        for i in reversed(range(self.polynomial.shape[-2])):  # Horner's rule and its two derivatives
+        for i in reversed(
+            range(self.polynomial.shape[-2])
+        ):  # Horner's rule and its two derivatives
             half_acceleration = half_acceleration * t + velocity
             velocity = velocity * t + position
             position = position * t + self.polynomial[..., i, :]
@@ -46,7 +55,9 @@ class Piece(NamedTuple):
         slope = self.sine * cos - self.cosine * sin
         return position + wave, velocity + rate * slope, acceleration - rate**2 * wave
 
-    def foot(self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."]) -> Foot:
+    def foot(
+        self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."]
+    ) -> Foot:
         """Nearest point of the interval in closed form: exact on lines (projection) and circular arcs (polar angle)."""
         s = self._projection(point, low, high)
         if self.rate is not None:
@@ -55,16 +66,25 @@ class Piece(NamedTuple):
             s = jnp.where(self.rate > 0, jnp.clip(turn, low, high), s)
         return s, self._squared_distance(point, s)
 
-    def refined_foot(self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."], newton_steps: int) -> Foot:
+    def refined_foot(
+        self,
+        point: Float[Some, "... m"],
+        low: Float[Some, "..."],
+        high: Float[Some, "..."],
+        newton_steps: int,
+    ) -> Foot:
         """Nearest point of the interval by Newton's method from two sides; both ends are candidates too.
 
-        Polynomials start from both ends. Arcs and helices start where the angle fits, on the two turns next to the projection on the axis:
-        from there to the nearest point the slope of the squared distance is concave, so that Newton's steps do not overshoot.
+        Polynomials start from both ends. Arcs and helices start where the angle fits, on the two
+        turns next to the projection on the axis: from there to the nearest point the slope of the
+        squared distance is concave, so that Newton's steps do not overshoot.
         """
         s = jnp.stack([low, high])
         if self.rate is not None:
             first, period = self._angle_fits(point)
-            below = first + period * jnp.floor((self._projection(point, low, high) - first) / period)
+            below = first + period * jnp.floor(
+                (self._projection(point, low, high) - first) / period
+            )
             s = jnp.where(self.rate > 0, jnp.clip(jnp.stack([below, below + period]), low, high), s)
 
         def newton(_, s):
@@ -72,7 +92,9 @@ class Piece(NamedTuple):
             gap = position - point
             speed = _dot(velocity, velocity)
             bend = jnp.abs(speed + _dot(gap, acceleration))
-            return jnp.clip(s - _dot(gap, velocity) / jnp.maximum(bend, FLATTEST_BEND * speed), low, high)
+            return jnp.clip(
+                s - _dot(gap, velocity) / jnp.maximum(bend, FLATTEST_BEND * speed), low, high
+            )
 
         s = jax.lax.fori_loop(0, newton_steps, newton, s)
         s = jnp.concatenate([s, jnp.broadcast_to(jnp.stack([low, high]), s.shape)])
@@ -88,14 +110,18 @@ class Piece(NamedTuple):
         """Arc length in [low, high] nearest to the point on the straight part of a line or helix; the middle where there is none."""
         direction = self.polynomial[..., 1, :]
         speed = _dot(direction, direction)
-        along = _dot(point - self.polynomial[..., 0, :], direction) / jnp.where(speed > 0, speed, 1.0)
+        along = _dot(point - self.polynomial[..., 0, :], direction) / jnp.where(
+            speed > 0, speed, 1.0
+        )
         return jnp.clip(jnp.where(speed > 0, along, 0.5 * (low + high)), low, high)
 
     def _angle_fits(self, point):
         """One arc length at which the polar angle is the point's, and the arc length of a turn, after which it is so again."""
         offset = point - self.polynomial[..., 0, :]
         rate = jnp.where(self.rate > 0, self.rate, 1.0)
-        return jnp.arctan2(_dot(offset, self.sine), _dot(offset, self.cosine)) / rate, 2.0 * jnp.pi / rate
+        return jnp.arctan2(
+            _dot(offset, self.sine), _dot(offset, self.cosine)
+        ) / rate, 2.0 * jnp.pi / rate
 
 
 def _dot(a, b):

@@ -1,7 +1,8 @@
 """Quintic pieces through a smooth curve r(t): each takes position, unit tangent and curvature vector from the curve at both its ends.
 
-A piece is a polynomial in the curve's own arc length, s(t) = integral |r'| dt by Gauss quadrature. The fit error is measured as
-|p(s(t)) - r(t)| between the ends: it bounds the distance and holds the error of the arc-length parametrisation as well.
+A piece is a polynomial in the curve's own arc length, s(t) = integral |r'| dt by Gauss quadrature.
+The fit error is measured as |p(s(t)) - r(t)| between the ends: it bounds the distance and holds the
+error of the arc-length parametrisation as well.
 """
 
 from collections.abc import Callable
@@ -11,11 +12,15 @@ from jaxtyping import Float
 
 from jcontour.geometry.pieces import Piece
 
-Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]  # parameter (...,) -> position, first, second derivative (..., m)
+Curve = Callable[
+    [np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]
+]  # parameter (...,) -> position, first, second derivative (..., m)
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
 MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve
-QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(8)  # a piece that a quintic fits to 1e-9 it integrates to rounding
+QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(
+    8
+)  # a piece that a quintic fits to 1e-9 it integrates to rounding
 SAMPLES = np.arange(1, 8) / 8  # fractions of a piece at which the fit is measured
 BETWEEN_SAMPLES = 1.1  # the error may peak between two of them
 
@@ -31,7 +36,9 @@ def quintic_pieces(
         ValueError: the tolerance is out of reach.
     """
     for _ in range(MOST_HALVINGS):
-        with np.errstate(all="ignore"):  # a curve that stops or overflows makes NaN, which never fits
+        with np.errstate(
+            all="ignore"
+        ):  # a curve that stops or overflows makes NaN, which never fits
             polynomial, extent = _hermite(curve, knots[:-1], knots[1:])
             error = BETWEEN_SAMPLES * _deviation(curve, knots[:-1], knots[1:], polynomial, extent)
         coarse = np.flatnonzero(~(error <= tolerance))
@@ -64,7 +71,11 @@ def _frame(curve, t):
     position, first, second = curve(t)
     speed = np.linalg.norm(first, axis=-1, keepdims=True)
     tangent = first / speed
-    return position, tangent, (second - np.sum(second * tangent, axis=-1, keepdims=True) * tangent) / speed**2
+    return (
+        position,
+        tangent,
+        (second - np.sum(second * tangent, axis=-1, keepdims=True) * tangent) / speed**2,
+    )
 
 
 def _arc_length(curve, a, b):

@@ -1,16 +1,20 @@
 """Toolpath files: G-code and CSV points become a `Contour`, with the programmed feed of every piece.
 
-The G-code read here (RS-274 as mills speak it; numbers in mm until G20 says inches, everything is metres inside):
+The G-code read here (RS-274 as mills speak it; numbers in mm until G20 says inches, everything is
+metres inside):
 
-    motion     G0 rapid, G1 line, G2 / G3 arc clockwise / counter-clockwise, seen from the tip of the plane's normal
-    arcs       centre by I J K (from the start of the arc) or radius R (R < 0: the long way round); G17 XY, G18 ZX, G19 YZ;
+    motion     G0 rapid, G1 line, G2 / G3 arc clockwise / counter-clockwise, seen from the tip of
+    the plane's normal arcs       centre by I J K (from the start of the arc) or radius R (R < 0:
+    the long way round); G17 XY, G18 ZX, G19 YZ;
                motion along the normal makes a helix; I J K without an end point is a full circle
     modes      G20 G21 inch and mm; G90 G91 absolute and incremental end points; F feed per minute
-    ignored    G40 G49 G54 G61 G64 (with P) G91.1 G94; M0 M1 M3 M4 M5 M6 M7 M8 M9; S, T, N; G80 ends the motion mode; M2 M30 end the program
-    layout     (comments), ; comments, % lines; a line that begins with / is skipped, as with the block-delete switch on
+    ignored    G40 G49 G54 G61 G64 (with P) G91.1 G94; M0 M1 M3 M4 M5 M6 M7 M8 M9; S, T, N; G80 ends
+    the motion mode; M2 M30 end the program layout     (comments), ; comments, % lines; a line that
+    begins with / is skipped, as with the block-delete switch on
 
-Anything else is an error with its line number, dwells (G4), G53, other offsets, cycles, G90.1 and G93 among it: they move the tool
-or the clock. The machine starts at X0 Y0 Z0 in mm, absolute, XY plane, with neither a feed nor a motion mode.
+Anything else is an error with its line number, dwells (G4), G53, other offsets, cycles, G90.1 and
+G93 among it: they move the tool or the clock. The machine starts at X0 Y0 Z0 in mm, absolute, XY
+plane, with neither a feed nor a motion mode.
 """
 
 import math
@@ -61,23 +65,27 @@ def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None 
 def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Toolpath:
     """Toolpath of a G-code program; the module's docstring says what it may contain.
 
-    An arc whose end lies beside its circle is accepted where Grbl accepts it: when the radii at start and end differ by at most
-    5 um, or by at most 0.1 % and 0.5 mm. Its centre is then moved so that it meets both ends; beyond half a turn it becomes two arcs,
-    to stay near the circle. An R arc too short for its end by no more than that is a half circle.
+    An arc whose end lies beside its circle is accepted where Grbl accepts it: when the radii at
+    start and end differ by at most 5 um, or by at most 0.1 % and 0.5 mm. Its centre is then moved
+    so that it meets both ends; beyond half a turn it becomes two arcs, to stay near the circle. An
+    R arc too short for its end by no more than that is a half circle.
 
     Args:
         text: the program.
-        axes: "XYZ", or "XY" for its projection: moves along Z alone vanish, the others last as long as they did (their feed is that of the
-            projection), arcs in other planes are errors.
+        axes: "XYZ", or "XY" for its projection: moves along Z alone vanish, the others last as long
+            as they did (their feed is that of the projection), arcs in other planes are errors.
         feed: speed along the contour [m/s] instead of every programmed feed.
 
     Raises:
-        ToolpathError: "line 12: ..." for whatever cannot be read or traced; no cutting move; a feed that is not above zero.
+        ToolpathError: "line 12: ..." for whatever cannot be read or traced; no cutting move; a feed
+            that is not above zero.
     """
     if axes not in ("XY", "XYZ"):
         raise ToolpathError(f'axes: needs "XY" or "XYZ", received {axes!r}')
     if feed is not None and not 0 < feed <= FASTEST:
-        raise ToolpathError(f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}")
+        raise ToolpathError(
+            f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}"
+        )
     interpreter = Interpreter(axes=len(axes), feed=feed)
     for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
         try:
@@ -89,31 +97,43 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
     moves = interpreter.moves
     cutting = [i for i, move in enumerate(moves) if not move.rapid]
     if not cutting:
-        raise ToolpathError(f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}")
+        raise ToolpathError(
+            f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
+        )
     return _toolpath(moves[cutting[0] : cutting[-1] + 1], len(axes), feed)
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
     """Polyline through the points of a CSV file: columns x,y or x,y,z in millimetres, one point per line.
 
-    It is closed when the last point is the first. A header (x,y or x_mm,y_mm, likewise with z), empty lines and lines that begin
-    with # may be there. Points within 1 nm of the one before are dropped.
+    It is closed when the last point is the first. A header (x,y or x_mm,y_mm, likewise with z),
+    empty lines and lines that begin with # may be there. Points within 1 nm of the one before are
+    dropped.
 
     Raises:
-        ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two distinct points; a file that cannot be read.
+        ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two
+            distinct points; a file that cannot be read.
     """
     points: list[tuple[float, ...]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", _text(path)), start=1):
         cells = [cell.strip() for cell in line.split(",")]
-        if cells == [""] or line.lstrip().startswith("#") or (not points and [cell.lower() for cell in cells] in CSV_HEADERS):
+        if (
+            cells == [""]
+            or line.lstrip().startswith("#")
+            or (not points and [cell.lower() for cell in cells] in CSV_HEADERS)
+        ):
             continue
         if len(cells) not in (2, 3) or not all(CSV_NUMBER.fullmatch(cell) for cell in cells):
-            raise ToolpathError(f"line {number}: needs two or three numbers x,y[,z] in mm, received {shown(line)}")
+            raise ToolpathError(
+                f"line {number}: needs two or three numbers x,y[,z] in mm, received {shown(line)}"
+            )
         point = tuple(MM * float(cell) for cell in cells)
         if not all(abs(coordinate) <= FARTHEST for coordinate in point):
             raise ToolpathError(f"line {number}: {shown(line)} is farther than {FARTHEST:g} m away")
         if points and len(point) != len(points[0]):
-            raise ToolpathError(f"line {number}: needs {len(points[0])} numbers as the lines above, received {shown(line)}")
+            raise ToolpathError(
+                f"line {number}: needs {len(points[0])} numbers as the lines above, received {shown(line)}"
+            )
         if not points or math.dist(point, points[-1]) >= SHORTEST:
             points.append(point)
         if len(points) > MOST_MOVES:
@@ -125,17 +145,30 @@ def read_csv(path: str | PathLike[str]) -> Contour:
 
 def _toolpath(moves: list[Move], axes: int, feed_given: float | None) -> Toolpath:
     """All pieces at once: chaining a Contour per move would take minutes."""
-    start, end, centre, angle, normal, feed, rapid = (np.array(column) for column in zip(*moves, strict=True))
+    start, end, centre, angle, normal, feed, rapid = (
+        np.array(column) for column in zip(*moves, strict=True)
+    )
     pieces = _pieces(start, end, centre, angle, np.eye(3)[normal])
     if axes == 2:
         flat = np.array([1.0, 1.0, 0.0])
-        length, pieces = pieces.extent, _pieces(start * flat, end * flat, centre * flat, angle, np.eye(3)[normal])
+        length, pieces = (
+            pieces.extent,
+            _pieces(start * flat, end * flat, centre * flat, angle, np.eye(3)[normal]),
+        )
         feed = feed * pieces.extent / length
-        pieces = pieces._replace(polynomial=pieces.polynomial[..., :2], cosine=pieces.cosine[:, :2], sine=pieces.sine[:, :2])
+        pieces = pieces._replace(
+            polynomial=pieces.polynomial[..., :2],
+            cosine=pieces.cosine[:, :2],
+            sine=pieces.sine[:, :2],
+        )
     if feed_given is not None:
         feed = np.where(rapid, np.nan, feed_given)
     helical = (pieces.rate > 0) & pieces.polynomial[:, 1].any(axis=-1)
-    return Toolpath(contours.from_pieces(pieces, newton_steps=contours.NEWTON_STEPS if helical.any() else 0), feed, rapid)
+    return Toolpath(
+        contours.from_pieces(pieces, newton_steps=contours.NEWTON_STEPS if helical.any() else 0),
+        feed,
+        rapid,
+    )
 
 
 def _pieces(start, end, centre, angle, normal) -> Piece:
@@ -154,7 +187,9 @@ def _pieces(start, end, centre, angle, normal) -> Piece:
 def _text(path: str | PathLike[str]) -> str:
     path = Path(path)
     if not path.is_file():
-        raise ToolpathError(f"{shown(str(path), 200)}: {'not a file' if path.exists() else 'no such file'}")
+        raise ToolpathError(
+            f"{shown(str(path), 200)}: {'not a file' if path.exists() else 'no such file'}"
+        )
     if path.stat().st_size > MOST_BYTES:
         raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
     try:
@@ -165,4 +200,6 @@ def _text(path: str | PathLike[str]) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise ToolpathError(f"line {line}: byte 0x{content[error.start]:02x} is not UTF-8 text") from None
+        raise ToolpathError(
+            f"line {line}: byte 0x{content[error.start]:02x} is not UTF-8 text"
+        ) from None

@@ -2,7 +2,8 @@
 
 u(k), w(k+1) = controller(w(k), plan(k), measure(x(k)));   x(k+1) = plant(x(k), u(k))
 
-The same loop as `simulate` and the same `Rollout`; it drives traceable controllers too, in one compiled call a step.
+The same loop as `simulate` and the same `Rollout`; it drives traceable controllers too, in one
+compiled call a step.
 """
 
 import abc
@@ -95,7 +96,9 @@ class HostController(abc.ABC):
             Unsolved: the QP of this step has no answer.
         """
 
-    def soft_step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[np.ndarray, " p"]] | None:
+    def soft_step(
+        self, memory: Any, plan: Any, measurement: Any
+    ) -> tuple[Any, Float[np.ndarray, " p"]] | None:
         """The step again with softened limits, for the fallback "soft"; None where the controller has no such thing."""
         return None
 
@@ -117,7 +120,8 @@ class Stopped(RuntimeError):
 
     Attributes:
         step: the step that failed.
-        run: what was simulated before it, k = 0..step-1; `final_state` is the state the failed step began in.
+        run: what was simulated before it, k = 0..step-1; `final_state` is the state the failed step
+            began in.
         cause: the `Unsolved`.
     """
 
@@ -132,9 +136,12 @@ class Stopped(RuntimeError):
 
 
 def loop(
-    plant: Plant, controller: Controller | HostController, reference: Reference, state: State | None = None,
+    plant: Plant,
+    controller: Controller | HostController,
+    reference: Reference,
+    state: State | None = None,
     fallback: Fallback | None = None,
-) -> Rollout:  # fmt: skip
+) -> Rollout:
     """The rollout of `reported_loop`; a fallback that had to act is warned of.
 
     Raises:
@@ -151,9 +158,12 @@ def loop(
 
 
 def reported_loop(
-    plant: Plant, controller: Controller | HostController, reference: Reference, state: State | None = None,
+    plant: Plant,
+    controller: Controller | HostController,
+    reference: Reference,
+    state: State | None = None,
     fallback: Fallback | None = None,
-) -> Run:  # fmt: skip
+) -> Run:
     """Run `controller` on `plant` along `reference`, for its T steps or until the controller has finished.
 
     Args:
@@ -161,8 +171,8 @@ def reported_loop(
         controller: traceable, or on the host.
         reference: where the tool should be.
         state: the first one; where the reference begins when not given.
-        fallback: what a step without an answer does: "hold" repeats the last control, "soft" solves it again with softened
-            limits (and holds where that fails too); None stops the run.
+        fallback: what a step without an answer does: "hold" repeats the last control, "soft" solves
+            it again with softened limits (and holds where that fails too); None stops the run.
 
     Raises:
         ValueError: preview or sample period do not fit, or there is no such fallback.
@@ -191,7 +201,9 @@ class _Rows:
         """Everything up to here; an empty run has no rows to stack, its signals are None."""
         columns = [_stacked([row[i] for row in self.rows]) for i in range(5)]
         told = [np.array(column) for column in zip(*self.reports, strict=True)] or [np.zeros(0)] * 4
-        return Run(Rollout(*columns, state, memory), LoopReport(*told, np.array(self.fallback, bool)))
+        return Run(
+            Rollout(*columns, state, memory), LoopReport(*told, np.array(self.fallback, bool))
+        )
 
 
 def _traced(plant: Plant, controller: Controller, reference: Reference, state) -> Run:
@@ -295,4 +307,6 @@ def _stacked(rows: list):
         return None
     tree = jax.tree.structure(rows[0])
     columns = zip(*(jax.tree.leaves(row) for row in rows), strict=True)
-    return tree.unflatten([jnp.asarray(np.stack([np.asarray(value) for value in column])) for column in columns])
+    return tree.unflatten(
+        [jnp.asarray(np.stack([np.asarray(value) for value in column])) for column in columns]
+    )

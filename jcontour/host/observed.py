@@ -34,7 +34,9 @@ class ObservedHost(HostController):
         self._A, self._B, self._C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
         self._gain = np.asarray(gain, float)
         if self._gain.shape != (model.states, model.axes):
-            raise ValueError(f"gain: needs shape ({model.states}, {model.axes}), received {self._gain.shape}")
+            raise ValueError(
+                f"gain: needs shape ({model.states}, {model.axes}), received {self._gain.shape}"
+            )
 
     def prepare(self, reference: Reference) -> Any:
         """That of the controller inside."""
@@ -42,10 +44,14 @@ class ObservedHost(HostController):
 
     def initial_memory(self, reference: Reference) -> ObservedMemory:
         """The estimate starts where the reference says the run begins."""
-        known = np.asarray(self.model.initial_state(reference.position[0], reference.start_increment))
+        known = np.asarray(
+            self.model.initial_state(reference.position[0], reference.start_increment)
+        )
         return ObservedMemory(known, self.controller.initial_memory(reference))
 
-    def step(self, memory: ObservedMemory, plan, measurement) -> tuple[ObservedMemory, Float[np.ndarray, " p"]]:
+    def step(
+        self, memory: ObservedMemory, plan, measurement
+    ) -> tuple[ObservedMemory, Float[np.ndarray, " p"]]:
         """Correct, control, predict."""
         filtered = self._filtered(memory, measurement)
         inner, control = self.controller.step(memory.inner, plan, filtered)
@@ -55,12 +61,16 @@ class ObservedHost(HostController):
         """The same with the softened step of the controller inside, None where it has none."""
         filtered = self._filtered(memory, measurement)
         answer = self.controller.soft_step(memory.inner, plan, filtered)
-        return None if answer is None else (self._predicted(filtered, answer[1], answer[0]), answer[1])
+        return (
+            None if answer is None else (self._predicted(filtered, answer[1], answer[0]), answer[1])
+        )
 
     def held(self, memory: ObservedMemory, measurement, control) -> ObservedMemory:
         """The estimate goes on under the held control."""
         filtered = self._filtered(memory, measurement)
-        return self._predicted(filtered, control, self.controller.held(memory.inner, filtered, control))
+        return self._predicted(
+            filtered, control, self.controller.held(memory.inner, filtered, control)
+        )
 
     def finished(self, memory: ObservedMemory) -> bool:
         """That of the controller inside."""

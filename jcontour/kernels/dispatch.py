@@ -9,17 +9,29 @@ import numpy as np
 from jcontour.linear.plant import Pattern
 from jcontour.tracing import is_concrete
 
-MOST_MULTIPLICATIONS = 1500  # of one stage, unrolled: 8 coupled states; beyond, the derivative takes minutes to compile
-MOST_REGISTERS = 110  # for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep is faster
-SHORTEST_WINDOW = {"cpu": 80, "gpu": 150, "lanes": 500}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward
-# on a CPU; lanes are faster up to 1700, but their derivative keeps numbers for every sample that a step sees)
-LONGEST_ROW = 100  # blocks side by side on a CPU: their matrices stay in a core's second-level cache
+# of one stage, unrolled: 8 coupled states; beyond, the derivative takes minutes to compile
+MOST_MULTIPLICATIONS = 1500
+# for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep
+# is faster
+MOST_REGISTERS = 110
+SHORTEST_WINDOW = {
+    "cpu": 80,
+    "gpu": 150,
+    "lanes": 500,
+}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward
+# on a CPU; lanes are faster up to 1700, but their derivative keeps numbers for every sample that a
+# step sees)
+LONGEST_ROW = (
+    100  # blocks side by side on a CPU: their matrices stay in a core's second-level cache
+)
 
 
 def on_gpu() -> bool:
     """Whether a GPU is what JAX computes on, unless the default device says otherwise."""
     chosen = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    return jax.default_backend() == "gpu" and (chosen is None or getattr(chosen, "platform", chosen) in ("gpu", "cuda"))
+    return jax.default_backend() == "gpu" and (
+        chosen is None or getattr(chosen, "platform", chosen) in ("gpu", "cuda")
+    )
 
 
 def suits_lanes(pattern: Pattern, *arrays) -> bool:
@@ -44,11 +56,16 @@ def suits_spans(stage, lanes: bool = False) -> bool:
 
     `lanes`: whether the plain sweep would be the GPU's kernels.
 
-    A profile that falls geometrically would need R to fall with it: spans are alike up to a scale of J against C only as long as
-    that scale is the same at every sample, and the ratio of Q to R is not.
+    A profile that falls geometrically would need R to fall with it: spans are alike up to a scale
+    of J against C only as long as that scale is the same at every sample, and the ratio of Q to R
+    is not.
     """
     shortest = SHORTEST_WINDOW["lanes" if lanes else "gpu" if on_gpu() else "cpu"]
-    return len(stage) >= shortest and is_concrete(stage) and bool(np.all(np.asarray(stage) == np.asarray(stage)[0]))
+    return (
+        len(stage) >= shortest
+        and is_concrete(stage)
+        and bool(np.all(np.asarray(stage) == np.asarray(stage)[0]))
+    )
 
 
 def block_length(window: int, steps: int) -> int:

@@ -1,9 +1,11 @@
 """The receding-horizon sweep on a GPU: one lane per step and member of the batch, H in registers.
 
-The equations are those of `window_sweep`, with the inputs eliminated before the model acts, written out number by number over the
-static non-zeros of the plant. With a 1 behind the state, so that H has g in its last column,
+The equations are those of `window_sweep`, with the inputs eliminated before the model acts, written
+out number by number over the static non-zeros of the plant. With a 1 behind the state, so that H
+has g in its last column,
     G = (B' H B + R)^-1,   L = G B' H,   K = L A,   H_j = A' (H - H B L) A + C' Q_j C,   H = H_{j+1}
-Numbers that are known to be zero cost nothing: the first stages, in which H still has few, are written out one by one.
+Numbers that are known to be zero cost nothing: the first stages, in which H still has few, are
+written out one by one.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +18,19 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array
 
-from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, Rows, batch_last, dot, in_pieces, is_zero, launch, vectors
+from jcontour.kernels.lanes import (
+    LANES,
+    Batch,
+    Lanes,
+    Operand,
+    Rows,
+    batch_last,
+    dot,
+    in_pieces,
+    is_zero,
+    launch,
+    vectors,
+)
 from jcontour.kernels.window_sweep import seen_entries, small_inverse
 from jcontour.linear.plant import Pattern, decoupled_axes
 
@@ -85,21 +99,33 @@ class Choice(NamedTuple):
 def choice(shape: Shape, sizes: Sizes, M, R, H) -> Choice:
     """The control that minimises one stage and the cost H that remains, every number a vector over lanes."""
     inputs = range(sizes.n + 1, sizes.n + 1 + sizes.p)
-    HB = [[dot((H[key(i, k)], M[k, u]) for k in shape.rows[u]) for u in inputs] for i in range(sizes.n + 1)]
-    BHB = [[dot(((M[i, u], HB[i][v]) for i in shape.rows[u]), R[k][v]) for v in range(sizes.p)] for k, u in enumerate(inputs)]
+    HB = [
+        [dot((H[key(i, k)], M[k, u]) for k in shape.rows[u]) for u in inputs]
+        for i in range(sizes.n + 1)
+    ]
+    BHB = [
+        [dot(((M[i, u], HB[i][v]) for i in shape.rows[u]), R[k][v]) for v in range(sizes.p)]
+        for k, u in enumerate(inputs)
+    ]
     G = small_inverse(BHB)
     return Choice(HB, G, [[dot(zip(row, products, strict=True)) for products in HB] for row in G])
 
 
 def gain(shape: Shape, sizes: Sizes, M, L) -> list[list]:
     """K = L A."""
-    return [[*(dot((row[i], M[i, k]) for i in shape.rows[k]) for k in range(sizes.n)), row[sizes.n]] for row in L]
+    return [
+        [*(dot((row[i], M[i, k]) for i in shape.rows[k]) for k in range(sizes.n)), row[sizes.n]]
+        for row in L
+    ]
 
 
 def before(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
     """A' (H - H B L) A."""
     n, L = sizes.n, chosen.L
-    P = {(i, k): dot(((-HB, row[k]) for HB, row in zip(chosen.HB[i], L, strict=True)), H[i, k]) for i, k in shape.entries}
+    P = {
+        (i, k): dot(((-HB, row[k]) for HB, row in zip(chosen.HB[i], L, strict=True)), H[i, k])
+        for i, k in shape.entries
+    }
     H = {(i, n): dot((M[k, i], P[k, n]) for k in shape.rows[i]) for i in range(n)}
     for left, right in combinations_with_replacement(shape.parts, 2):
         for c, column in enumerate(right):
@@ -149,10 +175,17 @@ def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> 
     def start():
         if sizes.ended:
             rows = [*(i * n + k for i, k in shape.entries[:-n]), *range(n)]
-            return {e: end[e[1] == n].sample(row, lanes.step) for e, row in zip(shape.entries, rows, strict=True)}
-        return weigh(shape, sizes, output, dict.fromkeys(shape.entries, 0.0), of_sample(sizes.preview))
+            return {
+                e: end[e[1] == n].sample(row, lanes.step)
+                for e, row in zip(shape.entries, rows, strict=True)
+            }
+        return weigh(
+            shape, sizes, output, dict.fromkeys(shape.entries, 0.0), of_sample(sizes.preview)
+        )
 
-    return Data(M, output, weight, of_sample, start, jnp.full(lanes.index.shape, 0.0, cost.ref.dtype))
+    return Data(
+        M, output, weight, of_sample, start, jnp.full(lanes.index.shape, 0.0, cost.ref.dtype)
+    )
 
 
 def swept(pattern: Pattern, sizes: Sizes, data: Data, keep: Callable | None = None):
@@ -166,14 +199,20 @@ def swept(pattern: Pattern, sizes: Sizes, data: Data, keep: Callable | None = No
         return weigh(shape, sizes, data.C, before(shape, sizes, data.M, H, chosen), data.cost(j))
 
     H, last = data.start(), sizes.preview - 1
-    while last and sizes.preview - last <= WRITTEN_OUT and any(is_zero(number) for number in H.values()):
+    while (
+        last
+        and sizes.preview - last <= WRITTEN_OUT
+        and any(is_zero(number) for number in H.values())
+    ):
         H, last = back(last, H), last - 1
 
     def stage(count, numbers):
         H = back(last - count, dict(zip(shape.entries, numbers, strict=True)))
         return vectors((H[entry] for entry in shape.entries), numbers[0])
 
-    numbers = jax.lax.fori_loop(0, last, stage, vectors((H[entry] for entry in shape.entries), data.nothing))
+    numbers = jax.lax.fori_loop(
+        0, last, stage, vectors((H[entry] for entry in shape.entries), data.nothing)
+    )
     chosen = choice(shape, sizes, data.M, data.R, dict(zip(shape.entries, numbers, strict=True)))
     return gain(shape, sizes, data.M, chosen.L), chosen.G
 
@@ -192,7 +231,15 @@ def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, *refs):
 def as_rows(operands: Sequence[Operand]) -> list[Operand]:
     """A, B, C, cost, stage, R and the terminal, as `read` takes them."""
     A, B, C, cost, stage, R, *end = operands
-    return [A.fixed(), B.fixed(), C.fixed(), cost.timed(), stage.fixed(), R.fixed(), *(operand.timed() for operand in end)]
+    return [
+        A.fixed(),
+        B.fixed(),
+        C.fixed(),
+        cost.timed(),
+        stage.fixed(),
+        R.fixed(),
+        *(operand.timed() for operand in end),
+    ]
 
 
 @lru_cache
@@ -203,7 +250,12 @@ def gains(pattern: Pattern, sizes: Sizes) -> Callable:
     def whole(*operands):
         batch = Batch.of(operands)
         lanes = T * batch.members
-        F, f = launch(partial(kernel, pattern, sizes, batch), -(-lanes // LANES), as_rows(operands), [(p * n, lanes), (p, lanes)])
+        F, f = launch(
+            partial(kernel, pattern, sizes, batch),
+            -(-lanes // LANES),
+            as_rows(operands),
+            [(p * n, lanes), (p, lanes)],
+        )
         return [F.reshape(p, n, T, *batch.sizes), f.reshape(p, T, *batch.sizes)]
 
     widest = n * n if sizes.ended else max(p * n, len(shape_of(pattern).seen))

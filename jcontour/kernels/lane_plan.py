@@ -1,7 +1,7 @@
 """The plan of `riccati.receding_horizon_plan` from the GPU kernels, with its derivative.
 
-The kernels differentiate with respect to weights, stage profile, desired outputs and terminal. Where the model itself moves (it is
-identified, say), the derivative is that of `window_sweep`.
+The kernels differentiate with respect to weights, stage profile, desired outputs and terminal.
+Where the model itself moves (it is identified, say), the derivative is that of `window_sweep`.
 """
 
 from functools import partial
@@ -20,7 +20,9 @@ UNROLLED = 32  # stages whose cotangents are gathered in one pass
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
-def lane_plan(pattern: Pattern, A, B, C, Q, y_d, stage, R, end) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
+def lane_plan(
+    pattern: Pattern, A, B, C, Q, y_d, stage, R, end
+) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
     """F, f of `riccati.receding_horizon_plan`; `end` is (H, g), or () where the last sample is weighted like the others."""
     sizes = _sizes(A, B, C, Q, stage, end)
     F, f = gains(pattern, sizes)(A, B, C, _cost(Q, y_d), stage, R, *_ends(end))
@@ -44,7 +46,9 @@ def _plan_bwd(pattern: Pattern, kept, cotangent):
     bars = jnp.transpose(F_bar, (1, 2, 0)), f_bar.T
     rows, R_bar, ends = cotangents(pattern, sizes)(A, B, C, cost, stage, R, *_ends(end), *bars)
     seen = [cost[:, j : j + steps] for j in range(1, sizes.weighed + 1)]
-    stage_bar = [jnp.sum(row * window) for row, window in zip(rows, seen, strict=True)] + [jnp.zeros((), cost.dtype)] * sizes.ended
+    stage_bar = [jnp.sum(row * window) for row, window in zip(rows, seen, strict=True)] + [
+        jnp.zeros((), cost.dtype)
+    ] * sizes.ended
     end_bar = ()
     if sizes.ended:
         upper, g_bar = ends[: -sizes.n], ends[-sizes.n :]
@@ -52,22 +56,40 @@ def _plan_bwd(pattern: Pattern, kept, cotangent):
         for entry, (i, k) in zip(upper, shape_of(pattern).entries, strict=False):
             H_bar = H_bar.at[:, i, k].set(entry).at[:, k, i].set(entry)
         end_bar = H_bar, g_bar.T
-    return None, None, None, *pull(_gathered(rows, stage, cost.shape[1])), jnp.stack(stage_bar), jnp.sum(R_bar, axis=-1), end_bar
+    return (
+        None,
+        None,
+        None,
+        *pull(_gathered(rows, stage, cost.shape[1])),
+        jnp.stack(stage_bar),
+        jnp.sum(R_bar, axis=-1),
+        end_bar,
+    )
 
 
 lane_plan.defvjp(_plan_fwd, _plan_bwd, symbolic_zeros=True)
 
 
-def _gathered(rows: Float[Array, "w q T"], stage: Float[Array, " N_p"], samples: int) -> Float[Array, "q S"]:
+def _gathered(
+    rows: Float[Array, "w q T"], stage: Float[Array, " N_p"], samples: int
+) -> Float[Array, "q S"]:
     """Cotangent of the cost: every sample from all the steps that saw it."""
     weighed, q, steps = rows.shape
     if weighed <= UNROLLED:
         nothing = jnp.zeros((q, samples), rows.dtype)
-        return sum((jnp.pad(stage[j] * rows[j], ((0, 0), (j + 1, samples - steps - j - 1))) for j in range(weighed)), nothing)
+        return sum(
+            (
+                jnp.pad(stage[j] * rows[j], ((0, 0), (j + 1, samples - steps - j - 1)))
+                for j in range(weighed)
+            ),
+            nothing,
+        )
 
     def one_stage(j, gathered):
         before = jax.lax.dynamic_slice_in_dim(gathered, j + 1, steps, axis=1)
-        return jax.lax.dynamic_update_slice_in_dim(gathered, before + stage[j] * rows[j], j + 1, axis=1)
+        return jax.lax.dynamic_update_slice_in_dim(
+            gathered, before + stage[j] * rows[j], j + 1, axis=1
+        )
 
     return jax.lax.fori_loop(0, weighed, one_stage, jnp.zeros((q, samples), rows.dtype))
 
@@ -77,18 +99,24 @@ def _swept(pattern: Pattern, A, B, C, Q, y_d, stage, R, end):
     if end:
         return window_plan(pattern, A, B, C, Q, y_d, stage, R, *end)
     nothing = jnp.zeros((Q.shape[0] - stage.shape[0], A.shape[0] + 1, A.shape[0]), A.dtype)
-    Q, y_d, stage = (jnp.pad(array, ((0, 1), *[(0, 0)] * (array.ndim - 1))) for array in (Q, y_d, stage))
+    Q, y_d, stage = (
+        jnp.pad(array, ((0, 1), *[(0, 0)] * (array.ndim - 1))) for array in (Q, y_d, stage)
+    )
     return window_plan(pattern, A, B, C, Q, y_d, stage, R, nothing[:, 1:], nothing[:, 0])
 
 
 def _sizes(A, B, C, Q, stage, end) -> Sizes:
-    return Sizes(A.shape[0], B.shape[1], C.shape[0], Q.shape[0] - stage.shape[0], stage.shape[0], bool(end))
+    return Sizes(
+        A.shape[0], B.shape[1], C.shape[0], Q.shape[0] - stage.shape[0], stage.shape[0], bool(end)
+    )
 
 
 def _cost(Q, y_d) -> Float[Array, "q S"]:
     m = y_d.shape[1]
     Q = (Q + jnp.swapaxes(Q, 1, 2)) / 2
-    return jnp.stack([Q[:, a, b] if b < m else -jnp.sum(Q[:, a] * y_d, axis=1) for a, b in seen_entries(m).T])
+    return jnp.stack(
+        [Q[:, a, b] if b < m else -jnp.sum(Q[:, a] * y_d, axis=1) for a, b in seen_entries(m).T]
+    )
 
 
 def _ends(end):

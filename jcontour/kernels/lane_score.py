@@ -1,8 +1,9 @@
 """A closed loop scored on a GPU: outputs and controls from the kernel, scored where they lie, no rollout returned.
 
-The kernel leaves signals with the batch behind time, and there they are scored, all runs of one reference together: turning them
-round for a `vmap` outside would cost more than the loop itself. The derivative reaches the plan and the first state; where the
-plant or the reference moves, it is that of the scan.
+The kernel leaves signals with the batch behind time, and there they are scored, all runs of one
+reference together: turning them round for a `vmap` outside would cost more than the loop itself.
+The derivative reaches the plan and the first state; where the plant or the reference moves, it is
+that of the scan.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,9 @@ from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every,
 from jcontour.kernels.loop_lanes import cotangents, runs
 from jcontour.linear.plant import Pattern
 
-Score = Callable[[Array, Array, Any], Any]  # outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
+Score = Callable[
+    [Array, Array, Any], Any
+]  # outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1))
@@ -30,10 +33,14 @@ def lane_score(pattern: Pattern, score: Score, A, B, C, F, f, start, reference) 
 def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, reference):
     """The score, and the signals y, u, x that its derivative wants to know."""
     samples, tree = jax.tree.flatten(reference)
-    numbers = jax.eval_shape(partial(_scored, score), jnp.zeros((f.shape[0], C.shape[0]), A.dtype), f, reference)
+    numbers = jax.eval_shape(
+        partial(_scored, score), jnp.zeros((f.shape[0], C.shape[0]), A.dtype), f, reference
+    )
 
     def of_reference(y, u, *samples):
-        return jax.tree.leaves(_scored(score, _time_first(y), _time_first(u), tree.unflatten(samples)))
+        return jax.tree.leaves(
+            _scored(score, _time_first(y), _time_first(u), tree.unflatten(samples))
+        )
 
     def whole(*operands):
         loop, samples = operands[:6], operands[6:]
@@ -43,7 +50,9 @@ def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, refer
 
     found = batch_last(_cut(F, whole))(A, B, C, *_time_last(F, f), start, *samples)
     signals = found[len(jax.tree.leaves(numbers)) :]
-    return jax.tree.unflatten(jax.tree.structure(numbers), found[: len(found) - len(signals)]), signals
+    return jax.tree.unflatten(
+        jax.tree.structure(numbers), found[: len(found) - len(signals)]
+    ), signals
 
 
 def _fwd(pattern: Pattern, score: Score, *arguments):
@@ -56,7 +65,9 @@ def _fwd(pattern: Pattern, score: Score, *arguments):
 
 def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
     values, signals = kept
-    numbers_bar = jax.tree.map(dense, numbers_bar, is_leaf=lambda bar: isinstance(bar, SymbolicZero))
+    numbers_bar = jax.tree.map(
+        dense, numbers_bar, is_leaf=lambda bar: isinstance(bar, SymbolicZero)
+    )
     if signals is None:
         return jax.vjp(partial(scanned_score, score), *values)[1](numbers_bar)
     A, B, C, F, f, _, reference = values
@@ -64,7 +75,9 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
 
     def of_reference(y, u, *rest):
         def numbers(y, u):
-            return jax.tree.leaves(_scored(score, _time_first(y), _time_first(u), tree.unflatten(rest[: len(samples)])))
+            return jax.tree.leaves(
+                _scored(score, _time_first(y), _time_first(u), tree.unflatten(rest[: len(samples)]))
+            )
 
         return jax.vjp(numbers, y, u)[1](list(rest[len(samples) :]))
 
@@ -74,7 +87,9 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
         y, u, *bars = (operand.over(batch) for operand in (*scored[:2], *scored[samples_end:]))
         own = scored[2:samples_end]
         found = for_every(_touched(own), of_reference, (y, u, *own, *bars))
-        return cotangents(pattern, (A, B, C, F, x, *(Operand(bar, batch.together) for bar in found)))
+        return cotangents(
+            pattern, (A, B, C, F, x, *(Operand(bar, batch.together) for bar in found))
+        )
 
     y, u, x = signals
     operands = A, B, C, _time_last(F, f)[0], x, y, u, *samples, *jax.tree.leaves(numbers_bar)

@@ -1,8 +1,9 @@
 """What the GPU kernels share: a lane for every member of the batch, all batch axes behind those of the arrays.
 
-Every `vmap` puts its axis behind those of the arrays that it touches, the outermost last, and leaves the others as they are: what
-does not differ between members is neither copied nor moved. The lane of member b at step t has the number t B + b. Lanes beyond
-the last one do its work again and write the same numbers, so nothing is masked.
+Every `vmap` puts its axis behind those of the arrays that it touches, the outermost last, and
+leaves the others as they are: what does not differ between members is neither copied nor moved. The
+lane of member b at step t has the number t B + b. Lanes beyond the last one do its work again and
+write the same numbers, so nothing is masked.
 """
 
 import warnings
@@ -47,8 +48,14 @@ class Operand(NamedTuple):
 
     def over(self, batch: "Batch") -> "Operand":
         """With all axes of a batch, the same numbers along those it does not have."""
-        sizes = (size if axis in self.axes else 1 for axis, size in zip(batch.together, batch.sizes, strict=True))
-        return Operand(jnp.broadcast_to(self.array.reshape(*self.core, *sizes), (*self.core, *batch.sizes)), batch.together)
+        sizes = (
+            size if axis in self.axes else 1
+            for axis, size in zip(batch.together, batch.sizes, strict=True)
+        )
+        return Operand(
+            jnp.broadcast_to(self.array.reshape(*self.core, *sizes), (*self.core, *batch.sizes)),
+            batch.together,
+        )
 
 
 class Rows(NamedTuple):
@@ -77,9 +84,15 @@ class Batch(NamedTuple):
     @classmethod
     def of(cls, operands: Sequence[Operand]) -> "Batch":
         """The batch of some operands."""
-        sizes = {axis: size for array, axes in operands for axis, size in zip(axes, array.shape[array.ndim - len(axes) :], strict=True)}
+        sizes = {
+            axis: size
+            for array, axes in operands
+            for axis, size in zip(axes, array.shape[array.ndim - len(axes) :], strict=True)
+        }
         together = tuple(sorted(sizes))
-        return cls(together, tuple(sizes[axis] for axis in together), tuple(axes for _, axes in operands))
+        return cls(
+            together, tuple(sizes[axis] for axis in together), tuple(axes for _, axes in operands)
+        )
 
     @property
     def members(self) -> int:
@@ -88,7 +101,9 @@ class Batch(NamedTuple):
 
     def rows(self, refs, member) -> list[Rows]:
         """The operands for lanes of these members."""
-        return [Rows(ref, *self._own(axes, member)) for ref, axes in zip(refs, self.axes, strict=True)]
+        return [
+            Rows(ref, *self._own(axes, member)) for ref, axes in zip(refs, self.axes, strict=True)
+        ]
 
     def _own(self, axes: tuple[int, ...], member) -> tuple[Any, int]:
         """The member of an operand with these axes that belongs to a member of the batch, and how many it has."""
@@ -112,7 +127,9 @@ class Lanes(NamedTuple):
     @classmethod
     def of(cls, program, steps: int, members: int, count: int = LANES) -> "Lanes":
         """Lanes program * count onwards."""
-        index = jnp.minimum(program * count + jnp.arange(count, dtype=jnp.int32), steps * members - 1)
+        index = jnp.minimum(
+            program * count + jnp.arange(count, dtype=jnp.int32), steps * members - 1
+        )
         return cls(index, index // members, index % members)
 
 
@@ -121,10 +138,18 @@ def processors() -> int:
     return getattr(jax.devices()[0], "core_count", None) or 128
 
 
-def launch(kernel: Callable, programs: int, operands: Sequence[Operand], results: Sequence[tuple[int, ...]], lanes: int = LANES) -> Any:
+def launch(
+    kernel: Callable,
+    programs: int,
+    operands: Sequence[Operand],
+    results: Sequence[tuple[int, ...]],
+    lanes: int = LANES,
+) -> Any:
     """Run `kernel` with every array whole; without a GPU it is interpreted, for tests."""
     dtype = operands[0].array.dtype
-    with warnings.catch_warnings():  # JAX means to replace its Triton backend; the other one has no float64
+    with (
+        warnings.catch_warnings()
+    ):  # JAX means to replace its Triton backend; the other one has no float64
         warnings.filterwarnings("ignore", "The Pallas Triton backend is deprecated")
         return pl.pallas_call(
             kernel,
@@ -145,8 +170,13 @@ def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array
 
         @mapped.def_vmap
         def one_more(_, touched, *arrays):
-            arrays = [jnp.moveaxis(array, 0, -1) if moved else array for array, moved in zip(arrays, touched, strict=True)]
-            deeper = tuple((*own, depth) if moved else own for own, moved in zip(axes, touched, strict=True))
+            arrays = [
+                jnp.moveaxis(array, 0, -1) if moved else array
+                for array, moved in zip(arrays, touched, strict=True)
+            ]
+            deeper = tuple(
+                (*own, depth) if moved else own for own, moved in zip(axes, touched, strict=True)
+            )
             results = under(deeper, depth + 1)(*arrays)
             return [jnp.moveaxis(array, -1, 0) for array in results], [True] * len(results)
 
@@ -168,7 +198,9 @@ def for_every(axes: set[int], function: Callable, operands: Sequence[Operand]) -
     return function(*(operand.array for operand in operands))
 
 
-def in_pieces(function: Callable[..., list[Array]], operands: Sequence[Operand], rows: int) -> list[Array]:
+def in_pieces(
+    function: Callable[..., list[Array]], operands: Sequence[Operand], rows: int
+) -> list[Array]:
     """`function` of operands, the batch cut in halves along its longest axis until `rows` numbers per member can be indexed."""
     batch = Batch.of(operands)
     size, longest = max(zip(batch.sizes, batch.together, strict=True), default=(1, 0))
@@ -182,7 +214,10 @@ def in_pieces(function: Callable[..., list[Array]], operands: Sequence[Operand],
         return Operand(jax.lax.slice_in_dim(operand.array, first, last, axis=axis), operand.axes)
 
     ends = (0, size // 2, size)
-    pieces = [in_pieces(function, [cut(operand, *part) for operand in operands], rows) for part in pairwise(ends)]
+    pieces = [
+        in_pieces(function, [cut(operand, *part) for operand in operands], rows)
+        for part in pairwise(ends)
+    ]
     behind = batch.together.index(longest) - len(batch.together)
     return [jnp.concatenate(pair, axis=behind) for pair in zip(*pieces, strict=True)]
 
@@ -217,6 +252,11 @@ def fused(a, b, c):
         return a * b + c
     a, b, c = jnp.broadcast_arrays(a, b, c)
     width, register = ("f64", "d") if c.dtype == jnp.float64 else ("f32", "f")
-    instruction, kinds = f"fma.rn.{width} $0, $1, $2, $3;", f"={register},{register},{register},{register}"
+    instruction, kinds = (
+        f"fma.rn.{width} $0, $1, $2, $3;",
+        f"={register},{register},{register},{register}",
+    )
     like = [jax.ShapeDtypeStruct(c.shape, c.dtype)]
-    return triton.elementwise_inline_asm(instruction, args=[a, b, c], constraints=kinds, pack=1, result_shape_dtypes=like)[0]
+    return triton.elementwise_inline_asm(
+        instruction, args=[a, b, c], constraints=kinds, pack=1, result_shape_dtypes=like
+    )[0]

@@ -1,7 +1,9 @@
 """The closed loop of a linear plant under a gain schedule on a GPU: one lane per member of the batch, the state in registers.
 
-x(k+1) = A x + B u,  u = f - F x,  y = C x. Its derivative goes backward in time with the costate l(k) of x(k):
-    v = ubar + B' l(k+1),   l(k) = C' ybar + A' l(k+1) - F' v,   Fbar = -v x',   fbar = v,   x0bar = l(0)
+x(k+1) = A x + B u,  u = f - F x,  y = C x. Its derivative goes backward in time with the costate
+l(k) of x(k):
+    v = ubar + B' l(k+1),   l(k) = C' ybar + A' l(k+1) - F' v,   Fbar = -v x',   fbar = v,   x0bar =
+    l(0)
 """
 
 from collections.abc import Sequence
@@ -30,10 +32,17 @@ class Model(NamedTuple):
 
 def read(pattern: Pattern, operands: Sequence[Rows]) -> Model:
     """The model of the lanes."""
-    return Model(*(
-        {(i, k): rows.fixed(i * len(row) + k) for i, row in enumerate(where) for k, there in enumerate(row) if there}
-        for where, rows in zip(pattern, operands, strict=True)
-    ))  # fmt: skip
+    return Model(
+        *(
+            {
+                (i, k): rows.fixed(i * len(row) + k)
+                for i, row in enumerate(where)
+                for k, there in enumerate(row)
+                if there
+            }
+            for where, rows in zip(pattern, operands, strict=True)
+        )
+    )
 
 
 def times(M: dict, x, rows: int):
@@ -56,8 +65,13 @@ def forward_kernel(pattern: Pattern, steps: int, batch: Batch, *refs):
 
     def step(k, state):
         here = k * batch.members + lanes.member
-        control = [dot(((-F.sample(i * n + j, k), state[j]) for j in range(n)), f.sample(i, k)) for i in range(p)]
-        for ref, values in zip((y, u, *x), (times(model.C, state, m), control, state), strict=False):
+        control = [
+            dot(((-F.sample(i * n + j, k), state[j]) for j in range(n)), f.sample(i, k))
+            for i in range(p)
+        ]
+        for ref, values in zip(
+            (y, u, *x), (times(model.C, state, m), control, state), strict=False
+        ):
             for row, value in enumerate(values):
                 ref[row, here] = value
         drift, push = times(model.A, state, n), times(model.B, control, n)
@@ -83,8 +97,18 @@ def backward_kernel(pattern: Pattern, steps: int, batch: Batch, *refs):
             F_bar[i * n + j, here] = -v[i] * x.sample(j, k)
         for i in range(p):
             f_bar[i, here] = v[i]
-        before = [a + b for a, b in zip(times(model.C, [y_bar.sample(a, k) for a in range(m)], n), times(model.A, costate, n), strict=True)]
-        return vectors((dot(((-F.sample(i * n + j, k), v[i]) for i in range(p)), before[j]) for j in range(n)), costate[0])
+        before = [
+            a + b
+            for a, b in zip(
+                times(model.C, [y_bar.sample(a, k) for a in range(m)], n),
+                times(model.A, costate, n),
+                strict=True,
+            )
+        ]
+        return vectors(
+            (dot(((-F.sample(i * n + j, k), v[i]) for i in range(p)), before[j]) for j in range(n)),
+            costate[0],
+        )
 
     nothing = jnp.full((MEMBERS,), 0.0, x.ref.dtype)
     costate = jax.lax.fori_loop(0, steps, step, (nothing,) * n)
@@ -99,7 +123,13 @@ def runs(pattern: Pattern, operands: Sequence[Operand], with_states: bool) -> li
     n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
     results = [(rows, steps * batch.members) for rows in ((m, p, n) if with_states else (m, p))]
     rows = [A.fixed(), B.fixed(), C.fixed(), F.timed(), f.timed(), start.fixed()]
-    found = launch(partial(forward_kernel, pattern, steps, batch), -(-batch.members // MEMBERS), rows, results, MEMBERS)
+    found = launch(
+        partial(forward_kernel, pattern, steps, batch),
+        -(-batch.members // MEMBERS),
+        rows,
+        results,
+        MEMBERS,
+    )
     return [array.reshape(-1, steps, *batch.sizes) for array in found]
 
 
@@ -110,5 +140,14 @@ def cotangents(pattern: Pattern, operands: Sequence[Operand]) -> list[Array]:
     n, p = len(pattern.A), len(pattern.B[0])
     results = [(p * n, steps * batch.members), (p, steps * batch.members), (n, batch.members)]
     rows = [A.fixed(), B.fixed(), C.fixed(), *(operand.timed() for operand in (F, x, y_bar, u_bar))]
-    found = launch(partial(backward_kernel, pattern, steps, batch), -(-batch.members // MEMBERS), rows, results, MEMBERS)
-    return [array.reshape(*shape, *batch.sizes) for array, shape in zip(found, ((p, n, steps), (p, steps), (n,)), strict=True)]
+    found = launch(
+        partial(backward_kernel, pattern, steps, batch),
+        -(-batch.members // MEMBERS),
+        rows,
+        results,
+        MEMBERS,
+    )
+    return [
+        array.reshape(*shape, *batch.sizes)
+        for array, shape in zip(found, ((p, n, steps), (p, steps), (n,)), strict=True)
+    ]

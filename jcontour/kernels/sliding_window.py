@@ -1,16 +1,21 @@
 """The receding-horizon sweep at a price that does not grow with N_p, for a uniform stage profile.
 
-A span of samples, from the state x at its first to the state and the costate l behind its last, is a linear map,
+A span of samples, from the state x at its first to the state and the costate l behind its last, is
+a linear map,
     x_end = A z - C l_end,      l = J z + A_x' l_end,      z = (x, 1),
-whose C and J_x are symmetric and not negative. A cost to go l_end = H z_end behind it becomes the one in front,
+whose C and J_x are symmetric and not negative. A cost to go l_end = H z_end behind it becomes the
+one in front,
     J z + A_x' l_end,      l_end = H_x (I + C H_x)^-1 (A z - C h) + h,      H = (H_x, h),
-and two spans in a row are one: the associative elements of the Riccati recursion (Sarkka & Garcia-Fernandez, "Temporal
-parallelization of dynamic programming and linear quadratic control", 2023) with the affine part inside the matrices.
+and two spans in a row are one: the associative elements of the Riccati recursion (Sarkka &
+Garcia-Fernandez, "Temporal parallelization of dynamic programming and linear quadratic control",
+2023) with the affine part inside the matrices.
 
-The samples that a step looks over are the end of one block, some whole blocks, and the beginning of another. Beginnings grow by
-one sample at a time, all blocks at once; then ends do, and every step closes its window by a solution with p + 1 right-hand
-sides. The blocks of the beginnings are shifted against those of the ends, so that what lies between is the same for all steps
-of a block. Time is on the last axis of every array, as in `window_sweep`; what is the same at all times has one entry there.
+The samples that a step looks over are the end of one block, some whole blocks, and the beginning of
+another. Beginnings grow by one sample at a time, all blocks at once; then ends do, and every step
+closes its window by a solution with p + 1 right-hand sides. The blocks of the beginnings are
+shifted against those of the ends, so that what lies between is the same for all steps of a block.
+Time is on the last axis of every array, as in `window_sweep`; what is the same at all times has one
+entry there.
 """
 
 from functools import partial
@@ -46,8 +51,9 @@ def sliding_plan(
 ) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
     """F, f of `riccati.receding_horizon_plan` for a stage profile of ones, from the samples that are weighted.
 
-    These are those of all windows, S = T + W - 1, the first that the first step looks at in front. Behind the window of every step
-    is the cost to go `end`, or nothing; `length` is the size of a block, at most W.
+    These are those of all windows, S = T + W - 1, the first that the first step looks at in front.
+    Behind the window of every step is the cost to go `end`, or nothing; `length` is the size of a
+    block, at most W.
     """
     model = Model(A, B, C, jnp.linalg.inv(R)[..., None])
     whole, rest = divmod(Q.shape[0] - steps + 1, length)
@@ -72,11 +78,18 @@ def sliding_plan(
         return span, first_control(model, span, cost)
 
     ends = None if end is None else in_blocks(end, 0, blocks)
-    beginnings, costs = jax.lax.scan(begin, nothing(A, blocks + whole - 1), (samples(length + rest, blocks + whole - 1), ends))
+    beginnings, costs = jax.lax.scan(
+        begin, nothing(A, blocks + whole - 1), (samples(length + rest, blocks + whole - 1), ends)
+    )
     between = in_a_row(beginnings, whole - 1, blocks)
     between = between._replace(A=_transposed(between.A))
     if rest:
-        between, _ = jax.lax.scan(grow, between, jax.tree.map(lambda values: values[:rest], samples(length, blocks)), reverse=True)
+        between, _ = jax.lax.scan(
+            grow,
+            between,
+            jax.tree.map(lambda values: values[:rest], samples(length, blocks)),
+            reverse=True,
+        )
     _, plan = jax.lax.scan(close, between, (samples(0, blocks), costs), reverse=True)
     F, f = (jnp.moveaxis(values, -1, 0).reshape(-1, *values.shape[1:-1])[:steps] for values in plan)
     return F, f
@@ -104,7 +117,9 @@ def append(model: Model, Q: Float[Array, "m m t"], y_d: Float[Array, "m t"], spa
     seen = _fixed(model.C, span.C)
     force = answer(Q, _fixed(model.C, _transposed(seen)), jnp.concatenate([error, seen], axis=1))
     drift = _fixed(model.A, span.A - _product(seen, force[:, : n + 1]))
-    C = _congruent(model.A, span.C - _product(seen, force[:, n + 1 :])) + _congruent(model.B, model.W)
+    C = _congruent(model.A, span.C - _product(seen, force[:, n + 1 :])) + _congruent(
+        model.B, model.W
+    )
     return Span(drift, C, span.J + _product(error[:, :n], force[:, : n + 1]))
 
 
@@ -112,29 +127,52 @@ def prepend(model: Model, Q: Float[Array, "m m t"], y_d: Float[Array, "m t"], sp
     """The span with a sample more in front; its A is kept transposed."""
     n = model.A.shape[0]
     pushed, felt = _fixed(model.B.T, span.A[:n]), _fixed(model.B.T, span.J)
-    control = answer(model.W, _fixed(model.B.T, _transposed(felt[:, :n])), jnp.concatenate([felt, pushed], axis=1))
-    A, J = span.A - _product(control[:, : n + 1], pushed), span.J - _product(felt[:, :n], control[:, : n + 1])
-    weighted = jnp.concatenate([_product(Q, model.C[..., None]), -_product(Q, y_d[:, None])], axis=1)
-    J = jnp.concatenate([_congruent(model.A.T, J[:, :n]), _fixed(model.A.T, J[:, n:])], axis=1) + _fixed(model.C.T, weighted)
-    return Span(jnp.concatenate([_fixed(model.A.T, A[:n]), A[n:]]), span.C + _product(pushed, control[:, n + 1 :]), J)
+    control = answer(
+        model.W,
+        _fixed(model.B.T, _transposed(felt[:, :n])),
+        jnp.concatenate([felt, pushed], axis=1),
+    )
+    A, J = (
+        span.A - _product(control[:, : n + 1], pushed),
+        span.J - _product(felt[:, :n], control[:, : n + 1]),
+    )
+    weighted = jnp.concatenate(
+        [_product(Q, model.C[..., None]), -_product(Q, y_d[:, None])], axis=1
+    )
+    J = jnp.concatenate(
+        [_congruent(model.A.T, J[:, :n]), _fixed(model.A.T, J[:, n:])], axis=1
+    ) + _fixed(model.C.T, weighted)
+    return Span(
+        jnp.concatenate([_fixed(model.A.T, A[:n]), A[n:]]),
+        span.C + _product(pushed, control[:, n + 1 :]),
+        J,
+    )
 
 
-def first_control(model: Model, span: Span, cost: Cost) -> tuple[Float[Array, "p n t"], Float[Array, "p t"]]:
+def first_control(
+    model: Model, span: Span, cost: Cost
+) -> tuple[Float[Array, "p n t"], Float[Array, "p t"]]:
     """F, f of u = f - F x one sample before a span, its A transposed, with a cost to go behind."""
     n, p = model.B.shape
     pushed, felt = _fixed(model.B.T, span.A[:n]), _fixed(model.B.T, span.J)
-    start = jnp.concatenate([_transposed(pushed), span.A[n, :, None] - _product(span.C, cost[:, n:])], axis=1)
+    start = jnp.concatenate(
+        [_transposed(pushed), span.A[n, :, None] - _product(span.C, cost[:, n:])], axis=1
+    )
     behind = answer(cost[:, :n], span.C, start)
     steered = felt[:, :n] + _product(behind[:, :p], _transposed(span.A[:n]))
     drifted = felt[:, n:] + _product(_transposed(pushed), behind[:, p:] + cost[:, n:])
     moved = _transposed(_fixed(model.A.T, _transposed(steered)))
-    control = answer(model.W, _fixed(model.B.T, _transposed(steered)), jnp.concatenate([moved, drifted], axis=1))
+    control = answer(
+        model.W, _fixed(model.B.T, _transposed(steered)), jnp.concatenate([moved, drifted], axis=1)
+    )
     return control[:, :n], -control[:, n]
 
 
 def before(span: Span, cost: Cost) -> Cost:
     """Cost to go in front of a span, from that behind it."""
-    return _felt_in_front(span, answer(cost[:, : span.C.shape[0]], span.C, _start(span, cost)), cost)
+    return _felt_in_front(
+        span, answer(cost[:, : span.C.shape[0]], span.C, _start(span, cost)), cost
+    )
 
 
 def joined(first: Span, second: Span) -> Span:
@@ -163,14 +201,23 @@ def in_a_row(spans: Span, count: int, windows: int) -> Span:
     """For the first `windows` places on the time axis, the `count` spans from there on joined."""
 
     def one_more(behind, first):
-        return joined(jax.tree.map(lambda part: jax.lax.dynamic_slice_in_dim(part, first, windows, axis=-1), spans), behind), None
+        return joined(
+            jax.tree.map(
+                lambda part: jax.lax.dynamic_slice_in_dim(part, first, windows, axis=-1), spans
+            ),
+            behind,
+        ), None
 
-    none = jax.tree.map(lambda part: part[..., :windows], nothing(jnp.zeros_like(spans.C[..., 0]), windows))
+    none = jax.tree.map(
+        lambda part: part[..., :windows], nothing(jnp.zeros_like(spans.C[..., 0]), windows)
+    )
     return jax.lax.scan(one_more, none, jnp.arange(count), reverse=True)[0]
 
 
 @jax.custom_jvp
-def answer(H: Float[Array, "n n t"], C: Float[Array, "n n t"], V: Float[Array, "n c t"]) -> Float[Array, "n c t"]:
+def answer(
+    H: Float[Array, "n n t"], C: Float[Array, "n n t"], V: Float[Array, "n c t"]
+) -> Float[Array, "n c t"]:
     """H (I + C H)^-1 V for symmetric H and C that are not negative; no difference of large numbers is taken.
 
     With H = L L' it is L (I + L' C L)^-1 L' V, and I + L' C L is eliminated without pivots.
@@ -194,7 +241,9 @@ def _answer(factors, V):
         k, column = place
         return V - column[:, None] * V[k], None
 
-    V, _ = jax.lax.scan(eliminate, _product(L, V), (jnp.arange(V.shape[0]), columns), unroll=len(V) <= FEW)
+    V, _ = jax.lax.scan(
+        eliminate, _product(L, V), (jnp.arange(V.shape[0]), columns), unroll=len(V) <= FEW
+    )
     return _product(_transposed(L), V)
 
 
@@ -207,7 +256,12 @@ def _elimination(H, C):
         column = (M[:, k] - identity[k][:, None]) / row[k]
         return M - column[:, None] * row, column
 
-    return L, jax.lax.scan(eliminate, _product(L, _product(C, L)) + identity[..., None], jnp.arange(len(H)), unroll=len(H) <= FEW)[1]
+    return L, jax.lax.scan(
+        eliminate,
+        _product(L, _product(C, L)) + identity[..., None],
+        jnp.arange(len(H)),
+        unroll=len(H) <= FEW,
+    )[1]
 
 
 def _factor(H):

@@ -30,10 +30,18 @@ class ModelSchedule(eqx.Module):
 
     def __init__(self, models: LinearPlant, points, output: int):
         self.models, self.points, self.output = models, jnp.asarray(points, float), output
-        if self.points.ndim != 1 or self.points.size < 2 or (is_concrete(points) and not np.all(np.diff(points) > 0)):
-            raise ValueError(f"points: need two positions or more in rising order, received {points}")
+        if (
+            self.points.ndim != 1
+            or self.points.size < 2
+            or (is_concrete(points) and not np.all(np.diff(points) > 0))
+        ):
+            raise ValueError(
+                f"points: need two positions or more in rising order, received {points}"
+            )
         if models.A.shape[0] != self.points.size:
-            raise ValueError(f"models: need one for each of the {self.points.size} points, received {models.A.shape[0]}")
+            raise ValueError(
+                f"models: need one for each of the {self.points.size} points, received {models.A.shape[0]}"
+            )
 
     @property
     def dt(self) -> float:
@@ -48,7 +56,8 @@ class ModelSchedule(eqx.Module):
         """The models at every sample of a path, stacked on axis 0.
 
         Raises:
-            ValueError: the path leaves the points. Where its values are traced the models are NaN there: the run counts as diverged.
+            ValueError: the path leaves the points. Where its values are traced the models are NaN
+                there: the run counts as diverged.
         """
         return self.interpolated(self.models, position)
 
@@ -60,7 +69,9 @@ class ModelSchedule(eqx.Module):
         """
         at = position[..., self.output]
         self._check_covers(at)
-        left = jnp.clip(jnp.searchsorted(self.points, at, side="right") - 1, 0, self.points.size - 2)
+        left = jnp.clip(
+            jnp.searchsorted(self.points, at, side="right") - 1, 0, self.points.size - 2
+        )
         share = (at - self.points[left]) / (self.points[left + 1] - self.points[left])
         share = jnp.where((share >= 0) & (share <= 1), share, jnp.nan)
 
@@ -72,7 +83,9 @@ class ModelSchedule(eqx.Module):
 
     def _check_covers(self, at: Float[Array, " S"]) -> None:
         if is_concrete(at, self.points):
-            low, high, first, last = (float(x) for x in (jnp.min(at), jnp.max(at), self.points[0], self.points[-1]))
+            low, high, first, last = (
+                float(x) for x in (jnp.min(at), jnp.max(at), self.points[0], self.points[-1])
+            )
             if low < first or high > last:
                 covered = f"the models cover {first:g} to {last:g} m of output {self.output}"
                 raise ValueError(f"points: {covered}, the path goes from {low:g} to {high:g} m")

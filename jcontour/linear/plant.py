@@ -1,6 +1,7 @@
 """Linear time-invariant plants, and the transformations that keep them linear.
 
-x(k+1) = A x(k) + B u(k),  y(k) = C x(k)      (McNab & Tsao, eq. 9, with x(k+1) where they print a derivative)
+x(k+1) = A x(k) + B u(k),  y(k) = C x(k)      (McNab & Tsao, eq. 9, with x(k+1) where they print a
+derivative)
 """
 
 from typing import NamedTuple
@@ -42,7 +43,9 @@ class SteadyMotion(eqx.Module):
     Sy: Float[Array, "n m"]
     Sv: Float[Array, "n m"]
 
-    def state(self, position: Float[Array, "*batch m"], increment: Float[Array, "*batch m"]) -> Float[Array, "*batch n"]:
+    def state(
+        self, position: Float[Array, "*batch m"], increment: Float[Array, "*batch m"]
+    ) -> Float[Array, "*batch n"]:
         """State of a tool at `position` [m] that moves `increment` [m] per sample."""
         return position @ self.Sy.T + increment @ self.Sv.T
 
@@ -69,7 +72,9 @@ class LinearPlant(Plant):
     dt: float = eqx.field(static=True)
     pattern: Pattern = eqx.field(static=True)
 
-    def __init__(self, A, B, C, dt: float, pattern: Pattern | None = None, motion: SteadyMotion | None = None):
+    def __init__(
+        self, A, B, C, dt: float, pattern: Pattern | None = None, motion: SteadyMotion | None = None
+    ):
         self.A, self.B, self.C = (_floating(matrix) for matrix in (A, B, C))
         self.dt, self.motion = float(dt), motion
         _check_shapes(self.A, self.B, self.C, self.dt)
@@ -103,12 +108,6 @@ class LinearPlant(Plant):
         return self.C @ state
 
 
-
-
-
-
-
-
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
     """Largest absolute eigenvalue of each matrix (..., n, n); infinite where a matrix is not finite."""
     M = np.asarray(M)
@@ -122,8 +121,14 @@ def check_stable(name: str, M) -> None:
     if not is_concrete(M) or spectral_radius(M) < 1 - ROUNDING:
         return
     M = np.asarray(M)
-    values = np.array2string(np.linalg.eigvals(M), precision=6, max_line_width=10**6) if np.isfinite(M).all() else "not finite"
-    raise ValueError(f"{name} is not stable: needs all eigenvalues inside the unit circle, they are {values}")
+    values = (
+        np.array2string(np.linalg.eigvals(M), precision=6, max_line_width=10**6)
+        if np.isfinite(M).all()
+        else "not finite"
+    )
+    raise ValueError(
+        f"{name} is not stable: needs all eigenvalues inside the unit circle, they are {values}"
+    )
 
 
 class Axis(NamedTuple):
@@ -160,10 +165,12 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
 
     Each axis with n_i states solves, for x and the constant control u that carries it on,
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
-    McNab & Tsao, Appendix, with the third row at x_d(k + N_p) and the u column scaled (condition 1e7 otherwise).
+    McNab & Tsao, Appendix, with the third row at x_d(k + N_p) and the u column scaled (condition
+    1e7 otherwise).
 
     Raises:
-        ValueError: an axis does not have one input and one output, or cannot hold a steady motion; give the maps then.
+        ValueError: an axis does not have one input and one output, or cannot hold a steady motion;
+            give the maps then.
     """
     if plant.motion is not None:
         return plant.motion
@@ -177,7 +184,9 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     motion, conditions = _steady_motion(plant)
     for axis, condition in zip(axes, conditions, strict=True):
         if is_concrete(condition) and not condition * np.finfo(plant.A.dtype).eps < 1:
-            raise ValueError(f"output {axis.outputs[0]}: the axis cannot hold a steady motion (its equations are singular)")
+            raise ValueError(
+                f"output {axis.outputs[0]}: the axis cannot hold a steady motion (its equations are singular)"
+            )
     return motion
 
 
@@ -187,9 +196,13 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
     conditions = []
     for axis in decoupled_axes(plant.pattern):
         rows, output = np.array(axis.states), axis.outputs[0]
-        matrix = _steady_equations(plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows])
+        matrix = _steady_equations(
+            plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
+        )
         size = matrix.shape[0]
-        ramp = jnp.stack([jnp.ones(size, matrix.dtype), jnp.arange(size, dtype=matrix.dtype)], axis=1)
+        ramp = jnp.stack(
+            [jnp.ones(size, matrix.dtype), jnp.arange(size, dtype=matrix.dtype)], axis=1
+        )
         maps = jnp.linalg.solve(matrix, ramp)[:-1]
         Sy, Sv = Sy.at[rows, output].set(maps[:, 0]), Sv.at[rows, output].set(maps[:, 1])
         conditions.append(jnp.linalg.cond(matrix))
@@ -207,15 +220,15 @@ def _steady_equations(A, B, C) -> Float[Array, "n+1 n+1"]:
     return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
 
 
-
-
 def _floating(value) -> Array:
     array = jnp.asarray(value)
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:
-    where = np.not_equal(np.asarray(matrix), 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
+    where = (
+        np.not_equal(np.asarray(matrix), 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
+    )
     return tuple(tuple(bool(entry) for entry in row) for row in where)
 
 
@@ -228,7 +241,9 @@ def _check_shapes(A, B, C, dt: float) -> None:
     if C.ndim != 2 or C.shape[1] != n or C.shape[0] == 0:
         raise ValueError(f"C: needs shape (m, {n}) to go with A {A.shape}, received {C.shape}")
     if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
+        raise ValueError(
+            f"dt: the sample period needs to be a positive number of seconds, received {dt}"
+        )
     for name, matrix in (("A", A), ("B", B), ("C", C)):
         if is_concrete(matrix) and not np.isfinite(np.asarray(matrix)).all():
             raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")

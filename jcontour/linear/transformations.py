@@ -28,7 +28,13 @@ def with_input_delay(plant: LinearPlant, samples: int) -> LinearPlant:
     if samples == 0:
         return plant
     n, p, line = plant.states, plant.inputs, samples * plant.inputs
-    A = jnp.zeros((n + line, n + line), plant.A.dtype).at[:n, :n].set(plant.A).at[:n, n + line - p :].set(plant.B)
+    A = (
+        jnp.zeros((n + line, n + line), plant.A.dtype)
+        .at[:n, :n]
+        .set(plant.A)
+        .at[:n, n + line - p :]
+        .set(plant.B)
+    )
     A = A.at[n + p :, n : n + line - p].set(jnp.eye(line - p))
     B = jnp.zeros((n + line, p), plant.A.dtype).at[n : n + p].set(jnp.eye(p))
     C = jnp.concatenate([plant.C, jnp.zeros((plant.axes, line), plant.A.dtype)], axis=1)
@@ -39,4 +45,3 @@ def with_input_gains(plant: LinearPlant, gains) -> LinearPlant:
     """The plant with input i scaled by `gains` (p,): B diag(gains)."""
     gains = jnp.broadcast_to(jnp.asarray(gains, plant.B.dtype), (plant.inputs,))
     return eqx.tree_at(lambda p: p.B, plant, plant.B * gains)
-

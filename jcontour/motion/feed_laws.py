@@ -3,9 +3,9 @@
     constant_feed   s_k = feed k dt, in motion from the first sample to the last
     trapezoidal     from rest to rest as fast as the limits allow, slower at corners
 
-The second works in the phase plane of arc length s and q = (ds/dt)^2, where a constant acceleration a is a straight line, dq/ds = 2a.
-With the unit tangent t and the curvature vector c = dt/ds the machine's acceleration is t a + c q, linear in both: every limit is a
-straight line too.
+The second works in the phase plane of arc length s and q = (ds/dt)^2, where a constant acceleration
+a is a straight line, dq/ds = 2a. With the unit tangent t and the curvature vector c = dt/ds the
+machine's acceleration is t a + c q, linear in both: every limit is a straight line too.
 """
 
 from typing import NamedTuple
@@ -19,8 +19,12 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
-SAMPLE_ROUNDING = 1e-6  # of a sample: a run that is this close to a whole number of them has that number
-STEP_ANGLE = 0.05  # [rad] the most a tangent turns between two nodes; limits are tightened by up to 1 - cos(0.025) = 0.03 % for it
+SAMPLE_ROUNDING = (
+    1e-6  # of a sample: a run that is this close to a whole number of them has that number
+)
+# [rad] the most a tangent turns between two nodes; limits are tightened by up to 1 - cos(0.025) =
+# 0.03 % for it
+STEP_ANGLE = 0.05
 FEWEST_STEPS = 4  # of a curved piece, so that the speed can rise between two stops
 CORNER = 1e-6  # [rad] a smaller change of direction is rounding in the file
 
@@ -34,14 +38,17 @@ def constant_feed(contour: Contour, feed: ArrayLike, dt: float) -> Float[np.ndar
         dt: sample period [s].
 
     Raises:
-        ValueError: a feed or `dt` is not finite and above zero, wrong shape, less than one sample or more than 20 million.
+        ValueError: a feed or `dt` is not finite and above zero, wrong shape, less than one sample
+            or more than 20 million.
     """
     extent = np.asarray(contour.extent)[_used(contour)]
     feed, dt = _piece_feed(contour, feed), _positive("dt", dt)
     length, times = float(contour.length), _cumulated(extent / feed)
     steps = _check_samples(times[-1] / dt + SAMPLE_ROUNDING)
     if steps < 1:
-        raise ValueError(f"feed: the tool passes the whole contour, {length:.3g} m, within one sample of {dt:g} s")
+        raise ValueError(
+            f"feed: the tool passes the whole contour, {length:.3g} m, within one sample of {dt:g} s"
+        )
     if np.all(feed == feed[0]):
         return np.minimum(np.arange(steps + 1) * (feed[0] * dt), length)
     return np.minimum(np.interp(np.arange(steps + 1) * dt, times, _cumulated(extent)), length)
@@ -54,24 +61,29 @@ def trapezoidal(
     acceleration: float,
     axis_speed: ArrayLike | None = None,
     axis_acceleration: ArrayLike | None = None,
-    junction_deviation: float = 5e-6,  # half of what Grbl starts with; a few encoder counts of 0.8 um
+    # half of what Grbl starts with; a few encoder counts of 0.8 um
+    junction_deviation: float = 5e-6,
 ) -> Float[np.ndarray, " T"]:
     """Arc length [m] at every sample of a quick motion from rest to rest within the limits; the last sample rests at the end.
 
-    With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds the curvature vector, everywhere and for every axis i:
+    With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds the curvature vector, everywhere and
+    for every axis i:
 
         v <= feed        |a| <= acceleration        |c| v^2 <= acceleration
         |t_i| v <= axis_speed_i                     |t_i a + c_i v^2| <= axis_acceleration_i
 
-    At a corner, v^2 <= A d sin(h) / (1 - sin(h)) with h half the angle inside the corner and d the junction deviation, the usual
-    rule (Grbl): at that speed an arc that is tangent to both sides and passes the corner at the distance d needs the centripetal
-    acceleration A. A is `acceleration`, or less where the bisector of the corner meets an axis limit. The contour itself is not
-    rounded, so the velocity jumps there. Each corner is judged by itself: a curve cut into short lines is limited by its corners,
-    not by the curvature that they stand for.
+    At a corner, v^2 <= A d sin(h) / (1 - sin(h)) with h half the angle inside the corner and d the
+    junction deviation, the usual rule (Grbl): at that speed an arc that is tangent to both sides
+    and passes the corner at the distance d needs the centripetal acceleration A. A is
+    `acceleration`, or less where the bisector of the corner meets an axis limit. The contour itself
+    is not
+    rounded, so the velocity jumps there. Each corner is judged by itself: a curve cut into short
+    lines is limited by its corners, not by the curvature that they stand for.
 
-    A backward pass over nodes in arc length finds the greatest v^2 from which the rest of the path can be mastered, a forward pass
-    the greatest that is reached. Exact on lines. On curves the acceleration is constant between nodes at most 0.05 rad apart, and no
-    point is passed faster than it could be passed at constant speed, which costs a little time where an axis limit binds.
+    A backward pass over nodes in arc length finds the greatest v^2 from which the rest of the path
+    can be mastered, a forward pass the greatest that is reached. Exact on lines. On curves the
+    acceleration is constant between nodes at most 0.05 rad apart, and no point is passed faster
+    than it could be passed at constant speed, which costs a little time where an axis limit binds.
 
     Args:
         contour: one contour, not a stack.
@@ -83,20 +95,29 @@ def trapezoidal(
         junction_deviation: d [m]; 0 stops at every corner.
 
     Raises:
-        ValueError: a limit or `dt` is not finite and above zero, wrong shape, or more than 20 million samples.
+        ValueError: a limit or `dt` is not finite and above zero, wrong shape, or more than 20
+            million samples.
     """
     axes = contour.axes
     speed_limit = None if axis_speed is None else _per_axis("axis_speed", axis_speed, axes)
-    acceleration_limit = np.full(axes, np.inf) if axis_acceleration is None else _per_axis("axis_acceleration", axis_acceleration, axes)
+    acceleration_limit = (
+        np.full(axes, np.inf)
+        if axis_acceleration is None
+        else _per_axis("axis_acceleration", axis_acceleration, axes)
+    )
     acceleration, dt = _positive("acceleration", acceleration), _positive("dt", dt)
     if not (np.isfinite(junction_deviation) and junction_deviation >= 0):
-        raise ValueError(f"junction_deviation: needs to be finite and not negative, received {junction_deviation}")
+        raise ValueError(
+            f"junction_deviation: needs to be finite and not negative, received {junction_deviation}"
+        )
     feed = _piece_feed(contour, feed)
 
     steps = _steps(contour)
     ceiling = _ceiling(steps, feed, acceleration, speed_limit, acceleration_limit)
     corners = _corner_ceiling(steps, acceleration, acceleration_limit, junction_deviation)
-    nodes = np.concatenate([[0.0], np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners), [0.0]])
+    nodes = np.concatenate(
+        [[0.0], np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners), [0.0]]
+    )
     rows = _rows(steps, acceleration, acceleration_limit)
     profile = _profile(steps, ceiling, _forward(steps, rows, _backward(steps, rows, nodes)), rows)
     return _sampled(*profile, float(contour.length), dt)
@@ -130,15 +151,28 @@ def _steps(contour: Contour) -> _Steps:
     used = _used(contour)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
     everywhere = jax.tree.map(lambda rows: rows[:, None], pieces)
-    bend = np.linalg.norm(_frame(everywhere, np.linspace(0.0, 1.0, 17) * everywhere.extent)[1], axis=-1).max(axis=1)
+    bend = np.linalg.norm(
+        _frame(everywhere, np.linspace(0.0, 1.0, 17) * everywhere.extent)[1], axis=-1
+    ).max(axis=1)
     straight = (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
-    count = np.where(straight, 1, np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)).astype(int)
+    count = np.where(
+        straight, 1, np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
+    ).astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
     stepped = jax.tree.map(lambda rows: rows[piece], pieces)
     length = stepped.extent / count[piece]
-    (first, first_curvature), (last, last_curvature) = _frame(stepped, number * length), _frame(stepped, (number + 1) * length)
-    return _Steps(length, piece, straight[piece], np.stack([first, last]), np.stack([first_curvature, last_curvature]))
+    (first, first_curvature), (last, last_curvature) = (
+        _frame(stepped, number * length),
+        _frame(stepped, (number + 1) * length),
+    )
+    return _Steps(
+        length,
+        piece,
+        straight[piece],
+        np.stack([first, last]),
+        np.stack([first_curvature, last_curvature]),
+    )
 
 
 def _frame(pieces: Piece, s):
@@ -149,25 +183,39 @@ def _frame(pieces: Piece, s):
     return velocity / np.sqrt(square), across / square
 
 
-def _ceiling(steps: _Steps, feed, acceleration, speed_limit, acceleration_limit) -> Float[np.ndarray, " n"]:
+def _ceiling(
+    steps: _Steps, feed, acceleration, speed_limit, acceleration_limit
+) -> Float[np.ndarray, " n"]:
     """Greatest v^2 at which a step can be passed at constant speed."""
     ceiling = feed[steps.piece] ** 2
     with np.errstate(divide="ignore"):  # no limit where an axis does not move
-        ceiling = np.minimum(ceiling, (acceleration / np.linalg.norm(steps.curvature, axis=-1)).min(axis=0))
-        ceiling = np.minimum(ceiling, steps.tightening * (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2)))
+        ceiling = np.minimum(
+            ceiling, (acceleration / np.linalg.norm(steps.curvature, axis=-1)).min(axis=0)
+        )
+        ceiling = np.minimum(
+            ceiling,
+            steps.tightening * (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2)),
+        )
         if speed_limit is not None:
-            ceiling = np.minimum(ceiling, (steps.tightening * (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))) ** 2)
+            ceiling = np.minimum(
+                ceiling,
+                (steps.tightening * (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))) ** 2,
+            )
     return ceiling
 
 
-def _corner_ceiling(steps: _Steps, acceleration, acceleration_limit, deviation) -> Float[np.ndarray, " n-1"]:
+def _corner_ceiling(
+    steps: _Steps, acceleration, acceleration_limit, deviation
+) -> Float[np.ndarray, " n-1"]:
     """Greatest v^2 at the nodes between steps; no limit where the direction does not change."""
     before, after = steps.tangent[1, :-1], steps.tangent[0, 1:]
     change = after - before
     size = np.linalg.norm(change, axis=-1)
     turned = 2.0 * np.arctan2(size, np.linalg.norm(after + before, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
-        along_bisector = np.minimum(acceleration, (acceleration_limit / np.abs(change / size[:, None])).min(axis=-1))
+        along_bisector = np.minimum(
+            acceleration, (acceleration_limit / np.abs(change / size[:, None])).min(axis=-1)
+        )
         sin_half = np.cos(0.5 * turned)  # h = (pi - turned) / 2
         ceiling = along_bisector * deviation * sin_half / (2.0 * np.sin(0.25 * turned) ** 2)
     return np.where(turned < CORNER, np.inf, ceiling)
@@ -185,10 +233,13 @@ def _rows(steps: _Steps, acceleration, acceleration_limit) -> _Rows:
     return _Rows(sign * along, sign * across, finite)
 
 
-def _backward(steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]) -> Float[np.ndarray, " n+1"]:
+def _backward(
+    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]
+) -> Float[np.ndarray, " n+1"]:
     """Greatest v^2 at every node from which the rest can be mastered.
 
-    With a = (q' - q) / (2 length) from q to q' a row holds while (along - 2 length across) q <= along q' + 2 length limit.
+    With a = (q' - q) / (2 length) from q to q' a row holds while (along - 2 length across) q <=
+    along q' + 2 length limit.
     """
     doubled = 2.0 * steps.length[:, None]
     slope = rows.along - doubled * rows.across
@@ -201,7 +252,9 @@ def _backward(steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]) -> F
     return np.array(greatest)
 
 
-def _forward(steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]) -> Float[np.ndarray, " n+1"]:
+def _forward(
+    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]
+) -> Float[np.ndarray, " n+1"]:
     """Greatest v^2 that is reached at every node from rest."""
     doubled = 2.0 * steps.length[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -209,7 +262,9 @@ def _forward(steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]) -> Fl
         loss = np.where(rows.along > 0, doubled * rows.across / rows.along, 0.0)
     reached = nodes.tolist()
     for i in range(steps.length.size):
-        reached[i + 1] = min(reached[i + 1], reached[i] + float((gain[i] - loss[i] * reached[i]).min()))
+        reached[i + 1] = min(
+            reached[i + 1], reached[i] + float((gain[i] - loss[i] * reached[i]).min())
+        )
     return np.array(reached)
 
 
@@ -218,7 +273,11 @@ def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
     first, last = nodes[:-1], nodes[1:]
     with np.errstate(divide="ignore"):
         doubled = 2.0 * (rows.limit / rows.along).min(axis=1)
-    peak = np.clip(0.5 * (first + last + doubled * steps.length), np.maximum(first, last), np.maximum(ceiling, np.maximum(first, last)))
+    peak = np.clip(
+        0.5 * (first + last + doubled * steps.length),
+        np.maximum(first, last),
+        np.maximum(ceiling, np.maximum(first, last)),
+    )
     up = np.where(steps.straight, np.minimum((peak - first) / doubled, steps.length), steps.length)
     down = np.where(steps.straight, np.minimum((peak - last) / doubled, steps.length - up), 0.0)
     peak = np.where(steps.straight, peak, last)
@@ -250,18 +309,24 @@ def _used(contour: Contour):
 def _piece_feed(contour: Contour, feed: ArrayLike) -> Float[np.ndarray, " P"]:
     used, feed = _used(contour), np.asarray(feed, float)
     if feed.shape not in ((), used.shape):
-        raise ValueError(f"feed: needs one number or one for each of the {used.size} pieces, received shape {feed.shape}")
+        raise ValueError(
+            f"feed: needs one number or one for each of the {used.size} pieces, received shape {feed.shape}"
+        )
     feed = np.broadcast_to(feed, used.shape)[used]
     if not (np.isfinite(feed).all() and (feed > 0).all()):
         worst = feed[~(np.isfinite(feed) & (feed > 0))][0]
-        raise ValueError(f"feed: needs to be finite and above zero on every piece, received {worst} (rapid moves have none: give them one)")
+        raise ValueError(
+            f"feed: needs to be finite and above zero on every piece, received {worst} (rapid moves have none: give them one)"
+        )
     return feed
 
 
 def _per_axis(name: str, limit: ArrayLike, axes: int) -> Float[np.ndarray, " m"]:
     limit = np.asarray(limit, float)
     if limit.shape not in ((), (axes,)) or not (np.isfinite(limit).all() and (limit > 0).all()):
-        raise ValueError(f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, received {limit.tolist()}")
+        raise ValueError(
+            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, received {limit.tolist()}"
+        )
     return np.broadcast_to(limit, (axes,))
 
 
@@ -277,5 +342,7 @@ def _cumulated(values) -> np.ndarray:
 
 def _check_samples(steps: float) -> int:
     if not steps < MOST_SAMPLES:
-        raise ValueError(f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}")
+        raise ValueError(
+            f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
+        )
     return int(steps)

@@ -1,17 +1,22 @@
 """Input shapers: a reference is replaced by the weighted sum of delayed copies of itself, timed so that a vibration cancels.
 
     shaped(t) = sum_i a_i r(t - t_i),     t_0 = 0,  sum_i a_i = 1
-Behind it a mode s^2 + 2 zeta w s + w^2 is left to vibrate, once the reference has come to rest, with the share
+Behind it a mode s^2 + 2 zeta w s + w^2 is left to vibrate, once the reference has come to rest,
+with the share
     V(w, zeta) = exp(-zeta w t_n) | sum_i a_i exp((zeta + j sqrt(1 - zeta^2)) w t_i) |
-of what an impulse at t = 0 makes of it, t_n the last of the times. With half a period h = pi / (w sqrt(1 - zeta^2)) and
-K = exp(-zeta w h), all at times 0, h, 2 h:
+of what an impulse at t = 0 makes of it, t_n the last of the times. With half a period h = pi / (w
+sqrt(1 - zeta^2)) and K = exp(-zeta w h), all at times 0, h, 2 h:
     ZV    [1, K] / (1 + K)                            V = 0
     ZVD   [1, 2 K, K^2] / (1 + K)^2                   V = 0 and dV/dw = 0
-    EI    [1 + G, 2 (1 - G) K, (1 + G) K^2] / N       V = `vibration`, in return zero on either side: the widest band below it
-with G = V (1 + K)^2 / (4 K^2 - V (1 - K)^2) and N = (1 + K)^2 + G (1 - K)^2. Without damping K = 1, G = V, and
-    V_ZV = |cos(pi w' / 2 w)|,   V_ZVD = cos^2(pi w' / 2 w),   V_EI = |(1 - G) + (1 + G) cos(pi w' / w)| / 2    for a mode at w'.
-Singer & Seering 1990 (ZV, ZVD); Singhose, Seering & Singer 1994 (EI), whose damped form is a fit by numbers. Here the damped EI is exact
-at the modelled mode, and its zeros are at modes with the same decay zeta w.
+    EI    [1 + G, 2 (1 - G) K, (1 + G) K^2] / N       V = `vibration`, in return zero on either
+    side: the widest band below it
+with G = V (1 + K)^2 / (4 K^2 - V (1 - K)^2) and N = (1 + K)^2 + G (1 - K)^2. Without damping K = 1,
+G = V, and
+    V_ZV = |cos(pi w' / 2 w)|,   V_ZVD = cos^2(pi w' / 2 w),   V_EI = |(1 - G) + (1 + G) cos(pi w' /
+    w)| / 2    for a mode at w'.
+Singer & Seering 1990 (ZV, ZVD); Singhose, Seering & Singer 1994 (EI), whose damped form is a fit by
+numbers. Here the damped EI is exact at the modelled mode, and its zeros are at modes with the same
+decay zeta w.
 """
 
 from functools import reduce
@@ -33,7 +38,8 @@ class Shaper(eqx.Module):
         amplitudes: a_i, their sum one.
 
     Raises:
-        ValueError: different numbers of times and amplitudes, times that do not begin at zero and ascend, or another sum.
+        ValueError: different numbers of times and amplitudes, times that do not begin at zero and
+            ascend, or another sum.
     """
 
     times: Float[Array, " P"] = eqx.field(converter=jnp.asarray)
@@ -41,9 +47,15 @@ class Shaper(eqx.Module):
 
     def __check_init__(self):
         if self.times.ndim != 1 or self.times.shape != self.amplitudes.shape or not self.times.size:
-            raise ValueError(f"amplitudes: need as many as times, at least one, received {self.amplitudes.shape} and {self.times.shape}")
-        if is_concrete(self.times) and not (self.times[0] == 0 and np.all(np.diff(self.times) >= 0) and np.isfinite(self.times[-1])):
-            raise ValueError(f"times: need to be finite and to ascend from zero, received {self.times}")
+            raise ValueError(
+                f"amplitudes: need as many as times, at least one, received {self.amplitudes.shape} and {self.times.shape}"
+            )
+        if is_concrete(self.times) and not (
+            self.times[0] == 0 and np.all(np.diff(self.times) >= 0) and np.isfinite(self.times[-1])
+        ):
+            raise ValueError(
+                f"times: need to be finite and to ascend from zero, received {self.times}"
+            )
         if is_concrete(self.amplitudes) and not abs(np.sum(self.amplitudes) - 1) < 1e-9:
             raise ValueError(f"amplitudes: need to sum to one, received {self.amplitudes}")
 
@@ -61,7 +73,8 @@ def zv(frequency, damping=0.0) -> Shaper:
         damping: zeta.
 
     Raises:
-        ValueError: the frequency is not finite and above zero, or the damping not at least zero and below one.
+        ValueError: the frequency is not finite and above zero, or the damping not at least zero and
+            below one.
     """
     half, K = _mode(frequency, damping)
     return _at_half_periods(half, jnp.stack([jnp.ones_like(K), K]))
@@ -81,14 +94,17 @@ def ei(frequency, damping=0.0, vibration=0.05) -> Shaper:
     """Extra-insensitive: as long as ZVD, with `vibration` V left at the modelled frequency. The usual 5 % stay below it for +-20 %.
 
     Raises:
-        ValueError: as `zv`; or the vibration is not above zero and below one, or too much for this damping.
+        ValueError: as `zv`; or the vibration is not above zero and below one, or too much for this
+            damping.
     """
     if is_concrete(vibration) and not 0 < float(vibration) < 1:
         raise ValueError(f"vibration: needs to be between 0 and 1, received {vibration}")
     half, K = _mode(frequency, damping)
     G = vibration * (1 + K) ** 2 / (4 * K**2 - vibration * (1 - K) ** 2)
     if is_concrete(G) and not 0 < float(G) < 1:
-        raise ValueError(f"vibration: at a damping of {damping} less than {vibration} is left without a third impulse; use zv")
+        raise ValueError(
+            f"vibration: at a damping of {damping} less than {vibration} is left without a third impulse; use zv"
+        )
     return _at_half_periods(half, jnp.stack([1 + G, 2 * (1 - G) * K, (1 + G) * K**2]))
 
 
@@ -103,11 +119,17 @@ def in_series(*shapers: Shaper) -> Shaper:
     return reduce(after, shapers)
 
 
-def residual_vibration(shaper: Shaper, frequency: Float[ArrayLike, "*b"], damping: Float[ArrayLike, "*#b"] = 0.0) -> Float[Array, "*b"]:
+def residual_vibration(
+    shaper: Shaper, frequency: Float[ArrayLike, "*b"], damping: Float[ArrayLike, "*#b"] = 0.0
+) -> Float[Array, "*b"]:
     """V of modes w [rad/s], zeta behind a shaper: the share of its impulse response that is left after the last impulse."""
     w, zeta = (jnp.asarray(value, float)[..., None] for value in (frequency, damping))
     since = shaper.times - shaper.times[-1]
-    return jnp.abs(jnp.sum(shaper.amplitudes * jnp.exp((zeta + 1j * jnp.sqrt(1 - zeta**2)) * w * since), axis=-1))
+    return jnp.abs(
+        jnp.sum(
+            shaper.amplitudes * jnp.exp((zeta + 1j * jnp.sqrt(1 - zeta**2)) * w * since), axis=-1
+        )
+    )
 
 
 def shaped_law(law: Law, shaper: Shaper) -> Law:

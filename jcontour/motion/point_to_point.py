@@ -1,7 +1,7 @@
 """Laws of motion in closed form, exact at any time: point to point within limits, and to and fro along a cosine.
 
-A law gives the arc length at a time since its beginning; `references.in_time` samples it along a contour, which is a `line` of one
-axis for a machine with a single one:
+A law gives the arc length at a time since its beginning; `references.in_time` samples it along a
+contour, which is a `line` of one axis for a machine with a single one:
     in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.1, 4.0), duration=2.2, dt=1e-3, dwell=0.1)
 """
 
@@ -29,8 +29,9 @@ class PointToPoint:
 
     With T_j the time in which the acceleration is built up and T_a that in which the speed is,
         v = j T_j (T_a - T_j),    distance = v (T_a + T_v),
-    where T_v, the cruise, is positive only if the feed is reached, and T_a > 2 T_j only if the acceleration is
-    (Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines and Robots, sections 3.2 and 3.4).
+    where T_v, the cruise, is positive only if the feed is reached, and T_a > 2 T_j only if the
+    acceleration is (Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines and Robots,
+    sections 3.2 and 3.4).
 
     Args:
         distance: length of the motion [m].
@@ -43,16 +44,28 @@ class PointToPoint:
     """
 
     def __init__(self, distance: float, feed: float, acceleration: float, jerk: float = np.inf):
-        for name, value in (("distance", distance), ("feed", feed), ("acceleration", acceleration), ("jerk", jerk)):
+        for name, value in (
+            ("distance", distance),
+            ("feed", feed),
+            ("acceleration", acceleration),
+            ("jerk", jerk),
+        ):
             if not (value > 0 and (np.isfinite(value) or name == "jerk")):
-                raise ValueError(f"{name}: needs to be {'' if name == 'jerk' else 'finite and '}above zero, received {value}")
+                raise ValueError(
+                    f"{name}: needs to be {'' if name == 'jerk' else 'finite and '}above zero, received {value}"
+                )
         self.distance = float(distance)
         jerk_time, rise, cruise, peak = _times(distance, feed, acceleration, jerk)
         j = peak / jerk_time if jerk_time > 0 else 0.0
         stretches = (  # duration, acceleration at its beginning, jerk
-            (jerk_time, 0.0, j), (rise - 2 * jerk_time, peak, 0.0), (jerk_time, peak, -j), (cruise, 0.0, 0.0),
-            (jerk_time, 0.0, -j), (rise - 2 * jerk_time, -peak, 0.0), (jerk_time, -peak, j),
-        )  # fmt: skip
+            (jerk_time, 0.0, j),
+            (rise - 2 * jerk_time, peak, 0.0),
+            (jerk_time, peak, -j),
+            (cruise, 0.0, 0.0),
+            (jerk_time, 0.0, -j),
+            (rise - 2 * jerk_time, -peak, 0.0),
+            (jerk_time, -peak, j),
+        )
         self.duration = 2 * rise + cruise
         self._pieces = _joined(*zip(*stretches, strict=True))
 
@@ -97,7 +110,9 @@ def thesis_task_b(dt: float = 1e-3, preview: int = 1) -> Reference:
     return in_time(line([0.1], [0.0]), ToAndFro(0.1, 2.0), 3.3, dt, preview, dwell=0.1)
 
 
-def _times(distance: float, feed: float, acceleration: float, jerk: float) -> tuple[float, float, float, float]:
+def _times(
+    distance: float, feed: float, acceleration: float, jerk: float
+) -> tuple[float, float, float, float]:
     """T_j, T_a, T_v [s] and the greatest acceleration reached."""
     jerk_time = acceleration / jerk
     if feed < acceleration * jerk_time:  # the acceleration is not reached before the feed is

@@ -1,7 +1,7 @@
 """Where the tool should be at every sample: a contour sampled along a feed law, with the preview samples appended.
 
-T control steps are chosen first; a controller that looks N_p samples ahead needs S = T + N_p samples. Sample k is where the
-tool should be when control k starts to act.
+T control steps are chosen first; a controller that looks N_p samples ahead needs S = T + N_p
+samples. Sample k is where the tool should be when control k starts to act.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,14 @@ class Reference(eqx.Module):
         return self.position.shape[-2] - self.steps
 
 
-def from_samples(position, tangent, dt: float, preview: int, contour: Contour | None = None, in_motion: bool = True) -> Reference:
+def from_samples(
+    position,
+    tangent,
+    dt: float,
+    preview: int,
+    contour: Contour | None = None,
+    in_motion: bool = True,
+) -> Reference:
     """Reference from sampled positions and tangents, preview samples included: T = S - preview.
 
     Args:
@@ -55,36 +62,50 @@ def from_samples(position, tangent, dt: float, preview: int, contour: Contour | 
         tangent: (S, m) unit vectors along the motion.
         dt: sample period [s].
         preview: how many of the samples are preview only.
-        contour: true geometry for the contour error; the polyline through the samples when not given.
-        in_motion: the machine enters sample 0 at position[1] - position[0] per sample; otherwise it stands there.
+        contour: true geometry for the contour error; the polyline through the samples when not
+            given.
+        in_motion: the machine enters sample 0 at position[1] - position[0] per sample; otherwise it
+            stands there.
 
     Raises:
-        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no control step is left.
+        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no
+            control step is left.
     """
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
     if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
-        raise ValueError(f"position, tangent: need the same shape (S, m), m from 1 to 3, received {position.shape} and {tangent.shape}")
+        raise ValueError(
+            f"position, tangent: need the same shape (S, m), m from 1 to 3, received {position.shape} and {tangent.shape}"
+        )
     if len(position) < 2:
         raise ValueError(f"position: needs at least two samples, received {len(position)}")
     if contour is not None and contour.axes != position.shape[1]:
-        raise ValueError(f"contour: needs as many axes as the samples, {position.shape[1]}, received {contour.axes}")
+        raise ValueError(
+            f"contour: needs as many axes as the samples, {position.shape[1]}, received {contour.axes}"
+        )
     _check_finite(position=position, tangent=tangent)
     worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
     if worst > 1e-6:
-        raise ValueError(f"tangent: needs unit vectors, received one whose length is off by {worst:.3g}")
+        raise ValueError(
+            f"tangent: needs unit vectors, received one whose length is off by {worst:.3g}"
+        )
     if contour is None:
         contour = polyline(position)
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
     else:
         arc = np.asarray(_projected(contour, jnp.asarray(position)))
     increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
-    return _reference(position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool))
+    return _reference(
+        position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool)
+    )
 
 
-def in_time(contour: Contour, law: Law, duration: float, dt: float, preview: int = 1, dwell: float = 0.0) -> Reference:
+def in_time(
+    contour: Contour, law: Law, duration: float, dt: float, preview: int = 1, dwell: float = 0.0
+) -> Reference:
     """Reference that waits at the start of a contour, then visits it at the arc lengths that a law of time gives: exact at every sample.
 
-    The control steps are at the times 0, dt, ..., duration; the preview samples after them follow the law too. It starts at rest.
+    The control steps are at the times 0, dt, ..., duration; the preview samples after them follow
+    the law too. It starts at rest.
 
     Args:
         contour: the path.
@@ -95,36 +116,53 @@ def in_time(contour: Contour, law: Law, duration: float, dt: float, preview: int
         dwell: wait before the law begins [s].
 
     Raises:
-        ValueError: the duration is not a whole number of samples, at least one, or the dwell is not between zero and the duration.
+        ValueError: the duration is not a whole number of samples, at least one, or the dwell is not
+            between zero and the duration.
     """
     steps = duration / dt
     if not (np.isfinite(steps) and steps >= 0.5 and abs(steps - round(steps)) < 1e-6):
-        raise ValueError(f"duration: needs a whole number of samples of {dt} s, at least one, received {duration} s")
+        raise ValueError(
+            f"duration: needs a whole number of samples of {dt} s, at least one, received {duration} s"
+        )
     if not 0 <= dwell <= duration:
-        raise ValueError(f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s")
+        raise ValueError(
+            f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s"
+        )
     time = np.arange(round(steps) + 1 + preview) * dt
     arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
     _check_finite(arc=arc)
     position, tangent = _sampled(contour, arc)
-    return _reference(position, tangent, arc, contour, dt, preview, np.zeros(position.shape[1]), np.ones(arc.size, bool))
+    return _reference(
+        position,
+        tangent,
+        arc,
+        contour,
+        dt,
+        preview,
+        np.zeros(position.shape[1]),
+        np.ones(arc.size, bool),
+    )
 
 
 def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
     """Reference that visits `contour` at the arc lengths a feed law gives, one for each control step.
 
-    The preview samples appended after the last step hold the end of a run that ends at rest; otherwise they go on at the last
-    increment, around a closed contour or straight on from an open one.
+    The preview samples appended after the last step hold the end of a run that ends at rest;
+    otherwise they go on at the last increment, around a closed contour or straight on from an open
+    one.
 
     Args:
         contour: the path.
         arc: (T,) arc length at each control step [m], as made by `feed_laws`.
         dt: sample period [s].
         preview: samples of future to append.
-        at_rest: True for a rest-to-rest run; False when the machine enters and leaves the run at speed.
+        at_rest: True for a rest-to-rest run; False when the machine enters and leaves the run at
+            speed.
         scored: (T,) which samples count in the metrics; all when not given.
 
     Raises:
-        ValueError: `arc` is not a finite vector of at least two samples, `scored` has another length, or `preview` is negative.
+        ValueError: `arc` is not a finite vector of at least two samples, `scored` has another
+            length, or `preview` is negative.
     """
     arc = np.asarray(arc, float)
     if arc.ndim != 1 or arc.size < 2:
@@ -138,7 +176,9 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
     if scored is not None:
         counts = np.asarray(scored, bool)
         if counts.shape != (arc.size - preview,):
-            raise ValueError(f"scored: needs shape ({arc.size - preview},), one per control step, received {counts.shape}")
+            raise ValueError(
+                f"scored: needs shape ({arc.size - preview},), one per control step, received {counts.shape}"
+            )
         mask[: arc.size - preview] = counts
     return _reference(position, tangent, arc, contour, dt, preview, increment, mask)
 
@@ -151,16 +191,26 @@ def pad(reference: Reference, steps: int) -> Reference:
     """
     extra = steps - reference.steps
     if extra < 0:
-        raise ValueError(f"steps: the run has {reference.steps} control steps, more than the {steps} asked for")
+        raise ValueError(
+            f"steps: the run has {reference.steps} control steps, more than the {steps} asked for"
+        )
 
     def hold(values):
-        return jnp.asarray(np.concatenate([values, np.repeat(np.asarray(values)[-1:], extra, axis=0)]))
+        return jnp.asarray(
+            np.concatenate([values, np.repeat(np.asarray(values)[-1:], extra, axis=0)])
+        )
 
     mask = jnp.asarray(np.concatenate([reference.mask, np.zeros(extra, bool)]))
     return Reference(
-        hold(reference.position), hold(reference.tangent), hold(reference.arc), mask,
-        reference.start_increment, reference.contour, reference.dt, steps,
-    )  # fmt: skip
+        hold(reference.position),
+        hold(reference.tangent),
+        hold(reference.arc),
+        mask,
+        reference.start_increment,
+        reference.contour,
+        reference.dt,
+        steps,
+    )
 
 
 @jax.jit
@@ -182,7 +232,10 @@ def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """Position and tangent as `Contour` gives them, in NumPy: nothing is compiled for a path that is sampled once."""
     length = float(contour.length)
     inside = np.mod(arc, length) if contour.closed else np.clip(arc, 0.0, length)
-    index = np.searchsorted(np.asarray(contour.start)[np.asarray(contour.mask)], inside, side="right") - 1
+    index = (
+        np.searchsorted(np.asarray(contour.start)[np.asarray(contour.mask)], inside, side="right")
+        - 1
+    )
     piece = jax.tree.map(lambda rows: np.asarray(rows)[index], contour.pieces)
     position, velocity, _ = piece.jet(inside - piece.start)
     beyond = 0.0 if contour.closed else arc - inside
@@ -193,11 +246,21 @@ def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _reference(position, tangent, arc, contour, dt, preview, increment, mask) -> Reference:
     steps = len(position) - preview
     if preview < 0 or steps < 1:
-        raise ValueError(f"preview: {len(position)} samples leave no control step for a preview of {preview}")
+        raise ValueError(
+            f"preview: {len(position)} samples leave no control step for a preview of {preview}"
+        )
     if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt: the sample period needs to be a positive number of seconds, received {dt}")
+        raise ValueError(
+            f"dt: the sample period needs to be a positive number of seconds, received {dt}"
+        )
     mask = mask & (np.arange(len(position)) < steps)
-    arrays = (jnp.asarray(position), jnp.asarray(tangent), jnp.asarray(arc), jnp.asarray(mask), jnp.asarray(increment))
+    arrays = (
+        jnp.asarray(position),
+        jnp.asarray(tangent),
+        jnp.asarray(arc),
+        jnp.asarray(mask),
+        jnp.asarray(increment),
+    )
     return Reference(*arrays, contour, float(dt), steps)
 
 

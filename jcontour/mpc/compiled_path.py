@@ -1,6 +1,7 @@
 """A contour for a controller on the host: position and derivative at a path parameter, compiled, without allocation.
 
-The pieces are the contour's own (`jcontour.pieces`), waves included, in a chosen unit of length: nothing is fitted anew.
+The pieces are the contour's own (`jcontour.pieces`), waves included, in a chosen unit of length:
+nothing is fitted anew.
 """
 
 from typing import NamedTuple
@@ -47,13 +48,19 @@ def path_of(contour: Contour, unit: float) -> Path:
         raise ValueError(f"length_unit: needs to be above zero, received {unit}")
     mask = np.asarray(contour.mask)
     if mask.ndim != 1:
-        raise ValueError(f"contour: needs a single contour, received a stack of shape {mask.shape[:-1]}")
-    polynomial, cosine, sine, rate, _, extent = (np.asarray(rows, float)[mask] for rows in contour.pieces)
+        raise ValueError(
+            f"contour: needs a single contour, received a stack of shape {mask.shape[:-1]}"
+        )
+    polynomial, cosine, sine, rate, _, extent = (
+        np.asarray(rows, float)[mask] for rows in contour.pieces
+    )
     if not (extent.size and extent.sum() > 0):
         raise ValueError("contour: a path needs a length above zero, received zero")
     powers = unit ** (np.arange(polynomial.shape[1]) - 1.0)
     start = np.append(0.0, np.cumsum(extent / unit))
-    return Path(polynomial * powers[:, None], np.stack([cosine, sine], axis=1) / unit, rate * unit, start)
+    return Path(
+        polynomial * powers[:, None], np.stack([cosine, sine], axis=1) / unit, rate * unit, start
+    )
 
 
 @compiled

@@ -1,10 +1,13 @@
 """From a linear model, weights and a window of the reference to a QP in the controls alone.
 
-With z = (u_0, ..., u_{N-1}) and what is known at the sample, s = (x_0, u_{-1}, w), everything ahead is affine:
+With z = (u_0, ..., u_{N-1}) and what is known at the sample, s = (x_0, u_{-1}, w), everything ahead
+is affine:
     x_{j+1} = A x_j + B u_j + w      ->      x_j = Fx_j s + Gx_j z,    y_j = C x_j = Fy_j s + Gy_j z
 `w` is a constant state disturbance, zero in the absolute form. The cost
-    sum_{j=1}^{N-1} stage_j (y_j - y_d,j)' Q_j (y_j - y_d,j) + sum_j u_j' R u_j + du_j' S du_j + (xi_N - xi_d)' P (xi_N - xi_d)
-becomes 1/2 z' H z + g' z, divided by one constant so that H is of order one; every row of limits is divided by its largest entry.
+    sum_{j=1}^{N-1} stage_j (y_j - y_d,j)' Q_j (y_j - y_d,j) + sum_j u_j' R u_j + du_j' S du_j +
+    (xi_N - xi_d)' P (xi_N - xi_d)
+becomes 1/2 z' H z + g' z, divided by one constant so that H is of order one; every row of limits is
+divided by its largest entry.
 """
 
 from typing import NamedTuple
@@ -17,8 +20,15 @@ from jcontour.mpc.limits import Limits
 from jcontour.qp.compiled import compiled
 from jcontour.qp.problem import QP
 
-NEGLIGIBLE = 1e-12  # of the largest entry of the same kind of row: limits on what the controls of the window cannot change are left out
-SOFT = ("state", "output", "speed", "acceleration")  # limits that softening reaches; control and increment are the actuator's own
+# of the largest entry of the same kind of row: limits on what the controls of the window cannot
+# change are left out
+NEGLIGIBLE = 1e-12
+SOFT = (
+    "state",
+    "output",
+    "speed",
+    "acceleration",
+)  # limits that softening reaches; control and increment are the actuator's own
 
 
 class Prediction(NamedTuple):
@@ -60,20 +70,39 @@ def limit_rows(model: LinearPlant, prediction: Prediction, limits: Limits) -> Ro
     n, p, m = model.states, model.inputs, model.axes
     horizon, _, q = prediction.Fx.shape
     here = np.concatenate([np.asarray(model.C, float), np.zeros((m, q - n))], axis=1)[None]
-    Fy, Gy = np.concatenate([here, prediction.Fy]), np.concatenate([np.zeros((1, m, horizon * p)), prediction.Gy])
+    Fy, Gy = (
+        np.concatenate([here, prediction.Fy]),
+        np.concatenate([np.zeros((1, m, horizon * p)), prediction.Gy]),
+    )
     Fu, Gu = difference_maps(horizon, p, n)
     signals = {
-        "increment": (Fu, Gu), "state": (prediction.Fx, prediction.Gx), "output": (prediction.Fy, prediction.Gy),
+        "increment": (Fu, Gu),
+        "state": (prediction.Fx, prediction.Gx),
+        "output": (prediction.Fy, prediction.Gy),
         "speed": (np.diff(Fy, axis=0) / model.dt, np.diff(Gy, axis=0) / model.dt),
-        "acceleration": (np.diff(Fy, 2, axis=0) / model.dt**2, np.diff(Gy, 2, axis=0) / model.dt**2),
-    }  # fmt: skip
+        "acceleration": (
+            np.diff(Fy, 2, axis=0) / model.dt**2,
+            np.diff(Gy, 2, axis=0) / model.dt**2,
+        ),
+    }
     parts = []
     for name, (F, G) in signals.items():
         lower, upper = (np.tile(bound, len(G)) for bound in getattr(limits, name))
         F, G = F.reshape(-1, q), G.reshape(-1, horizon * p)
         size = np.abs(G).max(axis=1, initial=0.0)
-        kept = (np.isfinite(lower) | np.isfinite(upper)) & (size > NEGLIGIBLE * size.max(initial=0.0))
-        parts.append((G[kept], F[kept], lower[kept], upper[kept], size[kept], np.full(kept.sum(), name in SOFT)))
+        kept = (np.isfinite(lower) | np.isfinite(upper)) & (
+            size > NEGLIGIBLE * size.max(initial=0.0)
+        )
+        parts.append(
+            (
+                G[kept],
+                F[kept],
+                lower[kept],
+                upper[kept],
+                size[kept],
+                np.full(kept.sum(), name in SOFT),
+            )
+        )
     C, F, lower, upper, size, soft = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Rows(C / size[:, None], F / size[:, None], lower / size, upper / size, size, soft)
 
@@ -93,28 +122,49 @@ class Condensed:
         model: of the machine.
         R, S: weights on control and increment (p, p).
         stage: profile (N,), the last entry for the terminal.
-        Q_typical: output weight (m, m) of typical size: it sets the constant that the cost is divided by.
+        Q_typical: output weight (m, m) of typical size: it sets the constant that the cost is
+            divided by.
         terminal: maps (F (t, q), G (t, N p)) from s and z to xi_N, and a typical P.
         limits: as `full_limits` gives them.
-        penalty: cost of a unit of slack for soft rows, in the scaled problem; None keeps every row hard. With a penalty above the
-            multipliers (of order one here) the answer is that of the hard problem wherever there is one: the exact penalty.
-            One slack per sample and kind would not change that; one for each row is simplest.
+        penalty: cost of a unit of slack for soft rows, in the scaled problem; None keeps every row
+            hard. With a penalty above the multipliers (of order one here) the answer is that of the
+            hard problem wherever there is one: the exact penalty. One slack per sample and kind
+            would not change that; one for each row is simplest.
         soft: which kinds give way when there is a penalty.
     """
 
-    def __init__(self, model: LinearPlant, R, S, stage, Q_typical, terminal, limits: Limits, penalty: float | None = None, soft=SOFT):
+    def __init__(
+        self,
+        model: LinearPlant,
+        R,
+        S,
+        stage,
+        Q_typical,
+        terminal,
+        limits: Limits,
+        penalty: float | None = None,
+        soft=SOFT,
+    ):
         self.horizon, self.inputs = len(stage), model.inputs
         prediction = predict(model, self.horizon)
-        self._Fy, self._Gy = np.ascontiguousarray(prediction.Fy[:-1]), np.ascontiguousarray(prediction.Gy[:-1])
+        self._Fy, self._Gy = (
+            np.ascontiguousarray(prediction.Fy[:-1]),
+            np.ascontiguousarray(prediction.Gy[:-1]),
+        )
         self._FT, self._GT, P_typical = (np.ascontiguousarray(part) for part in terminal)
         self._stage = np.array(stage[:-1], float)
         Fu, Gu = difference_maps(self.horizon, self.inputs, model.states)
         base = 2 * np.kron(np.eye(self.horizon), R) + 2 * np.einsum("jpa,pq,jqb->ab", Gu, S, Gu)
         typical = (
-            base + 2 * np.einsum("j,jma,mk,jkb->ab", self._stage, self._Gy, Q_typical, self._Gy) + 2 * self._GT.T @ P_typical @ self._GT
+            base
+            + 2 * np.einsum("j,jma,mk,jkb->ab", self._stage, self._Gy, Q_typical, self._Gy)
+            + 2 * self._GT.T @ P_typical @ self._GT
         )
         self.scale = 1 / np.abs(typical).max()
-        self._base, self._gu = base * self.scale, 2 * self.scale * np.einsum("jpa,pq,jqb->ab", Gu, S, Fu)
+        self._base, self._gu = (
+            base * self.scale,
+            2 * self.scale * np.einsum("jpa,pq,jqb->ab", Gu, S, Fu),
+        )
         self.rows = limit_rows(model, prediction, limits)
         self._allocate(limits, penalty)
 
@@ -127,11 +177,16 @@ class Condensed:
         C[r:, :moves] = rows.C[gives]
         C[gives, moves + np.arange(len(gives))] = -1.0  # value - slack <= upper
         C[r + np.arange(len(gives)), moves + np.arange(len(gives))] = 1.0  # value + slack >= lower
-        self._low, self._high = np.concatenate([rows.lower, rows.lower[gives]]), np.concatenate([rows.upper, rows.upper[gives]])
+        self._low, self._high = (
+            np.concatenate([rows.lower, rows.lower[gives]]),
+            np.concatenate([rows.upper, rows.upper[gives]]),
+        )
         self._low[gives], self._high[r:] = -np.inf, np.inf
         self._F = np.concatenate([rows.F, rows.F[gives]])
         lower = np.concatenate([np.tile(limits.control[0], self.horizon), np.zeros(len(gives))])  # type: ignore
-        upper = np.concatenate([np.tile(limits.control[1], self.horizon), np.full(len(gives), np.inf)])  # type: ignore
+        upper = np.concatenate(
+            [np.tile(limits.control[1], self.horizon), np.full(len(gives), np.inf)]
+        )  # type: ignore
         H, g = np.zeros((n, n)), np.zeros(n)
         g[moves:] = 0.0 if penalty is None else penalty
         self.moves, self._gives = moves, gives
@@ -148,7 +203,23 @@ class Condensed:
             xi_d: its target (t,).
         """
         qp = self.qp
-        _fill_cost(qp.H, qp.g, self._base, self._gu, self._Fy, self._Gy, self._stage, Q, y_d, self._FT, self._GT, P, xi_d, s, self.scale)
+        _fill_cost(
+            qp.H,
+            qp.g,
+            self._base,
+            self._gu,
+            self._Fy,
+            self._Gy,
+            self._stage,
+            Q,
+            y_d,
+            self._FT,
+            self._GT,
+            P,
+            xi_d,
+            s,
+            self.scale,
+        )
         _fill_rows(qp.lower_rows, qp.upper_rows, self._low, self._high, self._F, s)
         return qp
 
@@ -164,7 +235,9 @@ def _fill_cost(H, g, base, gu, Fy, Gy, stage, Q, y_d, FT, GT, P, xi_d, s, scale)
     H[:moves, :moves] = base
     g[:moves] = gu @ s
     for j in range(stage.size):
-        _add_square(H, g, Gy[j], Q[j], Fy[j] @ s - y_d[j], 2 * scale * stage[j], (j + 1) * p, weighted)
+        _add_square(
+            H, g, Gy[j], Q[j], Fy[j] @ s - y_d[j], 2 * scale * stage[j], (j + 1) * p, weighted
+        )
     _add_square(H, g, GT, P, FT @ s - xi_d, 2 * scale, moves, weighted)
     for a in range(moves):
         for b in range(a):

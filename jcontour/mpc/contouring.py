@@ -1,9 +1,10 @@
 """Model predictive contouring control (Lam, Manzie & Good): the controller chooses the speed along the path itself.
 
     theta(k+1) = theta(k) + v(k),   0 <= v <= v_max,   -L <= theta <= 0                        (9)
-The tool follows the path at the parameter theta; contour error and lag behind theta, both linearised along the plan of one sample before,
-progress and changes of control and speed share one QP (16), see `contouring_qp`. The model is in velocity form with a unit input delay
-(6): u(k), found at k, acts during [k+1, k+2), and no constant disturbance leaves an offset.
+The tool follows the path at the parameter theta; contour error and lag behind theta, both
+linearised along the plan of one sample before, progress and changes of control and speed share one
+QP (16), see `contouring_qp`. The model is in velocity form with a unit input delay (6): u(k), found
+at k, acts during [k+1, k+2), and no constant disturbance leaves an offset.
 """
 
 from collections.abc import Sequence
@@ -42,7 +43,8 @@ class ContouringWeights:
         period: [s].
 
     Raises:
-        ValueError: a weight is negative or not finite, the changes' are zero, or unit or period is not above zero.
+        ValueError: a weight is negative or not finite, the changes' are zero, or unit or period is
+            not above zero.
     """
 
     contour_error: float = 100.0
@@ -56,10 +58,14 @@ class ContouringWeights:
     def __post_init__(self):
         for name in ("contour_error", "lag", "progress"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"{name}: needs to be finite and at least zero, received {getattr(self, name)}")
+                raise ValueError(
+                    f"{name}: needs to be finite and at least zero, received {getattr(self, name)}"
+                )
         for name in ("speed_change", "length_unit", "period"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {getattr(self, name)}")
+                raise ValueError(
+                    f"{name}: needs to be finite and above zero, received {getattr(self, name)}"
+                )
 
     def control_matrix(self, inputs: int) -> Float[np.ndarray, "p p"]:
         """R_u as a matrix.
@@ -70,13 +76,17 @@ class ContouringWeights:
         R = np.asarray(self.control_change, float)
         if R.ndim < 2:
             if R.size not in (1, inputs):
-                raise ValueError(f"control_change: needs one number or one for each of {inputs} inputs, received shape {R.shape}")
+                raise ValueError(
+                    f"control_change: needs one number or one for each of {inputs} inputs, received shape {R.shape}"
+                )
             R = np.diag(np.broadcast_to(R, (inputs,)))
         if R.shape != (inputs, inputs):
             raise ValueError(f"control_change: needs shape {(inputs, inputs)}, received {R.shape}")
         check_weight("control_change", R)
         if not np.linalg.eigvalsh(R).min() > 0:
-            raise ValueError("control_change: needs to be positive definite, received a singular matrix")
+            raise ValueError(
+                "control_change: needs to be positive definite, received a singular matrix"
+            )
         return R
 
 
@@ -103,34 +113,58 @@ class Traversal(NamedTuple):
 class MPCC(HostController):
     """Contouring along any contour in two or more axes, closed (one lap) or open, corners included.
 
-    The whole state of the model is measured. The reference says where the run starts (its first arc length) and how long it may take.
+    The whole state of the model is measured. The reference says where the run starts (its first arc
+    length) and how long it may take.
 
     Args:
-        model: the plant at the controller's sample period, without the delay that the controller brings.
+        model: the plant at the controller's sample period, without the delay that the controller
+            brings.
         contour: the path.
         lower: least controls, one number or one for each input.
         upper: largest controls.
         speed_limit: of the path parameter [m/s]; 1 mm per 4 ms in the paper.
         weights: see there.
-        horizon: N samples, or the lengths of blocks over which controls and path speed are held: errors count at their ends.
+        horizon: N samples, or the lengths of blocks over which controls and path speed are held:
+            errors count at their ends.
         solver: any of `solvers`.
-        arrival: distance [m] from the end of the path within which the run is over once theta is there.
+        arrival: distance [m] from the end of the path within which the run is over once theta is
+            there.
 
     Raises:
-        ValueError: the contour has other axes than the model or no length, limits are crossed, horizon or a block is below one sample,
-            speed limit or arrival is not above zero, or a weight does not fit.
+        ValueError: the contour has other axes than the model or no length, limits are crossed,
+            horizon or a block is below one sample, speed limit or arrival is not above zero, or a
+            weight does not fit.
     """
 
     preview = 0
 
-    def __init__(self, model: LinearPlant, contour: Contour, lower: ArrayLike = -0.5, upper: ArrayLike = 0.5, speed_limit: float = 0.25,
-                 weights: ContouringWeights | None = None, horizon: int | Sequence[int] = 7, solver: Solver | None = None,
-                 arrival: float = ARRIVAL):  # fmt: skip
-        self.model, self.contour, self.weights = model, contour, ContouringWeights() if weights is None else weights
-        self.blocks, self.solver, self.arrival = _blocks(horizon), DAQP() if solver is None else solver, arrival
+    def __init__(
+        self,
+        model: LinearPlant,
+        contour: Contour,
+        lower: ArrayLike = -0.5,
+        upper: ArrayLike = 0.5,
+        speed_limit: float = 0.25,
+        weights: ContouringWeights | None = None,
+        horizon: int | Sequence[int] = 7,
+        solver: Solver | None = None,
+        arrival: float = ARRIVAL,
+    ):
+        self.model, self.contour, self.weights = (
+            model,
+            contour,
+            ContouringWeights() if weights is None else weights,
+        )
+        self.blocks, self.solver, self.arrival = (
+            _blocks(horizon),
+            DAQP() if solver is None else solver,
+            arrival,
+        )
         w, p, count = self.weights, model.inputs, len(self.blocks)
         if contour.axes != model.axes:
-            raise ValueError(f"contour: needs as many axes as the model has outputs, {model.axes}, received {contour.axes}")
+            raise ValueError(
+                f"contour: needs as many axes as the model has outputs, {model.axes}, received {contour.axes}"
+            )
         for name, value in (("speed_limit", speed_limit), ("arrival", arrival)):
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
@@ -140,16 +174,33 @@ class MPCC(HostController):
         self.length = self.path.length
         self._end = self.path.at(self.length)[0]
         self._constant = condensed(
-            model, w.length_unit, self.blocks, w.contour_error, w.lag, w.progress, w.control_matrix(p), w.speed_change, w.period
+            model,
+            w.length_unit,
+            self.blocks,
+            w.contour_error,
+            w.lag,
+            w.progress,
+            w.control_matrix(p),
+            w.speed_change,
+            w.period,
         )
         self._output = np.asarray(model.C) / w.length_unit
         self._travel = model.dt / w.period  # theta gained in one sample at v = 1
-        self._theta_hat, size, fastest = np.zeros(count), count * (1 + p), speed_limit * w.period / w.length_unit
+        self._theta_hat, size, fastest = (
+            np.zeros(count),
+            count * (1 + p),
+            speed_limit * w.period / w.length_unit,
+        )
         row = np.append(self._constant.share, np.zeros(count * p))[None]
         self.qp = QP(
-            np.zeros((size, size)), np.zeros(size), row, np.array([-np.inf]), np.zeros(1),
-            np.append(np.zeros(count), np.tile(lower, count)), np.append(np.full(count, fastest), np.tile(upper, count)),
-        )  # fmt: skip
+            np.zeros((size, size)),
+            np.zeros(size),
+            row,
+            np.array([-np.inf]),
+            np.zeros(1),
+            np.append(np.zeros(count), np.tile(lower, count)),
+            np.append(np.full(count, fastest), np.tile(upper, count)),
+        )
         self._solution = None
 
     def prepare(self, reference: Reference) -> None:
@@ -160,15 +211,19 @@ class MPCC(HostController):
         """At the first arc length of the reference, at rest, with zero controls behind.
 
         Raises:
-            ValueError: the sample periods differ, the reference's contour is longer than theta reaches or it starts beyond the path, or
-                zero control is outside the limits.
+            ValueError: the sample periods differ, the reference's contour is longer than theta
+                reaches or it starts beyond the path, or zero control is outside the limits.
         """
         self._check_run(reference)
         count, p, n = len(self.blocks), self.model.inputs, self.model.states
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
-        return Traversal(np.array(min(theta, 0.0)), np.zeros(count), np.zeros(p), np.zeros(p), np.zeros(n), 0)
+        return Traversal(
+            np.array(min(theta, 0.0)), np.zeros(count), np.zeros(p), np.zeros(p), np.zeros(n), 0
+        )
 
-    def step(self, memory: Traversal, plan, measurement) -> tuple[Traversal, Float[np.ndarray, " p"]]:
+    def step(
+        self, memory: Traversal, plan, measurement
+    ) -> tuple[Traversal, Float[np.ndarray, " p"]]:
         """u(k-1), which acts now, and in the memory u(k), which acts one sample later.
 
         Raises:
@@ -179,32 +234,61 @@ class MPCC(HostController):
         count, z = len(self.blocks), solution.z
         theta = min(memory.theta + self._travel * max(z[0], 0.0), 0.0)
         control = z[count : count + memory.control.size].copy()
-        return Traversal(np.array(theta), z[:count].copy(), control, memory.control, measurement, memory.steps + 1), memory.control
+        return Traversal(
+            np.array(theta),
+            z[:count].copy(),
+            control,
+            memory.control,
+            measurement,
+            memory.steps + 1,
+        ), memory.control
 
     def write_qp(self, memory: Traversal, measurement: Float[np.ndarray, " n"]) -> QP:
         """The QP of a step, in place: the arrays are the same at every step. Variables [v, u], see `contouring_qp`."""
         write_step(
-            self._constant, self.path, self._output, float(memory.theta), memory.plan, memory.control, memory.before,
-            memory.state if memory.steps else measurement, measurement, self._theta_hat, self.qp.H, self.qp.g, self.qp.upper_rows,
-        )  # fmt: skip
+            self._constant,
+            self.path,
+            self._output,
+            float(memory.theta),
+            memory.plan,
+            memory.control,
+            memory.before,
+            memory.state if memory.steps else measurement,
+            measurement,
+            self._theta_hat,
+            self.qp.H,
+            self.qp.g,
+            self.qp.upper_rows,
+        )
         return self.qp
 
     def held(self, memory: Traversal, measurement, control) -> Traversal:
         """The path parameter stands still for the sample, and the control acts on."""
-        return memory._replace(control=control, before=memory.control, plan=0 * memory.plan, state=measurement, steps=memory.steps + 1)
+        return memory._replace(
+            control=control,
+            before=memory.control,
+            plan=0 * memory.plan,
+            state=measurement,
+            steps=memory.steps + 1,
+        )
 
     def finished(self, memory: Traversal) -> bool:
         """Whether theta is at the end of the path and the tool was there, within `arrival`, one sample ago."""
         if memory.theta < -AT_END * self.length or not memory.steps:
             return False
-        return bool(np.linalg.norm(self._output @ memory.state - self._end) * self.weights.length_unit <= self.arrival)
+        return bool(
+            np.linalg.norm(self._output @ memory.state - self._end) * self.weights.length_unit
+            <= self.arrival
+        )
 
     def report(self) -> StepReport:
         """Of the step made last."""
         found = self._solution
         if found is None:
             return StepReport()
-        return StepReport(int(np.count_nonzero(found.multipliers)), found.residual, found.iterations)
+        return StepReport(
+            int(np.count_nonzero(found.multipliers)), found.residual, found.iterations
+        )
 
     def arc(self, memory: Traversal) -> np.ndarray:
         """Path parameter from the start [m]; of a whole rollout too."""
@@ -218,14 +302,18 @@ class MPCC(HostController):
         unit = self.weights.length_unit
         longer = float(reference.contour.length) / unit - self.length
         if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
-            raise ValueError(f"dt: the controller's model is sampled every {self.model.dt} s, the reference every {reference.dt} s")
+            raise ValueError(
+                f"dt: the controller's model is sampled every {self.model.dt} s, the reference every {reference.dt} s"
+            )
         if longer > AT_END * self.length:
             raise ValueError(
                 f"contour: the reference's is {float(reference.contour.length)} m long, theta reaches over {self.length * unit} m"
             )
         arc = float(reference.arc[0])
         if not -AT_END <= arc / (unit * self.length) <= 1 + AT_END:
-            raise ValueError(f"reference: needs to start on the path, between 0 and {self.length * unit} m, received {arc} m")
+            raise ValueError(
+                f"reference: needs to start on the path, between 0 and {self.length * unit} m, received {arc} m"
+            )
         p = self.model.inputs
         low, high = self.qp.lower[-p:], self.qp.upper[-p:]
         if not ((low <= 0) & (0 <= high)).all():
@@ -241,7 +329,9 @@ def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
         ValueError: count is below two, or there are too few samples for it.
     """
     if not (count >= 2 and samples >= count and samples == int(samples) and count == int(count)):
-        raise ValueError(f"count: needs at least two blocks of at least one sample, received {count} blocks of {samples} samples")
+        raise ValueError(
+            f"count: needs at least two blocks of at least one sample, received {count} blocks of {samples} samples"
+        )
     ends = np.round(1 + (samples - 1) * (np.arange(count) / (count - 1)) ** 2)
     ends = np.maximum(ends, np.arange(1, count + 1))
     return tuple(int(length) for length in np.diff(ends, prepend=0))
@@ -252,14 +342,22 @@ def _blocks(horizon) -> np.ndarray:
     if (
         numbers.ndim > 1
         or not numbers.size
-        or not (np.isfinite(numbers).all() and (numbers == np.round(numbers)).all() and numbers.min() >= 1)
+        or not (
+            np.isfinite(numbers).all()
+            and (numbers == np.round(numbers)).all()
+            and numbers.min() >= 1
+        )
     ):
-        raise ValueError(f"horizon: needs a whole number of samples of at least one, or such lengths of blocks, received {horizon}")
+        raise ValueError(
+            f"horizon: needs a whole number of samples of at least one, or such lengths of blocks, received {horizon}"
+        )
     return np.ones(int(numbers), int) if numbers.ndim == 0 else numbers.astype(int)
 
 
 def _limit(name: str, value, inputs: int) -> Float[np.ndarray, " p"]:
     value = np.asarray(value, float)
     if value.shape not in ((), (1,), (inputs,)):
-        raise ValueError(f"{name}: needs one number or one for each of {inputs} inputs, received shape {value.shape}")
+        raise ValueError(
+            f"{name}: needs one number or one for each of {inputs} inputs, received shape {value.shape}"
+        )
     return np.broadcast_to(value, (inputs,)).copy()

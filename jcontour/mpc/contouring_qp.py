@@ -1,15 +1,20 @@
 """The quadratic program of model predictive contouring control, condensed: what is constant once, the rest at every step, compiled.
 
-At sample k, along estimates theta_b of the path parameter at the evaluation points, with p(theta) ~ p_b + p'_b (theta - theta_b),
+At sample k, along estimates theta_b of the path parameter at the evaluation points, with p(theta) ~
+p_b + p'_b (theta - theta_b),
     e_b = y_b - p_b - p'_b (theta - theta_b),   t_b = p'_b / |p'_b|
-    J = sum_b w_b (q_c |e_b|^2 + (q_l - q_c) (t_b . e_b)^2) - q_theta sum_i theta_i h / T + sum_b r_b ((du_b)' R_u du_b + R_v dv_b^2)
-is Lam et al., eqs. (13)-(15), in any number of axes: in the plane |e|^2 - (t . e)^2 is the square of the contour error (14). Errors and
-theta count at the samples 1..N, du and dv at 0..N-1 (the print has both at 1..N); the costs carry no 1/2.
+    J = sum_b w_b (q_c |e_b|^2 + (q_l - q_c) (t_b . e_b)^2) - q_theta sum_i theta_i h / T + sum_b
+    r_b ((du_b)' R_u du_b + R_v dv_b^2)
+is Lam et al., eqs. (13)-(15), in any number of axes: in the plane |e|^2 - (t . e)^2 is the square
+of the contour error (14). Errors and theta count at the samples 1..N, du and dv at 0..N-1 (the
+print has both at 1..N); the costs carry no 1/2.
 
-The horizon is cut into blocks of l_b samples, over which controls and path speed are held; errors are evaluated at the blocks' ends
-only, each for the whole block, theta at every sample: w_b = l_b h / T, r_b = T / (h (l_b-1 + l_b) / 2) with T the period that the
-weights are stated for. Blocks of one sample of T are the paper's problem; other blocks approximate the same integrals over time.
-Variables are z = [v (B), u (B, p)] with v in length per T and absolute u: the limits are then bounds, and one row keeps theta within
+The horizon is cut into blocks of l_b samples, over which controls and path speed are held; errors
+are evaluated at the blocks' ends
+only, each for the whole block, theta at every sample: w_b = l_b h / T, r_b = T / (h (l_b-1 + l_b) /
+2) with T the period that the weights are stated for. Blocks of one sample of T are the paper's
+problem; other blocks approximate the same integrals over time. Variables are z = [v (B), u (B, p)]
+with v in length per T and absolute u: the limits are then bounds, and one row keeps theta within
 the path (theta falls short of its start nowhere, because v >= 0).
 """
 
@@ -28,11 +33,14 @@ class Condensed(NamedTuple):
     """What does not change between the steps of a run, lengths in the unit of the QP.
 
     Attributes:
-        free: y at the evaluation points without a change of the control, from [dx, du(k-1), y, u(k-1)]: (B, m, n + 2 p + m).
+        free: y at the evaluation points without a change of the control, from [dx, du(k-1), y,
+            u(k-1)]: (B, m, n + 2 p + m).
         forced: y from the controls u of the blocks, absolute (B, m, B p).
-        curvature: forced' w q_c forced and the increments' weights: the constant part of H / 2 in u, (B p, B p).
+        curvature: forced' w q_c forced and the increments' weights: the constant part of H / 2 in
+            u, (B p, B p).
         ends: first sample after each block.
-        share: w_b, the part of T for which each evaluation point counts; also the theta that v_b = 1 gains over its block.
+        share: w_b, the part of T for which each evaluation point counts; also the theta that v_b =
+            1 gains over its block.
         change: r_b R_v for dv_b.
         push: r_0 R_u, which ties u_0 to u(k-1): (p, p).
         reward: what v_b = 1 gains in q_theta sum_i theta_i h / T.
@@ -50,17 +58,33 @@ class Condensed(NamedTuple):
     weights: Float[np.ndarray, "2"]
 
 
-def condensed(model: LinearPlant, unit: float, blocks: Int[np.ndarray, " B"], contour_error: float, lag: float, progress: float,
-              control_change: Float[np.ndarray, "p p"], speed_change: float, period: float) -> Condensed:  # fmt: skip
+def condensed(
+    model: LinearPlant,
+    unit: float,
+    blocks: Int[np.ndarray, " B"],
+    contour_error: float,
+    lag: float,
+    progress: float,
+    control_change: Float[np.ndarray, "p p"],
+    speed_change: float,
+    period: float,
+) -> Condensed:
     """The constant parts for a model and weights; blocks in samples, errors count in `unit` [m], the weights hold at `period` [s]."""
-    form, p, m, count = velocity_form(LinearPlant(model.A, model.B, model.C / unit, model.dt)), model.inputs, model.axes, len(blocks)
+    form, p, m, count = (
+        velocity_form(LinearPlant(model.A, model.B, model.C / unit, model.dt)),
+        model.inputs,
+        model.axes,
+        len(blocks),
+    )
     A, B, C = (np.asarray(matrix) for matrix in (form.A, form.B, form.C))
     ends = np.cumsum(blocks)
     starts = ends - blocks
     outputs = [C]  # C A^i: y after i samples without a change
     for _ in range(ends[-1]):
         outputs.append(outputs[-1] @ A)
-    changes = np.zeros((count, m, count + 1, p))  # y at the end of b after a unit change of u at the start of c
+    changes = np.zeros(
+        (count, m, count + 1, p)
+    )  # y at the end of b after a unit change of u at the start of c
     for b in range(count):
         for c in range(b + 1):
             changes[b, :, c] = outputs[ends[b] - starts[c] - 1] @ B
@@ -72,8 +96,17 @@ def condensed(model: LinearPlant, unit: float, blocks: Int[np.ndarray, " B"], co
     curvature = np.einsum("bmi,b,bmj->ij", forced, contour_error * share, forced)
     curvature += np.kron(difference.T @ np.diag(1 / gaps) @ difference, control_change)
     reward = progress * (model.dt / period) ** 2 * blocks * ((blocks + 1) / 2 + ends[-1] - ends)
-    return Condensed(free, forced, curvature, ends, share, speed_change / gaps, control_change / gaps[0], reward,
-                     np.array([contour_error, lag], float))  # fmt: skip
+    return Condensed(
+        free,
+        forced,
+        curvature,
+        ends,
+        share,
+        speed_change / gaps,
+        control_change / gaps[0],
+        reward,
+        np.array([contour_error, lag], float),
+    )
 
 
 @compiled
@@ -103,7 +136,9 @@ def write_qp(constant, path, theta_hat, theta, start, previous, H, g) -> None:
     H[:, :count] = 0.0
     g[:count], g[count:] = -constant.reward, 0.0
     for b in range(count):
-        path_at(path.polynomial, path.waves, path.rate, path.start, theta_hat[b] + length, point, slope)
+        path_at(
+            path.polynomial, path.waves, path.rate, path.start, theta_hat[b] + length, point, slope
+        )
         speed = 0.0
         for a in range(m):
             speed += slope[a] * slope[a]
@@ -153,7 +188,8 @@ def write_qp(constant, path, theta_hat, theta, start, previous, H, g) -> None:
 def write_estimates(ends, plan, scale, theta, theta_hat) -> None:
     """Write theta at the evaluation points along the plan one sample on: its last speed goes on, and the path's end ends it.
 
-    `plan` is v of the blocks solved one sample before, `scale` the theta gained per sample at v = 1.
+    `plan` is v of the blocks solved one sample before, `scale` the theta gained per sample at v =
+    1.
     """
     block, begun, travelled = 0, 0, 0.0  # of the old plan, up to `begun`
     last = ends.size - 1
@@ -163,11 +199,27 @@ def write_estimates(ends, plan, scale, theta, theta_hat) -> None:
             travelled += scale * (ends[block] - begun) * plan[block]
             begun = ends[block]
             block += 1
-        theta_hat[b] = min(theta + travelled + scale * ((until - begun) * plan[block] - plan[0]), 0.0)
+        theta_hat[b] = min(
+            theta + travelled + scale * ((until - begun) * plan[block] - plan[0]), 0.0
+        )
 
 
 @compiled
-def write_step(constant, path, output, theta, plan, control, before, state, measurement, theta_hat, H, g, upper_rows) -> None:
+def write_step(
+    constant,
+    path,
+    output,
+    theta,
+    plan,
+    control,
+    before,
+    state,
+    measurement,
+    theta_hat,
+    H,
+    g,
+    upper_rows,
+) -> None:
     """Everything of one step's QP that changes: H, g and the room theta has left, in place.
 
     Args:

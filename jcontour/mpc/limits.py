@@ -8,7 +8,9 @@ from jaxtyping import ArrayLike
 from jcontour.linear.plant import LinearPlant
 from jcontour.qp.problem import check_limits
 
-Bounds = tuple[ArrayLike, ArrayLike]  # (lower, upper), each one number or one per component; infinite where there is none
+Bounds = tuple[
+    ArrayLike, ArrayLike
+]  # (lower, upper), each one number or one per component; infinite where there is none
 
 
 class Limits(NamedTuple):
@@ -20,7 +22,8 @@ class Limits(NamedTuple):
         state: x (n,).
         output: y (m,) [m].
         speed: (y_j - y_{j-1}) / dt (m,) [m/s].
-        acceleration: (y_{j+1} - 2 y_j + y_{j-1}) / dt^2 (m,) [m/s^2], from the first that lies wholly ahead.
+        acceleration: (y_{j+1} - 2 y_j + y_{j-1}) / dt^2 (m,) [m/s^2], from the first that lies
+            wholly ahead.
     """
 
     control: Bounds | None = None
@@ -33,8 +36,13 @@ class Limits(NamedTuple):
     @classmethod
     def within(cls, **magnitudes: ArrayLike | None) -> "Limits":
         """Symmetric limits from magnitudes, by field; None is no limit."""
-        sizes = {name: None if size is None else np.asarray(size, float) for name, size in magnitudes.items()}
-        return cls(**{name: None if size is None else (-size, size) for name, size in sizes.items()})
+        sizes = {
+            name: None if size is None else np.asarray(size, float)
+            for name, size in magnitudes.items()
+        }
+        return cls(
+            **{name: None if size is None else (-size, size) for name, size in sizes.items()}
+        )
 
 
 def full_limits(limits: Limits, model: LinearPlant) -> Limits:
@@ -52,7 +60,9 @@ def full_limits(limits: Limits, model: LinearPlant) -> Limits:
         for bound in (-np.inf, np.inf) if given is None else given:
             bound = np.asarray(bound, float)
             if bound.ndim > 1 or (bound.ndim == 1 and bound.size != size):
-                raise ValueError(f"{name}: needs one bound or one per component, shape ({size},), received {bound.shape}")
+                raise ValueError(
+                    f"{name}: needs one bound or one per component, shape ({size},), received {bound.shape}"
+                )
             bounds.append(np.broadcast_to(bound, (size,)).copy())
         check_limits(name, *bounds)
         pairs[name] = tuple(bounds)

@@ -1,11 +1,14 @@
 """Tracking and contouring MPC: the receding-horizon LQ problems under limits, one QP per sample.
 
-Absolute form (`TrackingMPC`): the cost of McNab & Tsao, eqs. 4-8 (see `ContouringLQ`, which it equals where no limit is active),
-    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} u_j' R u_j + du_j' S du_j + terminal,    Q_j = Q + beta (I - t_j t_j').
+Absolute form (`TrackingMPC`): the cost of McNab & Tsao, eqs. 4-8 (see `ContouringLQ`, which it
+equals where no limit is active),
+    sum_{j=1}^{N-1} stage_j e_j' Q_j e_j + sum_{j=0}^{N-1} u_j' R u_j + du_j' S du_j + terminal,
+    Q_j = Q + beta (I - t_j t_j').
 Velocity form (`OffsetFreeMPC`): the prediction goes on from the change seen last,
     x_{j+1} - x_j = A (x_j - x_{j-1}) + B (u_j - u_{j-1}),
-the machine of Lam, eq. 6. Written in absolute controls it is the model under the constant disturbance w = x_0 - A x_{-1} - B u_{-1},
-so both forms share one QP. A constant load then leaves no error at rest, as long as only increments cost.
+the machine of Lam, eq. 6. Written in absolute controls it is the model under the constant
+disturbance w = x_0 - A x_{-1} - B u_{-1}, so both forms share one QP. A constant load then leaves
+no error at rest, as long as only increments cost.
 """
 
 from typing import Any, NamedTuple
@@ -14,7 +17,12 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from jcontour.controller import check_preview, whole_preview
-from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal, RiccatiTerminal, Terminal
+from jcontour.controllers.lq.contouring_lq import (
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+    Terminal,
+)
 from jcontour.host.loop import HostController, StepReport
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.motion.references import Reference
@@ -38,7 +46,8 @@ class TrackingWeights(NamedTuple):
         contour: beta, on the part of it across the path [1/m^2].
         control: on the control, number, (p,) or (p, p).
         increment: on its change per sample, likewise.
-        stage: positive profile (N,) over the horizon, the last entry for the terminal; ones when not given.
+        stage: positive profile (N,) over the horizon, the last entry for the terminal; ones when
+            not given.
     """
 
     output: ArrayLike
@@ -50,7 +59,9 @@ class TrackingWeights(NamedTuple):
     @classmethod
     def of(cls, weights: LQWeights) -> "TrackingWeights":
         """The weights that a tuned `ContouringLQ` has."""
-        return cls(float(weights.alpha), float(weights.beta), float(weights.rho), 0.0, weights.stage)
+        return cls(
+            float(weights.alpha), float(weights.beta), float(weights.rho), 0.0, weights.stage
+        )
 
 
 class TrackingPlan(NamedTuple):
@@ -79,27 +90,51 @@ class TrackingMPC(HostController):
         limits: on control, increment, state, output, speed and acceleration.
         terminal: as `ContouringLQ` has them.
         solver: of the QPs; DAQP when not given, the fastest at these sizes.
-        penalty: of the slack of soft limits (state, output, speed, acceleration) in the scaled problem; None keeps them hard.
+        penalty: of the slack of soft limits (state, output, speed, acceleration) in the scaled
+            problem; None keeps them hard.
 
     Raises:
-        ValueError: limits crossed, a weight not positive semidefinite, no weight on the control, a horizon < 1.
+        ValueError: limits crossed, a weight not positive semidefinite, no weight on the control, a
+            horizon < 1.
     """
 
     def __init__(
-        self, model: LinearPlant, weights: TrackingWeights, preview: int, limits: Limits = NO_LIMITS, terminal: Terminal | None = None,
-        solver: Solver | None = None, penalty: float | None = None,
-    ):  # fmt: skip
-        self.model, self.preview, self.limits = model, whole_preview(preview), full_limits(limits, model)
+        self,
+        model: LinearPlant,
+        weights: TrackingWeights,
+        preview: int,
+        limits: Limits = NO_LIMITS,
+        terminal: Terminal | None = None,
+        solver: Solver | None = None,
+        penalty: float | None = None,
+    ):
+        self.model, self.preview, self.limits = (
+            model,
+            whole_preview(preview),
+            full_limits(limits, model),
+        )
         self.terminal = OutputTerminal() if terminal is None else terminal
         self.solver, self.weights = DAQP() if solver is None else solver, weights
         m, p = model.axes, model.inputs
         self._Q = _square("output", weights.output, m)
-        self._R, self._S = _square("control", weights.control, p), _square("increment", weights.increment, p)
-        self._stage = np.ones(self.preview) if weights.stage is None else np.asarray(weights.stage, float)
-        if self._stage.shape != (self.preview,) or not (np.isfinite(self._stage) & (self._stage > 0)).all():
-            raise ValueError(f"stage: needs {self.preview} finite entries above zero, one per preview sample, received {weights.stage}")
+        self._R, self._S = (
+            _square("control", weights.control, p),
+            _square("increment", weights.increment, p),
+        )
+        self._stage = (
+            np.ones(self.preview) if weights.stage is None else np.asarray(weights.stage, float)
+        )
+        if (
+            self._stage.shape != (self.preview,)
+            or not (np.isfinite(self._stage) & (self._stage > 0)).all()
+        ):
+            raise ValueError(
+                f"stage: needs {self.preview} finite entries above zero, one per preview sample, received {weights.stage}"
+            )
         if not (np.isfinite(weights.contour) and weights.contour >= 0):
-            raise ValueError(f"contour: needs a finite weight of at least zero, received {weights.contour}")
+            raise ValueError(
+                f"contour: needs a finite weight of at least zero, received {weights.contour}"
+            )
         if penalty is not None and not (np.isfinite(penalty) and penalty > 0):
             raise ValueError(f"penalty: needs to be finite and above zero, received {penalty}")
         self._check_control_weight()
@@ -115,12 +150,20 @@ class TrackingMPC(HostController):
         """
         check_preview(self, reference)  # type: ignore  # reads `preview` alone
         steps, N = reference.steps, self.preview
-        position, tangent = np.asarray(reference.position)[: steps + N], np.asarray(reference.tangent)[: steps + N]
+        position, tangent = (
+            np.asarray(reference.position)[: steps + N],
+            np.asarray(reference.tangent)[: steps + N],
+        )
         across = np.eye(position.shape[1]) - tangent[:, :, None] * tangent[:, None, :]
         Q = self._Q + self.weights.contour * across
         end, before = position[N : N + steps], position[N - 1 : N - 1 + steps]
         P, xi_d = self._terminal_plan(Q[N : N + steps], end, end - before)
-        return TrackingPlan(_windows(Q[1:], N - 1, steps), _windows(position[1:], N - 1, steps), self._stage[-1] * P, xi_d)
+        return TrackingPlan(
+            _windows(Q[1:], N - 1, steps),
+            _windows(position[1:], N - 1, steps),
+            self._stage[-1] * P,
+            xi_d,
+        )
 
     def initial_memory(self, reference: Reference) -> TrackingMemory:
         """The control that keeps up the motion with which the reference says the run begins, or what the limits leave of it.
@@ -130,15 +173,27 @@ class TrackingMPC(HostController):
         """
         position, increment = reference.position[0], reference.start_increment
         motion = self._motion()
-        state, onward = (np.asarray(motion.state(at, increment)) for at in (position, position + increment))
+        state, onward = (
+            np.asarray(motion.state(at, increment)) for at in (position, position + increment)
+        )
         control = np.linalg.lstsq(self._B, onward - self._A @ state, rcond=None)[0]
-        for name, value in (("state", state), ("output", np.asarray(position)), ("speed", np.asarray(increment) / self.model.dt)):
+        for name, value in (
+            ("state", state),
+            ("output", np.asarray(position)),
+            ("speed", np.asarray(increment) / self.model.dt),
+        ):
             lower, upper = getattr(self.limits, name)
-            if (value < lower - OUTSIDE * np.abs(lower)).any() or (value > upper + OUTSIDE * np.abs(upper)).any():
-                raise ValueError(f"{name}: the start is outside the limits, {value} is not between {lower} and {upper}")
+            if (value < lower - OUTSIDE * np.abs(lower)).any() or (
+                value > upper + OUTSIDE * np.abs(upper)
+            ).any():
+                raise ValueError(
+                    f"{name}: the start is outside the limits, {value} is not between {lower} and {upper}"
+                )
         return TrackingMemory(np.clip(control, *self.limits.control), np.full(state.size, np.nan))  # type: ignore
 
-    def step(self, memory: TrackingMemory, plan: TrackingPlan, measurement) -> tuple[TrackingMemory, Float[np.ndarray, " p"]]:
+    def step(
+        self, memory: TrackingMemory, plan: TrackingPlan, measurement
+    ) -> tuple[TrackingMemory, Float[np.ndarray, " p"]]:
         """Fill, solve, apply the first control.
 
         Raises:
@@ -161,7 +216,9 @@ class TrackingMPC(HostController):
 
     def _solved(self, problem: Condensed, memory, plan, measurement):
         s = np.concatenate([measurement, memory.control, self._disturbance(memory, measurement)])
-        self.solution = solution = self.solver.solve(problem.update(s, plan.Q, plan.y_d, plan.P, plan.xi_d))
+        self.solution = solution = self.solver.solve(
+            problem.update(s, plan.Q, plan.y_d, plan.P, plan.xi_d)
+        )
         control = solution.z[: self.model.inputs].copy()
         self._report = _report(problem, solution)
         return TrackingMemory(control, np.array(measurement)), control
@@ -186,7 +243,9 @@ class TrackingMPC(HostController):
 
     def _condensed(self, penalty: float | None) -> Condensed:
         terminal = (*self._terminal_maps(), self._stage[-1] * self._P)
-        return Condensed(self.model, self._R, self._S, self._stage, self._Q_max, terminal, self.limits, penalty)
+        return Condensed(
+            self.model, self._R, self._S, self._stage, self._Q_max, terminal, self.limits, penalty
+        )
 
     @property
     def _Q_max(self) -> np.ndarray:
@@ -196,7 +255,9 @@ class TrackingMPC(HostController):
 
     def _check_control_weight(self) -> None:
         if np.linalg.eigvalsh(self._R + self._S).min() <= 0:
-            raise ValueError("control, increment: every control needs a weight above zero, on itself or on its increment")
+            raise ValueError(
+                "control, increment: every control needs a weight above zero, on itself or on its increment"
+            )
 
     def _riccati(self) -> np.ndarray:
         """H_s(Q_max): R alone, the increments of the tail are not counted."""
@@ -207,27 +268,37 @@ class TrackingMPC(HostController):
     def _terminal_maps(self) -> tuple[np.ndarray, np.ndarray]:
         """xi_N: the last state under the Riccati cost, else the last output."""
         one = self._prediction
-        return (one.Fx[-1], one.Gx[-1]) if isinstance(self.terminal, RiccatiTerminal) else (one.Fy[-1], one.Gy[-1])
+        return (
+            (one.Fx[-1], one.Gx[-1])
+            if isinstance(self.terminal, RiccatiTerminal)
+            else (one.Fy[-1], one.Gy[-1])
+        )
 
     def _terminal_plan(self, Q_N, end, increment) -> tuple[np.ndarray, np.ndarray]:
         """P and xi_d of every step."""
         if not isinstance(self.terminal, RiccatiTerminal):
             return Q_N, end
-        return np.broadcast_to(self._P, (len(end), *self._P.shape)), np.asarray(self._motion().state(end, increment))
+        return np.broadcast_to(self._P, (len(end), *self._P.shape)), np.asarray(
+            self._motion().state(end, increment)
+        )
 
 
 class OffsetFreeMPC(TrackingMPC):
     """Velocity form, fed the state: an integrator per output, by prediction rather than by an observer.
 
-    The Riccati terminal is that of the changes: xi = (x_N - x_{N-1}, y_N), the increments at weight S.
+    The Riccati terminal is that of the changes: xi = (x_N - x_{N-1}, y_N), the increments at weight
+    S.
 
     Raises:
-        ValueError: as `TrackingMPC`; a weight on the control itself (it would pull towards zero control, which leaves an error).
+        ValueError: as `TrackingMPC`; a weight on the control itself (it would pull towards zero
+            control, which leaves an error).
     """
 
     def _check_control_weight(self) -> None:
         if np.any(self._R):
-            raise ValueError("control: the velocity form weighs increments only, received a weight on the control")
+            raise ValueError(
+                "control: the velocity form weighs increments only, received a weight on the control"
+            )
         if np.linalg.eigvalsh(self._S).min() <= 0:
             raise ValueError("increment: needs to be positive definite in the velocity form")
 
@@ -250,19 +321,29 @@ class OffsetFreeMPC(TrackingMPC):
         if not isinstance(self.terminal, RiccatiTerminal):
             return one.Fy[-1], one.Gy[-1]
         n, q = one.Fx.shape[1:]
-        Fx, Gx = (one.Fx[-2], one.Gx[-2]) if self.preview > 1 else (np.eye(n, q), np.zeros_like(one.Gx[-1]))
-        return np.concatenate([one.Fx[-1] - Fx, one.Fy[-1]]), np.concatenate([one.Gx[-1] - Gx, one.Gy[-1]])
+        Fx, Gx = (
+            (one.Fx[-2], one.Gx[-2])
+            if self.preview > 1
+            else (np.eye(n, q), np.zeros_like(one.Gx[-1]))
+        )
+        return np.concatenate([one.Fx[-1] - Fx, one.Fy[-1]]), np.concatenate(
+            [one.Gx[-1] - Gx, one.Gy[-1]]
+        )
 
     def _terminal_plan(self, Q_N, end, increment):
         if not isinstance(self.terminal, RiccatiTerminal):
             return Q_N, end
         change = increment @ np.asarray(self._motion().Sy).T
-        return np.broadcast_to(self._P, (len(end), *self._P.shape)), np.concatenate([change, end], axis=1)
+        return np.broadcast_to(self._P, (len(end), *self._P.shape)), np.concatenate(
+            [change, end], axis=1
+        )
 
 
 def _report(problem: Condensed, solution: Solution) -> StepReport:
     forces = (
-        np.delete(solution.multipliers, slice(problem.moves, solution.z.size)) if solution.z.size > problem.moves else solution.multipliers
+        np.delete(solution.multipliers, slice(problem.moves, solution.z.size))
+        if solution.z.size > problem.moves
+        else solution.multipliers
     )
     active = int(np.count_nonzero(np.abs(forces) > ACTIVE))
     return StepReport(active, solution.residual, solution.iterations, problem.slack(solution.z))
@@ -271,9 +352,15 @@ def _report(problem: Condensed, solution: Solution) -> StepReport:
 def _square(name: str, weight: Any, size: int) -> np.ndarray:
     weight = np.asarray(weight, float)
     if weight.ndim < 2:
-        weight = np.diag(np.broadcast_to(weight, (size,))) if weight.shape in ((), (size,)) else weight[None]
+        weight = (
+            np.diag(np.broadcast_to(weight, (size,)))
+            if weight.shape in ((), (size,))
+            else weight[None]
+        )
     if weight.shape != (size, size):
-        raise ValueError(f"{name}: needs a number, ({size},) or ({size}, {size}), received {weight.shape}")
+        raise ValueError(
+            f"{name}: needs a number, ({size},) or ({size}, {size}), received {weight.shape}"
+        )
     check_weight(name, weight)
     return weight
 

@@ -1,6 +1,7 @@
 """The X-Y table of a Bridgeport Discovery 300 machining centre (McNab & Tsao, section 4).
 
-Velocity commands in, positions [m] out, 2 kHz. X has three states, Y five; nothing couples the axes.
+Velocity commands in, positions [m] out, 2 kHz. X has three states, Y five; nothing couples the
+axes.
 """
 
 import numpy as np
@@ -14,9 +15,10 @@ ENCODER_RESOLUTION = 0.8e-6  # [m] per count, the paper's encoders
 def bridgeport() -> LinearPlant:
     """The paper's matrices with two lost minus signs restored: A[5, 5] = -0.0227 and A[6, 7] = -4.2149.
 
-    As printed, Y has eigenvalues 3.59 and -1.97. These two are the only pair of signs that gives one integrator and an
-    otherwise stable axis; the ramp gains of both axes then agree to 1.2 %. Lengths are metres; both axes have a zero outside
-    the unit circle (-13.4, -17.8), and the Y integrator sits at 1.000041 because the paper prints four decimals.
+    As printed, Y has eigenvalues 3.59 and -1.97. These two are the only pair of signs that gives
+    one integrator and an otherwise stable axis; the ramp gains of both axes then agree to 1.2 %.
+    Lengths are metres; both axes have a zero outside the unit circle (-13.4, -17.8), and the Y
+    integrator sits at 1.000041 because the paper prints four decimals.
     """
     A = np.zeros((8, 8))
     A[:3, :3] = [[-0.2916, 0.2755, -0.8029], [-0.8890, 1.6565, -0.8540], [0.0, 1.0343, 0.3324]]

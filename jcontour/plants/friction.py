@@ -1,8 +1,9 @@
 """Friction of a guide way: a force that falls from rest to speed, sticks at rest, and grows with viscous drag.
 
     F_f = s (f_c + f_s / (1 + (v / v_s)^2)) + b_v v        (Yuan, eq. 3.8, Lorentzian)
-s is the direction of slip. The printed eq. 3.8 decides between stick and slip by a speed threshold and compares with a force that
-omits spring and damper; here a slider has an explicit mode s in {-1, 0, 1}, as Karnopp had it, and the whole force decides.
+s is the direction of slip. The printed eq. 3.8 decides between stick and slip by a speed threshold
+and compares with a force that omits spring and damper; here a slider has an explicit mode s in {-1,
+0, 1}, as Karnopp had it, and the whole force decides.
 """
 
 import equinox as eqx
@@ -34,7 +35,12 @@ class Friction(eqx.Module):
     viscous: Axes
 
     def __init__(self, coulomb, stribeck, stribeck_speed, viscous):
-        named = {"coulomb": coulomb, "stribeck": stribeck, "stribeck_speed": stribeck_speed, "viscous": viscous}
+        named = {
+            "coulomb": coulomb,
+            "stribeck": stribeck,
+            "stribeck_speed": stribeck_speed,
+            "viscous": viscous,
+        }
         for name, value in named.items():
             if is_concrete(value) and not np.all((np.asarray(value) >= 0) & np.isfinite(value)):
                 raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")

@@ -13,4 +13,6 @@ def runge_kutta(rates, x, h: float):
     k2 = rates(ahead(k1, 0.5))
     k3 = rates(ahead(k2, 0.5))
     k4 = rates(ahead(k3, 1.0))
-    return jax.tree.map(lambda a, p, q, r, s: a + h / 6 * (p + 2 * q + 2 * r + s), x, k1, k2, k3, k4)
+    return jax.tree.map(
+        lambda a, p, q, r, s: a + h / 6 * (p + 2 * q + 2 * r + s), x, k1, k2, k3, k4
+    )

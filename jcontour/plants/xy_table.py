@@ -3,8 +3,8 @@
     J_m ddpsi = K_t i - b_m dpsi - k_c (psi - phi) - c (dpsi - dphi) - T_m(dpsi)
     J_l ddphi = k_c (psi - phi) + c (dpsi - dphi) - b_l dphi - T_l(dphi)             (eqs 1-5)
     tool = tau phi
-Fig. 4 prints J_t, b_t for J_l, b_l, and says identical where b_m, k_c and c differ. T is Coulomb friction, which the paper has on
-the machine but not in its model.
+Fig. 4 prints J_t, b_t for J_l, b_l, and says identical where b_m, k_c and c differ. T is Coulomb
+friction, which the paper has on the machine but not in its model.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -20,7 +20,9 @@ from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
 
 SUBSTEP = 5e-5  # [s] within which the friction torque is held
-TURNING = 0.5  # [rad/s] over which Coulomb friction turns: smooth enough for a derivative, a hundredth of a working speed
+# [rad/s] over which Coulomb friction turns: smooth enough for a derivative, a hundredth of a
+# working speed
+TURNING = 0.5
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,8 @@ class DriveParameters:
     """One axis, Fig. 4.
 
     Raises:
-        ValueError: an inertia, the torque constant or the pitch is not above zero, or another value is negative.
+        ValueError: an inertia, the torque constant or the pitch is not above zero, or another value
+            is negative.
     """
 
     motor_inertia: float  # J_m [kg m^2]
@@ -42,17 +45,29 @@ class DriveParameters:
 
     def __post_init__(self):
         for field in fields(self):
-            value, positive = getattr(self, field.name), field.name in ("motor_inertia", "load_inertia", "torque_constant", "pitch")
+            value, positive = (
+                getattr(self, field.name),
+                field.name in ("motor_inertia", "load_inertia", "torque_constant", "pitch"),
+            )
             if not (np.isfinite(value) and (value > 0 if positive else value >= 0)):
-                raise ValueError(f"{field.name}: needs to be finite and {'above' if positive else 'at least'} zero, received {value}")
+                raise ValueError(
+                    f"{field.name}: needs to be finite and {'above' if positive else 'at least'} zero, received {value}"
+                )
 
-    def scaled(self, inertia: float = 1.0, viscous: float = 1.0, link: float = 1.0, torque: float = 1.0) -> "DriveParameters":
+    def scaled(
+        self, inertia: float = 1.0, viscous: float = 1.0, link: float = 1.0, torque: float = 1.0
+    ) -> "DriveParameters":
         """Another machine: both inertias, both viscous terms, stiffness and damping, and the torque constant times these factors."""
         return replace(
-            self, motor_inertia=inertia * self.motor_inertia, load_inertia=inertia * self.load_inertia,
-            motor_viscous=viscous * self.motor_viscous, load_viscous=viscous * self.load_viscous,
-            stiffness=link * self.stiffness, damping=link * self.damping, torque_constant=torque * self.torque_constant,
-        )  # fmt: skip
+            self,
+            motor_inertia=inertia * self.motor_inertia,
+            load_inertia=inertia * self.load_inertia,
+            motor_viscous=viscous * self.motor_viscous,
+            load_viscous=viscous * self.load_viscous,
+            stiffness=link * self.stiffness,
+            damping=link * self.damping,
+            torque_constant=torque * self.torque_constant,
+        )
 
 
 X_DRIVE = DriveParameters(2.3e-5, 2.1e-5, 1.39e-4, 1e-3, 2.6682, 5e-4)
@@ -98,11 +113,19 @@ class FrictionXYTable(Plant):
     substeps: int = eqx.field(static=True)
 
     def __init__(
-        self, dt: float, drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE), motor_coulomb: float = 0.010,
-        load_coulomb: float = 0.020, load_torque=0.0,
-    ):  # fmt: skip
-        if not (np.isfinite(dt) and dt > 0 and abs(round(dt / SUBSTEP) * SUBSTEP - dt) <= 1e-9 * dt):
-            raise ValueError(f"dt: needs to be a whole number of substeps of {SUBSTEP} s, received {dt}")
+        self,
+        dt: float,
+        drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE),
+        motor_coulomb: float = 0.010,
+        load_coulomb: float = 0.020,
+        load_torque=0.0,
+    ):
+        if not (
+            np.isfinite(dt) and dt > 0 and abs(round(dt / SUBSTEP) * SUBSTEP - dt) <= 1e-9 * dt
+        ):
+            raise ValueError(
+                f"dt: needs to be a whole number of substeps of {SUBSTEP} s, received {dt}"
+            )
         self.dt, self.substeps = float(dt), round(dt / SUBSTEP)
         for name, value in (("motor_coulomb", motor_coulomb), ("load_coulomb", load_coulomb)):
             if not (np.isfinite(value) and value >= 0):
@@ -143,10 +166,15 @@ def _continuous(drives: tuple[DriveParameters, ...]) -> tuple[np.ndarray, np.nda
         axis = slice(4 * i, 4 * i + 4)
         A[axis, axis] = [
             [0, 1, 0, 0],
-            np.array([-d.stiffness, -d.motor_viscous - d.damping, d.stiffness, d.damping]) / d.motor_inertia,
+            np.array([-d.stiffness, -d.motor_viscous - d.damping, d.stiffness, d.damping])
+            / d.motor_inertia,
             [0, 0, 0, 1],
-            np.array([d.stiffness, d.damping, -d.stiffness, -d.load_viscous - d.damping]) / d.load_inertia,
+            np.array([d.stiffness, d.damping, -d.stiffness, -d.load_viscous - d.damping])
+            / d.load_inertia,
         ]
-        torque[4 * i + 1, 2 * i], torque[4 * i + 3, 2 * i + 1] = 1 / d.motor_inertia, 1 / d.load_inertia
+        torque[4 * i + 1, 2 * i], torque[4 * i + 3, 2 * i + 1] = (
+            1 / d.motor_inertia,
+            1 / d.load_inertia,
+        )
         C[i, 4 * i + 2] = d.pitch
     return A, torque, C

@@ -1,9 +1,11 @@
 """Hildreth's dual coordinate ascent: the solver of the papers, for comparison only.
 
-With P = A H^-1 A' over box and rows, A = [I; C], the multipliers are improved one at a time until none moves:
-    lambda_i <- lambda_i + (a_i' z - b_i) / P_ii,     b_i the limit it would push against, zero where it would pull;
-    z = -H^-1 (g + A' lambda)
-Hildreth (1957); Wang, Model Predictive Control System Design (2009), 2.4.4, here with both limits of a row under one multiplier.
+With P = A H^-1 A' over box and rows, A = [I; C], the multipliers are improved one at a time until
+none moves:
+    lambda_i <- lambda_i + (a_i' z - b_i) / P_ii,     b_i the limit it would push against, zero
+    where it would pull; z = -H^-1 (g + A' lambda)
+Hildreth (1957); Wang, Model Predictive Control System Design (2009), 2.4.4, here with both limits
+of a row under one multiplier.
 """
 
 import numpy as np
@@ -24,7 +26,9 @@ class Hildreth(Solver):
     def solve(self, qp: QP) -> Solution:
         """See `Solver`."""
         check_shapes(qp)
-        if not all(np.isfinite(field).all() for field in qp[:3]) or any(np.isnan(field).any() for field in qp[3:]):
+        if not all(np.isfinite(field).all() for field in qp[:3]) or any(
+            np.isnan(field).any() for field in qp[3:]
+        ):
             raise Unsolved(self.name, "the problem is not finite", qp)
         if (qp.lower > qp.upper).any() or (qp.lower_rows > qp.upper_rows).any():
             raise Unsolved(self.name, "infeasible: limits are crossed", qp)

@@ -17,7 +17,9 @@ from jaxtyping import Float
 from jcontour.qp.compiled import compiled
 
 RESIDUAL_LIMIT = 1e-8  # of every scaled residual of an answer that counts as solved
-SYMMETRY = 1e-9  # asymmetry of H, and negative curvature, relative to its largest entry: rounding of a product of matrices
+# asymmetry of H, and negative curvature, relative to its largest entry: rounding of a product of
+# matrices
+SYMMETRY = 1e-9
 
 
 class QP(NamedTuple):
@@ -38,10 +40,13 @@ class Solution(NamedTuple):
     Attributes:
         z: the minimiser (n,).
         multipliers: box, then rows (n + r,); positive at an upper limit, negative at a lower one.
-        primal_residual: largest violation of a limit b, over min(max(1, s), max(1, |b|)); s is below.
-        dual_residual: largest entry of H z + g + mu + C' lambda, or of a multiplier whose limit is infinite, over s.
-        duality_gap: |z' H z + g' z + sum of multiplier times bound| over s = max(min(1, |H|), |H z|, |g|, |mu + C' lambda|), largest
-            entries; |H| instead of 1 where it is smaller, or a cost in small units would pass with any answer.
+        primal_residual: largest violation of a limit b, over min(max(1, s), max(1, |b|)); s is
+            below.
+        dual_residual: largest entry of H z + g + mu + C' lambda, or of a multiplier whose limit is
+            infinite, over s.
+        duality_gap: |z' H z + g' z + sum of multiplier times bound| over s = max(min(1, |H|), |H
+            z|, |g|, |mu + C' lambda|), largest entries; |H| instead of 1 where it is smaller, or a
+            cost in small units would pass with any answer.
         solver: who solved it.
         iterations: of that solver.
     """
@@ -70,7 +75,13 @@ class Unsolved(RuntimeError):
         step: control step at which it happened, once `loop` has filled it in.
     """
 
-    def __init__(self, solver: str, status: str, qp: QP, residuals: tuple[float, float, float] = (np.nan, np.nan, np.nan)):
+    def __init__(
+        self,
+        solver: str,
+        status: str,
+        qp: QP,
+        residuals: tuple[float, float, float] = (np.nan, np.nan, np.nan),
+    ):
         self.solver, self.status, self.residuals = solver, status, residuals
         self.step: int | None = None
         self.qp = QP(*(np.array(field) for field in qp))
@@ -79,7 +90,11 @@ class Unsolved(RuntimeError):
     def __str__(self) -> str:
         where = "" if self.step is None else f"step {self.step}: "
         sizes = f"{self.qp.g.size} variables, {self.qp.lower_rows.size} rows"
-        numbers = "" if np.isnan(self.residuals).all() else "; residuals primal {:.2g}, dual {:.2g}, gap {:.2g}".format(*self.residuals)
+        numbers = (
+            ""
+            if np.isnan(self.residuals).all()
+            else "; residuals primal {:.2g}, dual {:.2g}, gap {:.2g}".format(*self.residuals)
+        )
         return f"{where}{self.solver} did not solve the QP ({sizes}): {self.status}{numbers}"
 
 
@@ -97,7 +112,15 @@ def check_qp(qp: QP) -> None:
 def check_shapes(qp: QP) -> None:
     """Raise ValueError, naming the field, unless every array has the shape that goes with `g` (n,) and `lower_rows` (r,)."""
     n, r = qp.g.size, qp.lower_rows.size
-    needed = {"H": (n, n), "g": (n,), "C": (r, n), "lower_rows": (r,), "upper_rows": (r,), "lower": (n,), "upper": (n,)}
+    needed = {
+        "H": (n, n),
+        "g": (n,),
+        "C": (r, n),
+        "lower_rows": (r,),
+        "upper_rows": (r,),
+        "lower": (n,),
+        "upper": (n,),
+    }
     for name, shape in needed.items():
         if getattr(qp, name).shape != shape:
             raise ValueError(f"{name}: needs shape {shape}, received {getattr(qp, name).shape}")
@@ -105,11 +128,17 @@ def check_shapes(qp: QP) -> None:
 
 def check_limits(name: str, lower, upper) -> None:
     """Raise ValueError unless lower <= upper, with room for a number in between (no NaN, no lower limit of +inf)."""
-    crossed = ~(np.asarray(lower) <= np.asarray(upper)) | (np.asarray(lower) == np.inf) | (np.asarray(upper) == -np.inf)
+    crossed = (
+        ~(np.asarray(lower) <= np.asarray(upper))
+        | (np.asarray(lower) == np.inf)
+        | (np.asarray(upper) == -np.inf)
+    )
     if crossed.any():
         i = int(np.argmax(crossed))
         low, high = np.broadcast_arrays(lower, upper)
-        raise ValueError(f"{name}: the limits need lower <= upper, received {low.flat[i]} and {high.flat[i]} in entry {i}")
+        raise ValueError(
+            f"{name}: the limits need lower <= upper, received {low.flat[i]} and {high.flat[i]} in entry {i}"
+        )
 
 
 def check_weight(name: str, weight: np.ndarray) -> None:
@@ -120,14 +149,20 @@ def check_weight(name: str, weight: np.ndarray) -> None:
         raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
     size = np.abs(weight).max(initial=0.0)
     if np.abs(weight - weight.T).max(initial=0.0) > SYMMETRY * size:
-        raise ValueError(f"{name}: needs to be symmetric, received an asymmetry of {np.abs(weight - weight.T).max():.3g}")
+        raise ValueError(
+            f"{name}: needs to be symmetric, received an asymmetry of {np.abs(weight - weight.T).max():.3g}"
+        )
     lowest = np.linalg.eigvalsh(weight).min(initial=0.0)
     if lowest < -SYMMETRY * size:
-        raise ValueError(f"{name}: needs to be positive semidefinite, received an eigenvalue of {lowest:.3g}")
+        raise ValueError(
+            f"{name}: needs to be positive semidefinite, received an eigenvalue of {lowest:.3g}"
+        )
 
 
 @compiled
-def residuals(H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers) -> tuple[float, float, float]:
+def residuals(
+    H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers
+) -> tuple[float, float, float]:
     """Scaled primal residual, dual residual and duality gap of an answer: the definitions of `Solution`, 2 us for 21 variables."""
     n, r = g.size, lower_rows.size
     scale, dual, gap, orphan, size = 0.0, 0.0, 0.0, 0.0, 0.0

@@ -1,7 +1,8 @@
 """QP solvers behind one small interface; every answer is checked before anyone sees it.
 
-A solver's own flag is not trusted: at default tolerances some return wrong plans as solved. Each answer's residuals are computed
-here, a bad one is polished once (equations on the active limits it claims) or solved again from cold, and is `Unsolved` otherwise.
+A solver's own flag is not trusted: at default tolerances some return wrong plans as solved. Each
+answer's residuals are computed here, a bad one is polished once (equations on the active limits it
+claims) or solved again from cold, and is `Unsolved` otherwise.
 """
 
 import abc
@@ -17,12 +18,24 @@ from jcontour.qp.compiled import compiled
 from jcontour.qp.problem import QP, RESIDUAL_LIMIT, Solution, Unsolved, check_shapes, residuals
 
 REFINEMENTS = 3  # of the polished answer: each gains several digits, the third one none
-PROX_TOLERANCE = 1e-11  # at 1e-9 controls of badly conditioned problems are off by 1e-6 of their limits
+PROX_TOLERANCE = (
+    1e-11  # at 1e-9 controls of badly conditioned problems are off by 1e-6 of their limits
+)
 NAMED_SETTINGS: dict[str, dict[str, Any]] = {
     "proxqp": {"eps_abs": PROX_TOLERANCE, "eps_rel": 0.0}
 }  # of qpsolvers' solvers that need tighter ones
-DAQP_RETRIES = ({"primal_tol": 1e-6, "eps_prox": 1e-4}, {"primal_tol": 1e-8, "zero_tol": 1e-9})  # polished, so these may be loose
-DAQP_STATUS = {-1: "infeasible", -2: "cycling", -3: "unbounded", -4: "iteration limit", -5: "not convex", -6: "dependent equations"}
+DAQP_RETRIES = (
+    {"primal_tol": 1e-6, "eps_prox": 1e-4},
+    {"primal_tol": 1e-8, "zero_tol": 1e-9},
+)  # polished, so these may be loose
+DAQP_STATUS = {
+    -1: "infeasible",
+    -2: "cycling",
+    -3: "unbounded",
+    -4: "iteration limit",
+    -5: "not convex",
+    -6: "dependent equations",
+}
 
 
 class Solver(abc.ABC):
@@ -50,10 +63,16 @@ class DAQP(Solver):
     def solve(self, qp: QP) -> Solution:
         """See `Solver`; a failure is tried again with a proximal term and looser tolerances, and then polished."""
         lower, upper, sense = self._stacked.limits(self.name, qp)
-        z, _, flag, info = daqp.solve(qp.H, qp.g, qp.C, upper, lower, sense, primal_tol=1e-10)  # 1e-6 leaves limits violated
+        z, _, flag, info = daqp.solve(
+            qp.H, qp.g, qp.C, upper, lower, sense, primal_tol=1e-10
+        )  # 1e-6 leaves limits violated
         if flag == 1:
             found = residuals(*qp, z, info["lam"])
-            if found[0] <= RESIDUAL_LIMIT and found[1] <= RESIDUAL_LIMIT and found[2] <= RESIDUAL_LIMIT:
+            if (
+                found[0] <= RESIDUAL_LIMIT
+                and found[1] <= RESIDUAL_LIMIT
+                and found[2] <= RESIDUAL_LIMIT
+            ):
                 return Solution(z, info["lam"], *found, self.name, info["iterations"])
         candidates = [(z, info["lam"], info["iterations"])] * (flag > 0)
         for settings in DAQP_RETRIES:
@@ -65,7 +84,8 @@ class DAQP(Solver):
 class ProxQP(Solver):
     """Primal-dual proximal augmented Lagrangian (Bambade et al. 2022), warm-started from the answer before.
 
-    The objective is divided by its largest entry, so that the absolute tolerance means the same for every problem.
+    The objective is divided by its largest entry, so that the absolute tolerance means the same for
+    every problem.
     """
 
     name = "proxqp"
@@ -84,14 +104,18 @@ class ProxQP(Solver):
                 return checked
         self._warm = None
         second, cold = _prox_solved(_prox_object(qp, size, 1e-12), size)
-        candidates = [a for s, a in ((status, answer), (second, cold)) if s in (None, "max iter reached")]
+        candidates = [
+            a for s, a in ((status, answer), (second, cold)) if s in (None, "max iter reached")
+        ]
         return best_checked(self.name, second or status or "inaccurate", qp, candidates)
 
     def _continued(self, qp: QP, size: float):
         if self._warm is None or self._shape != qp.C.shape:
             self._warm, self._shape = _prox_object(qp, size, PROX_TOLERANCE), qp.C.shape
         else:
-            self._warm.settings.initial_guess = proxsuite.proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+            self._warm.settings.initial_guess = (
+                proxsuite.proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+            )
             self._warm.update(**_prox_numbers(qp, size), update_preconditioner=False)
         return _prox_solved(self._warm, size)
 
@@ -105,7 +129,9 @@ class Named(Solver):
 
     def __init__(self, name: str):
         if name not in qpsolvers.available_solvers:
-            raise ValueError(f"solver: {name!r} is not installed; there are {', '.join(sorted(qpsolvers.available_solvers))}")
+            raise ValueError(
+                f"solver: {name!r} is not installed; there are {', '.join(sorted(qpsolvers.available_solvers))}"
+            )
         self.name, self._stacked = name, _Stacked()
 
     def solve(self, qp: QP) -> Solution:
@@ -115,15 +141,28 @@ class Named(Solver):
         above, below = ~equal & np.isfinite(qp.upper_rows), ~equal & np.isfinite(qp.lower_rows)
         G = np.concatenate([qp.C[above], -qp.C[below]])
         h = np.concatenate([qp.upper_rows[above], -qp.lower_rows[below]])
-        problem = qpsolvers.Problem(qp.H, qp.g, G if h.size else None, h if h.size else None,
-                                    qp.C[equal] if equal.any() else None, qp.upper_rows[equal] if equal.any() else None,
-                                    qp.lower, qp.upper)  # fmt: skip
+        problem = qpsolvers.Problem(
+            qp.H,
+            qp.g,
+            G if h.size else None,
+            h if h.size else None,
+            qp.C[equal] if equal.any() else None,
+            qp.upper_rows[equal] if equal.any() else None,
+            qp.lower,
+            qp.upper,
+        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # qpsolvers warns of what the check below finds
             try:
-                found = qpsolvers.solve_problem(problem, solver=self.name, **NAMED_SETTINGS.get(self.name, {}))
+                found = qpsolvers.solve_problem(
+                    problem, solver=self.name, **NAMED_SETTINGS.get(self.name, {})
+                )
             except Exception as error:  # every backend has its own kind
-                raise Unsolved(self.name, str(error).splitlines()[0] if str(error) else type(error).__name__, qp) from error
+                raise Unsolved(
+                    self.name,
+                    str(error).splitlines()[0] if str(error) else type(error).__name__,
+                    qp,
+                ) from error
         if found.x is None or not found.found:
             raise Unsolved(self.name, "infeasible or not converged", qp)
         multipliers = np.zeros(qp.g.size + equal.size)
@@ -148,7 +187,9 @@ def solver_named(name: str) -> Solver:
     return own[name]() if name in own else Named(name)
 
 
-def best_checked(solver: str, status: str, qp: QP, candidates: list[tuple[np.ndarray, np.ndarray, int]]) -> Solution:
+def best_checked(
+    solver: str, status: str, qp: QP, candidates: list[tuple[np.ndarray, np.ndarray, int]]
+) -> Solution:
     """The first answer (z, multipliers, iterations) that passes, as it is or polished.
 
     Raises:
@@ -168,11 +209,15 @@ def best_checked(solver: str, status: str, qp: QP, candidates: list[tuple[np.nda
 def polished(qp: QP, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The answer with the limits it holds active made equations: [H A'; A 0] (z, lambda) = (-g, b), refined.
 
-    A limit counts as active where the multiplier is larger than the distance to it (complementary slackness).
+    A limit counts as active where the multiplier is larger than the distance to it (complementary
+    slackness).
     """
     n = qp.g.size
     rows = np.concatenate([np.eye(n), qp.C])
-    lower, upper = np.concatenate([qp.lower, qp.lower_rows]), np.concatenate([qp.upper, qp.upper_rows])
+    lower, upper = (
+        np.concatenate([qp.lower, qp.lower_rows]),
+        np.concatenate([qp.upper, qp.upper_rows]),
+    )
     values = rows @ z
     size = max(1.0, np.abs(qp.g).max(initial=0.0))
     at_upper = (multipliers / size > np.abs(upper - values)) | (lower == upper)
@@ -207,13 +252,19 @@ class _Stacked:
         if qp.C.shape != self._shape:
             check_shapes(qp)
             size = sum(qp.C.shape)
-            self._lower, self._upper, self._sense = np.empty(size), np.empty(size), np.zeros(size, np.int32)
+            self._lower, self._upper, self._sense = (
+                np.empty(size),
+                np.empty(size),
+                np.zeros(size, np.int32),
+            )
             self._shape = qp.C.shape
         wrong = _stack(*qp, self._lower, self._upper, self._sense)
         if wrong == 3:
             check_shapes(qp)
         if wrong == 1:
-            raise Unsolved(solver, "the problem is not finite (NaN or inf in H, g or C, or NaN in a limit)", qp)
+            raise Unsolved(
+                solver, "the problem is not finite (NaN or inf in H, g or C, or NaN in a limit)", qp
+            )
         if wrong == 2:
             raise Unsolved(solver, "infeasible: limits are crossed", qp)
         return self._lower, self._upper, self._sense
@@ -223,7 +274,14 @@ class _Stacked:
 def _stack(H, g, C, lower_rows, upper_rows, lower, upper, all_lower, all_upper, sense) -> int:
     """Fill the stacked limits; 1: not finite, 2: crossed, 3: shapes, 0: fine."""
     n, r = g.size, lower_rows.size
-    if H.shape != (n, n) or C.shape != (r, n) or upper_rows.size != r or lower.size != n or upper.size != n or all_lower.size != n + r:
+    if (
+        H.shape != (n, n)
+        or C.shape != (r, n)
+        or upper_rows.size != r
+        or lower.size != n
+        or upper.size != n
+        or all_lower.size != n + r
+    ):
         return 3
     total = 0.0
     for i in range(n):
@@ -253,14 +311,24 @@ def _checked(solver: str, qp: QP, z, multipliers, iterations) -> Solution | None
 
 
 def _prox_numbers(qp: QP, size: float) -> dict[str, np.ndarray]:
-    return dict(H=qp.H / size, g=qp.g / size, C=qp.C, l=qp.lower_rows, u=qp.upper_rows, l_box=qp.lower, u_box=qp.upper)
+    return dict(
+        H=qp.H / size,
+        g=qp.g / size,
+        C=qp.C,
+        l=qp.lower_rows,
+        u=qp.upper_rows,
+        l_box=qp.lower,
+        u_box=qp.upper,
+    )
 
 
 def _prox_object(qp: QP, size: float, tolerance: float):
     r, n = qp.C.shape
     problem = proxsuite.proxqp.dense.QP(n, 0, r, True)
     problem.settings.eps_abs, problem.settings.eps_rel = tolerance, 0.0
-    problem.settings.eps_primal_inf = problem.settings.eps_dual_inf = 1e-7  # at 1e-4 it calls feasible problems infeasible
+    problem.settings.eps_primal_inf = problem.settings.eps_dual_inf = (
+        1e-7  # at 1e-4 it calls feasible problems infeasible
+    )
     problem.settings.max_iter = 200  # a feasible problem needs some tens
     problem.settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
     problem.init(**_prox_numbers(qp, size), compute_preconditioner=True)
@@ -274,5 +342,9 @@ def _prox_solved(problem, size: float):
     rows = results.z.size - n
     multipliers = size * np.concatenate([results.z[rows:], results.z[:rows]])
     solved = results.info.status == proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
-    status = None if solved else results.info.status.name.removeprefix("PROXQP_").lower().replace("_", " ")
+    status = (
+        None
+        if solved
+        else results.info.status.name.removeprefix("PROXQP_").lower().replace("_", " ")
+    )
     return status, (np.array(results.x), multipliers, results.info.iter)

@@ -7,15 +7,19 @@ from jaxtyping import Array, Float
 from jcontour.linear.plant import spectral_radius
 from jcontour.tracing import is_concrete
 
-DOUBLINGS = 20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
+DOUBLINGS = (
+    20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
+)
 
 
-def dare(A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]) -> Float[Array, "n n"]:
+def dare(
+    A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]
+) -> Float[Array, "n n"]:
     """Stabilising solution of H = A' (H - H B (B' H B + R)^-1 B' H) A + Q by structured doubling.
 
-    McNab & Tsao, eq. 16. After i doublings the iterate is the Riccati recursion of 2^i steps from zero, so values and
-    derivatives are those of the limit. It is not finite, or A - B K is not stable, when there is no stabilising solution;
-    see `check_dare` for the message.
+    McNab & Tsao, eq. 16. After i doublings the iterate is the Riccati recursion of 2^i steps from
+    zero, so values and derivatives are those of the limit. It is not finite, or A - B K is not
+    stable, when there is no stabilising solution; see `check_dare` for the message.
     """
     identity = jnp.eye(A.shape[0], dtype=A.dtype)
 
@@ -64,7 +68,8 @@ def small_inverse(M: Float[Array, "*batch p p"]) -> Float[Array, "*batch p p"]:
         return adjugate / (a * d - b * c)[..., None, None]
     if M.shape[-1] == 3:
         first, second, third = M[..., 0, :], M[..., 1, :], M[..., 2, :]
-        adjugate = jnp.stack([jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)], -1)
+        adjugate = jnp.stack(
+            [jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)], -1
+        )
         return adjugate / jnp.sum(first * adjugate[..., 0], axis=-1)[..., None, None]
     return jnp.linalg.inv(M)
-

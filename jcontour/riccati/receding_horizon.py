@@ -1,12 +1,15 @@
 """Riccati mathematics: the receding-horizon sweep over a whole run at once, and the algebraic equation by doubling.
 
-At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal (H, g):
+At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal (H,
+g):
     K_j = (B' H_{j+1} B + R)^-1 B' H_{j+1} A
     H_j = A' H_{j+1} (A - B K_j) + C' Q_j C
     g_j = (A - B K_j)' g_{j+1} - C' Q_j y_d(k+j)
     u(k) = -(B' H_1 B + R)^-1 B' (H_1 A x(k) + g_1)
-McNab & Tsao, eqs. 11-13, with the minus of (11) and (12) restored and H_{j+1}, g_{j+1} throughout. The gains depend on the
-future of the reference only, never on the state, so all steps are swept together: axis T in front, j the only loop.
+McNab & Tsao, eqs. 11-13, with the minus of (11) and (12) restored and H_{j+1}, g_{j+1} throughout.
+The gains depend on the
+future of the reference only, never on the state, so all steps are swept together: axis T in front,
+j the only loop.
 """
 
 from typing import NamedTuple
@@ -33,22 +36,29 @@ class CostToGo(NamedTuple):
 
 
 def receding_horizon_plan(
-    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array | np.ndarray, " N_p"],
-    R: Float[Array, "p p"], terminal: CostToGo | None,
-) -> AffinePlan:  # fmt: skip
+    model: LinearPlant,
+    Q: Float[Array, "S m m"],
+    y_d: Float[Array, "S m"],
+    stage: Float[Array | np.ndarray, " N_p"],
+    R: Float[Array, "p p"],
+    terminal: CostToGo | None,
+) -> AffinePlan:
     """Gains F, f (u = f - F x) of every step of a run.
 
-    Long windows whose stage profile is known to be uniform are composed from spans (`kernels.sliding_window`), others are swept
-    stage by stage: by the GPU's kernels where they take the plant, by `kernels.window_sweep` elsewhere.
+    Long windows whose stage profile is known to be uniform are composed from spans
+    (`kernels.sliding_window`), others are swept
+    stage by stage: by the GPU's kernels where they take the plant, by `kernels.window_sweep`
+    elsewhere.
 
     Args:
         model: A, B, C.
         Q: output weight at every sample, S = T + N_p.
         y_d: desired output at every sample [m].
-        stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the terminal); traced, or known.
+        stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the
+            terminal); traced, or known.
         R: control weight.
-        terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is weighted like the others, by stage
-            times Q, and then S has to be T + N_p exactly.
+        terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is
+            weighted like the others, by stage times Q, and then S has to be T + N_p exactly.
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
@@ -60,28 +70,40 @@ def receding_horizon_plan(
         from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
 
         end = () if terminal is None else tuple(terminal)
-        return AffinePlan(*lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end))  # pyright: ignore[reportGeneralTypeIssues]
+        return AffinePlan(
+            *lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end)
+        )  # pyright: ignore[reportGeneralTypeIssues]
     if terminal is None:
         cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
         terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
-    return AffinePlan(*window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal))
+    return AffinePlan(
+        *window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
+    )
 
 
 def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
     """By spans; without a terminal the last sample belongs to them."""
     steps = Q.shape[0] - preview
     window = preview if terminal is None else preview - 1
-    end = None if terminal is None else jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
+    end = (
+        None if terminal is None else jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
+    )
     seen = slice(1, steps + window)
-    return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps))
+    return sliding_plan(
+        model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps)
+    )
 
 
 def scheduled_plan(
-    models: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    models: LinearPlant,
+    Q: Float[Array, "S m m"],
+    y_d: Float[Array, "S m"],
+    stage: Float[Array, " N_p"],
+    R: Float[Array, "p p"],
     terminal: CostToGo,
-) -> AffinePlan:  # fmt: skip
+) -> AffinePlan:
     """The same for a machine that changes along the path: A_j, B_j, C_j are those of sample k + j, `models` stacked over all S samples."""
     steps, preview = terminal.g.shape[0], stage.shape[0]
 
@@ -97,9 +119,13 @@ def scheduled_plan(
 
 
 def readable_plan(
-    model: LinearPlant, Q: Float[Array, "S m m"], y_d: Float[Array, "S m"], stage: Float[Array, " N_p"], R: Float[Array, "p p"],
+    model: LinearPlant,
+    Q: Float[Array, "S m m"],
+    y_d: Float[Array, "S m"],
+    stage: Float[Array, " N_p"],
+    R: Float[Array, "p p"],
     terminal: CostToGo,
-) -> AffinePlan:  # fmt: skip
+) -> AffinePlan:
     """The same as the equations say it, stage by stage; `kernels.window_sweep` is tested equal to it."""
     steps, preview = terminal.g.shape[0], stage.shape[0]
 
@@ -117,7 +143,9 @@ def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, 
     return CostToGo(model.C.T @ Q @ model.C, -jnp.einsum("tij,tj->ti", Q, y_d) @ model.C)
 
 
-def one_stage_back(model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]) -> CostToGo:
+def one_stage_back(
+    model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]
+) -> CostToGo:
     """(H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13, of one model for all steps or of one for each."""
     A, B, C = model.A, model.B, model.C
     K, _ = _gain(model, R, cost)
@@ -133,20 +161,12 @@ def first_control(model: LinearPlant, R, cost: CostToGo) -> AffinePlan:
     return AffinePlan(F, f)
 
 
-def _gain(model: LinearPlant, R, cost: CostToGo) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
+def _gain(
+    model: LinearPlant, R, cost: CostToGo
+) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
     BH = model.B.mT @ cost.H
     inverse = small_inverse(BH @ model.B + R)
     return inverse @ (BH @ model.A), -_apply(inverse, _apply(model.B.mT, cost.g))
-
-
-
-
-
-
-
-
-
-
 
 
 def _apply(matrices: Float[Array, "*T a b"], vectors: Float[Array, "T b"]) -> Float[Array, "T a"]:

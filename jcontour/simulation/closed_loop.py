@@ -32,11 +32,14 @@ def start_state(plant: Plant, reference: Reference) -> State:
 
 
 @eqx.filter_jit
-def simulate(plant: Plant, controller: Controller, reference: Reference, state: State | None = None) -> Rollout:
+def simulate(
+    plant: Plant, controller: Controller, reference: Reference, state: State | None = None
+) -> Rollout:
     """Run `controller` on `plant` along `reference` for its T steps, from `state` or from where the reference begins.
 
     Raises:
-        ValueError: the reference has fewer preview samples than the controller needs, or their sample periods differ.
+        ValueError: the reference has fewer preview samples than the controller needs, or their
+            sample periods differ.
     """
     check_run(plant, controller, reference)
     return follow(plant, controller, controller.prepare(reference), reference, state)
@@ -53,7 +56,13 @@ def prepared(controller: Controller, reference: Reference) -> Plan:
     return controller.prepare(reference)
 
 
-def follow(plant: Plant, controller: Controller, plan: Plan, reference: Reference, state: State | None = None) -> Rollout:
+def follow(
+    plant: Plant,
+    controller: Controller,
+    plan: Plan,
+    reference: Reference,
+    state: State | None = None,
+) -> Rollout:
     """The loop of `simulate` with the plan already prepared, so that a family of plants can share it."""
     state = start_state(plant, reference) if state is None else state
 
@@ -64,7 +73,9 @@ def follow(plant: Plant, controller: Controller, plan: Plan, reference: Referenc
         row = (state, plant.output(state), measurement, control, memory)
         return (plant.step(state, control), next_memory), row
 
-    (final_state, final_memory), rows = jax.lax.scan(step, (state, controller.initial_memory(reference)), plan)
+    (final_state, final_memory), rows = jax.lax.scan(
+        step, (state, controller.initial_memory(reference)), plan
+    )
     return Rollout(*rows, final_state, final_memory)
 
 
@@ -72,4 +83,6 @@ def check_run(plant: Plant, controller: Controller, reference: Reference) -> Non
     """Raise ValueError unless the reference suits the controller and the plant."""
     check_preview(controller, reference)
     if plant.dt != reference.dt:
-        raise ValueError(f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s")
+        raise ValueError(
+            f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s"
+        )

@@ -1,7 +1,8 @@
 """One controller on many contours and many plants: metrics with axes (contour, plant).
 
-The plan is prepared once per contour and shared by the family. On a CPU the batches are loops (`lax.map`: one run stays in the
-cache, and memory does not grow with the batch), on an accelerator they are vectorised (`vmap`).
+The plan is prepared once per contour and shared by the family. On a CPU the batches are loops
+(`lax.map`: one run stays in the cache, and memory does not grow with the batch), on an accelerator
+they are vectorised (`vmap`).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,8 +23,12 @@ from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_run, follow, start_state
 from jcontour.simulation.metrics import Metrics, score_signals
 
-KEPT = 16  # members whose intermediate numbers a derivative may keep, about 1 MB each for 500 steps; running again costs 40 % of its time
-Batching = Callable[[Callable, Any], Any]  # (function of one member, batch of members with axis 0 in front) -> batch of results
+# members whose intermediate numbers a derivative may keep, about 1 MB each for 500 steps; running
+# again costs 40 % of its time
+KEPT = 16
+Batching = Callable[
+    [Callable, Any], Any
+]  # (function of one member, batch of members with axis 0 in front) -> batch of results
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
@@ -48,9 +53,12 @@ def family_batching(plants: Plant) -> Batching:
 
 
 def evaluate(
-    controller: Controller, plants: Plant, references: Reference, window: tuple[int, int] | None = None,
+    controller: Controller,
+    plants: Plant,
+    references: Reference,
+    window: tuple[int, int] | None = None,
     batching: Batching | None = None,
-) -> Metrics:  # fmt: skip
+) -> Metrics:
     """Metrics (contour, plant) of one controller over stacked references and a stacked family of plants.
 
     Args:
@@ -58,7 +66,8 @@ def evaluate(
         plants: `stack_plants([...])`, axis 0.
         references: `stack_references([...])`, axis 0.
         window: samples a..b-1 that are scored; all when not given.
-        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen by the platform when not given.
+        batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
+            by the platform when not given.
 
     Raises:
         ValueError: as `simulate` and `score`.
@@ -74,16 +83,26 @@ def evaluate(
     return batching(on_contour, references)
 
 
-def _followed(plant: Plant, controller: Controller, plan: Plan, reference: Reference, window: tuple[int, int] | None) -> Metrics:
+def _followed(
+    plant: Plant,
+    controller: Controller,
+    plan: Plan,
+    reference: Reference,
+    window: tuple[int, int] | None,
+) -> Metrics:
     """Metrics of one run; a linear plant under a static affine law has a kernel on a GPU, which returns no rollout."""
     static = isinstance(plan, AffinePlan) and controller.initial_memory(reference) is None
     if static and type(plant) is LinearPlant:  # a wrapper may measure less than the state
         start = start_state(plant, reference)
         if suits_lanes(plant.pattern, plant, plan, start):
-            from jcontour.kernels.lane_score import lane_score  # loads Pallas, which a CPU has no use for
+            from jcontour.kernels.lane_score import (
+                lane_score,
+            )  # loads Pallas, which a CPU has no use for
 
             score = partial(score_signals, window=window)
-            metrics = lane_score(plant.pattern, score, plant.A, plant.B, plant.C, plan.F, plan.f, start, reference)
+            metrics = lane_score(
+                plant.pattern, score, plant.A, plant.B, plant.C, plan.F, plan.f, start, reference
+            )
             return eqx.tree_at(lambda m: m.diverged, metrics, replace_fn=lambda flag: flag != 0)
     rollout = follow(plant, controller, plan, reference)
     return score_signals(rollout.output, rollout.control, reference, window)
@@ -125,5 +144,9 @@ def _stack(name: str, members: Sequence) -> Any:
     first = jax.tree.structure(members[0])
     for k, one in enumerate(members):
         if jax.tree.structure(one) != first or shapes[k] != shapes[0]:
-            raise ValueError(f"{name}: all need the same structure, sample period and shapes; number {k} differs from number 0")
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *members)  # stacked by NumPy: nothing to compile
+            raise ValueError(
+                f"{name}: all need the same structure, sample period and shapes; number {k} differs from number 0"
+            )
+    return jax.tree.map(
+        lambda *leaves: jnp.asarray(np.stack(leaves)), *members
+    )  # stacked by NumPy: nothing to compile

@@ -2,8 +2,10 @@
 
 Tracking error  e(k) = y(k) - y_d(k)                        distance to where the tool should be now
 Projected error eps(k) = (I - r r') e(k)                    McNab & Tsao, eq. 3
-Contour error   min over s of |y(k) - p(s)|                 distance to the path itself, near the current progress
-On one axis the path is the travel: the projected error is zero, and the contour error is what lies beyond the ends of the travel.
+Contour error   min over s of |y(k) - p(s)|                 distance to the path itself, near the
+current progress
+On one axis the path is the travel: the projected error is zero, and the contour error is what lies
+beyond the ends of the travel.
 """
 
 import equinox as eqx
@@ -15,14 +17,16 @@ from jaxtyping import Array, Bool, Float, Shaped
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 
-SEARCH_REACH = np.pi  # tracking errors: the nearest point lies within a chord of 2 |e|, on an arc of up to half a circle
+# tracking errors: the nearest point lies within a chord of 2 |e|, on an arc of up to half a circle
+SEARCH_REACH = np.pi
 
 
 class Metrics(eqx.Module):
     """Root mean squares and peaks of vector norms over the scored samples, in SI units.
 
-    Errors in metres, controls in the plant's unit; an increment is u(k) - u(k-1) between two scored samples; `duration` [s];
-    `diverged` tells that the run left the contour by more than its size, or is not finite: its numbers mean nothing.
+    Errors in metres, controls in the plant's unit; an increment is u(k) - u(k-1) between two scored
+    samples; `duration` [s]; `diverged` tells that the run left the contour by more than its size,
+    or is not finite: its numbers mean nothing.
     """
 
     rms_contour_error: Float[Array, ""]
@@ -39,25 +43,39 @@ class Metrics(eqx.Module):
     diverged: Bool[Array, ""]
 
 
-def tracking_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
+def tracking_error(
+    output: Float[Array, "T *runs m"], reference: Reference
+) -> Float[Array, "T *runs m"]:
     """e = y - y_d [m]."""
     return output - _over_runs(reference.position[: reference.steps], output)
 
 
-def projected_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
+def projected_error(
+    output: Float[Array, "T *runs m"], reference: Reference
+) -> Float[Array, "T *runs m"]:
     """eps = (I - r r') e [m], the linear estimate of the contour error (McNab & Tsao, eq. 3)."""
-    error, tangent = tracking_error(output, reference), _over_runs(reference.tangent[: reference.steps], output)
+    error, tangent = (
+        tracking_error(output, reference),
+        _over_runs(reference.tangent[: reference.steps], output),
+    )
     return error - jnp.sum(error * tangent, axis=-1, keepdims=True) * tangent
 
 
-def contour_error(output: Float[Array, "T *runs m"], reference: Reference) -> Float[Array, "T *runs m"]:
+def contour_error(
+    output: Float[Array, "T *runs m"], reference: Reference
+) -> Float[Array, "T *runs m"]:
     """y - p(s*) [m], s* the nearest point of the true geometry around the sample's own arc length.
 
-    The search is held fixed under differentiation, which is exact for the distance: (y - p) is normal to the path there.
+    The search is held fixed under differentiation, which is exact for the distance: (y - p) is
+    normal to the path there.
     """
     error = _norm(jax.lax.stop_gradient(tracking_error(output, reference)))
-    reach = jnp.where(error <= reference.contour.size, SEARCH_REACH * error, 0.0)  # a diverged sample is not worth a search
-    nearest = reference.contour.nearest(output, _over_runs(reference.arc[: reference.steps], error), reach)
+    reach = jnp.where(
+        error <= reference.contour.size, SEARCH_REACH * error, 0.0
+    )  # a diverged sample is not worth a search
+    nearest = reference.contour.nearest(
+        output, _over_runs(reference.arc[: reference.steps], error), reach
+    )
     return output - reference.contour.position(nearest)
 
 
@@ -71,7 +89,9 @@ def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None
     return score_signals(rollout.output, rollout.control, reference, window)
 
 
-def score_signals(output, control, reference: Reference, window: tuple[int, int] | None = None) -> Metrics:
+def score_signals(
+    output, control, reference: Reference, window: tuple[int, int] | None = None
+) -> Metrics:
     """`score` from the two signals it needs, outputs (T, m) [m] and controls (T, p).
 
     Axes between those two are runs of one reference, and then every number has these axes (*runs).
@@ -91,20 +111,31 @@ def score_signals(output, control, reference: Reference, window: tuple[int, int]
         *_rms_and_peak(tracking, mask),
         *_rms_and_peak(control, mask),
         *_rms_and_peak(jnp.diff(control, axis=0), pairs),
-        duration=jnp.broadcast_to(jnp.sum(mask) * jnp.asarray(reference.dt, output.dtype), output.shape[1:-1]),
-        diverged=jnp.any(lost, axis=0) | ~jnp.all(jnp.isfinite(jnp.where(_over_runs(mask, control), control, 0.0)), axis=(0, -1)),
+        duration=jnp.broadcast_to(
+            jnp.sum(mask) * jnp.asarray(reference.dt, output.dtype), output.shape[1:-1]
+        ),
+        diverged=jnp.any(lost, axis=0)
+        | ~jnp.all(jnp.isfinite(jnp.where(_over_runs(mask, control), control, 0.0)), axis=(0, -1)),
     )
 
 
-def _rms_and_peak(vectors: Float[Array, "T *runs d"], mask: Bool[Array, " T"]) -> tuple[Float[Array, "*runs"], Float[Array, "*runs"]]:
+def _rms_and_peak(
+    vectors: Float[Array, "T *runs d"], mask: Bool[Array, " T"]
+) -> tuple[Float[Array, "*runs"], Float[Array, "*runs"]]:
     square = jnp.sum(jnp.where(_over_runs(mask, vectors), vectors, 0.0) ** 2, axis=-1)
-    if square.ndim > 1:  # many runs: XLA for GPUs would compute the signal inside both reductions, which takes twice as long as the loop
+    if (
+        square.ndim > 1
+        # many runs: XLA for GPUs would compute the signal inside both reductions, which takes twice as
+        # long as the loop
+    ):
         square = jax.lax.optimization_barrier(square)
     mean = jnp.sum(square, axis=0) / jnp.maximum(jnp.sum(mask), 1)
     return _sqrt(mean), _sqrt(jnp.max(square, axis=0, initial=0.0))
 
 
-def _over_runs(samples: Shaped[Array, "T *one"], like: Shaped[Array, "T *runs"]) -> Shaped[Array, "T *spread"]:
+def _over_runs(
+    samples: Shaped[Array, "T *one"], like: Shaped[Array, "T *runs"]
+) -> Shaped[Array, "T *spread"]:
     """Samples of the reference with as many axes as `like`, the new ones behind time."""
     return jnp.expand_dims(samples, tuple(range(1, 1 + like.ndim - samples.ndim)))
 
@@ -115,4 +146,6 @@ def _norm(vectors: Float[Array, "*batch d"]) -> Float[Array, "*batch"]:
 
 def _sqrt(square: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), jnp.where(square == 0, 0.0, square))
+    return jnp.where(
+        positive, jnp.sqrt(jnp.where(positive, square, 1.0)), jnp.where(square == 0, 0.0, square)
+    )

@@ -1,9 +1,11 @@
 """A whole program, millions of servo steps, in one call: gains and closed loop chunk by chunk.
 
-A chunk knows the state it starts in and the samples that it and its preview see. Inside it the closed loop is affine,
+A chunk knows the state it starts in and the samples that it and its preview see. Inside it the
+closed loop is affine,
     x(k+1) = M_k x(k) + v_k,   M_k = A - B F_k,   v_k = B f_k,
-and (M_2, v_2) after (M_1, v_1) is (M_2 M_1, M_2 v_1 + v_2): on a GPU all states come from an associative scan over time, on a CPU
-from a plain one. Only signals are kept; the derivative computes a chunk again, so its memory is that of one chunk as well.
+and (M_2, v_2) after (M_1, v_1) is (M_2 M_1, M_2 v_1 + v_2): on a GPU all states come from an
+associative scan over time, on a CPU from a plain one. Only signals are kept; the derivative
+computes a chunk again, so its memory is that of one chunk as well.
 """
 
 from typing import NamedTuple
@@ -30,28 +32,37 @@ class Signals(NamedTuple):
 
 
 @eqx.filter_jit
-def run_program(plant: LinearPlant, controller: Controller, reference: Reference, chunk: int = CHUNK) -> Signals:
+def run_program(
+    plant: LinearPlant, controller: Controller, reference: Reference, chunk: int = CHUNK
+) -> Signals:
     """Outputs and controls of `simulate`, for a linear plant whose whole state is measured under gains made from the preview alone.
 
     Args:
         plant: the machine.
-        controller: whose plan is an `AffinePlan`, its row k made from samples k..k+N_p, such as `ContouringLQ` and `PreviewLQ`.
+        controller: whose plan is an `AffinePlan`, its row k made from samples k..k+N_p, such as
+            `ContouringLQ` and `PreviewLQ`.
         reference: the whole program.
         chunk: steps that are prepared together.
 
     Raises:
-        ValueError: the plant or the controller is of another kind, the chunk is not positive, or as `simulate`.
+        ValueError: the plant or the controller is of another kind, the chunk is not positive, or as
+            `simulate`.
     """
     check_run(plant, controller, reference)
     if type(plant) is not LinearPlant:
-        raise ValueError(f"plant: a long program needs a LinearPlant, received {type(plant).__name__}; use simulate")
+        raise ValueError(
+            f"plant: a long program needs a LinearPlant, received {type(plant).__name__}; use simulate"
+        )
     if chunk < 1:
         raise ValueError(f"chunk: needs at least one step, received {chunk}")
     count = -(-reference.steps // chunk)
     length = -(-reference.steps // count)
     seen = length + controller.preview
     missing = (count - 1) * length + seen - reference.position.shape[0]
-    samples = [jnp.pad(values, ((0, max(missing, 0)), *[(0, 0)] * (values.ndim - 1)), mode="edge") for values in _timed(reference)]
+    samples = [
+        jnp.pad(values, ((0, max(missing, 0)), *[(0, 0)] * (values.ndim - 1)), mode="edge")
+        for values in _timed(reference)
+    ]
 
     @jax.checkpoint
     def one_chunk(state, first):
@@ -59,7 +70,9 @@ def run_program(plant: LinearPlant, controller: Controller, reference: Reference
         part = Reference(*own, reference.start_increment, reference.contour, reference.dt, length)
         plan = controller.prepare(part)
         if not isinstance(plan, AffinePlan) or controller.initial_memory(part) is not None:
-            raise ValueError(f"controller: a long program needs gains alone, {type(controller).__name__} makes more; use simulate")
+            raise ValueError(
+                f"controller: a long program needs gains alone, {type(controller).__name__} makes more; use simulate"
+            )
         states, state = closed_loop(plant, plan, state)
         control = plan.f - jnp.einsum("kpn,kn->kp", plan.F, states)
         return state, Signals(states @ plant.C.T, control)
@@ -68,14 +81,18 @@ def run_program(plant: LinearPlant, controller: Controller, reference: Reference
     return jax.tree.map(lambda rows: rows.reshape(-1, rows.shape[-1])[: reference.steps], signals)
 
 
-def closed_loop(plant: LinearPlant, plan: AffinePlan, state: Float[Array, " n"]) -> tuple[Float[Array, "T n"], Float[Array, " n"]]:
+def closed_loop(
+    plant: LinearPlant, plan: AffinePlan, state: Float[Array, " n"]
+) -> tuple[Float[Array, "T n"], Float[Array, " n"]]:
     """States before every control of a plan, and the one after the last."""
     M, v = plant.A - plant.B @ plan.F, plan.f @ plant.B.T
     states = _all_at_once(M, v, state) if on_gpu() else _one_by_one(M, v, state)
     return jnp.concatenate([state[None], states[:-1]]), states[-1]
 
 
-def _one_by_one(M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[Array, " n"]) -> Float[Array, "T n"]:
+def _one_by_one(
+    M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[Array, " n"]
+) -> Float[Array, "T n"]:
     """States after every step."""
 
     def step(state, row):
@@ -85,7 +102,9 @@ def _one_by_one(M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[A
     return jax.lax.scan(step, state, (M, v))[1]
 
 
-def _all_at_once(M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[Array, " n"]) -> Float[Array, "T n"]:
+def _all_at_once(
+    M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[Array, " n"]
+) -> Float[Array, "T n"]:
     """The same, by composing the steps pair by pair."""
 
     def after(first, second):

@@ -9,7 +9,9 @@ from jaxtyping import Array, Float
 
 from jcontour.geometry.contour import Contour
 
-REACH = 8.0  # times step and error: the foot of a tool that cuts a corner of 28 degrees jumps so far from leg to leg
+# times step and error: the foot of a tool that cuts a corner of 28 degrees jumps so far from leg to
+# leg
+REACH = 8.0
 END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as done
 
 
@@ -32,15 +34,25 @@ class Score(NamedTuple):
 
 
 def traversal_score(
-    contour: Contour, output: Float[Array, "T m"], dt: float, start: float = 0.0, margin: float = END_MARGIN, progress=None
+    contour: Contour,
+    output: Float[Array, "T m"],
+    dt: float,
+    start: float = 0.0,
+    margin: float = END_MARGIN,
+    progress=None,
 ) -> Score:
     """Time and contour error of a tool path (T, m) [m] sampled every `dt` [s], which begins at the arc length `start` [m].
 
-    `progress` (T,) is where the controller holds the tool to be [m]: the nearest point is then sought around it, which finds its way
-    around sharp corners; without it, it is sought around the one before.
+    `progress` (T,) is where the controller holds the tool to be [m]: the nearest point is then
+    sought around it, which finds its way around sharp corners; without it, it is sought around the
+    one before.
     """
     output = jnp.asarray(output)
-    found = _followed(contour, output, jnp.asarray(float(start))) if progress is None else _around(contour, output, jnp.asarray(progress))
+    found = (
+        _followed(contour, output, jnp.asarray(float(start)))
+        if progress is None
+        else _around(contour, output, jnp.asarray(progress))
+    )
     arc, error = (np.asarray(values) for values in found)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
@@ -65,7 +77,9 @@ def _followed(contour: Contour, output, start):
         return (arc, error), (arc, error)
 
     first = jnp.linalg.norm(output[0] - contour.position(start))
-    return jax.lax.scan(advance, (start, first), (jnp.concatenate([output[:1], output[:-1]]), output))[1]
+    return jax.lax.scan(
+        advance, (start, first), (jnp.concatenate([output[:1], output[:-1]]), output)
+    )[1]
 
 
 @jax.jit
@@ -74,5 +88,7 @@ def _around(contour: Contour, output, progress):
     gap = jnp.linalg.norm(output - contour.position(progress), axis=-1)
     nearest = contour.nearest(output, progress, REACH * gap + 1e-6 * contour.length)
     moved = nearest - contour._inside(progress)
-    arc = progress + jnp.where(contour.closed, moved - contour.length * jnp.round(moved / contour.length), moved)
+    arc = progress + jnp.where(
+        contour.closed, moved - contour.length * jnp.round(moved / contour.length), moved
+    )
     return arc, jnp.linalg.norm(output - contour.position(arc), axis=-1)

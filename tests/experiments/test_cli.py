@@ -15,7 +15,11 @@ def refused(capsys, folder, arguments, says):
     before = sorted(folder.rglob("*"))
     assert main(arguments) == 2
     captured = capsys.readouterr()
-    assert captured.err.startswith("jcontour: ") and captured.err.count("\n") == 1 and "Traceback" not in captured.err
+    assert (
+        captured.err.startswith("jcontour: ")
+        and captured.err.count("\n") == 1
+        and "Traceback" not in captured.err
+    )
     assert says in captured.err
     assert captured.out == ""
     assert sorted(folder.rglob("*")) == before
@@ -38,7 +42,12 @@ def test_bad_part(capsys, tmp_path, program, says):
 
 
 def test_missing_part(capsys, tmp_path):
-    refused(capsys, tmp_path, ["tune", str(tmp_path / "none.ngc"), "--out", str(tmp_path / "run")], "none.ngc")
+    refused(
+        capsys,
+        tmp_path,
+        ["tune", str(tmp_path / "none.ngc"), "--out", str(tmp_path / "run")],
+        "none.ngc",
+    )
 
 
 @pytest.mark.parametrize(
@@ -71,8 +80,15 @@ def test_bad_flag(capsys, tmp_path, part_file, machine_file, flags, says):
 
 def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
     path = tmp_path / "machine.json"
-    path.write_text(json.dumps({**machine_fields, "B": [[0.0, 0.0], [0.4, 0.0], [0.0, 0.0], [0.0, 0.0]]}))
-    refused(capsys, tmp_path, ["tune", str(part_file), "--plant", str(path), "--out", str(tmp_path / "run")], "out of reach")
+    path.write_text(
+        json.dumps({**machine_fields, "B": [[0.0, 0.0], [0.4, 0.0], [0.0, 0.0], [0.0, 0.0]]})
+    )
+    refused(
+        capsys,
+        tmp_path,
+        ["tune", str(part_file), "--plant", str(path), "--out", str(tmp_path / "run")],
+        "out of reach",
+    )
 
 
 def test_folder_of_another_run(capsys, tmp_path, machine_file, part_file):
@@ -83,7 +99,10 @@ def test_folder_of_another_run(capsys, tmp_path, machine_file, part_file):
     refused(capsys, tmp_path, flags, "already holds another run")
 
 
-@pytest.mark.parametrize("arguments", [["simulate", "spiral"], ["simulate", "--controller", "magic"], ["reproduce", "nothing"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["simulate", "spiral"], ["simulate", "--controller", "magic"], ["reproduce", "nothing"]],
+)
 def test_unknown_name(capsys, tmp_path, monkeypatch, arguments):
     monkeypatch.chdir(tmp_path)
     refused(capsys, tmp_path, arguments, arguments[-1])
@@ -106,7 +125,9 @@ def test_list_as_json(capsys):
     assert main(["list", "--json"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert {"plants", "controllers", "contours", "experiments"} == set(found) and "bridgeport" in found["plants"]
+    assert {"plants", "controllers", "contours", "experiments"} == set(
+        found
+    ) and "bridgeport" in found["plants"]
 
 
 def test_help_imports_nothing_heavy():
@@ -122,9 +143,21 @@ def test_help_imports_nothing_heavy():
 def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
     """kill -9 in the middle, resume, and the same result to the last bit as a run that was left alone."""
     command = [sys.executable, "-m", "experiments.cli", "tune"]
-    effort = ["--scatter", "3", "--starts", "2", "--inner-steps", "4", "--outer-steps", "2", "--json"]
+    effort = [
+        "--scatter",
+        "3",
+        "--starts",
+        "2",
+        "--inner-steps",
+        "4",
+        "--outer-steps",
+        "2",
+        "--json",
+    ]
     make = [*command, str(part_file), "--plant", str(machine_file), *effort]
-    alone = subprocess.run([*make, "--out", str(tmp_path / "alone")], capture_output=True, text=True)
+    alone = subprocess.run(
+        [*make, "--out", str(tmp_path / "alone")], capture_output=True, text=True
+    )
     assert alone.returncode == 0, alone.stderr
     killed = subprocess.Popen([*make, "--out", str(tmp_path / "killed")], stdout=subprocess.DEVNULL)
     while not (tmp_path / "killed" / "state.npz").exists() and killed.poll() is None:
@@ -132,7 +165,9 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
     killed.kill()
     killed.wait()
     assert not (tmp_path / "killed" / "result.json").exists()
-    resumed = subprocess.run([*command, "--resume", str(tmp_path / "killed"), "--json"], capture_output=True, text=True)
+    resumed = subprocess.run(
+        [*command, "--resume", str(tmp_path / "killed"), "--json"], capture_output=True, text=True
+    )
     assert resumed.returncode == 0, resumed.stderr
     first, second = json.loads(alone.stdout), json.loads(resumed.stdout)
     for one in (first, second):
@@ -141,15 +176,24 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
     for name in ("gains.csv", "observer.json", "history.json"):
         assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "killed" / name).read_bytes()
     compared = subprocess.run(
-        [*command[:-1], "compare", str(tmp_path / "alone"), str(tmp_path / "killed"), "--json"], capture_output=True, text=True
+        [*command[:-1], "compare", str(tmp_path / "alone"), str(tmp_path / "killed"), "--json"],
+        capture_output=True,
+        text=True,
     )
     summary = json.loads(compared.stdout)
-    assert summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
+    assert (
+        summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
+    )
 
 
-LONG = {  # command -> flags, the file that tells that it is in the middle, the files that have to agree
+# command -> flags, the file that tells that it is in the middle, the files that have to agree
+LONG = {
     "front": (["circle", "--points", "2"], "budget-0/state.npz", ("result.json", "budgets.json")),
-    "sweep": (["circle", "--vary", "alpha=1,2,4", "beta=0,1,5,20", "--previews", "4", "6"], "parts", ("result.json",)),
+    "sweep": (
+        ["circle", "--vary", "alpha=1,2,4", "beta=0,1,5,20", "--previews", "4", "6"],
+        "parts",
+        ("result.json",),
+    ),
 }
 
 
@@ -163,24 +207,53 @@ def test_long_commands_stopped_and_resumed(tmp_path, machine_file, command, how)
     make = [*call, *flags, "--plant", str(machine_file), "--json", "--out"]
     alone = subprocess.run([*make, str(tmp_path / "alone")], capture_output=True, text=True)
     assert alone.returncode == 0, alone.stderr
-    stopped = subprocess.Popen([*make, str(tmp_path / "stopped")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    stopped = subprocess.Popen(
+        [*make, str(tmp_path / "stopped")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     while not (tmp_path / "stopped" / middle).exists() and stopped.poll() is None:
         time.sleep(0.01)
     stopped.send_signal(how)
     _, complaint = stopped.communicate()
     assert not (tmp_path / "stopped" / "result.json").exists()
     if how == signal.SIGINT:
-        assert stopped.returncode == 130 and len(complaint.splitlines()) == 1 and "--resume" in complaint
-    resumed = subprocess.run([*call, "--resume", str(tmp_path / "stopped"), "--json"], capture_output=True, text=True)
+        assert (
+            stopped.returncode == 130
+            and len(complaint.splitlines()) == 1
+            and "--resume" in complaint
+        )
+    resumed = subprocess.run(
+        [*call, "--resume", str(tmp_path / "stopped"), "--json"], capture_output=True, text=True
+    )
     assert resumed.returncode == 0, resumed.stderr
     for name in agree:
-        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()
+        assert (tmp_path / "alone" / name).read_bytes() == (
+            tmp_path / "stopped" / name
+        ).read_bytes()
 
 
 @pytest.mark.slow
 def test_simulate(tmp_path, machine_file):
-    command = [sys.executable, "-m", "experiments.cli", "simulate", "circle", "--plant", str(machine_file), "--json"]
-    done = subprocess.run([*command, "--out", str(tmp_path / "run")], capture_output=True, text=True)
+    command = [
+        sys.executable,
+        "-m",
+        "experiments.cli",
+        "simulate",
+        "circle",
+        "--plant",
+        str(machine_file),
+        "--json",
+    ]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "run")], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["contour"] == "circle"
-    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {"settings.json", "result.json", "rollouts.nc", "contour-circle.png"}
+    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {
+        "settings.json",
+        "result.json",
+        "rollouts.nc",
+        "contour-circle.png",
+    }

@@ -10,7 +10,13 @@ from jax.flatten_util import ravel_pytree
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
-from jcontour.controllers.observers.extended_state_observers import CurrentLESO, DisturbanceRejection, Estimate, EulerLESO, ExactLESO
+from jcontour.controllers.observers.extended_state_observers import (
+    CurrentLESO,
+    DisturbanceRejection,
+    Estimate,
+    EulerLESO,
+    ExactLESO,
+)
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.controllers.observers.reduced_observer import ReducedObserver, thesis_gain
 from jcontour.controllers.wrappers.filters import Filtered, low_pass, notch
@@ -31,8 +37,16 @@ RAMP = along(line([0.0], [0.1]), 1e-4 * np.arange(3), DT, 1, at_rest=False)
 STEP = np.ones(300)
 
 FILTERS = {
-    "notch": (notch(W, 0.85, 0.05, DT), ([1, 2 * 0.85 * 0.05 * W, W**2], [1, 2 * 0.05 * W, W**2]), None),
-    "prewarped notch": (notch(900.0, 0.2, 0.3, DT, prewarp=True), ([1, 108.0, 900.0**2], [1, 540.0, 900.0**2]), 900.0),
+    "notch": (
+        notch(W, 0.85, 0.05, DT),
+        ([1, 2 * 0.85 * 0.05 * W, W**2], [1, 2 * 0.05 * W, W**2]),
+        None,
+    ),
+    "prewarped notch": (
+        notch(900.0, 0.2, 0.3, DT, prewarp=True),
+        ([1, 108.0, 900.0**2], [1, 540.0, 900.0**2]),
+        900.0,
+    ),
     "low pass": (low_pass(500.0, 0.7, DT), ([500.0**2], [1, 700.0, 500.0**2]), 500.0),
 }
 
@@ -45,9 +59,15 @@ def test_filters(found, analogue, prewarp):
     ours = control.tf(np.asarray(found.numerator), [1.0, *np.asarray(found.denominator)], DT)
     z = np.exp(1j * DT * np.geomspace(1.0, 0.999 * np.pi / DT, 50))
     np.testing.assert_allclose(ours(z), wanted(z), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9)
-    stepped = jax.lax.scan(lambda memory, x: found.step(memory, x), jnp.zeros(2), jnp.asarray(STEP))[1]
-    np.testing.assert_allclose(stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9
+    )
+    stepped = jax.lax.scan(
+        lambda memory, x: found.step(memory, x), jnp.zeros(2), jnp.asarray(STEP)
+    )[1]
+    np.testing.assert_allclose(
+        stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9
+    )
 
 
 def estimates(observer, controls, positions):
@@ -67,19 +87,37 @@ def estimates(observer, controls, positions):
 def test_extended_state_observers(kind, method):
     """(2.10) from [u, y] to its three states, discretised by python-control, under noise."""
     w = 350.0
-    F, G = [[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]], [[0, 3 * w], [B0, 3 * w**2], [0, w**3]]
+    F, G = (
+        [[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]],
+        [[0, 3 * w], [B0, 3 * w**2], [0, w**3]],
+    )
     wanted = control.c2d(control.ss(F, G, np.eye(3), np.zeros((3, 2))), DT, method)
     u, y = np.random.default_rng(0).standard_normal((2, 300)) * [[1.0], [1e-3]]
     response = control.forced_response(wanted, U=np.stack([u, y])).outputs.T
-    np.testing.assert_allclose(estimates(kind(w, B0, DT), u, y), response, rtol=1e-9, atol=1e-9 * np.abs(response).max(axis=0).min())
+    np.testing.assert_allclose(
+        estimates(kind(w, B0, DT), u, y),
+        response,
+        rtol=1e-9,
+        atol=1e-9 * np.abs(response).max(axis=0).min(),
+    )
     tuned = control.poles(wanted)
-    np.testing.assert_allclose(np.poly(tuned), np.poly([np.exp(-w * DT) if method == "zoh" else 1 - w * DT] * 3), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.poly(tuned),
+        np.poly([np.exp(-w * DT) if method == "zoh" else 1 - w * DT] * 3),
+        rtol=0,
+        atol=1e-9,
+    )
 
 
 def poles(controller, plant=MACHINE):
     """Of the loop of plant and controller: the Jacobian of one sample."""
     plan = jax.tree.map(lambda rows: rows[0], controller.prepare(RAMP))
-    flat, unravel = ravel_pytree((plant.initial_state(RAMP.position[0], RAMP.start_increment), controller.initial_memory(RAMP)))
+    flat, unravel = ravel_pytree(
+        (
+            plant.initial_state(RAMP.position[0], RAMP.start_increment),
+            controller.initial_memory(RAMP),
+        )
+    )
 
     def step(z):
         state, memory = unravel(z)
@@ -124,12 +162,17 @@ def test_poles_of_the_cascade_behind_a_notch():
 def test_poles_of_disturbance_rejection():
     """The current estimator of the motor as a double integrator, closed by hand: xi+ = (I - l C)(A xi + b u) + l y+."""
     w, p = 300.0, np.exp(-0.3)
-    A, b = np.array([[1, DT, DT**2 / 2], [0, 1, DT], [0, 0, 1]]), B0 * np.array([[DT**2 / 2], [DT], [0]])
+    A, b = (
+        np.array([[1, DT, DT**2 / 2], [0, 1, DT], [0, 0, 1]]),
+        B0 * np.array([[DT**2 / 2], [DT], [0]]),
+    )
     gain = np.array([[1 - p**3], [3 * (1 - p) ** 2 * (1 + p) / (2 * DT)], [(1 - p) ** 3 / DT**2]])
     correct, M, B = np.eye(3) - gain @ [[1.0, 0, 0]], np.asarray(MODEL.A), np.asarray(MODEL.B)
     # state [x(k), integral, xi(k)], all updated at the sample: u = PI(x, integral) - zeta / b0
     error = np.array([[-K_PP, -1.0, 0, 0]])
-    law = np.hstack([K_PV * error, np.array([[K_PV / T_IV]]), [[0, 0, -1 / B0]]])  # of [x, integral(k), xi]
+    law = np.hstack(
+        [K_PV * error, np.array([[K_PV / T_IV]]), [[0, 0, -1 / B0]]]
+    )  # of [x, integral(k), xi]
     x_next = np.hstack([M, np.zeros((4, 4))]) + B @ law
     integral_next = np.hstack([np.zeros((1, 4)), [[1.0]], np.zeros((1, 3))]) + DT * error @ x_next
     xi_next = correct @ (np.hstack([np.zeros((3, 5)), A]) + b @ law) + gain @ x_next[:1]
@@ -150,21 +193,31 @@ def test_poles_of_a_disturbance_observer():
     assert same(np.concatenate([found, twice]), wanted)
 
 
-FEEDBACK = StateFeedback(lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL))
+FEEDBACK = StateFeedback(
+    lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL)
+)
 
 
 def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
     feedback = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
-    scale = np.diag([1e6, 1e3])  # counts of one standard deviation, for the conditioning of its equation
+    scale = np.diag(
+        [1e6, 1e3]
+    )  # counts of one standard deviation, for the conditioning of its equation
     filtering = control.dlqe(A, B, scale @ MOTOR, np.array([[0.05**2]]), np.eye(2))[2]
     L = kalman_gain(MODEL, 0.05, [1e-6, 1e-3], MOTOR)
-    assert same(poles(FilterObserver(FEEDBACK, MODEL, L, measured=MOTOR)), np.concatenate([feedback, filtering]))
+    assert same(
+        poles(FilterObserver(FEEDBACK, MODEL, L, measured=MOTOR)),
+        np.concatenate([feedback, filtering]),
+    )
 
 
 def test_poles_of_the_reduced_observer():
     A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
     wanted = np.concatenate(
-        [np.linalg.eigvals(A - B @ np.asarray(FEEDBACK.gain)), np.linalg.eigvals(A[2:, 2:] - thesis_gain() @ A[:2, 2:])]
+        [
+            np.linalg.eigvals(A - B @ np.asarray(FEEDBACK.gain)),
+            np.linalg.eigvals(A[2:, 2:] - thesis_gain() @ A[:2, 2:]),
+        ]
     )
     assert same(poles(ReducedObserver(FEEDBACK, MODEL, thesis_gain())), wanted)

@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from jcontour.analysis.stability import frozen_spectral_radius
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, contour_weight, control_weight
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+    contour_weight,
+    control_weight,
+)
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver
 from jcontour.geometry.contours import circle, polyline
 from jcontour.linear.plant import LinearPlant, SteadyMotion, spectral_radius, steady_motion
@@ -35,8 +42,17 @@ def load(name):
 
 
 CASES = {case["name"]: case for case in load("cases")}
-SLOW_CASES = {"helix3_output", "helix3_dare", "circle_Np1_output", "circle_Np40_dare"}  # each compiles for itself
-UM = {"te": ("rms_tracking_error", 1e6), "pce": ("rms_projected_error", 1e6), "ce": ("rms_contour_error", 1e6)}
+SLOW_CASES = {
+    "helix3_output",
+    "helix3_dare",
+    "circle_Np1_output",
+    "circle_Np40_dare",
+}  # each compiles for itself
+UM = {
+    "te": ("rms_tracking_error", 1e6),
+    "pce": ("rms_projected_error", 1e6),
+    "ce": ("rms_contour_error", 1e6),
+}
 COLUMNS = {**UM, "u": ("rms_control", 1.0), "du": ("rms_increment", 1.0)}
 
 
@@ -60,7 +76,9 @@ def terminal_of(inputs):
 
 
 def reference_of(inputs):
-    contour = circle(inputs["circle_radius"]) if "circle_radius" in inputs else polyline(inputs["path"])
+    contour = (
+        circle(inputs["circle_radius"]) if "circle_radius" in inputs else polyline(inputs["path"])
+    )
     return from_samples(inputs["yd"], inputs["r"], DT, inputs["Np"], contour)
 
 
@@ -75,10 +93,15 @@ def references():
 
 def cost_of_first_step(model, weights, terminal, reference, preview):
     """H_1 at step 0."""
-    Q, R = contour_weight(weights.alpha, weights.beta, reference.tangent), control_weight(model, weights)
+    Q, R = (
+        contour_weight(weights.alpha, weights.beta, reference.tangent),
+        control_weight(model, weights),
+    )
     cost = jax.tree.map(lambda rows: rows[:1], terminal.cost(model, weights, Q, reference, preview))
     for j in range(preview - 1, 0, -1):
-        cost = one_stage_back(model, R, CostToGo(*cost), Q[j : j + 1], reference.position[j : j + 1])
+        cost = one_stage_back(
+            model, R, CostToGo(*cost), Q[j : j + 1], reference.position[j : j + 1]
+        )
     return cost.H[0]
 
 
@@ -86,27 +109,48 @@ def cost_of_first_step(model, weights, terminal, reference, preview):
 def all_of(plant, controller, reference, state, window):
     rollout, plan = simulate(plant, controller, reference, state), controller.prepare(reference)
     metrics = score(rollout, reference, window)
-    H_1 = cost_of_first_step(plant, controller.weights, controller.terminal, reference, controller.preview)
-    H_s = controller.terminal.solution(plant, controller.weights) if isinstance(controller.terminal, RiccatiTerminal) else None
+    H_1 = cost_of_first_step(
+        plant, controller.weights, controller.terminal, reference, controller.preview
+    )
+    H_s = (
+        controller.terminal.solution(plant, controller.weights)
+        if isinstance(controller.terminal, RiccatiTerminal)
+        else None
+    )
     found = {
-        "y": rollout.output, "u": rollout.control, "x_end": rollout.final_state,
-        "F0": plan.F[0], "f0": plan.f[0], "F_last": plan.F[-1], "H1_first": H_1, "H_s": H_s,
-        "rms_te": metrics.rms_tracking_error, "rms_pce": metrics.rms_projected_error,
-        "rms_ce": metrics.rms_contour_error, "max_ce": metrics.peak_contour_error,
-        "rms_u": metrics.rms_control, "rms_du": metrics.rms_increment,
-    }  # fmt: skip
+        "y": rollout.output,
+        "u": rollout.control,
+        "x_end": rollout.final_state,
+        "F0": plan.F[0],
+        "f0": plan.f[0],
+        "F_last": plan.F[-1],
+        "H1_first": H_1,
+        "H_s": H_s,
+        "rms_te": metrics.rms_tracking_error,
+        "rms_pce": metrics.rms_projected_error,
+        "rms_ce": metrics.rms_contour_error,
+        "max_ce": metrics.peak_contour_error,
+        "rms_u": metrics.rms_control,
+        "rms_du": metrics.rms_increment,
+    }
     return {key: value for key, value in found.items() if value is not None}, metrics.diverged
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW_CASES)) for name in CASES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW_CASES)) for name in CASES]
+)
 def test_cases(name, references):
     inputs, outputs = CASES[name]["inputs"], CASES[name]["outputs"]
     plant = plant_of(inputs["plant"])
     controller = ContouringLQ(plant, weights_of(inputs), inputs["Np"], terminal_of(inputs))
-    found, diverged = all_of(plant, controller, references[name], jnp.asarray(inputs["x0"]), tuple(inputs["window"]))
+    found, diverged = all_of(
+        plant, controller, references[name], jnp.asarray(inputs["x0"]), tuple(inputs["window"])
+    )
     assert set(found) == set(outputs)
     assert not diverged
-    assert not {key: off for key, value in found.items() if (off := relative(value, outputs[key])) > 1e-8}
+    assert not {
+        key: off for key, value in found.items() if (off := relative(value, outputs[key])) > 1e-8
+    }
     loops = np.asarray(plant.A) - np.asarray(plant.B) @ np.stack([found["F0"], found["F_last"]])
     assert relative(spectral_radius(loops), CASES[name]["frozen_spectral_radius_first_last"]) < 1e-8
 
@@ -152,9 +196,19 @@ def test_circle_grid(terminal, family):
     rows = [row for row in load("circle_grid") if row["terminal"] == terminal]
     assert len(rows) == 30
     for row in rows:
-        metrics = on_family(family, bridgeport(), TERMINALS[terminal], row["Np"], weights_of(row), reference, (502, 753))
+        metrics = on_family(
+            family,
+            bridgeport(),
+            TERMINALS[terminal],
+            row["Np"],
+            weights_of(row),
+            reference,
+            (502, 753),
+        )
         for column, (name, factor) in COLUMNS.items():
-            assert float(getattr(metrics, name)[0]) * factor == pytest.approx(row[column], rel=1e-6), (row["alpha"], row["beta"], column)
+            assert float(getattr(metrics, name)[0]) * factor == pytest.approx(
+                row[column], rel=1e-6
+            ), (row["alpha"], row["beta"], column)
 
 
 @pytest.mark.slow  # test_mcnab_tsao has it fast
@@ -163,12 +217,20 @@ def test_u_shape_falls_then_rises_then_loses_stability(family):
     late = machine(delay=problem["delay"])
     for k, alpha in enumerate([*problem["alpha"], 20.0]):
         weights = LQWeights(alpha, float(problem["beta"]), problem["rho"])
-        metrics = member(on_family(family, bridgeport(), OutputTerminal(), 10, weights, reference, (502, 753)), 4)
+        metrics = member(
+            on_family(family, bridgeport(), OutputTerminal(), 10, weights, reference, (502, 753)), 4
+        )
         if alpha < 20:
-            assert 1e6 * float(metrics.rms_tracking_error) == pytest.approx(problem["te_um"][k], abs=0.00501)
-            assert 1e6 * float(metrics.rms_contour_error) == pytest.approx(problem["ce_um"][k], abs=0.00501)
+            assert 1e6 * float(metrics.rms_tracking_error) == pytest.approx(
+                problem["te_um"][k], abs=0.00501
+            )
+            assert 1e6 * float(metrics.rms_contour_error) == pytest.approx(
+                problem["ce_um"][k], abs=0.00501
+            )
         if alpha >= 4:
-            radius = frozen_spectral_radius(ContouringLQ(bridgeport(), weights, 10), np.array([1.0, 0.0]), late)
+            radius = frozen_spectral_radius(
+                ContouringLQ(bridgeport(), weights, 10), np.array([1.0, 0.0]), late
+            )
             assert (radius >= 1) == (alpha >= 8)
         if alpha >= 8:
             assert radius == pytest.approx({8.0: 1.0023, 20.0: 1.07}[alpha], abs=5e-5)
@@ -178,9 +240,15 @@ def test_u_shape_falls_then_rises_then_loses_stability(family):
 def test_robust_optimum(family):
     problem, reference = load("tuning")["robust"], circle_reference(753, 10)
     row = problem["rows"][0]
-    metrics = on_family(family, bridgeport(), OutputTerminal(), 10, weights_of(row), reference, (502, 753))
-    assert 1e6 * float(metrics.rms_contour_error.max()) == pytest.approx(row["worst_ce_um"], rel=1e-6)
-    assert 1e6 * float(metrics.rms_tracking_error.max()) == pytest.approx(row["worst_te_um"], rel=1e-6)
+    metrics = on_family(
+        family, bridgeport(), OutputTerminal(), 10, weights_of(row), reference, (502, 753)
+    )
+    assert 1e6 * float(metrics.rms_contour_error.max()) == pytest.approx(
+        row["worst_ce_um"], rel=1e-6
+    )
+    assert 1e6 * float(metrics.rms_tracking_error.max()) == pytest.approx(
+        row["worst_te_um"], rel=1e-6
+    )
 
 
 @pytest.mark.slow
@@ -190,30 +258,65 @@ def test_front_on_the_square():
     assert reference.steps == 400
 
     def on_square(row):
-        rollout = simulate(plant, ContouringLQ(plant, weights_of(row), 10), reference, jnp.asarray(problem["x0"]))
+        rollout = simulate(
+            plant, ContouringLQ(plant, weights_of(row), 10), reference, jnp.asarray(problem["x0"])
+        )
         return score(rollout, reference)
 
-    lengths = {"ce": "rms_contour_error", "ce_max": "peak_contour_error", "te": "rms_tracking_error"}
-    columns = {**{key: (name, 1e6) for key, name in lengths.items()}, "u": ("rms_control", 1.0), "du": ("rms_increment", 1.0)}
-    long_names = {"ce": "rms_ce_um", "ce_max": "max_ce_um", "te": "rms_te_um", "u": "rms_u", "du": "rms_du"}
-    rows = [{**row, **{key: row[long] for key, long in long_names.items()}} for row in problem["rows"]]
+    lengths = {
+        "ce": "rms_contour_error",
+        "ce_max": "peak_contour_error",
+        "te": "rms_tracking_error",
+    }
+    columns = {
+        **{key: (name, 1e6) for key, name in lengths.items()},
+        "u": ("rms_control", 1.0),
+        "du": ("rms_increment", 1.0),
+    }
+    long_names = {
+        "ce": "rms_ce_um",
+        "ce_max": "max_ce_um",
+        "te": "rms_te_um",
+        "u": "rms_u",
+        "du": "rms_du",
+    }
+    rows = [
+        {**row, **{key: row[long] for key, long in long_names.items()}} for row in problem["rows"]
+    ]
     for row in (problem["baseline"], *rows):
         metrics = on_square(row)
         for column, (name, factor) in columns.items():
-            assert float(getattr(metrics, name)) * factor == pytest.approx(row[column], rel=1e-6), (row["alpha"], column)
+            assert float(getattr(metrics, name)) * factor == pytest.approx(row[column], rel=1e-6), (
+                row["alpha"],
+                column,
+            )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("terminal", TERMINALS)
-@pytest.mark.parametrize("preview", [1, 5, 30])  # all 120 rows: test_mcnab_tsao, where the horizons share a compilation
+@pytest.mark.parametrize(
+    "preview", [1, 5, 30]
+)  # all 120 rows: test_mcnab_tsao, where the horizons share a compilation
 def test_circle_preview_scan(terminal, preview, family):
     reference = circle_reference(753, preview)
-    rows = [row for row in load("circle_np_scan") if (row["terminal"], row["Np"]) == (terminal, preview)]
+    rows = [
+        row for row in load("circle_np_scan") if (row["terminal"], row["Np"]) == (terminal, preview)
+    ]
     assert len(rows) == 2
     for row in rows:
-        metrics = on_family(family, bridgeport(), TERMINALS[terminal], preview, weights_of(row), reference, (502, 753))
+        metrics = on_family(
+            family,
+            bridgeport(),
+            TERMINALS[terminal],
+            preview,
+            weights_of(row),
+            reference,
+            (502, 753),
+        )
         for column, (name, factor) in COLUMNS.items():
-            assert float(getattr(metrics, name)[0]) * factor == pytest.approx(row[column], rel=1e-6), (row["alpha"], column)
+            assert float(getattr(metrics, name)[0]) * factor == pytest.approx(
+                row[column], rel=1e-6
+            ), (row["alpha"], column)
 
 
 @pytest.mark.parametrize("terminal", ["output", pytest.param("dare", marks=pytest.mark.slow)])
@@ -226,7 +329,9 @@ def test_circle_gradients(terminal):
     def losses(logarithms):
         controller = ContouringLQ(plant, LQWeights(*jnp.exp(logarithms)), 10, TERMINALS[terminal])
         metrics = score(simulate(plant, controller, reference), reference, tuple(rows[0]["window"]))
-        true, projected, tracking = (1e6 * getattr(metrics, name) for name, _ in (UM["ce"], UM["pce"], UM["te"]))
+        true, projected, tracking = (
+            1e6 * getattr(metrics, name) for name, _ in (UM["ce"], UM["pce"], UM["te"])
+        )
         rest = 0.05 * tracking**2 + 1e-2 * metrics.rms_control**2
         values = jnp.stack([jnp.log(true), jnp.log(projected), true**2 + rest, projected**2 + rest])
         return values, values
@@ -240,7 +345,9 @@ def test_circle_gradients(terminal):
         assert np.max(np.abs(np.sum(gradient, axis=1))) < 1e-9
 
 
-@pytest.mark.parametrize("name", ["observer_filter", pytest.param("observer_predictor", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["observer_filter", pytest.param("observer_predictor", marks=pytest.mark.slow)]
+)
 def test_observer_cases(name):
     case = next(case for case in load("observer_cases") if case["name"] == name)
     inputs, outputs = case["inputs"], case["outputs"]
@@ -250,7 +357,9 @@ def test_observer_cases(name):
     law = ContouringLQ(plant, weights_of(inputs), inputs["Np"], TERMINALS[inputs["terminal"]])
     controller = kind(law, plant, jnp.asarray(outputs["L"]), jnp.asarray(inputs["xhat0"]))
     noisy = Disturbed(Encoders(plant), noise=jnp.asarray(inputs["v"]))
-    rollout = simulate(noisy, controller, reference, (jnp.asarray(inputs["x0"]), jnp.zeros((), int)))
+    rollout = simulate(
+        noisy, controller, reference, (jnp.asarray(inputs["x0"]), jnp.zeros((), int))
+    )
     assert relative(rollout.output, outputs["y"]) < 1e-8
     assert relative(rollout.control, outputs["u"]) < 1e-8
 
@@ -264,4 +373,6 @@ def test_line_spectral_radii(terminal):
         radii = dict(zip(row["theta_deg"], row["radius"][row["Np"].index(10)], strict=True))
         for degrees in (22.5, 135.0):
             direction = np.array([np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))])
-            assert frozen_spectral_radius(controller, direction) == pytest.approx(radii[degrees], rel=1e-6), (row["alpha"], degrees)
+            assert frozen_spectral_radius(controller, direction) == pytest.approx(
+                radii[degrees], rel=1e-6
+            ), (row["alpha"], degrees)

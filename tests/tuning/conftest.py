@@ -40,9 +40,13 @@ def proportional_problem():
     """Two gains on two integrators around a circle: (limits, objective) -> Problem that compiles in a second."""
     plant = LinearPlant(np.eye(2), np.diag([1.0, 0.7]), np.eye(2), 1e-3)
     plants = stack_plants([plant, LinearPlant(np.eye(2), np.diag([0.9, 0.8]), np.eye(2), 1e-3)])
-    references = stack_references([along(circle(1e-3), 1e-4 * np.arange(20), 1e-3, 0, at_rest=False)])
+    references = stack_references(
+        [along(circle(1e-3), 1e-4 * np.arange(20), 1e-3, 0, at_rest=False)]
+    )
 
     def problem(limits=no_limits, objective=mean_contour_error):
-        return Problem(build, plants, references, objective, {"x": Positive(), "y": Positive()}, limits)
+        return Problem(
+            build, plants, references, objective, {"x": Positive(), "y": Positive()}, limits
+        )
 
     return problem

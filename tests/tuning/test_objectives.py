@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from jcontour.simulation.metrics import Metrics
-from tuning.objectives import AtMost, mean_contour_error, mean_tracking_error, no_limits, worst_contour_error, worst_tracking_error
+from tuning.objectives import (
+    AtMost,
+    mean_contour_error,
+    mean_tracking_error,
+    no_limits,
+    worst_contour_error,
+    worst_tracking_error,
+)
 
 NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
 ERRORS = np.array([[1e-6, 4e-6], [3e-6, 2e-6]])
@@ -12,7 +19,10 @@ ERRORS = np.array([[1e-6, 4e-6], [3e-6, 2e-6]])
 
 def metrics(**values):
     shape = (2, 2)
-    return Metrics(**{name: jnp.broadcast_to(values.get(name, 1.0), shape) for name in NAMES}, diverged=jnp.zeros(shape, bool))
+    return Metrics(
+        **{name: jnp.broadcast_to(values.get(name, 1.0), shape) for name in NAMES},
+        diverged=jnp.zeros(shape, bool),
+    )
 
 
 def test_objectives():
@@ -27,7 +37,10 @@ def test_objectives():
 
 def test_limits_are_logarithms_for_every_contour_and_plant():
     limits = AtMost(rms_contour_error=2e-6, peak_control=0.5)
-    np.testing.assert_allclose(limits(metrics(rms_contour_error=jnp.asarray(ERRORS))), [*np.log(ERRORS.ravel() / 2e-6), *[np.log(2)] * 4])
+    np.testing.assert_allclose(
+        limits(metrics(rms_contour_error=jnp.asarray(ERRORS))),
+        [*np.log(ERRORS.ravel() / 2e-6), *[np.log(2)] * 4],
+    )
     assert AtMost()(metrics()).shape == (0,)
 
 

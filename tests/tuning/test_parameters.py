@@ -13,7 +13,13 @@ positive = st.floats(1e-8, 1e8)
 @settings(max_examples=25)
 @given(positive, positive, st.floats(0.011, 0.99), st.floats(-1e6, 1e6))
 def test_round_trip(a, b, part, free):
-    space = {"a": Positive(), "b": Fixed(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0), "e": Free()}
+    space = {
+        "a": Positive(),
+        "b": Fixed(),
+        "c": Interval(1e-3, 1e3),
+        "d": Interval(-2.0, 3.0),
+        "e": Free(),
+    }
     start = {"a": [a, b], "b": b, "c": 10 ** (6 * part - 3), "d": 5 * part - 2, "e": free}
     start = {name: jnp.asarray(value) for name, value in start.items()}
     chart = Chart(space, start)

@@ -16,7 +16,10 @@ BUDGETS = [1.2e-5, 2e-5, 2.8e-5]
 
 @pytest.fixture(scope="module")
 def problems(proportional_problem):
-    return [proportional_problem(AtMost(rms_increment=budget, rms_tracking_error=5e-4)) for budget in BUDGETS]
+    return [
+        proportional_problem(AtMost(rms_increment=budget, rms_tracking_error=5e-4))
+        for budget in BUDGETS
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +51,10 @@ def test_interrupted_it_goes_on_with_the_same_bits(problems, states):
     seen = states[0]
     for k in (0, len(seen) // 2, len(seen) - 2):
         again = advance_front(problems, START, SETTINGS, pickle.loads(pickle.dumps(seen[k])))
-        leaves = [jax.tree.leaves((s.histories, s.run.history, s.run.z, s.run.merit, s.run.gradient)) for s in (again, seen[k + 1])]
+        leaves = [
+            jax.tree.leaves((s.histories, s.run.history, s.run.z, s.run.merit, s.run.gradient))
+            for s in (again, seen[k + 1])
+        ]
         assert len(leaves[0]) == len(leaves[1])
         assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*leaves, strict=True))
     assert done(problems, seen[-1]) and not done(problems, seen[-2])

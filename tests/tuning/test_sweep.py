@@ -11,13 +11,23 @@ def test_sweep_is_a_loop_over_designs(proportional_problem):
     designs = grid(x=[0.3, 5.0], y=[0.2, 0.6])
     found = sweep(problem.build, designs, problem.plants, problem.references, (2, 15))
     assert found.rms_control.shape == (4, 1, 2)
-    single = jax.jit(lambda w: evaluate(problem.build(w), problem.plants, problem.references, (2, 15)))
+    single = jax.jit(
+        lambda w: evaluate(problem.build(w), problem.plants, problem.references, (2, 15))
+    )
     for k in range(4):
-        for a, b in zip(jax.tree.leaves(design(found, k)), jax.tree.leaves(single(design(designs, k))), strict=True):
+        for a, b in zip(
+            jax.tree.leaves(design(found, k)),
+            jax.tree.leaves(single(design(designs, k))),
+            strict=True,
+        ):
             np.testing.assert_allclose(a, b, rtol=1e-9)
     assert found.diverged[2:].all() and not found.diverged[:2].any()  # flagged, not dropped
-    together = sweep(problem.build, designs, problem.plants, problem.references, (2, 15), all_at_once)
-    np.testing.assert_allclose(together.rms_contour_error[:2], found.rms_contour_error[:2], rtol=1e-9)
+    together = sweep(
+        problem.build, designs, problem.plants, problem.references, (2, 15), all_at_once
+    )
+    np.testing.assert_allclose(
+        together.rms_contour_error[:2], found.rms_contour_error[:2], rtol=1e-9
+    )
 
 
 def test_grid_has_the_last_name_fastest():
@@ -34,7 +44,9 @@ def test_random_sample_keeps_to_its_bounds_and_seed():
     assert values.shape == (200,) and (values >= 1e-2).all() and (values <= 1e2).all()
     assert abs(np.mean(np.log10(values))) < 0.3  # a logarithmic scale
     np.testing.assert_allclose(draw["rho"], 2e-9, rtol=1e-12)
-    np.testing.assert_array_equal(random_sample(200, 3, alpha=(1e-2, 1e2), rho=(2e-9, 2e-9))["alpha"], values)
+    np.testing.assert_array_equal(
+        random_sample(200, 3, alpha=(1e-2, 1e2), rho=(2e-9, 2e-9))["alpha"], values
+    )
     assert not np.array_equal(random_sample(200, 4, alpha=(1e-2, 1e2))["alpha"], values)
 
 

@@ -29,19 +29,30 @@ def run(problem, start, settings, state=None, save=False):
     state = TuneState() if state is None else state
     states = [state]
     while not state.done:
-        state = advance(problem, start, settings, pickle.loads(pickle.dumps(state)) if save else state)
+        state = advance(
+            problem, start, settings, pickle.loads(pickle.dumps(state)) if save else state
+        )
         states.append(state)
     return states
 
 
 def same_bits(a, b):
-    leaves = [jax.tree.leaves((s.history, s.start, s.outer, s.inner, s.z, s.memory, s.merit, s.lagrangian, s.gradient)) for s in (a, b)]
-    return len(leaves[0]) == len(leaves[1]) and all(np.array_equal(x, y, equal_nan=True) for x, y in zip(*leaves, strict=True))
+    leaves = [
+        jax.tree.leaves(
+            (s.history, s.start, s.outer, s.inner, s.z, s.memory, s.merit, s.lagrangian, s.gradient)
+        )
+        for s in (a, b)
+    ]
+    return len(leaves[0]) == len(leaves[1]) and all(
+        np.array_equal(x, y, equal_nan=True) for x, y in zip(*leaves, strict=True)
+    )
 
 
 @pytest.fixture(scope="module")
 def limited(proportional_problem):
-    return proportional_problem(AtMost(rms_increment=2e-5, rms_tracking_error=5e-4))  # without the second, standing still is best
+    return proportional_problem(
+        AtMost(rms_increment=2e-5, rms_tracking_error=5e-4)
+    )  # without the second, standing still is best
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +69,12 @@ def test_finds_the_constrained_optimum_that_scipy_finds(limited, states):
         return 1e6 * limited.objective(metrics)[0], limited.limits(metrics)
 
     wanted = minimize(
-        lambda z: float(numbers(z)[0]), np.log([0.3, 0.3]), method="SLSQP",
-        constraints={"type": "ineq", "fun": lambda z: -np.asarray(numbers(z)[1])}, options={"ftol": 1e-12},
-    )  # fmt: skip
+        lambda z: float(numbers(z)[0]),
+        np.log([0.3, 0.3]),
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda z: -np.asarray(numbers(z)[1])},
+        options={"ftol": 1e-12},
+    )
     assert wanted.success
     assert 1e6 * float(tuned.metrics.rms_contour_error.mean()) <= wanted.fun * 1.001
     assert tuned.feasible and tuned.violation <= FEASIBLE
@@ -90,13 +104,27 @@ def test_limits_out_of_reach_give_the_least_violating_point(proportional_problem
 
 def test_every_start_diverging_is_an_error(limited):
     with pytest.raises(ValueError, match="every start diverges"):
-        tune(limited, {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)}, Settings(starts=3, scatter=2, spread=0.1))
+        tune(
+            limited,
+            {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)},
+            Settings(starts=3, scatter=2, spread=0.1),
+        )
 
 
 def outcome_from(problem, gain, reach=1.0):
     """From a start that diverges, with scattered points that reach down to gains that do not."""
     start = {"x": jnp.asarray(gain), "y": jnp.asarray(gain)}
-    return tune(problem, start, Settings(starts=2, scatter=16, spread=reach * float(np.log(gain)) + 1.0, inner_steps=6, outer_steps=3))
+    return tune(
+        problem,
+        start,
+        Settings(
+            starts=2,
+            scatter=16,
+            spread=reach * float(np.log(gain)) + 1.0,
+            inner_steps=6,
+            outer_steps=3,
+        ),
+    )
 
 
 def test_a_start_that_diverges_is_counted_and_another_one_found(proportional_problem):
@@ -112,7 +140,17 @@ def test_a_start_that_is_not_finite_does_not_end_the_search(proportional_problem
     assert {row.start for row in tuned.history} == {-1, 0, 1}
 
 
-@pytest.mark.parametrize("bad", [{"starts": 0}, {"scatter": -1}, {"inner_steps": 0}, {"outer_steps": 0}, {"seed": -1}, {"tolerance": 0.0}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"starts": 0},
+        {"scatter": -1},
+        {"inner_steps": 0},
+        {"outer_steps": 0},
+        {"seed": -1},
+        {"tolerance": 0.0},
+    ],
+)
 def test_bad_settings_are_named(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
         Settings(**bad)
@@ -127,9 +165,13 @@ def square_problem(budget):
     front, model = DATA["front"], bridgeport()
     reference = from_samples(front["yd"], front["r"], model.dt, 10, polyline(front["path"]))
     return Problem(
-        lambda w: ContouringLQ(model, w, 10), stack_plants([model]), stack_references([reference]), mean_contour_error, LQSpace(),
+        lambda w: ContouringLQ(model, w, 10),
+        stack_plants([model]),
+        stack_references([reference]),
+        mean_contour_error,
+        LQSpace(),
         AtMost(rms_increment=budget, rms_tracking_error=100e-6),
-    )  # fmt: skip
+    )
 
 
 STARTS = [(3.0, 0.1), (0.5, 20.0)]
@@ -159,13 +201,21 @@ def test_square_front_from_near():
 @pytest.mark.parametrize("start", STARTS)
 def test_robust_optimum(start):
     robust, model = DATA["robust"], bridgeport()
-    family = [Delayed(with_input_gains(model, (m["gx"], m["gy"])), jnp.asarray(m["delay"]), 2, 2) for m in robust["family"]]
+    family = [
+        Delayed(with_input_gains(model, (m["gx"], m["gy"])), jnp.asarray(m["delay"]), 2, 2)
+        for m in robust["family"]
+    ]
     reference = along(circle(1e-3), 2.5e-5 * np.arange(753), model.dt, 10, at_rest=False)
     cap = 1e-6 * robust["rows"][0]["te_cap_um"]
     problem = Problem(
-        lambda w: ContouringLQ(model, w, 10), stack_plants(family), stack_references([reference]), worst_contour_error, LQSpace(),
-        AtMost(rms_tracking_error=cap), (502, 753),
-    )  # fmt: skip
+        lambda w: ContouringLQ(model, w, 10),
+        stack_plants(family),
+        stack_references([reference]),
+        worst_contour_error,
+        LQSpace(),
+        AtMost(rms_tracking_error=cap),
+        (502, 753),
+    )
     tuned = tune(problem, LQWeights(*start, 2e-9))
     assert tuned.feasible
     assert 1e6 * float(tuned.metrics.rms_contour_error.max()) <= 1.01 * 3.404

@@ -1,7 +1,8 @@
 """A flexible axis from the records of its commissioning: every parameter with its interval, and what the data cannot tell.
 
-The order is that of Yuan, section 3.3: the winding gives k_e and with it the force scale k_t = 3/2 k_e; the link between motor and end
-effector follows from their two positions alone; one balance of forces over all sliding motion gives masses, friction and cogging.
+The order is that of Yuan, section 3.3: the winding gives k_e and with it the force scale k_t = 3/2
+k_e; the link between motor and end effector follows from their two positions alone; one balance of
+forces over all sliding motion gives masses, friction and cogging.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,9 @@ from tuning.identification.separability import notes, stribeck_separated
 from tuning.identification.slides import WINDOW
 from tuning.identification.winding import WindingFit, fit_winding
 
-PASSED = 0.9  # periods of the link in one window of the force balance: the vibration has to show in it
+PASSED = (
+    0.9  # periods of the link in one window of the force balance: the vibration has to show in it
+)
 LIGHT = 1e-3  # of the total mass
 NOT_FORCES = ("curvature", "pole_pitch")  # of the balance: what does not depend on the force scale
 
@@ -30,8 +33,9 @@ class IdentifiedAxis:
     """What the data say.
 
     Attributes:
-        estimate: every parameter under its name in `AxisParameters`, `Friction` and `LinearMotor`; beside them total_mass, break_away
-            (f_c + f_s), stiffness_per_mass, damping_per_mass, constant_force, drop, curvature; sine_j, cosine_j and amplitude_j.
+        estimate: every parameter under its name in `AxisParameters`, `Friction` and `LinearMotor`;
+            beside them total_mass, break_away (f_c + f_s), stiffness_per_mass, damping_per_mass,
+            constant_force, drop, curvature; sine_j, cosine_j and amplitude_j.
         winding: of the electrical test, or None.
         link: between motor and end effector, or None.
         forces: the balance.
@@ -47,31 +51,51 @@ class IdentifiedAxis:
     notes: tuple[str, ...]
 
 
-def identify(records: Sequence[Record], force_constant: float | None = None, pole_pitch: float | None = None) -> IdentifiedAxis:
+def identify(
+    records: Sequence[Record], force_constant: float | None = None, pole_pitch: float | None = None
+) -> IdentifiedAxis:
     """Fit all there is.
 
     Args:
-        records: electrical tests (with a voltage) and motion; where some motion has the end effector, only that counts.
+        records: electrical tests (with a voltage) and motion; where some motion has the end
+            effector, only that counts.
         force_constant: k_t [N/A], instead of an electrical test.
         pole_pitch: tau [m] where it is known.
 
     Raises:
-        ValueError: there is neither an electrical test nor k_t or there are both, there is no motion, or a fit says what it lacks.
+        ValueError: there is neither an electrical test nor k_t or there are both, there is no
+            motion, or a fit says what it lacks.
     """
     _check_positive(force_constant=force_constant, pole_pitch=pole_pitch)
     if bool(electrical(records)) == (force_constant is not None):
-        raise ValueError("force_constant: needs an electrical test (with voltage_q), or its value, and not both")
+        raise ValueError(
+            "force_constant: needs an electrical test (with voltage_q), or its value, and not both"
+        )
     if not mechanical(records):
-        raise ValueError("motion: there is no test of the moving axis (without voltage_q); masses, friction and cogging need one")
+        raise ValueError(
+            "motion: there is no test of the moving axis (without voltage_q); masses, friction and cogging need one"
+        )
     winding = fit_winding(records) if electrical(records) else None
-    scale = _given(force_constant) if winding is None else winding.estimate.derived(lambda v: v | {"force_constant": 1.5 * v["back_emf"]})
+    scale = (
+        _given(force_constant)
+        if winding is None
+        else winding.estimate.derived(lambda v: v | {"force_constant": 1.5 * v["back_emf"]})
+    )
     flexible = with_tool(records)
     link = fit_link(flexible) if flexible else None
-    window = WINDOW if link is None else min(WINDOW, PASSED * 2 * np.pi / np.sqrt(link.estimate["stiffness_per_mass"]))
-    forces = fit_forces(flexible or mechanical(records), scale["force_constant"], pole_pitch, window)
+    window = (
+        WINDOW
+        if link is None
+        else min(WINDOW, PASSED * 2 * np.pi / np.sqrt(link.estimate["stiffness_per_mass"]))
+    )
+    forces = fit_forces(
+        flexible or mechanical(records), scale["force_constant"], pole_pitch, window
+    )
     estimate = _together(scale, link, forces)
     parameters = None if link is None else _parameters(estimate, forces)
-    return IdentifiedAxis(estimate, winding, link, forces, parameters, (*_left_out(records), *notes(estimate, forces)))
+    return IdentifiedAxis(
+        estimate, winding, link, forces, parameters, (*_left_out(records), *notes(estimate, forces))
+    )
 
 
 def _check_positive(**values: float | None) -> None:
@@ -84,7 +108,9 @@ def _left_out(records: Sequence[Record]) -> list[str]:
     without = [record.name for record in mechanical(records) if record.tool is None]
     if not (without and with_tool(records)):
         return []
-    return [f"motion: the tests {', '.join(without)} do not count, for they have no tool_position and others have it; record it in all"]
+    return [
+        f"motion: the tests {', '.join(without)} do not count, for they have no tool_position and others have it; record it in all"
+    ]
 
 
 def _given(force_constant: float | None) -> Estimate:
@@ -112,14 +138,17 @@ def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estima
             found["stribeck_speed"] = jnp.abs(value["curvature"]) ** -0.5
         return found
 
-    return joined(scale, *([] if link is None else [link.estimate]), forces.estimate).derived(physical)
+    return joined(scale, *([] if link is None else [link.estimate]), forces.estimate).derived(
+        physical
+    )
 
 
 def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
     """The model.
 
-    Friction whose parts cannot be told apart is given a shape that is right up to the fastest speed of the data. The mass of an end
-    effector that cannot be seen may come out negative; the model then has a light one with the resonance that was found.
+    Friction whose parts cannot be told apart is given a shape that is right up to the fastest speed
+    of the data. The mass of an end effector that cannot be seen may come out negative; the model
+    then has a light one with the resonance that was found.
     """
     if stribeck_separated(estimate):
         stribeck, stribeck_speed = estimate["stribeck"], estimate["stribeck_speed"]
@@ -134,8 +163,15 @@ def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
         stiffness=estimate["stiffness_per_mass"] * tool_mass,
         damping=estimate["damping_per_mass"] * tool_mass,
         force_constant=estimate["force_constant"],
-        friction=Friction(max(estimate["break_away"] - stribeck, 0.0), stribeck, stribeck_speed, max(estimate["viscous"], 0.0)),
+        friction=Friction(
+            max(estimate["break_away"] - stribeck, 0.0),
+            stribeck,
+            stribeck_speed,
+            max(estimate["viscous"], 0.0),
+        ),
         cogging_sine=[estimate[f"sine_{j}"] for j in orders],
         cogging_cosine=[estimate[f"cosine_{j}"] for j in orders],
-        pole_pitch=estimate["pole_pitch"] if "pole_pitch" in estimate.names else forces.cogging.pole_pitch,
+        pole_pitch=estimate["pole_pitch"]
+        if "pole_pitch" in estimate.names
+        else forces.cogging.pole_pitch,
     )

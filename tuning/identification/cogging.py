@@ -11,7 +11,9 @@ BINS = 1024  # over the travel
 PADDED = 16  # the spectrum is sampled this many times as densely as the travel resolves
 PROMINENT = 6.0  # times the median line of the spectrum: what counts as a peak
 MOST_HARMONICS = 8
-LEAST_PITCHES = 2.5  # of travel: below it neighbouring harmonics, and the main lobe at zero, are one peak of the windowed spectrum
+# of travel: below it neighbouring harmonics, and the main lobe at zero, are one peak of the
+# windowed spectrum
+LEAST_PITCHES = 2.5
 
 
 class Spectrum(NamedTuple):
@@ -37,7 +39,11 @@ def spectrum(position: Float[np.ndarray, " N"], force: Float[np.ndarray, " N"]) 
     centres, there = (edges[1:] + edges[:-1]) / 2, filled > 0
     even = np.interp(centres, centres[there], sums[there] / filled[there])
     window = np.hanning(BINS)
-    lines = np.abs(np.fft.rfft(window * (even - np.average(even, weights=window)), PADDED * BINS)) * 2 / window.sum()
+    lines = (
+        np.abs(np.fft.rfft(window * (even - np.average(even, weights=window)), PADDED * BINS))
+        * 2
+        / window.sum()
+    )
     travel = float(np.ptp(position))
     return Spectrum(np.fft.rfftfreq(PADDED * BINS, travel / BINS), lines, travel)
 
@@ -49,7 +55,9 @@ def harmonics(found: Spectrum, pole_pitch: float | None = None) -> Harmonics:
         ValueError: the travel is too short for the harmonics of the given pitch.
     """
     resolved = found.wavenumber >= LEAST_PITCHES / found.travel
-    floor = PROMINENT * np.median(found.amplitude[resolved & (found.wavenumber < BINS / 4 / found.travel)])
+    floor = PROMINENT * np.median(
+        found.amplitude[resolved & (found.wavenumber < BINS / 4 / found.travel)]
+    )
     if pole_pitch is None:
         peaks = find_peaks(found.amplitude, height=floor)[0]
         peaks = peaks[resolved[peaks]]
@@ -62,11 +70,16 @@ def harmonics(found: Spectrum, pole_pitch: float | None = None) -> Harmonics:
             f"telling the harmonics of cogging apart needs {LEAST_PITCHES}"
         )
     near = gaussian_filter1d(found.amplitude, PADDED / 4)
-    loud = [np.interp(j / pole_pitch, found.wavenumber, near) > floor for j in range(1, MOST_HARMONICS + 1)]
+    loud = [
+        np.interp(j / pole_pitch, found.wavenumber, near) > floor
+        for j in range(1, MOST_HARMONICS + 1)
+    ]
     return Harmonics(pole_pitch, max((j for j, heard in enumerate(loud, 1) if heard), default=0))
 
 
 def _top(found: Spectrum, k: int) -> float:
     """Wavenumber of the top of the parabola through a peak and its neighbours."""
     a, b, c = found.amplitude[k - 1 : k + 2]
-    return found.wavenumber[k] + (found.wavenumber[1] - found.wavenumber[0]) * (a - c) / 2 / (a - 2 * b + c)
+    return found.wavenumber[k] + (found.wavenumber[1] - found.wavenumber[0]) * (a - c) / 2 / (
+        a - 2 * b + c
+    )

@@ -1,14 +1,16 @@
 """The tests of a commissioning on a simulated axis: what `identify` gets, from a plant whose parameters are known.
 
-The plant is the d-q motor with its current loop in front of the flexible axis with stick and slip. A cascade moves it on the readings of
-its own encoders, so that their counts and noise are in the loop as they are in the record. The tests are those of Yuan, section 3.3:
+The plant is the d-q motor with its current loop in front of the flexible axis with stick and slip.
+A cascade moves it on the readings of its own encoders, so that their counts and noise are in the
+loop as they are in the record. The tests are those of Yuan, section 3.3:
 
     electrical    steps of current to and fro, recorded at the rate of the drive
     sweep         constant speeds both ways, over several pole pitches
     moves         from rest to rest; the end effector rings on
 and, beyond the thesis, the one that tells the mass of the end effector:
 
-    shake         a steady speed under a current that passes through the end effector's own frequency
+    shake         a steady speed under a current that passes through the end effector's own
+    frequency
 """
 
 from collections.abc import Sequence
@@ -33,12 +35,21 @@ from tuning.identification.instruments import InstrumentedAxis, Instruments, See
 from tuning.identification.records import Record
 
 DRIVE, RECORDER = 1e-4, 1e-3  # [s] periods of current loop and voltage; of position loop and motion
-STEP, STEP_TIME, STEPS = 2.5, 0.125, 12  # [A], [s]: speeds up to 0.2 m/s within 25 mm on the thesis's axis
+STEP, STEP_TIME, STEPS = (
+    2.5,
+    0.125,
+    12,
+)  # [A], [s]: speeds up to 0.2 m/s within 25 mm on the thesis's axis
 TRAVEL, ACCELERATION = 0.3, 2.0  # [m] over three pole pitches, [m/s^2]
 SPEEDS = (0.05, 0.1, 0.2, 0.35)  # [m/s] of the sweep
 SHAKEN = 1.0  # [A]: the end effector swings by some millimetres
 SHAKEN_BAND = (0.7, 1.3)  # of the end effector's own frequency
-GAINS = {"position": 30.0, "velocity": 55.67, "integral_time": 0.04, "feedforward": 1.0}  # of the thesis, and no lag
+GAINS = {
+    "position": 30.0,
+    "velocity": 55.67,
+    "integral_time": 0.04,
+    "feedforward": 1.0,
+}  # of the thesis, and no lag
 
 
 class Passes:
@@ -46,7 +57,9 @@ class Passes:
 
     def __init__(self, travel: float, speeds: Sequence[float], pause: float):
         self.travel = travel
-        self.ways = [way for speed in speeds for way in [PointToPoint(travel, speed, ACCELERATION)] * 2]
+        self.ways = [
+            way for speed in speeds for way in [PointToPoint(travel, speed, ACCELERATION)] * 2
+        ]
         self.start = np.cumsum([0.0] + [way.duration + pause for way in self.ways])
 
     @property
@@ -74,30 +87,55 @@ class Commissioning:
         seed: of all noise.
     """
 
-    def __init__(self, parameters: AxisParameters, motor: LinearMotor, instruments: Instruments | None = None, seed: int = 0):
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        motor: LinearMotor,
+        instruments: Instruments | None = None,
+        seed: int = 0,
+    ):
         self.parameters, self.motor = parameters, motor
         self.instruments = instruments or Instruments()
         self.random = np.random.default_rng(seed)
 
     def thesis_tests(self) -> list[Record]:
         """Electrical test, sweep and moves."""
-        return [self.electrical(), self.motion("sweep", Passes(TRAVEL, SPEEDS, 0.1)), self.motion("moves", Passes(0.1, [0.25] * 3, 0.6))]
+        return [
+            self.electrical(),
+            self.motion("sweep", Passes(TRAVEL, SPEEDS, 0.1)),
+            self.motion("moves", Passes(0.1, [0.25] * 3, 0.6)),
+        ]
 
     def electrical(self) -> Record:
         """Open loop: the current steps to and fro."""
-        command = STEP * np.repeat(np.where(np.arange(STEPS) % 2, -1.0, 1.0), round(STEP_TIME / DRIVE))
+        command = STEP * np.repeat(
+            np.where(np.arange(STEPS) % 2, -1.0, 1.0), round(STEP_TIME / DRIVE)
+        )
         plant = self._instrumented(DRIVE, len(command))
         states = _open_loop(plant, jnp.asarray(command)[:, None])
         current_d, current_q = self._noisy(states.driven.current[:-1, 0]).T
-        voltage = np.asarray(states.driven.voltage[1:, 0, 1])  # what a state holds was applied before it
-        return Record("electrical", DRIVE, _readings(plant, states)[:-1, 0], current_q, voltage=voltage, current_d=current_d)
+        voltage = np.asarray(
+            states.driven.voltage[1:, 0, 1]
+        )  # what a state holds was applied before it
+        return Record(
+            "electrical",
+            DRIVE,
+            _readings(plant, states)[:-1, 0],
+            current_q,
+            voltage=voltage,
+            current_d=current_d,
+        )
 
-    def motion(self, name: str, law: Passes, extra: Float[np.ndarray, " T"] | None = None) -> Record:
+    def motion(
+        self, name: str, law: Passes, extra: Float[np.ndarray, " T"] | None = None
+    ) -> Record:
         """Closed loop along a law of time, with an extra current [A] on top of the control."""
         reference = in_time(line([0.0], [law.travel]), law, law.duration, RECORDER)
         plant = self._instrumented(RECORDER, reference.steps)
         pushed = Disturbed(plant, force=None if extra is None else jnp.asarray(extra)[:, None])
-        states = simulate(pushed, Cascade(CascadeGains(**GAINS), motors(1), RECORDER), reference).state[0]
+        states = simulate(
+            pushed, Cascade(CascadeGains(**GAINS), motors(1), RECORDER), reference
+        ).state[0]
         motor, tool = _readings(plant, states)[:-1].T
         return Record(name, RECORDER, motor, self._noisy(states.current[1:, 0]), tool=tool)
 
@@ -106,22 +144,32 @@ class Commissioning:
         law, p = Passes(TRAVEL, [0.1] * 2, 0.1), self.parameters
         own = float(jnp.sqrt(p.stiffness / p.tool_mass)[0]) / (2 * np.pi)
         time = np.arange(0, law.duration, RECORDER)
-        return self.motion("shake", law, SHAKEN * chirp(time, SHAKEN_BAND[0] * own, law.duration, SHAKEN_BAND[1] * own))
+        return self.motion(
+            "shake",
+            law,
+            SHAKEN * chirp(time, SHAKEN_BAND[0] * own, law.duration, SHAKEN_BAND[1] * own),
+        )
 
     def _instrumented(self, dt: float, rows: int) -> InstrumentedAxis:
         noise = self.instruments.encoder_noise * self.random.standard_normal((rows, 2))
         driven = DrivenAxis(FlexibleAxis(self.parameters, DRIVE), self.motor, DRIVE)
-        return InstrumentedAxis(driven=driven, noise=jnp.asarray(noise), resolution=self.instruments.resolution, dt=dt)
+        return InstrumentedAxis(
+            driven=driven, noise=jnp.asarray(noise), resolution=self.instruments.resolution, dt=dt
+        )
 
     def _noisy(self, current) -> np.ndarray:
-        return np.asarray(current) + self.instruments.current_noise * self.random.standard_normal(current.shape)
+        return np.asarray(current) + self.instruments.current_noise * self.random.standard_normal(
+            current.shape
+        )
 
 
 @eqx.filter_jit
 def _open_loop(plant: InstrumentedAxis, command: Float[Array, "T 1"]) -> Seen:
     """States (T, ...), row k before command k acts; from rest at zero."""
     start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
-    return jax.lax.scan(lambda state, current: (plant.step(state, current), state), start, command)[1]
+    return jax.lax.scan(lambda state, current: (plant.step(state, current), state), start, command)[
+        1
+    ]
 
 
 def _readings(plant: InstrumentedAxis, states: Seen) -> Float[np.ndarray, "T 2"]:

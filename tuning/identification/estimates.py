@@ -1,12 +1,13 @@
 """Estimated parameters with their covariance, when the residuals are not white.
 
-A least-squares fit of r(theta) with Jacobian J has, to first order, theta - truth = -(J'J)^-1 J'e. Encoder counts, filters and what a model
-lacks make e coloured, and the usual s^2 (J'J)^-1 then promises too much. Here
+A least-squares fit of r(theta) with Jacobian J has, to first order, theta - truth = -(J'J)^-1 J'e.
+Encoder counts, filters and what a model lacks make e coloured, and the usual s^2 (J'J)^-1 then
+promises too much. Here
 
     cov = (J'J)^-1  [sum_kl J_k' c(k - l) J_l]  (J'J)^-1
 
-with c the autocorrelation of the residuals (Klein & Morelli, Aircraft System Identification, 2006, section 5.3): a model of it where its
-causes are known, otherwise that of the residuals themselves.
+with c the autocorrelation of the residuals (Klein & Morelli, Aircraft System Identification, 2006,
+section 5.3): a model of it where its causes are known, otherwise that of the residuals themselves.
 """
 
 from collections.abc import Callable, Sequence
@@ -90,13 +91,19 @@ def coloured_covariance(
     return inverse @ np.asarray(spread) @ inverse
 
 
-def autocorrelation(residuals: Sequence[Float[np.ndarray, " T"]], lags: int) -> Float[np.ndarray, " lags+1"]:
+def autocorrelation(
+    residuals: Sequence[Float[np.ndarray, " T"]], lags: int
+) -> Float[np.ndarray, " lags+1"]:
     """Mean of r(k) r(k + l) for l = 0..lags, as it is over the first half of them and tapered to nothing over the second.
 
-    The flat top keeps correlations of up to half the lags unbiased (Politis & Romano, J. Time Series Analysis 16, 1995).
+    The flat top keeps correlations of up to half the lags unbiased (Politis & Romano, J. Time
+    Series Analysis 16, 1995).
     """
     rows = sum(len(r) for r in residuals)
-    products = [sum(float(r[: max(len(r) - lag, 0)] @ r[lag:]) for r in residuals) for lag in range(lags + 1)]
+    products = [
+        sum(float(r[: max(len(r) - lag, 0)] @ r[lag:]) for r in residuals)
+        for lag in range(lags + 1)
+    ]
     return np.array(products) / rows * np.minimum(1, 2 * (1 - np.arange(lags + 1) / (lags + 1)))
 
 

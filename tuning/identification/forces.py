@@ -1,12 +1,15 @@
 """Masses, friction and cogging from one balance of forces over all motion of the axis.
 
-    M a_m + M_e (a_e - a_m) + s (f_0 - q v^2 / (1 + w v^2)) + b_v v + F_0 + F_c(x_m) = k_t i        (3.1) + (3.2) of Yuan
-with M = M_m + M_e the total mass, s the direction of sliding, F_0 a constant push of cables or slope, and F_c the harmonics of (3.7). It
-holds wherever the motor slides, at any speed and acceleration, so that plateaus of a speed sweep, runs up and vibrations all count. The
-friction is the Lorentzian of (3.8) in numbers that data can tell apart: f_0 = f_c + f_s, q = f_s / v_s^2, w = 1 / v_s^2.
+    M a_m + M_e (a_e - a_m) + s (f_0 - q v^2 / (1 + w v^2)) + b_v v + F_0 + F_c(x_m) = k_t i
+    (3.1) + (3.2) of Yuan
+with M = M_m + M_e the total mass, s the direction of sliding, F_0 a constant push of cables or
+slope, and F_c the harmonics of (3.7). It holds wherever the motor slides, at any speed and
+acceleration, so that plateaus of a speed sweep, runs up and vibrations all count. The friction is
+the Lorentzian of (3.8) in numbers that data can tell apart: f_0 = f_c + f_s, q = f_s / v_s^2, w = 1
+/ v_s^2.
 
-All is linear but w and the pole pitch, so that these two alone are searched, the others following by linear least squares (variable
-projection, Golub & Pereyra 1973).
+All is linear but w and the pole pitch, so that these two alone are searched, the others following
+by linear least squares (variable projection, Golub & Pereyra 1973).
 """
 
 from collections.abc import Sequence
@@ -21,10 +24,17 @@ from tuning.identification.estimates import Estimate, autocorrelation, coloured_
 from tuning.identification.records import Record
 from tuning.identification.slides import SLOWEST, WINDOW, Slide, slides
 
-CORRELATED = 12  # rows, three windows, over which residuals may be correlated: windows that overlap are, and a little more
+# rows, three windows, over which residuals may be correlated: windows that overlap are, and a
+# little more
+CORRELATED = 12
 CURVATURES = (0.0, 10.0)  # starts of w, over the largest speed squared: it has local minima
-SIGNIFICANT = 3.5**2  # what w has to gain of the squares, over the variance of noise: as much as 3.5 deviations
-BOUNDS = {"curvature": (-0.9, np.inf), "pole_pitch": (-0.5, 0.5)}  # of w, likewise: friction has a pole at -1; of the pitch's stretch
+SIGNIFICANT = (
+    3.5**2
+)  # what w has to gain of the squares, over the variance of noise: as much as 3.5 deviations
+BOUNDS = {
+    "curvature": (-0.9, np.inf),
+    "pole_pitch": (-0.5, 0.5),
+}  # of w, likewise: friction has a pole at -1; of the pitch's stretch
 NO_COGGING = Harmonics(1.0, 0)
 COMPLEX_STEP = 1e-30  # for derivatives that are exact to rounding
 
@@ -33,8 +43,9 @@ class ForceFit(NamedTuple):
     """The balance as fitted at a known k_t.
 
     Attributes:
-        estimate: total_mass, tool_mass, break_away f_0, viscous, constant_force, drop q, curvature w, pole_pitch, sine_j, cosine_j; without
-            tool_mass, curvature or pole_pitch where the data do not show it or it was given.
+        estimate: total_mass, tool_mass, break_away f_0, viscous, constant_force, drop q, curvature
+            w, pole_pitch, sine_j, cosine_j; without tool_mass, curvature or pole_pitch where the
+            data do not show it or it was given.
         slides: where the motor slid.
         residuals: of every slide (R,) [N].
         spectrum: of what is left over without cogging.
@@ -53,17 +64,24 @@ class ForceFit(NamedTuple):
         return _fastest(self.slides)
 
 
-def fit_forces(records: Sequence[Record], force_constant: float, pole_pitch: float | None = None, window: float = WINDOW) -> ForceFit:
+def fit_forces(
+    records: Sequence[Record],
+    force_constant: float,
+    pole_pitch: float | None = None,
+    window: float = WINDOW,
+) -> ForceFit:
     """Fit all slides of all records at once.
 
     Args:
         records: without voltages, all of them with the end effector or none.
         force_constant: k_t [N/A].
-        pole_pitch: [m] where it is known; otherwise it is the period of the strongest line, and is fitted.
+        pole_pitch: [m] where it is known; otherwise it is the period of the strongest line, and is
+            fitted.
         window: [s] of a row.
 
     Raises:
-        ValueError: the motor hardly slides, in one direction only, or the travel is too short for the harmonics of cogging.
+        ValueError: the motor hardly slides, in one direction only, or the travel is too short for
+            the harmonics of cogging.
     """
     found = [slide for record in records for slide in slides(record, window)]
     if {slide.direction for slide in found} != {-1.0, 1.0}:
@@ -73,7 +91,10 @@ def fit_forces(records: Sequence[Record], force_constant: float, pole_pitch: flo
     lines = _left_over(_fit(found, force_constant, NO_COGGING, ("curvature",)), found)
     cogging = harmonics(lines, pole_pitch)
     pitch = ("pole_pitch",) if cogging.count and pole_pitch is None else ()
-    fit, curved = (_fit(found, force_constant, cogging, searched) for searched in (pitch, (*pitch, "curvature")))
+    fit, curved = (
+        _fit(found, force_constant, cogging, searched)
+        for searched in (pitch, (*pitch, "curvature"))
+    )
     if _gain(fit, curved) > SIGNIFICANT:
         fit = curved
     return ForceFit(fit.estimate, found, fit.residuals, lines, cogging)
@@ -84,7 +105,9 @@ class _Fit(NamedTuple):
     residuals: list[Float[np.ndarray, " R"]]
 
 
-def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, searched: tuple[str, ...]) -> _Fit:
+def _fit(
+    found: Sequence[Slide], force_constant: float, cogging: Harmonics, searched: tuple[str, ...]
+) -> _Fit:
     """Least squares over all slides; of pole_pitch and curvature those in `searched` are free, the others pitch as given and zero."""
     fixed = {"curvature": 0.0, "pole_pitch": cogging.pole_pitch}
     scale = {"curvature": _fastest(found) ** -2, "pole_pitch": cogging.pole_pitch}
@@ -92,7 +115,9 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     force = force_constant * np.concatenate([slide.current for slide in found])
 
     def shape(z):
-        return fixed | {name: fixed[name] + scale[name] * x for name, x in zip(searched, z, strict=True)}
+        return fixed | {
+            name: fixed[name] + scale[name] * x for name, x in zip(searched, z, strict=True)
+        }
 
     def columns(z):
         return np.concatenate([_columns(slide, cogging.count, **shape(z)) for slide in found])
@@ -108,23 +133,36 @@ def _fit(found: Sequence[Slide], force_constant: float, cogging: Harmonics, sear
     z = np.zeros(0)
     if searched:
         bounds = tuple(zip(*(BOUNDS[name] for name in searched), strict=True))
-        starts = [np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES]
-        z = min((least_squares(residual, start, bounds=bounds) for start in starts), key=lambda one: one.cost).x
+        starts = [
+            np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES
+        ]
+        z = min(
+            (least_squares(residual, start, bounds=bounds) for start in starts),
+            key=lambda one: one.cost,
+        ).x
     steps = COMPLEX_STEP * 1j * np.eye(len(searched))
     linear, left = solved(z)
-    bent = [(columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name] for step, name in zip(steps, searched, strict=True)]
+    bent = [
+        (columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name]
+        for step, name in zip(steps, searched, strict=True)
+    ]
     slopes = np.split(np.column_stack([columns(z), *bent]), ends)
     residuals = np.split(left, ends)
     covariance = coloured_covariance(slopes, [autocorrelation(residuals, CORRELATED)] * len(slopes))
     names = (*_linear_names(found, cogging.count), *searched)
-    return _Fit(Estimate(names, np.append(linear, [shape(z)[name] for name in searched]), covariance), residuals)
+    return _Fit(
+        Estimate(names, np.append(linear, [shape(z)[name] for name in searched]), covariance),
+        residuals,
+    )
 
 
 def _gain(fit: _Fit, wider: _Fit) -> float:
     """How much more of the squares the wider fit explains, over the variance of its slow noise; of noise alone it is a chi-square."""
     correlation = autocorrelation(wider.residuals, CORRELATED)
     variance = correlation[0] + 2 * correlation[1:].sum()
-    squares, wider_squares = (float(np.sum(np.concatenate(one.residuals) ** 2)) for one in (fit, wider))
+    squares, wider_squares = (
+        float(np.sum(np.concatenate(one.residuals) ** 2)) for one in (fit, wider)
+    )
     return (squares - wider_squares) / variance
 
 
@@ -140,7 +178,18 @@ def _columns(slide: Slide, count: int, curvature: complex, pole_pitch: complex) 
         cosine.append(c * cosine[0] - s * sine[0])
     waves = [wave @ slide.weights for wave in (sine + cosine if count else [])]
     whip = [] if slide.whip is None else [slide.whip]
-    return np.stack([slide.inertia, *whip, slide.direction * ones, slide.drag, ones, -slide.direction * fall, *waves], axis=1)
+    return np.stack(
+        [
+            slide.inertia,
+            *whip,
+            slide.direction * ones,
+            slide.drag,
+            ones,
+            -slide.direction * fall,
+            *waves,
+        ],
+        axis=1,
+    )
 
 
 def _linear_names(found: Sequence[Slide], count: int) -> list[str]:

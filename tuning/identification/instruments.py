@@ -39,7 +39,8 @@ class InstrumentedAxis(Plant):
 
     Args:
         driven: sampled at the period of the drive.
-        noise: of the readings of motor and end effector (T, 2) [m], before they are rounded; the last row holds.
+        noise: of the readings of motor and end effector (T, 2) [m], before they are rounded; the
+            last row holds.
         resolution: [m] per count.
         dt: sample period of the readings [s], whole periods of the drive.
     """
@@ -63,7 +64,9 @@ class InstrumentedAxis(Plant):
             after = self.driven.step(driven, control)
             return after, total + (driven.current[:, 1] + after.current[:, 1]) / 2
 
-        driven, total = jax.lax.fori_loop(0, periods, period, (state.driven, jnp.zeros_like(state.current)))
+        driven, total = jax.lax.fori_loop(
+            0, periods, period, (state.driven, jnp.zeros_like(state.current))
+        )
         return Seen(driven, state.sample + 1, self.readings(state)[:1], total / periods)
 
     def output(self, state: Seen) -> Float[Array, " 1"]:
@@ -77,6 +80,8 @@ class InstrumentedAxis(Plant):
 
     def readings(self, state: Seen) -> Float[Array, " 2"]:
         """Motor and end effector, in whole counts [m]."""
-        positions = jnp.concatenate([self.driven.measure(state.driven)[0], self.driven.output(state.driven)])
+        positions = jnp.concatenate(
+            [self.driven.measure(state.driven)[0], self.driven.output(state.driven)]
+        )
         noise = self.noise[jnp.minimum(state.sample, len(self.noise) - 1)]
         return self.resolution * jnp.round((positions + noise) / self.resolution)

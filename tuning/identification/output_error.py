@@ -1,7 +1,8 @@
 """Output-error fits: what a simulation leaves of several records, as small as its parameters can make it.
 
-A simulation starts from recorded inputs only and never corrects itself by the recorded output, so that noise in the output is not mistaken
-for dynamics. Parameters are shared by all records, but for a few that every record has of its own: where it starts, what it is offset by.
+A simulation starts from recorded inputs only and never corrects itself by the recorded output, so
+that noise in the output is not mistaken for dynamics. Parameters are shared by all records, but for
+a few that every record has of its own: where it starts, what it is offset by.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +16,9 @@ from scipy.optimize import least_squares
 
 from tuning.identification.estimates import coloured_covariance
 
-Residual = Callable[..., Float[Array, " T"]]  # (shared (n,), own (m,), *signals) -> simulated minus recorded; traceable
+Residual = Callable[
+    ..., Float[Array, " T"]
+]  # (shared (n,), own (m,), *signals) -> simulated minus recorded; traceable
 
 
 class OutputError(NamedTuple):
@@ -24,7 +27,8 @@ class OutputError(NamedTuple):
     Attributes:
         shared: parameters of all records (n,).
         residuals: of every record (T,).
-        slopes: of the residuals to the shared parameters, then to the own ones of every record (T, n + R m).
+        slopes: of the residuals to the shared parameters, then to the own ones of every record (T,
+            n + R m).
         converged: whether the search ended by itself.
     """
 
@@ -33,14 +37,19 @@ class OutputError(NamedTuple):
     slopes: list[Float[np.ndarray, "T n+Rm"]]
     converged: bool
 
-    def covariance(self, correlations: Sequence[Float[np.ndarray, " L"]]) -> Float[np.ndarray, "n n"]:
+    def covariance(
+        self, correlations: Sequence[Float[np.ndarray, " L"]]
+    ) -> Float[np.ndarray, "n n"]:
         """Of the shared parameters, for residuals that have these autocorrelations in every record."""
         n = len(self.shared)
         return coloured_covariance(self.slopes, correlations)[:n, :n]
 
 
 def output_error(
-    residual: Residual, signals: Sequence[tuple[Any, ...]], shared: Float[np.ndarray, " n"], own: Float[np.ndarray, "R m"]
+    residual: Residual,
+    signals: Sequence[tuple[Any, ...]],
+    shared: Float[np.ndarray, " n"],
+    own: Float[np.ndarray, "R m"],
 ) -> OutputError:
     """Fit from a start; `signals` are what `residual` takes beside the parameters, for every record."""
     n, m = len(shared), own.shape[1]
@@ -49,7 +58,10 @@ def output_error(
         return [(theta[:n], theta[n + m * k : n + m * (k + 1)]) for k in range(len(signals))]
 
     def residuals(theta):
-        return [np.asarray(_value(residual, *part, one)) for part, one in zip(parts(theta), signals, strict=True)]
+        return [
+            np.asarray(_value(residual, *part, one))
+            for part, one in zip(parts(theta), signals, strict=True)
+        ]
 
     def slopes(theta):
         found = []
@@ -60,11 +72,15 @@ def output_error(
             found.append(rows)
         return found
 
-    with np.errstate(over="ignore"):  # a step to parameters that diverge has an infinite sum of squares, and is taken back
+    with np.errstate(
+        over="ignore"
+    ):  # a step to parameters that diverge has an infinite sum of squares, and is taken back
         found = least_squares(
-            lambda theta: np.concatenate(residuals(theta)), np.append(shared, own),
-            jac=lambda theta: np.concatenate(slopes(theta)), x_scale="jac",  # pyright: ignore[reportArgumentType]
-        )  # fmt: skip
+            lambda theta: np.concatenate(residuals(theta)),
+            np.append(shared, own),
+            jac=lambda theta: np.concatenate(slopes(theta)),
+            x_scale="jac",  # pyright: ignore[reportArgumentType]
+        )
     return OutputError(found.x[:n], residuals(found.x), slopes(found.x), bool(found.success))
 
 

@@ -14,7 +14,8 @@ class Record(NamedTuple):
         name: of the test.
         dt: [s] between rows.
         motor: position of the motor (T,) [m].
-        current: i_q (T,) [A]: what acts from row k to row k + 1, a command that is held or the mean; beside a voltage its value at row k.
+        current: i_q (T,) [A]: what acts from row k to row k + 1, a command that is held or the
+            mean; beside a voltage its value at row k.
         tool: position of the end effector (T,) [m].
         voltage: u_q (T,) [V], held from row k to row k + 1.
         current_d: i_d (T,) [A], which the drive keeps at zero.

@@ -17,7 +17,9 @@ EXPERIMENTS = {  # what would tell a parameter that usual data do tell
     "damping_per_mass": "sharper moves, recorded until the end effector is still,",
 }
 SEPARATED = 0.25  # half-width over value: a wider interval says no more than the order of magnitude
-FOURTH = 5.0  # how much worse the term in v^4 is known than the one in v^2, at the fastest speed; 2 to 3 in good sweeps
+# how much worse the term in v^4 is known than the one in v^2, at the fastest speed; 2 to 3 in good
+# sweeps
+FOURTH = 5.0
 PUSHED = 0.05  # of the break-away force: a constant force above it is worth a word
 
 
@@ -29,7 +31,11 @@ def separated(estimate: Estimate, name: str) -> bool:
 
 def stribeck_separated(estimate: Estimate) -> bool:
     """Whether f_c, f_s and v_s each come out on their own."""
-    return "curvature" in estimate.names and estimate["curvature"] > 0 and all(separated(estimate, name) for name in FRICTION)
+    return (
+        "curvature" in estimate.names
+        and estimate["curvature"] > 0
+        and all(separated(estimate, name) for name in FRICTION)
+    )
 
 
 def tool_separated(estimate: Estimate) -> bool:
@@ -39,14 +45,20 @@ def tool_separated(estimate: Estimate) -> bool:
 
 def undetermined(estimate: Estimate) -> list[str]:
     """Parameters of `EXPERIMENTS` that these data do not tell."""
-    return [name for name in EXPERIMENTS if name in estimate.names and not separated(estimate, name)]
+    return [
+        name for name in EXPERIMENTS if name in estimate.names and not separated(estimate, name)
+    ]
 
 
 def unseparated(estimate: Estimate) -> set[str]:
     """Parameters whose numbers mean nothing."""
     hidden = set(undetermined(estimate))
     hidden |= {"motor_mass"} & set(estimate.names) if "total_mass" in hidden else set()
-    return hidden | (set() if stribeck_separated(estimate) else set(FRICTION)) | (set() if tool_separated(estimate) else set(TOOL))
+    return (
+        hidden
+        | (set() if stribeck_separated(estimate) else set(FRICTION))
+        | (set() if tool_separated(estimate) else set(TOOL))
+    )
 
 
 def notes(estimate: Estimate, forces: ForceFit) -> Iterator[str]:
@@ -82,7 +94,8 @@ def notes(estimate: Estimate, forces: ForceFit) -> Iterator[str]:
 def telling_speed(estimate: Estimate, fastest: float) -> float:
     """Speed [m/s] up to which a sweep as good as this one would separate f_c, f_s and v_s.
 
-    After -q v^2 the next term of the dry friction is q w v^4, and its deviation, some times that of q over v^2, falls with v^4. How large
+    After -q v^2 the next term of the dry friction is q w v^4, and its deviation, some times that of
+    q over v^2, falls with v^4. How large
     w is has to be guessed: that half of the break-away force falls off, f_s = q / w = f_0 / 2.
     """
     deviation = estimate.deviation("drop")

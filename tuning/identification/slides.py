@@ -1,8 +1,8 @@
 """Where the motor slides, and the smooth windows under which its forces are balanced.
 
-Accelerations are second differences of positions, which encoder counts make useless one by one: a count of 1 um is 1 m/s^2 at 1 kHz.
-Under a smooth window of 60 ms it is 1 mm/s^2. A longer window hides vibrations, a shorter one lets the noise of the accelerations bias
-the masses.
+Accelerations are second differences of positions, which encoder counts make useless one by one: a
+count of 1 um is 1 m/s^2 at 1 kHz. Under a smooth window of 60 ms it is 1 mm/s^2. A longer window
+hides vibrations, a shorter one lets the noise of the accelerations bias the masses.
 """
 
 from collections.abc import Iterator
@@ -57,8 +57,12 @@ def slides(record: Record, window: float = WINDOW) -> Iterator[Slide]:
     drag = (record.motor[2:] - record.motor[:-2]) / (2 * record.dt)
     speed = np.convolve(drag, weights, "same")
     acceleration = _second_difference(record.motor, record.dt)
-    whip = None if record.tool is None else _second_difference(record.tool, record.dt) - acceleration
-    current = (record.current[:-2] + record.current[1:-1]) / 2  # held from row to row: its mean under the triangle of a second difference
+    whip = (
+        None if record.tool is None else _second_difference(record.tool, record.dt) - acceleration
+    )
+    current = (
+        record.current[:-2] + record.current[1:-1]
+    ) / 2  # held from row to row: its mean under the triangle of a second difference
 
     def windows(samples: Float[np.ndarray, " T"]) -> Float[np.ndarray, "R n"]:
         return sliding_window_view(samples, size)[:: max(size // STEPS, 1)]
@@ -67,11 +71,24 @@ def slides(record: Record, window: float = WINDOW) -> Iterator[Slide]:
         if part.stop - part.start < size:
             continue
         position = windows(record.motor[1:-1][part])
-        time = record.dt * (1 + part.start + (size - 1) / 2 + max(size // STEPS, 1) * np.arange(len(position)))
-        mean = {name: windows(values[part]) @ weights for name, values in
-                {"inertia": acceleration, "drag": drag, "current": current}.items()}  # fmt: skip
+        time = record.dt * (
+            1 + part.start + (size - 1) / 2 + max(size // STEPS, 1) * np.arange(len(position))
+        )
+        mean = {
+            name: windows(values[part]) @ weights
+            for name, values in {"inertia": acceleration, "drag": drag, "current": current}.items()
+        }
         whipped = None if whip is None else windows(whip[part]) @ weights
-        yield Slide(record.name, time, direction, position, windows(speed[part]), weights, whip=whipped, **mean)
+        yield Slide(
+            record.name,
+            time,
+            direction,
+            position,
+            windows(speed[part]),
+            weights,
+            whip=whipped,
+            **mean,
+        )
 
 
 def _runs(direction: Float[np.ndarray, " T"], margin: int) -> Iterator[tuple[float, slice]]:

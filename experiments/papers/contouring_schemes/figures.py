@@ -23,8 +23,16 @@ def errors(summary: dict[str, Any]) -> Figure:
     width = 0.8 / len(plants)
     for loops, axes in panels.items():
         for k, plant in enumerate(plants):
-            heights = [mean(summary, scheme, "contour_um", loops=loops, plant=plant, training=False) for scheme in schemes]
-            axes.bar(np.arange(len(schemes)) + (k - (len(plants) - 1) / 2) * width, heights, width, label=plant)
+            heights = [
+                mean(summary, scheme, "contour_um", loops=loops, plant=plant, training=False)
+                for scheme in schemes
+            ]
+            axes.bar(
+                np.arange(len(schemes)) + (k - (len(plants) - 1) / 2) * width,
+                heights,
+                width,
+                label=plant,
+            )
         axes.set_xticks(np.arange(len(schemes)), schemes, rotation=25, ha="right")
         axes.set(title=loops)
         axes.grid(color="0.9", axis="y")
@@ -39,7 +47,12 @@ def tuning(summary: dict[str, Any]) -> Figure:
     """The best objective so far: the cascade first, then every scheme from there, then from the start again."""
     figure, panels = _panels(summary)
     for row in summary["tuning"]:
-        panels[row["loops"]].plot(np.arange(1, len(row["best_um"]) + 1), row["best_um"], label=row["scheme"], linewidth=1.0)
+        panels[row["loops"]].plot(
+            np.arange(1, len(row["best_um"]) + 1),
+            row["best_um"],
+            label=row["scheme"],
+            linewidth=1.0,
+        )
     for loops, axes in panels.items():
         axes.set(xlabel="evaluations", yscale="log", title=loops)
         axes.grid(color="0.9", which="both")
@@ -53,9 +66,16 @@ def _panels(summary: dict[str, Any]):
     """One panel for each kind of loops."""
     loops = list(dict.fromkeys(row["loops"] for row in summary["tuning"]))
     figure = Figure(figsize=(5.5 * len(loops), 4.6), layout="constrained")
-    return figure, dict(zip(loops, np.atleast_1d(figure.subplots(1, len(loops), sharey=True)), strict=True))
+    return figure, dict(
+        zip(loops, np.atleast_1d(figure.subplots(1, len(loops), sharey=True)), strict=True)
+    )
 
 
 def _legend(figure: Figure) -> None:
     """One for all panels."""
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=6,
+        frameon=False,
+    )

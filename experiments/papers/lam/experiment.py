@@ -1,7 +1,8 @@
 """Lam, Manzie & Good: model predictive contouring control of an X-Y table, Figs 8 to 13 and every statement about them.
 
-The paper shows measurements. Its contour, the friction of its table and the weights of its baselines are not printed: ours are named in
-`lam_runs`, and what can be reproduced is how the controllers compare.
+The paper shows measurements. Its contour, the friction of its table and the weights of its
+baselines are not printed: ours are named in `lam_runs`, and what can be reproduced is how the
+controllers compare.
 """
 
 from dataclasses import asdict, dataclass
@@ -12,7 +13,17 @@ import numpy as np
 
 from experiments.papers.lam.claims import MPCC, MPTC, PI_FAST, PI_SLOW, claims
 from experiments.papers.lam.figures import draw
-from experiments.papers.lam.runs import PERIOD, SAMPLE, cascaded, lobes, machines, row, trace_of, traced, tracked
+from experiments.papers.lam.runs import (
+    PERIOD,
+    SAMPLE,
+    cascaded,
+    lobes,
+    machines,
+    row,
+    trace_of,
+    traced,
+    tracked,
+)
 from experiments.papers.lam.tables import show
 from jcontour.geometry.contour import Contour
 
@@ -21,7 +32,14 @@ __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 SOURCE = "D. Lam, C. Manzie, M. Good: Application of Model Predictive Contouring Control to an X-Y Table. IFAC World Congress (2011)"
 PUBLISHED = ()  # Figs 8 to 13 have no numbers in print
 TRACE_WEIGHTS = (0.03, 5.0)  # q_theta of Figs 8 to 11
-WEIGHTS = (0.02, 0.03, 0.1, 0.3, 1.0, 5.0)  # q_theta of Fig. 13; 0.02 is slow enough for the slowest of the others
+WEIGHTS = (
+    0.02,
+    0.03,
+    0.1,
+    0.3,
+    1.0,
+    5.0,
+)  # q_theta of Fig. 13; 0.02 is slow enough for the slowest of the others
 SPEEDS = (0.05, 0.075, 0.1, 0.125, 0.15)  # [m/s] of the tracking controllers, section 5
 SHOWN_PLANT = "friction"  # of Figs 8 to 11: the nearest there is to the paper's machine
 
@@ -44,8 +62,13 @@ def run(settings: Settings, folder: Path) -> dict[str, Any]:
         rows += found
         traces += shown if plant == SHOWN_PLANT else []
     summary: dict[str, Any] = {
-        "source": SOURCE, "settings": asdict(settings), "plants": list(plants), "path": _path(contour), "traces": traces, "trade_off": rows,
-    }  # fmt: skip
+        "source": SOURCE,
+        "settings": asdict(settings),
+        "plants": list(plants),
+        "path": _path(contour),
+        "traces": traces,
+        "trade_off": rows,
+    }
     summary["claims"] = claims(summary)
     return summary
 
@@ -69,9 +92,17 @@ def _one_plant(contour: Contour, plant: str) -> tuple[list[dict[str, Any]], list
 
 def _path(contour: Contour) -> dict[str, Any]:
     points = 1e3 * np.asarray(contour.position(np.linspace(0.0, float(contour.length), 1001)))
-    return {"length_mm": 1e3 * float(contour.length), "max_radius_mm": 1e3 * _radius(contour), "points_mm": points.tolist()}
+    return {
+        "length_mm": 1e3 * float(contour.length),
+        "max_radius_mm": 1e3 * _radius(contour),
+        "points_mm": points.tolist(),
+    }
 
 
 def _radius(contour: Contour) -> float:
     """Largest distance from the centre of the contour [m]."""
-    return float(np.linalg.norm(np.asarray(contour.position(np.linspace(0.0, float(contour.length), 4001))), axis=1).max())
+    return float(
+        np.linalg.norm(
+            np.asarray(contour.position(np.linspace(0.0, float(contour.length), 4001))), axis=1
+        ).max()
+    )

@@ -27,9 +27,16 @@ PERIOD = 4e-3  # [s] of MPCC, MPTC and the slow PI
 HORIZON, LARGEST_CURRENT = 7, 0.5  # section 5; [A]
 LONGEST = 12.0  # [s] beyond which a run counts as one that does not arrive
 SETTLING = 1.0  # [s] that the tool is given after its reference has come to the end
-HEAVIER, WEAKER = 1.1, 0.9  # the mismatched machine: inertias and viscous friction, link and torque constant
-TRACKING = TrackingWeights(output=1e8, increment=60.0)  # Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
-CASCADE = {  # PI gains are not printed: the best of a grid of 336 (240) on the friction machine at 0.1 m/s; feedforward made them worse
+HEAVIER, WEAKER = (
+    1.1,
+    0.9,
+)  # the mismatched machine: inertias and viscous friction, link and torque constant
+TRACKING = TrackingWeights(
+    output=1e8, increment=60.0
+)  # Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
+# PI gains are not printed: the best of a grid of 336 (240) on the friction machine at 0.1 m/s;
+# feedforward made them worse
+CASCADE = {
     1e-3: CascadeGains(80.0, 20.0, 0.04),
     4e-3: CascadeGains(60.0, 14.0, 0.04),
 }
@@ -52,22 +59,39 @@ def lobes() -> Contour:
 def machines(dt: float) -> dict[str, Plant]:
     """As modelled, with Coulomb friction, and with friction and other parameters than the model's."""
     other = tuple(drive.scaled(HEAVIER, HEAVIER, WEAKER, WEAKER) for drive in (X_DRIVE, Y_DRIVE))
-    return {"nominal": xy_table(dt), "friction": FrictionXYTable(dt), "mismatch": FrictionXYTable(dt, other)}
+    return {
+        "nominal": xy_table(dt),
+        "friction": FrictionXYTable(dt),
+        "mismatch": FrictionXYTable(dt, other),
+    }
 
 
 def traced(machine: Plant, contour: Contour, progress: float) -> tuple[Outcome, MPCC]:
     """MPCC with the paper's weights and this q_theta."""
-    controller = MPCC(xy_table(PERIOD), contour, -LARGEST_CURRENT, LARGEST_CURRENT, weights=ContouringWeights(progress=progress))
+    controller = MPCC(
+        xy_table(PERIOD),
+        contour,
+        -LARGEST_CURRENT,
+        LARGEST_CURRENT,
+        weights=ContouringWeights(progress=progress),
+    )
     reference = along(contour, np.zeros(int(LONGEST / SAMPLE)), SAMPLE, 0, at_rest=True)
     return _driven(machine, controller, reference, contour), controller
 
 
-def tracked(machine: Plant, contour: Contour, speed: float, weights: TrackingWeights = TRACKING) -> Outcome:
+def tracked(
+    machine: Plant, contour: Contour, speed: float, weights: TrackingWeights = TRACKING
+) -> Outcome:
     """MPTC, eq. 18, along a reference that runs at a constant speed from the first sample on."""
     model = with_input_delay(xy_table(PERIOD), 1)
     tracking = OffsetFreeMPC(model, weights, HORIZON, Limits.within(control=LARGEST_CURRENT))
     steps = PERIOD / SAMPLE
-    return _driven(machine, OneSampleLate(tracking, model), at_speed(contour, speed, SAMPLE, int(HORIZON * steps)), contour)
+    return _driven(
+        machine,
+        OneSampleLate(tracking, model),
+        at_speed(contour, speed, SAMPLE, int(HORIZON * steps)),
+        contour,
+    )
 
 
 def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
@@ -85,12 +109,18 @@ def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Referen
     return along(contour, np.append(arc, rest), dt, preview, at_rest=True)
 
 
-def _driven(machine: Plant, controller: HostController, reference: Reference, contour: Contour) -> Outcome:
+def _driven(
+    machine: Plant, controller: HostController, reference: Reference, contour: Contour
+) -> Outcome:
     try:
         run = reported_loop(machine, Held(controller, round(PERIOD / SAMPLE), 2), reference)
     except Stopped as stopped:  # scored as far as it came: its time says that it did not arrive
         run = stopped.run
-    return Outcome(run.rollout, traversal_score(contour, run.rollout.output, SAMPLE), run.report.active_fraction)
+    return Outcome(
+        run.rollout,
+        traversal_score(contour, run.rollout.output, SAMPLE),
+        run.report.active_fraction,
+    )
 
 
 class OneSampleLate(HostController):
@@ -112,7 +142,9 @@ class OneSampleLate(HostController):
         """Nothing on its way to the machine."""
         return self.controller.initial_memory(reference), np.zeros(self.inputs)
 
-    def step(self, memory: tuple[Any, np.ndarray], plan: Any, measurement: Any) -> tuple[tuple[Any, np.ndarray], np.ndarray]:
+    def step(
+        self, memory: tuple[Any, np.ndarray], plan: Any, measurement: Any
+    ) -> tuple[tuple[Any, np.ndarray], np.ndarray]:
         """The control found one sample ago."""
         inner, waiting = memory
         inner, control = self.controller.step(inner, plan, np.concatenate([measurement, waiting]))
@@ -123,18 +155,27 @@ class OneSampleLate(HostController):
         return self.controller.report()
 
 
-def row(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> dict[str, Any]:
+def row(
+    controller: str, plant: str, setting: str, outcome: Outcome, radius: float
+) -> dict[str, Any]:
     """One point of Fig. 13."""
     score = outcome.score
     return {
-        "controller": controller, "plant": plant, "setting": setting,
-        "finished": bool(np.isfinite(score.time)), "time_s": float(score.time),
-        "rms_um": 1e6 * score.rms, "peak_um": 1e6 * score.peak, "rms_percent": 100 * score.rms / radius,
+        "controller": controller,
+        "plant": plant,
+        "setting": setting,
+        "finished": bool(np.isfinite(score.time)),
+        "time_s": float(score.time),
+        "rms_um": 1e6 * score.rms,
+        "peak_um": 1e6 * score.peak,
+        "rms_percent": 100 * score.rms / radius,
         "limited_percent": 100 * outcome.limited,
-    }  # fmt: skip
+    }
 
 
-def trace_of(contour: Contour, controller: MPCC, outcome: Outcome, progress: float) -> dict[str, Any]:
+def trace_of(
+    contour: Contour, controller: MPCC, outcome: Outcome, progress: float
+) -> dict[str, Any]:
     """The signals of Figs 8 to 11 up to the end of the path."""
     score, rollout = outcome.score, outcome.rollout
     done = int(np.argmax(score.arc >= float(contour.length) - 5e-4)) or len(score.arc)

@@ -1,6 +1,7 @@
 """What the reproduction of McNab & Tsao simulates: their circle, a line at 37 degrees, a family of machines, frozen loops on lines.
 
-Compiling costs more than simulating here, so that controllers of every weight and horizon share one compiled plan and one
+Compiling costs more than simulating here, so that controllers of every weight and horizon share one
+compiled plan and one
 compiled closed loop: the horizon is an array, and the nominal machine is a member of the family.
 """
 
@@ -24,7 +25,13 @@ from jcontour.controllers.lq.contouring_lq import (
 )
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.geometry.contours import circle, line
-from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, spectral_radius, steady_motion
+from jcontour.linear.plant import (
+    AffinePlan,
+    LinearPlant,
+    SteadyMotion,
+    spectral_radius,
+    steady_motion,
+)
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
@@ -39,10 +46,15 @@ RADIUS = 1e-3  # [m] of the paper's circle
 FEED = 3 / 60  # [m/s] the paper's 3 m/min
 RHO = 2e-9  # [1/control unit^2] the paper's control weight
 PREVIEW = 10  # [samples] the paper's horizon, where it does not vary it
-STEPS, WINDOW = 753, (502, 753)  # three laps of 251.3 samples, the last is scored: the transient is gone
+STEPS, WINDOW = (
+    753,
+    (502, 753),
+)  # three laps of 251.3 samples, the last is scored: the transient is gone
 LINE_ANGLE = np.deg2rad(37.0)  # no symmetry of the machine in this direction
 LONGEST = 30  # [samples] of the preview lengths in Figs 9 and 10
-RADIUS_STRIDE = 5  # frozen loops every 7 degrees of the circle: the radius varies slowly with the direction
+RADIUS_STRIDE = (
+    5  # frozen loops every 7 degrees of the circle: the radius varies slowly with the direction
+)
 
 
 class Member(NamedTuple):
@@ -73,8 +85,8 @@ class Run(NamedTuple):
 class AnyHorizonLQ(Controller):
     """`ContouringLQ` whose horizon is an array between 1 and `preview`, so that all horizons share one compilation.
 
-    The backward sweep starts at the longest horizon and leaves the terminal cost as it is until j < horizon. Same gains as
-    `ContouringLQ`, for the time of the longest.
+    The backward sweep starts at the longest horizon and leaves the terminal cost as it is until j <
+    horizon. Same gains as `ContouringLQ`, for the time of the longest.
     """
 
     model: LinearPlant
@@ -84,7 +96,12 @@ class AnyHorizonLQ(Controller):
     preview: int = eqx.field(static=True)
 
     def __init__(self, model: LinearPlant, weights: LQWeights, horizon: int, terminal: Terminal):
-        self.model, self.weights, self.horizon, self.terminal = model, weights, jnp.asarray(horizon), terminal
+        self.model, self.weights, self.horizon, self.terminal = (
+            model,
+            weights,
+            jnp.asarray(horizon),
+            terminal,
+        )
         self.preview = LONGEST
 
     def prepare(self, reference: Reference) -> AffinePlan:
@@ -97,12 +114,20 @@ class AnyHorizonLQ(Controller):
             return jax.lax.dynamic_slice_in_dim(values, first, count)
 
         def sweep(cost, j):
-            earlier = one_stage_back(self.model, R, cost, samples(Q, j), samples(reference.position, j))
-            return jax.tree.map(lambda new, old: jnp.where(j < self.horizon, new, old), earlier, cost), None
+            earlier = one_stage_back(
+                self.model, R, cost, samples(Q, j), samples(reference.position, j)
+            )
+            return jax.tree.map(
+                lambda new, old: jnp.where(j < self.horizon, new, old), earlier, cost
+            ), None
 
-        last_two = samples(reference.position, self.horizon - 1, steps + 1)  # then the terminal sees a horizon of one
+        last_two = samples(
+            reference.position, self.horizon - 1, steps + 1
+        )  # then the terminal sees a horizon of one
         end = eqx.tree_at(lambda r: r.position, reference, last_two)
-        terminal = self.terminal.cost(self.model, self.weights, samples(Q, self.horizon - 1, steps + 1), end, 1)
+        terminal = self.terminal.cost(
+            self.model, self.weights, samples(Q, self.horizon - 1, steps + 1), end, 1
+        )
         first, _ = jax.lax.scan(sweep, terminal, jnp.arange(self.preview - 1, 0, -1))
         return first_control(self.model, R, first)
 
@@ -110,7 +135,9 @@ class AnyHorizonLQ(Controller):
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]) -> tuple[None, Float[Array, " p"]]:
+    def step(
+        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
         """u = f - F x."""
         return None, plan.f - plan.F @ measurement
 
@@ -126,22 +153,34 @@ class Bench:
         self.model = bridgeport()
         self.family = family
         self.motion = eqx.filter_jit(steady_motion)(self.model)
-        self.terminals: dict[str, Terminal] = {"output": OutputTerminal(), "dare": RiccatiTerminal(self.motion)}
+        self.terminals: dict[str, Terminal] = {
+            "output": OutputTerminal(),
+            "dare": RiccatiTerminal(self.motion),
+        }
         self.perturbed = [with_input_gains(self.model, (m.gain_x, m.gain_y)) for m in family]
         depth = max(1, *(m.delay for m in family))
-        self.machines = stack_plants([_delayed(p, m.delay, depth) for p, m in zip(self.perturbed, family, strict=True)])
+        self.machines = stack_plants(
+            [_delayed(p, m.delay, depth) for p, m in zip(self.perturbed, family, strict=True)]
+        )
         self.circle, self.line = _references(self.model.dt)
-        self._player = ContouringLQ(self.model, LQWeights(1.0, 0.0, RHO), PREVIEW)  # applies the gains of any plan
+        self._player = ContouringLQ(
+            self.model, LQWeights(1.0, 0.0, RHO), PREVIEW
+        )  # applies the gains of any plan
 
     def plan(self, law: Law, reference: Reference) -> AffinePlan:
         """The gain schedule of a receding-horizon controller."""
         weights = LQWeights(law.alpha, law.beta, RHO)
-        return prepared(AnyHorizonLQ(self.model, weights, law.preview, self.terminals[law.terminal]), reference)
+        return prepared(
+            AnyHorizonLQ(self.model, weights, law.preview, self.terminals[law.terminal]), reference
+        )
 
     def plan_holding(self, law: Law, reference: Reference) -> AffinePlan:
         """The same with H_s, but a path that stops at the end of the preview in place of the Appendix continuation."""
         standing = RiccatiTerminal(SteadyMotion(self.motion.Sy, jnp.zeros_like(self.motion.Sv)))
-        return prepared(AnyHorizonLQ(self.model, LQWeights(law.alpha, law.beta, RHO), law.preview, standing), reference)
+        return prepared(
+            AnyHorizonLQ(self.model, LQWeights(law.alpha, law.beta, RHO), law.preview, standing),
+            reference,
+        )
 
     def plan_finite_preview(self, alpha: float, reference: Reference) -> AffinePlan:
         """The gain schedule of Tomizuka & Whitney's controller."""
@@ -150,45 +189,70 @@ class Bench:
     def run(self, plan: AffinePlan, reference: Reference) -> Run:
         """The plan on every machine of the family."""
         metrics, output = _play(self.machines, self._player, plan, reference)
-        return Run(metrics, self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)]), np.asarray(output))
+        return Run(
+            metrics,
+            self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)]),
+            np.asarray(output),
+        )
 
     def frozen_radius(self, F: Float[np.ndarray, "T p n"]) -> Float[np.ndarray, " members"]:
         """Largest spectral radius of A - B F on each machine; a delay line is not fed back."""
-        return np.array([_frozen_radius(p, m.delay, F) for p, m in zip(self.perturbed, self.family, strict=True)])
+        return np.array(
+            [
+                _frozen_radius(p, m.delay, F)
+                for p, m in zip(self.perturbed, self.family, strict=True)
+            ]
+        )
 
 
 def family(gain_error: float, delay: int) -> tuple[Member, ...]:
     """The nominal machine, one axis stronger and the other weaker both ways round, and delays 1..`delay`."""
     up, down = 1 + gain_error, 1 - gain_error
-    return (Member(1.0, 1.0, 0), Member(up, down, 0), Member(down, up, 0), *(Member(1.0, 1.0, d + 1) for d in range(delay)))
+    return (
+        Member(1.0, 1.0, 0),
+        Member(up, down, 0),
+        Member(down, up, 0),
+        *(Member(1.0, 1.0, d + 1) for d in range(delay)),
+    )
 
 
-def radii_on_lines(model: LinearPlant, weights: LQWeights, angles: Float[np.ndarray, " D"], longest: int) -> Float[np.ndarray, "N two D"]:
+def radii_on_lines(
+    model: LinearPlant, weights: LQWeights, angles: Float[np.ndarray, " D"], longest: int
+) -> Float[np.ndarray, "N two D"]:
     """Spectral radius of A - B K on straight lines for horizons 1..`longest`, both terminals (output weight, H_s), all directions.
 
-    The weights are constant on a line, so that one backward recursion passes through H_1 of every horizon (eqs. 12, 23).
+    The weights are constant on a line, so that one backward recursion passes through H_1 of every
+    horizon (eqs. 12, 23).
     """
     tangents = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=-1)
     return spectral_radius(_loops_on_lines(model, weights, tangents, longest))
 
 
 @eqx.filter_jit
-def _loops_on_lines(model: LinearPlant, weights: LQWeights, tangents: Float[Array, "D m"], longest: int) -> Float[Array, "N two D n n"]:
+def _loops_on_lines(
+    model: LinearPlant, weights: LQWeights, tangents: Float[Array, "D m"], longest: int
+) -> Float[Array, "N two D n n"]:
     Q = contour_weight(weights.alpha, weights.beta, tangents)
     R = control_weight(model, weights)
     output = model.C.T @ Q @ model.C
-    H = jnp.concatenate([output, jnp.broadcast_to(RiccatiTerminal().solution(model, weights), output.shape)])
+    H = jnp.concatenate(
+        [output, jnp.broadcast_to(RiccatiTerminal().solution(model, weights), output.shape)]
+    )
     Q, still = jnp.concatenate([Q, Q]), jnp.zeros((2 * len(tangents), model.axes))
 
     def back(cost, _):
-        return one_stage_back(model, R, cost, Q, still), model.A - model.B @ first_control(model, R, cost).F
+        return one_stage_back(model, R, cost, Q, still), model.A - model.B @ first_control(
+            model, R, cost
+        ).F
 
     _, loops = jax.lax.scan(back, CostToGo(H, jnp.zeros(H.shape[:2])), length=longest)
     return loops.reshape(longest, 2, len(tangents), model.states, model.states)
 
 
 @eqx.filter_jit
-def _play(machines: Plant, player: Controller, plan: AffinePlan, reference: Reference) -> tuple[Metrics, Float[Array, "members T m"]]:
+def _play(
+    machines: Plant, player: Controller, plan: AffinePlan, reference: Reference
+) -> tuple[Metrics, Float[Array, "members T m"]]:
     def on_machine(machine: Plant):
         rollout = follow(machine, player, plan, reference)
         return score_signals(rollout.output, rollout.control, reference, WINDOW), rollout.output
@@ -201,7 +265,12 @@ def _references(dt: float) -> tuple[Reference, Reference]:
     travelled = FEED * dt * np.arange(STEPS)
     length = FEED * dt * (STEPS + LONGEST)
     straight = line((0.0, 0.0), (length * np.cos(LINE_ANGLE), length * np.sin(LINE_ANGLE)))
-    both = stack_references([along(contour, travelled, dt, LONGEST, at_rest=False) for contour in (circle(RADIUS), straight)])
+    both = stack_references(
+        [
+            along(contour, travelled, dt, LONGEST, at_rest=False)
+            for contour in (circle(RADIUS), straight)
+        ]
+    )
     return member(both, 0), member(both, 1)
 
 

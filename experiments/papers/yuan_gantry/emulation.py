@@ -20,7 +20,8 @@ from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_g
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.metrics import contour_error, score, tracking_error
 
-DAMPED = 2000.0  # [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
+# [N m s/rad] that the drives add to the twist: six times their friction, 3 % of the critical
+DAMPED = 2000.0
 
 
 class TwistDamping(eqx.Module):
@@ -31,7 +32,11 @@ class TwistDamping(eqx.Module):
 
     def __call__(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
         """Currents to add [A]."""
-        apart = -self.damping * state[5] / (2 * self.parameters.drive_constant * self.parameters.half_span)
+        apart = (
+            -self.damping
+            * state[5]
+            / (2 * self.parameters.drive_constant * self.parameters.half_span)
+        )
         return jnp.stack([jnp.zeros_like(apart), -apart, apart])
 
 
@@ -61,12 +66,22 @@ def emulated() -> dict[str, Any]:
     true = simulate(gantry, _controller(p, True), reference)
     rows = [_row("gantry", true, true.state, reference) | {"distance_m": 0.0}]
     for case in CASES:
-        plant = HardwareInLoop(gantry, servo_bench() if case.dry else _without_dry_friction(servo_bench()), case.delay)
+        plant = HardwareInLoop(
+            gantry, servo_bench() if case.dry else _without_dry_friction(servo_bench()), case.delay
+        )
         run = simulate(plant, _controller(p, case.damped), reference)
-        away = {"distance_m": _peak(run.output - true.output), "twist_damping": float(twist_damping(plant))}
+        away = {
+            "distance_m": _peak(run.output - true.output),
+            "twist_damping": float(twist_damping(plant)),
+        }
         rows.append(_row(case.name, run, run.measurement, reference) | away | _bench(plant, run))
     own = 2 * p.drive_viscous * p.half_span**2
-    return {"time_s": SAMPLE * np.arange(reference.steps), "added_damping": DAMPED, "own_damping": float(own), "rows": rows}
+    return {
+        "time_s": SAMPLE * np.arange(reference.steps),
+        "added_damping": DAMPED,
+        "own_damping": float(own),
+        "rows": rows,
+    }
 
 
 def _controller(p: GantryParameters, damped: bool) -> Controller:
@@ -74,18 +89,32 @@ def _controller(p: GantryParameters, damped: bool) -> Controller:
 
 
 def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
-    return eqx.tree_at(lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like)
+    return eqx.tree_at(
+        lambda b: (b.friction.coulomb, b.friction.stribeck), bench, replace_fn=jnp.zeros_like
+    )
 
 
-def _row(name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference) -> dict[str, Any]:
+def _row(
+    name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference
+) -> dict[str, Any]:
     """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
-    metrics, tracking = score(run, reference), np.abs(np.asarray(tracking_error(run.output, reference)))
+    metrics, tracking = (
+        score(run, reference),
+        np.abs(np.asarray(tracking_error(run.output, reference))),
+    )
     return {
-        "name": name, "peak_x_error_m": float(tracking[:, 0].max()), "peak_y_error_m": float(tracking[:, 1].max()),
-        "peak_contour_error_m": float(metrics.peak_contour_error), "rms_contour_error_m": float(metrics.rms_contour_error),
-        "peak_twist_rad": _peak(state[:, 2:3]), "twist_rad": state[:, 2], "diverged": bool(metrics.diverged),
-        "contour_error_m": np.linalg.norm(np.asarray(contour_error(run.output, reference)), axis=-1),
-    }  # fmt: skip
+        "name": name,
+        "peak_x_error_m": float(tracking[:, 0].max()),
+        "peak_y_error_m": float(tracking[:, 1].max()),
+        "peak_contour_error_m": float(metrics.peak_contour_error),
+        "rms_contour_error_m": float(metrics.rms_contour_error),
+        "peak_twist_rad": _peak(state[:, 2:3]),
+        "twist_rad": state[:, 2],
+        "diverged": bool(metrics.diverged),
+        "contour_error_m": np.linalg.norm(
+            np.asarray(contour_error(run.output, reference)), axis=-1
+        ),
+    }
 
 
 def _bench(plant: HardwareInLoop, run: Rollout) -> dict[str, float | None]:
@@ -102,7 +131,9 @@ def _load(plant: HardwareInLoop, run: Rollout) -> Float[Array, "T 1"]:
 @eqx.filter_jit
 def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last 1"]:
     model = delayed_head_model(plant.gantry.parameters, plant.bench, plant.dt)
-    state = jnp.column_stack([run.measurement[:, 0], run.measurement[:, 3], run.state.sent[:, 0, 0]])
+    state = jnp.column_stack(
+        [run.measurement[:, 0], run.measurement[:, 3], run.state.sent[:, 0, 0]]
+    )
     return (state[1:] - jax.vmap(model.step)(state, run.control[:, :1])[:-1])[:, 1:2]
 
 

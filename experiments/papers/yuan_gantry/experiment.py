@@ -1,7 +1,8 @@
 """Yuan, sections 5.1, 5.2, 5.5 and 5.6: a dual-drive gantry, its resonances, its twist along a path, its head emulated, three engines.
 
-Hardly a mass or a stiffness of the machine is printed. Ours solve (5.12) for the two anti-resonances that are; so these two are what the
-model was made for, and everything else follows from it. The thesis's set-based controllers are not built here.
+Hardly a mass or a stiffness of the machine is printed. Ours solve (5.12) for the two
+anti-resonances that are; so these two are what the model was made for, and everything else follows
+from it. The thesis's set-based controllers are not built here.
 """
 
 from dataclasses import asdict, dataclass
@@ -32,8 +33,13 @@ class Settings:
 def run(settings: Settings, folder: Path) -> dict[str, Any]:
     """Compute everything; all that is found is in the summary, nothing is written to the folder."""
     summary: dict[str, Any] = {
-        "source": SOURCE, "settings": asdict(settings), "responses": responses(), "path": along_the_path(),
-        "emulated": emulated(), "identified": identified(), "engines": engines(seconds=0.2 if settings.quick else 1.0),
-    }  # fmt: skip
+        "source": SOURCE,
+        "settings": asdict(settings),
+        "responses": responses(),
+        "path": along_the_path(),
+        "emulated": emulated(),
+        "identified": identified(),
+        "engines": engines(seconds=0.2 if settings.quick else 1.0),
+    }
     summary["claims"] = claims(summary)
     return summary

@@ -40,16 +40,26 @@ class Follower(Controller):
         """Where the head and the beam should be [m], how fast they should move [m/s] and gather speed [m/s^2]."""
         wanted = reference.position.at[:, 1].add(self.parameters.tool_offset)
         speed = jnp.diff(wanted, axis=0)[: reference.steps] / reference.dt
-        return wanted[: reference.steps], speed, jnp.diff(speed, axis=0, prepend=jnp.zeros((1, 2))) / reference.dt
+        return (
+            wanted[: reference.steps],
+            speed,
+            jnp.diff(speed, axis=0, prepend=jnp.zeros((1, 2))) / reference.dt,
+        )
 
     def initial_memory(self, reference: Reference) -> None:
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan, measurement: Float[Array, "6"]) -> tuple[None, Float[Array, "3"]]:
+    def step(
+        self, memory: None, plan, measurement: Float[Array, "6"]
+    ) -> tuple[None, Float[Array, "3"]]:
         """Currents of the head and the two drives [A]."""
         p, (position, speed, acceleration) = self.parameters, plan
-        pull = FREQUENCY**2 * (position - measurement[:2]) + 2 * DAMPING * FREQUENCY * (speed - measurement[3:5]) + acceleration
+        pull = (
+            FREQUENCY**2 * (position - measurement[:2])
+            + 2 * DAMPING * FREQUENCY * (speed - measurement[3:5])
+            + acceleration
+        )
         along = p.head_mass * pull[0] + p.head_viscous * speed[0]
         across = p.total_mass * pull[1] + 2 * p.drive_viscous * speed[1]
         drive = across / (2 * p.drive_constant)
@@ -63,14 +73,22 @@ def responses() -> list[dict[str, Any]]:
         for coupling in (False, True):
             if head == 0 and coupling:
                 continue  # there is none
-            numerator, denominator = drive_response(p, head, p.head_mass * head if coupling else 0.0)
+            numerator, denominator = drive_response(
+                p, head, p.head_mass * head if coupling else 0.0
+            )
             s = 2j * np.pi * FREQUENCIES
             response = np.polyval(np.asarray(numerator), s) / np.polyval(np.asarray(denominator), s)
-            rows.append({
-                "head_m": head, "coupling": coupling, "antiresonance_hz": _ringing(numerator), "resonance_hz": _ringing(denominator),
-                "frequency_hz": FREQUENCIES, "gain_db": 20 * np.log10(np.abs(response)),
-                "phase_deg": np.rad2deg(np.unwrap(np.angle(response))),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "head_m": head,
+                    "coupling": coupling,
+                    "antiresonance_hz": _ringing(numerator),
+                    "resonance_hz": _ringing(denominator),
+                    "frequency_hz": FREQUENCIES,
+                    "gain_db": 20 * np.log10(np.abs(response)),
+                    "phase_deg": np.rad2deg(np.unwrap(np.angle(response))),
+                }
+            )
     return rows
 
 
@@ -94,11 +112,17 @@ def along_the_path() -> dict[str, Any]:
     rollout = simulate(Gantry(p, SAMPLE), Follower(p), reference)
     metrics, error = score(rollout, reference), np.asarray(contour_error(rollout.output, reference))
     return {
-        "time_s": SAMPLE * np.arange(reference.steps), "twist_rad": rollout.state[:, 2], "tool_m": rollout.output,
-        "wanted_m": reference.position[: reference.steps], "contour_error_m": np.linalg.norm(error, axis=-1), "control_a": rollout.control,
-        "peak_twist_rad": float(jnp.max(jnp.abs(rollout.state[:, 2]))), "peak_contour_error_m": float(metrics.peak_contour_error),
-        "rms_contour_error_m": float(metrics.rms_contour_error), "diverged": bool(metrics.diverged),
-    }  # fmt: skip
+        "time_s": SAMPLE * np.arange(reference.steps),
+        "twist_rad": rollout.state[:, 2],
+        "tool_m": rollout.output,
+        "wanted_m": reference.position[: reference.steps],
+        "contour_error_m": np.linalg.norm(error, axis=-1),
+        "control_a": rollout.control,
+        "peak_twist_rad": float(jnp.max(jnp.abs(rollout.state[:, 2]))),
+        "peak_contour_error_m": float(metrics.peak_contour_error),
+        "rms_contour_error_m": float(metrics.rms_contour_error),
+        "diverged": bool(metrics.diverged),
+    }
 
 
 def identified() -> list[dict[str, Any]]:
@@ -106,14 +130,36 @@ def identified() -> list[dict[str, Any]]:
     p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
     estimate = identify_gantry(commissioned(p, seed=0), sheet)
     imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-    true = (p.total_mass, p.inertia(0.0), p.head_mass, imbalance, p.drive_viscous, p.head_viscous, p.joint_stiffness)
-    rows = [_found(f"{name}, {unit}", value, estimate, name) for name, unit, value in zip(NAMES, UNITS, true, strict=True)]
+    true = (
+        p.total_mass,
+        p.inertia(0.0),
+        p.head_mass,
+        imbalance,
+        p.drive_viscous,
+        p.head_viscous,
+        p.joint_stiffness,
+    )
+    rows = [
+        _found(f"{name}, {unit}", value, estimate, name)
+        for name, unit, value in zip(NAMES, UNITS, true, strict=True)
+    ]
     for head in CHIRP_HEADS:
-        printed = np.sqrt(2 * p.joint_stiffness / (p.inertia(head) + p.half_span**2 * p.total_mass)) / (2 * np.pi)
+        printed = np.sqrt(
+            2 * p.joint_stiffness / (p.inertia(head) + p.half_span**2 * p.total_mass)
+        ) / (2 * np.pi)
         found = antiresonance(estimate, sheet, head, coupled=False)
-        rows.append(_found(f"anti-resonance by (5.12), head at {head:g} m, Hz", printed, found, "antiresonance"))
+        rows.append(
+            _found(
+                f"anti-resonance by (5.12), head at {head:g} m, Hz", printed, found, "antiresonance"
+            )
+        )
     return rows
 
 
 def _found(name: str, true, estimate, key: str) -> dict[str, Any]:
-    return {"name": name.replace("_", " "), "true": float(true), "found": estimate[key], "interval": estimate.interval(key)}
+    return {
+        "name": name.replace("_", " "),
+        "true": float(true),
+        "found": estimate[key],
+        "interval": estimate.interval(key),
+    }

@@ -15,7 +15,10 @@ COLUMNS = ("em_max", "em_mean", "ee_max", "ee_mean", "def_max", "u_mean")
 MARGINAL = 0.1  # a change up to which an improvement is marginal
 LARGEST_GAP = 0.03  # between the smooth twin at its default sharpness and the true axis
 DEFAULT_SHARPNESS = 1e3
-TARGETS = {"cascade": 0.6, "cascade-feedforward": 0.15}  # mean end-effector error on task A over that of the thesis's gains
+TARGETS = {
+    "cascade": 0.6,
+    "cascade-feedforward": 0.15,
+}  # mean end-effector error on task A over that of the thesis's gains
 MOST_CURRENT = 1.2  # over that of the thesis's gains
 
 
@@ -36,19 +39,33 @@ def table_rows(published: Sequence[Any], rows: Sequence[dict[str, Any]]) -> list
     found = []
     for measured in published:
         ours = [(name, row_of(rows, name)) for name in OURS[measured.name]]
-        found.append({
-            "task": measured.task, "name": measured.name, "verdict": Verdict.EXPERIMENTAL.value,
-            "paper": {column: getattr(measured, column) for column in COLUMNS}, "paper_time_ms": measured.time_ms,
-            "ours": {name: {**{c: row[measured.task][c] for c in COLUMNS}, "time_us": row["time_us"]} for name, row in ours},
-        })  # fmt: skip
+        found.append(
+            {
+                "task": measured.task,
+                "name": measured.name,
+                "verdict": Verdict.EXPERIMENTAL.value,
+                "paper": {column: getattr(measured, column) for column in COLUMNS},
+                "paper_time_ms": measured.time_ms,
+                "ours": {
+                    name: {**{c: row[measured.task][c] for c in COLUMNS}, "time_us": row["time_us"]}
+                    for name, row in ours
+                },
+            }
+        )
     return found
 
 
 def claims(summary: dict[str, Any], confirmed: Sequence[str]) -> list[Claim]:
     """Statements of section 3.4.3, then the project's own targets for the twin and for the controllers that were tuned."""
     rows = summary["ranking"]
-    found = [_tool_vibrates_more(rows), _filter_is_marginal(rows), _filter_relieves_the_link(rows), _observer_on_task_a(rows),
-             _observer_on_task_b(rows), _twin(summary["gap"])]  # fmt: skip
+    found = [
+        _tool_vibrates_more(rows),
+        _filter_is_marginal(rows),
+        _filter_relieves_the_link(rows),
+        _observer_on_task_a(rows),
+        _observer_on_task_b(rows),
+        _twin(summary["gap"]),
+    ]
     tuned = {row["controller"] for row in rows if row["gains"] == "tuned"}
     return found + [_target(rows, name) for name in confirmed if name in tuned]
 
@@ -62,11 +79,20 @@ def _verdict(holds: bool) -> Verdict:
 
 
 def _tool_vibrates_more(rows) -> Claim:
-    pairs = [(task, name, row_of(rows, name)[task]) for task in "AB" for names in OURS.values() for name in names]
+    pairs = [
+        (task, name, row_of(rows, name)[task])
+        for task in "AB"
+        for names in OURS.values()
+        for name in names
+    ]
     lost = [f"{name} on {task}" for task, name, m in pairs if m["ee_max"] <= m["em_max"]]
     worst = max(m["ee_max"] / m["em_max"] for _, _, m in pairs)
-    words = f"largest error of the end effector up to {worst:.2f} x the motor's" + (f"; not for {', '.join(lost)}" if lost else "")
-    return _claim("section 3.4.3", "the end effector vibrates more than the motor", words, _verdict(not lost))
+    words = f"largest error of the end effector up to {worst:.2f} x the motor's" + (
+        f"; not for {', '.join(lost)}" if lost else ""
+    )
+    return _claim(
+        "section 3.4.3", "the end effector vibrates more than the motor", words, _verdict(not lost)
+    )
 
 
 def _changes(rows, name: str, task: str) -> dict[str, float]:
@@ -77,27 +103,53 @@ def _changes(rows, name: str, task: str) -> dict[str, float]:
 def _filter_is_marginal(rows) -> Claim:
     changes = [change for task in "AB" for change in _changes(rows, "cascade-notch", task).values()]
     words = f"its metrics change by {100 * min(changes):+.2f} to {100 * max(changes):+.2f} %"
-    return _claim("section 3.4.3", "the notch changes most metrics marginally", words, _verdict(max(map(abs, changes)) < MARGINAL))
+    return _claim(
+        "section 3.4.3",
+        "the notch changes most metrics marginally",
+        words,
+        _verdict(max(map(abs, changes)) < MARGINAL),
+    )
 
 
 def _filter_relieves_the_link(rows) -> Claim:
     found = {task: _changes(rows, "cascade-notch", task)["def_max"] for task in "AB"}
     words = ", ".join(f"{100 * change:+.2f} % on task {task}" for task, change in found.items())
     holds = all(change < -MARGINAL for change in found.values())
-    return _claim("section 3.4.3", "the notch lowers the largest deformation by 11 % on task A, 33 % on task B", words, _verdict(holds))
+    return _claim(
+        "section 3.4.3",
+        "the notch lowers the largest deformation by 11 % on task A, 33 % on task B",
+        words,
+        _verdict(holds),
+    )
 
 
 def _observer_on_task_a(rows) -> Claim:
     found = {name: _changes(rows, name, "A") for name in OURS["Cascaded PI with LESO"]}
-    words = "; ".join(f"{name}: {100 * c['em_max']:+.1f} % largest, {100 * c['em_mean']:+.1f} % mean" for name, c in found.items())
+    words = "; ".join(
+        f"{name}: {100 * c['em_max']:+.1f} % largest, {100 * c['em_mean']:+.1f} % mean"
+        for name, c in found.items()
+    )
     holds = all(c["em_max"] < 0 and c["em_mean"] < 0 for c in found.values())
-    return _claim("section 3.4.3", "the LESO improves the motor's largest and mean error on task A", words, _verdict(holds))
+    return _claim(
+        "section 3.4.3",
+        "the LESO improves the motor's largest and mean error on task A",
+        words,
+        _verdict(holds),
+    )
 
 
 def _observer_on_task_b(rows) -> Claim:
     found = {name: _changes(rows, name, "B") for name in OURS["Cascaded PI with LESO"]}
-    words = "; ".join(f"{name}: motor {100 * c['em_mean']:+.1f} %, tool {100 * c['ee_mean']:+.1f} % (mean)" for name, c in found.items())
-    return _claim("section 3.4.3", "the LESO worsens motor and end effector on task B", words, Verdict.EXPERIMENTAL)
+    words = "; ".join(
+        f"{name}: motor {100 * c['em_mean']:+.1f} %, tool {100 * c['ee_mean']:+.1f} % (mean)"
+        for name, c in found.items()
+    )
+    return _claim(
+        "section 3.4.3",
+        "the LESO worsens motor and end effector on task B",
+        words,
+        Verdict.EXPERIMENTAL,
+    )
 
 
 def _twin(gap: Sequence[dict[str, float]]) -> Claim:
@@ -107,7 +159,12 @@ def _twin(gap: Sequence[dict[str, float]]) -> Claim:
         "smaller the sharper" if shrinks else "not smaller the sharper"
     )
     holds = shrinks and max(default["A"], default["B"]) <= LARGEST_GAP
-    return _claim("ours", "the smooth twin is within 3 % of the true axis in RMS end-effector error", words, _verdict(holds))
+    return _claim(
+        "ours",
+        "the smooth twin is within 3 % of the true axis in RMS end-effector error",
+        words,
+        _verdict(holds),
+    )
 
 
 def _target(rows, name: str) -> Claim:

@@ -1,6 +1,7 @@
 """Yuan 2020, chapter 3: tracking with a flexible axis, Tables 3.1 and 3.2, Figs 3.8 to 3.11, and every controller tuned and ranked.
 
-The thesis's tables were measured on its test bench: our simulation of its model stands beside them and is not fitted to them.
+The thesis's tables were measured on its test bench: our simulation of its model stands beside them
+and is not fitted to them.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,15 @@ import numpy as np
 
 from experiments.papers.yuan_tracking.claims import claims, table_rows
 from experiments.papers.yuan_tracking.figures import draw
-from experiments.papers.yuan_tracking.runs import BASELINE, Bench, Signals, gap_curve, metrics, on_the_family, tuned_weights
+from experiments.papers.yuan_tracking.runs import (
+    BASELINE,
+    Bench,
+    Signals,
+    gap_curve,
+    metrics,
+    on_the_family,
+    tuned_weights,
+)
 from experiments.papers.yuan_tracking.tables import show
 from jcontour.controller import Controller
 
@@ -45,7 +54,9 @@ PUBLISHED = (
     Measured("B", "Cascaded PI with LESO", 4.044, 1.969, 11.758, 4.394, 9.105, 2.118, 0.0117),
 )
 CONFIRMED = (BASELINE, "cascade-feedforward")  # of the project's own targets
-KEPT = 5  # every so many samples of a signal are kept for the figures: 5 ms, a fourteenth of the link's period
+# every so many samples of a signal are kept for the figures: 5 ms, a fourteenth of the link's
+# period
+KEPT = 5
 DRAWN = (BASELINE, "cascade-notch", "cascade-leso-exact")  # Figs 3.8 to 3.11
 
 
@@ -69,22 +80,39 @@ def run(settings: Settings, folder: Path) -> dict[str, Any]:
     known = bench.controllers()
     for name in settings.tuned:
         if name not in known:
-            raise ValueError(f"tuned: there is no controller {name!r} of flexible axes; give some of {', '.join(known)}")
+            raise ValueError(
+                f"tuned: there is no controller {name!r} of flexible axes; give some of {', '.join(known)}"
+            )
     to_tune = () if settings.quick else settings.tuned or tuple(known)
     rows, signals = _all_runs(bench, known, to_tune)
     summary: dict[str, Any] = {
-        "source": SOURCE, "settings": asdict(settings), "ranking": rows, "signals": signals, "gap": gap_curve(bench),
-    }  # fmt: skip
+        "source": SOURCE,
+        "settings": asdict(settings),
+        "ranking": rows,
+        "signals": signals,
+        "gap": gap_curve(bench),
+    }
     summary["tables"] = table_rows(PUBLISHED, rows)
     summary["claims"] = claims(summary, CONFIRMED)
     return summary
 
 
-def _all_runs(bench: Bench, known: Sequence[str], to_tune: Sequence[str]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+def _all_runs(
+    bench: Bench, known: Sequence[str], to_tune: Sequence[str]
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Rows of the ranking, and the signals of Figs 3.8 to 3.11."""
     rows, signals = [], {}
-    with ThreadPoolExecutor(2) as pool:  # compiling takes longer than simulating, and lets other threads go on
-        found = list(pool.map(lambda name: _of_one(bench, name, name in to_tune, bool(to_tune) and name == BASELINE), known))
+    with ThreadPoolExecutor(
+        2
+    ) as pool:  # compiling takes longer than simulating, and lets other threads go on
+        found = list(
+            pool.map(
+                lambda name: _of_one(
+                    bench, name, name in to_tune, bool(to_tune) and name == BASELINE
+                ),
+                known,
+            )
+        )
     for name, of_one in zip(known, found, strict=True):
         if name in DRAWN:
             signals[name] = {task: _thinned(one) for task, one in of_one[0].signals.items()}
@@ -106,7 +134,9 @@ class _Tracked(NamedTuple):
 def _of_one(bench: Bench, name: str, tune: bool, compared: bool) -> list[_Tracked]:
     design = bench.design(name)
     found = []
-    for gains, weights in [("start", design.start)] + ([("tuned", tuned_weights(name))] if tune else []):
+    for gains, weights in [("start", design.start)] + (
+        [("tuned", tuned_weights(name))] if tune else []
+    ):
         controller = design.build(weights)
         family = on_the_family(bench, controller) if tune or compared else []
         found.append(_Tracked(name, gains, weights, controller, bench.signals(controller), family))
@@ -115,10 +145,13 @@ def _of_one(bench: Bench, name: str, tune: bool, compared: bool) -> list[_Tracke
 
 def _row(bench: Bench, one: _Tracked) -> dict[str, Any]:
     return {
-        "controller": one.name, "gains": one.gains, "weights": {key: np.asarray(value).tolist() for key, value in one.weights.items()},
-        **{task: metrics(signals) for task, signals in one.signals.items()}, "family": one.family,
+        "controller": one.name,
+        "gains": one.gains,
+        "weights": {key: np.asarray(value).tolist() for key, value in one.weights.items()},
+        **{task: metrics(signals) for task, signals in one.signals.items()},
+        "family": one.family,
         "time_us": 1e6 * bench.time_per_sample(one.controller),  # alone: the others have ended
-    }  # fmt: skip
+    }
 
 
 def _thinned(signals: Signals) -> dict[str, list[float]]:

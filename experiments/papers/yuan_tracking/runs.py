@@ -27,7 +27,15 @@ from tuning.tune import tune
 
 TASKS = {"A": "task-a", "B": "task-b"}  # point to point, sinusoid
 BASELINE = "cascade"  # the thesis's P-PI with its gains
-SHARPNESSES = (100.0, 200.0, 500.0, 1e3, 2e3, 5e3, 1e4)  # [s/m]; the default, 1e3, turns the friction within 1 mm/s
+SHARPNESSES = (
+    100.0,
+    200.0,
+    500.0,
+    1e3,
+    2e3,
+    5e3,
+    1e4,
+)  # [s/m]; the default, 1e3, turns the friction within 1 mm/s
 TIMINGS = 20  # the shortest of them counts, because other work only adds
 
 
@@ -62,7 +70,9 @@ class Bench:
 
     def references(self, preview: int) -> Reference:
         """Both tasks, stacked."""
-        return stack_references([job.reference(self.machine.model.dt, preview) for job in self.jobs])
+        return stack_references(
+            [job.reference(self.machine.model.dt, preview) for job in self.jobs]
+        )
 
     def signals(self, controller: Controller, plant: Plant | None = None) -> dict[str, Signals]:
         """Every task on the true axis, or on another plant."""
@@ -82,19 +92,33 @@ class Bench:
         rows = (controller.prepare(reference), (position, jnp.asarray(speed)))
         memory = controller.initial_memory(reference)
         _alone(controller, memory, rows).block_until_ready()  # compiled
-        return min(_timed(lambda: _alone(controller, memory, rows)) for _ in range(TIMINGS)) / reference.steps
+        return (
+            min(_timed(lambda: _alone(controller, memory, rows)) for _ in range(TIMINGS))
+            / reference.steps
+        )
 
 
 def metrics(signals: Signals) -> dict[str, float]:
     """Columns of Tables 3.1 and 3.2 [mm, A], and RMS and peak of the current; the last input acts on no sample and is left out."""
     motor, tool, deformation = (
-        1e3 * np.abs(row) for row in (signals.motor - signals.wanted, signals.tool - signals.wanted, signals.motor - signals.tool)
+        1e3 * np.abs(row)
+        for row in (
+            signals.motor - signals.wanted,
+            signals.tool - signals.wanted,
+            signals.motor - signals.tool,
+        )
     )
     current = np.abs(signals.current[:-1])
     return {
-        "em_max": motor.max(), "em_mean": motor.mean(), "ee_max": tool.max(), "ee_mean": tool.mean(), "def_max": deformation.max(),
-        "u_mean": current.mean(), "u_rms": float(np.sqrt(np.mean(current**2))), "u_max": current.max(),
-    }  # fmt: skip
+        "em_max": motor.max(),
+        "em_mean": motor.mean(),
+        "ee_max": tool.max(),
+        "ee_mean": tool.mean(),
+        "def_max": deformation.max(),
+        "u_mean": current.mean(),
+        "u_rms": float(np.sqrt(np.mean(current**2))),
+        "u_max": current.max(),
+    }
 
 
 def gap_curve(bench: Bench) -> list[dict[str, float]]:
@@ -103,8 +127,15 @@ def gap_curve(bench: Bench) -> list[dict[str, float]]:
     controller = design.build(design.start)
     true, rows = _rms(bench.signals(controller)), []
     for sharpness in SHARPNESSES:
-        smooth = _rms(bench.signals(controller, SmoothFlexibleAxis(bench.machine.parameters, bench.machine.model.dt, sharpness)))
-        rows.append({"sharpness": sharpness, **{task: abs(smooth[task] / true[task] - 1) for task in TASKS}})
+        smooth = _rms(
+            bench.signals(
+                controller,
+                SmoothFlexibleAxis(bench.machine.parameters, bench.machine.model.dt, sharpness),
+            )
+        )
+        rows.append(
+            {"sharpness": sharpness, **{task: abs(smooth[task] / true[task] - 1) for task in TASKS}}
+        )
     return rows
 
 
@@ -114,7 +145,9 @@ def tuned_weights(name: str) -> dict[str, Any]:
     Raises:
         ValueError: every start diverges.
     """
-    run = tuning_run(Tune(plant=CONTROLLERS[name].on, controller=name, max_rms_control=_allowed_current()))
+    run = tuning_run(
+        Tune(plant=CONTROLLERS[name].on, controller=name, max_rms_control=_allowed_current())
+    )
     return tune(run.problem, run.start, run.settings).weights
 
 
@@ -126,9 +159,19 @@ def on_the_family(bench: Bench, controller: Controller) -> list[dict[str, Any]]:
         wanted = np.asarray(course.references.position)[k, : job.samples]
         for p, plant in enumerate(course.plants):
             error = 1e3 * np.abs(found.output[k, p, : job.samples] - wanted)
-            current, lost = found.control[k, p, : job.samples - 1], bool(found.metrics.diverged[k, p])
-            rows.append({"task": task, "plant": plant, "diverged": lost, "ee_mean": None if lost else float(error.mean()),
-                         "u_rms": None if lost else float(np.sqrt(np.mean(current**2)))})  # fmt: skip
+            current, lost = (
+                found.control[k, p, : job.samples - 1],
+                bool(found.metrics.diverged[k, p]),
+            )
+            rows.append(
+                {
+                    "task": task,
+                    "plant": plant,
+                    "diverged": lost,
+                    "ee_mean": None if lost else float(error.mean()),
+                    "u_rms": None if lost else float(np.sqrt(np.mean(current**2))),
+                }
+            )
     return rows
 
 
@@ -140,7 +183,9 @@ def _allowed_current() -> float:
 
 
 def _rms(found: dict[str, Signals]) -> dict[str, float]:
-    return {task: float(np.sqrt(np.mean((one.tool - one.wanted) ** 2))) for task, one in found.items()}
+    return {
+        task: float(np.sqrt(np.mean((one.tool - one.wanted) ** 2))) for task, one in found.items()
+    }
 
 
 @eqx.filter_jit

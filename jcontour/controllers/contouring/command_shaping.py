@@ -1,9 +1,10 @@
 """Cross-coupled position command shaping (CPSCS): the contour error is added to the position commands of the axes.
 
     eps = c'(r - y),   command: r + k eps n        (Yuan, section 2.3.3)
-Unlike pre-compensation it has no memory, and unlike cross-coupled control it needs no access to the drives: it may run beside the
-numerical control. Inside a cascade it makes the position loop stiffer across the path, k_pp (1 + k) in place of k_pp; a steady
-contour error becomes 1 / (1 + k) of what it was when both axes have the same k_pp.
+Unlike pre-compensation it has no memory, and unlike cross-coupled control it needs no access to the
+drives: it may run beside the numerical control. Inside a cascade it makes the position loop stiffer
+across the path, k_pp (1 + k) in place of k_pp; a steady contour error becomes 1 / (1 + k) of what
+it was when both axes have the same k_pp.
 """
 
 from jaxtyping import Array, Float
@@ -35,10 +36,14 @@ class CommandShaped(OnPath):
         """That of the cascade."""
         return self.cascade.initial_memory(reference)
 
-    def step(self, memory, plan: PathPlan, measurement) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
+    def step(
+        self, memory, plan: PathPlan, measurement
+    ) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
         """Next integrators and the control."""
         command, frame = plan.command, plan.frame
         position, _ = self.cascade.sensors.read(measurement)
         error = frame.contour_error(command.position - position)
-        shaped = CascadePlan(command.position + self.gain * error * frame.normal, command.velocity, command.control)
+        shaped = CascadePlan(
+            command.position + self.gain * error * frame.normal, command.velocity, command.control
+        )
         return self.cascade.step(memory, shaped, measurement)

@@ -1,9 +1,12 @@
 """Cross-coupled control: a compensator on the contour error of a biaxial machine, added to the velocity commands of its axes.
 
-    e = r - y,   eps = K_x e_x + K_y e_y,   v_ref,i = k_pp e_i + k_ff dr_i/dt + C_i W(eps)        (Yuan, Fig. 2.11)
-With constant gains (Koren 1980) the contour is taken for its tangent, K = n, and the correction is forwarded equally to both axes:
-the printed C_x = C_y = 1 is the quadrant of the figure, in the others C_i has the sign of n_i. With variable gains (Koren & Lo 1991)
-it is taken for its circle of curvature and corrected at right angles to it: K = C = n + kappa e / 2. W is a PID.
+    e = r - y,   eps = K_x e_x + K_y e_y,   v_ref,i = k_pp e_i + k_ff dr_i/dt + C_i W(eps)
+    (Yuan, Fig. 2.11)
+With constant gains (Koren 1980) the contour is taken for its tangent, K = n, and the correction is
+forwarded equally to both axes: the printed C_x = C_y = 1 is the quadrant of the figure, in the
+others C_i has the sign of n_i. With variable gains (Koren & Lo 1991)
+it is taken for its circle of curvature and corrected at right angles to it: K = C = n + kappa e /
+2. W is a PID.
 """
 
 import abc
@@ -39,7 +42,11 @@ class CrossGains(eqx.Module):
     derivative: Float[Array, ""]
 
     def __init__(self, proportional, integral=0.0, derivative=0.0):
-        for name, value in (("proportional", proportional), ("integral", integral), ("derivative", derivative)):
+        for name, value in (
+            ("proportional", proportional),
+            ("integral", integral),
+            ("derivative", derivative),
+        ):
             setattr(self, name, checked_gain(name, value))
 
 
@@ -56,7 +63,9 @@ class ConstantCoupling(Coupling):
 
     def vectors(self, frame, error) -> tuple[Axes, Axes]:
         """Of the tangent alone."""
-        return frame.normal, jnp.where(jnp.abs(frame.normal) > PARALLEL, jnp.sign(frame.normal), 0.0)
+        return frame.normal, jnp.where(
+            jnp.abs(frame.normal) > PARALLEL, jnp.sign(frame.normal), 0.0
+        )
 
 
 class VariableCoupling(Coupling):
@@ -101,7 +110,9 @@ class CrossCoupled(OnPath):
         K, C = self.coupling.vectors(plan.frame, error)
         eps, gains, dt = K @ error, self.gains, self.cascade.dt
         integral = memory.integral + gains.integral * dt * eps
-        correction = gains.proportional * eps + integral + gains.derivative * (eps - memory.error) / dt
+        correction = (
+            gains.proportional * eps + integral + gains.derivative * (eps - memory.error) / dt
+        )
         wanted = self.cascade.speed_command(plan.command, position) + C * correction
         axes, control = self.cascade.drive(memory.cascade, wanted - velocity, plan.command.control)
         return CrossMemory(axes, integral, eps), control

@@ -26,7 +26,8 @@ class PathFrame(eqx.Module):
     def circular(self, error: Float[Array, " 2"]) -> Float[Array, " 2"]:
         """c = n + kappa e / 2 for an error e = r - y [m]: c e is the distance to the circle of curvature, to second order in e.
 
-        Koren & Lo 1991: C_x = sin theta - e_x / 2R, C_y = cos theta + e_y / 2R for their e = y - r on the left turn.
+        Koren & Lo 1991: C_x = sin theta - e_x / 2R, C_y = cos theta + e_y / 2R for their e = y - r
+        on the left turn.
         """
         return self.normal + self.curvature * error / 2
 
@@ -61,6 +62,9 @@ class OnPath(Controller):
         axes = reference.position.shape[-1]
         if axes != 2:
             raise ValueError(f"reference: contouring schemes need two axes, received {axes}")
-        tangent, bend = reference.tangent[: reference.steps], reference.contour.curvature_vector(reference.arc[: reference.steps])
+        tangent, bend = (
+            reference.tangent[: reference.steps],
+            reference.contour.curvature_vector(reference.arc[: reference.steps]),
+        )
         curvature = tangent[:, 0] * bend[:, 1] - tangent[:, 1] * bend[:, 0]
         return PathPlan(self.cascade.prepare(reference), PathFrame(tangent, curvature))

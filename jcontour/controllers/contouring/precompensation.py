@@ -1,9 +1,11 @@
 """Cross-coupled pre-compensation (CCPM): the contour error corrects the velocity commands before they are integrated to positions.
 
-    eps = c'(r - y),   da/dt = k eps,   command: r + a n,   its velocity: (1 - kappa a) dr/dt + k eps n
-After Chin & Lin 1997 (Yuan, section 2.3.3). The offset a stays on the normal as the path turns, so that the feed of the command changes
-by 1 - kappa a: slower on the inside of a curve, faster on its outside. Where a comes to rest no error is left, eps = 0: on lines
-whatever the axes are, on circles at constant feed when they are alike.
+    eps = c'(r - y),   da/dt = k eps,   command: r + a n,   its velocity: (1 - kappa a) dr/dt + k
+    eps n
+After Chin & Lin 1997 (Yuan, section 2.3.3). The offset a stays on the normal as the path turns, so
+that the feed of the command changes by 1 - kappa a: slower on the inside of a curve, faster on its
+outside. Where a comes to rest no error is left, eps = 0: on lines whatever the axes are, on circles
+at constant feed when they are alike.
 """
 
 from typing import NamedTuple
@@ -29,7 +31,8 @@ class Precompensated(OnPath):
 
     Args:
         cascade: the axes.
-        gain: k [1/s]; zero leaves the plain cascade. Stable while it is well below the bandwidth of the position loops.
+        gain: k [1/s]; zero leaves the plain cascade. Stable while it is well below the bandwidth of
+            the position loops.
 
     Raises:
         ValueError: the gain is negative or not finite.
@@ -43,9 +46,13 @@ class Precompensated(OnPath):
 
     def initial_memory(self, reference: Reference) -> PrecompensationMemory:
         """All at zero."""
-        return PrecompensationMemory(self.cascade.initial_memory(reference), jnp.zeros((), reference.position.dtype))
+        return PrecompensationMemory(
+            self.cascade.initial_memory(reference), jnp.zeros((), reference.position.dtype)
+        )
 
-    def step(self, memory: PrecompensationMemory, plan: PathPlan, measurement) -> tuple[PrecompensationMemory, Float[Array, " 2"]]:
+    def step(
+        self, memory: PrecompensationMemory, plan: PathPlan, measurement
+    ) -> tuple[PrecompensationMemory, Float[Array, " 2"]]:
         """Next memory and the control; the offset is updated before it is used."""
         command, frame = plan.command, plan.frame
         position, _ = self.cascade.sensors.read(measurement)

@@ -1,9 +1,9 @@
 """Tangential-contouring control: the position loop of a cascade in the frame of the path, with a gain along it and one across it.
 
     v_ref = k_along t (t'e) + k_across n (n'e) + k_ff dr/dt,   e = r - y
-Lo & Chung 1999, for biaxial machines with t and n of the reference point; Chiu & Tomizuka 2001 call it the task coordinate frame
-(Yuan, section 2.3.2). Errors along and across the path are apart as far as the axes are alike: their velocity loops are here to
-make them so, and stay with the axes.
+Lo & Chung 1999, for biaxial machines with t and n of the reference point; Chiu & Tomizuka 2001 call
+it the task coordinate frame (Yuan, section 2.3.2). Errors along and across the path are apart as
+far as the axes are alike: their velocity loops are here to make them so, and stay with the axes.
 """
 
 import jax.numpy as jnp
@@ -27,9 +27,13 @@ class TaskFrame(OnPath):
         """That of the cascade."""
         return self.cascade.initial_memory(reference)
 
-    def step(self, memory, plan: PathPlan, measurement) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
+    def step(
+        self, memory, plan: PathPlan, measurement
+    ) -> tuple[Float[Array, " 2"], Float[Array, " 2"]]:
         """Next integrators and the control, both within the limit."""
         position, velocity = self.cascade.sensors.read(measurement)
         gains, frame = self.cascade.gains, jnp.stack([plan.frame.tangent, plan.frame.normal])
-        wanted = (gains.position * (frame @ (plan.command.position - position))) @ frame + gains.feedforward * plan.command.velocity
+        wanted = (
+            gains.position * (frame @ (plan.command.position - position))
+        ) @ frame + gains.feedforward * plan.command.velocity
         return self.cascade.drive(memory, wanted - velocity, plan.command.control)

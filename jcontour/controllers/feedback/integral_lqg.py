@@ -1,12 +1,13 @@
 """LQG with integral action: state feedback on a Kalman filter's estimate and on the integral of the measured position error.
 
     u = u_d - K (xf - x_d) - K_i w,     w(k+1) = w(k) + T (y_i - C_i x_d)
-y_i, measured, are the positions that have to be reached, C_i their rows of the model, and xf is the filtered estimate of `observers`. K and
-K_i are the LQ gain of the model with its integrals,
+y_i, measured, are the positions that have to be reached, C_i their rows of the model, and xf is the
+filtered estimate of `observers`. K and K_i are the LQ gain of the model with its integrals,
     [x; w](k+1) = [A, 0; T C_i, I] [x; w] + [B; 0] u.
-The integral is taken of the measurement: that of an estimate would settle where the estimate is right, and a load or a wrong input gain
-biases it. Both leave an error at rest and in steady motion without the integral, and none with it.
-The integral is kept as its share K_i w of the control. Where a control is at its limit, its share holds still as long as it would drive the
+The integral is taken of the measurement: that of an estimate would settle where the estimate is
+right, and a load or a wrong input gain biases it. Both leave an error at rest and in steady motion
+without the integral, and none with it. The integral is kept as its share K_i w of the control.
+Where a control is at its limit, its share holds still as long as it would drive the
 control further out, and the filter is told the control that acts: neither of them winds up.
 """
 
@@ -54,7 +55,8 @@ class IntegralLQG(Controller):
         limit: of the control, +-: one number or one for each; none when infinite.
 
     Raises:
-        ValueError: a gain has the wrong shape, the filter or the loop is not stable on the model, or a limit is not above zero.
+        ValueError: a gain has the wrong shape, the filter or the loop is not stable on the model,
+            or a limit is not above zero.
     """
 
     feedback: StateFeedback
@@ -69,10 +71,15 @@ class IntegralLQG(Controller):
         check_gain(self.model.A, self.measured, self.filter_gain, "filter_gain")
         wanted = (self.model.inputs, self.sensors.axes)
         if self.integral_gain.shape != wanted:
-            raise ValueError(f"integral_gain: needs shape {wanted}, received {self.integral_gain.shape}")
+            raise ValueError(
+                f"integral_gain: needs shape {wanted}, received {self.integral_gain.shape}"
+            )
         check_limit(self.limit)
         whole = with_integrals(self.model, positions_of(self.sensors, self.measured))
-        check_stable("integral_gain: the loop", whole.A - whole.B @ jnp.concatenate([self.feedback.gain, self.integral_gain], axis=1))
+        check_stable(
+            "integral_gain: the loop",
+            whole.A - whole.B @ jnp.concatenate([self.feedback.gain, self.integral_gain], axis=1),
+        )
 
     @property
     def preview(self) -> int:
@@ -82,7 +89,9 @@ class IntegralLQG(Controller):
     def prepare(self, reference: Reference) -> IntegralPlan:
         """The targets."""
         plan = self.feedback.prepare(reference)
-        return IntegralPlan(plan.state, plan.control, plan.state @ positions_of(self.sensors, self.measured).T)
+        return IntegralPlan(
+            plan.state, plan.control, plan.state @ positions_of(self.sensors, self.measured).T
+        )
 
     def initial_memory(self, reference: Reference) -> IntegralMemory:
         """The estimate starts where the reference says the run begins, the integral at zero.
@@ -94,12 +103,20 @@ class IntegralLQG(Controller):
         start = self.model.initial_state(reference.position[0], reference.start_increment)
         return IntegralMemory(start, jnp.zeros(self.model.inputs, start.dtype))
 
-    def step(self, memory: IntegralMemory, plan: IntegralPlan, measurement: Any) -> tuple[IntegralMemory, Float[Array, " p"]]:
+    def step(
+        self, memory: IntegralMemory, plan: IntegralPlan, measurement: Any
+    ) -> tuple[IntegralMemory, Float[Array, " p"]]:
         """Correct, control, integrate, predict."""
-        filtered = memory.estimate + self.filter_gain @ (row(measurement) - self.measured @ memory.estimate)
+        filtered = memory.estimate + self.filter_gain @ (
+            row(measurement) - self.measured @ memory.estimate
+        )
         wanted = plan.control - self.feedback.gain @ (filtered - plan.state) - memory.share
         control = jnp.clip(wanted, -self.limit, self.limit)
-        change = self.model.dt * self.integral_gain @ (self.sensors.positions(measurement) - plan.position)
+        change = (
+            self.model.dt
+            * self.integral_gain
+            @ (self.sensors.positions(measurement) - plan.position)
+        )
         further_out = (wanted - control) * change < 0  # the share is subtracted
         share = memory.share + jnp.where(further_out, 0.0, change)
         return IntegralMemory(self.model.step(filtered, control), share), control
@@ -110,20 +127,27 @@ def with_integrals(model: LinearPlant, positions: Float[Array, "m n"]) -> Linear
     n, m = model.states, positions.shape[0]
     A = jnp.block([[model.A, jnp.zeros((n, m))], [model.dt * positions, jnp.eye(m)]])
     B = jnp.concatenate([model.B, jnp.zeros((m, model.inputs))])
-    return LinearPlant(A, B, jnp.concatenate([model.C, jnp.zeros((model.axes, m))], axis=1), model.dt)
+    return LinearPlant(
+        A, B, jnp.concatenate([model.C, jnp.zeros((model.axes, m))], axis=1), model.dt
+    )
 
 
 def integral_lq_gains(
-    model: LinearPlant, positions: Float[Array, "m n"], state_weight: Float[Array, "n n"], integral_weight: Float[Array, "m m"],
+    model: LinearPlant,
+    positions: Float[Array, "m n"],
+    state_weight: Float[Array, "n n"],
+    integral_weight: Float[Array, "m m"],
     control_weight: Float[Array, "p p"],
-) -> tuple[Float[Array, "p n"], Float[Array, "p m"]]:  # fmt: skip
+) -> tuple[Float[Array, "p n"], Float[Array, "p m"]]:
     """K and K_i that minimise the sum of x'Q x + w'Q_i w + u'R u.
 
     Raises:
         ValueError: no stabilising solution of the Riccati equation.
     """
     Q, Q_i = jnp.asarray(state_weight, float), jnp.asarray(integral_weight, float)
-    gain = lq_gain(with_integrals(model, positions), jax.scipy.linalg.block_diag(Q, Q_i), control_weight)
+    gain = lq_gain(
+        with_integrals(model, positions), jax.scipy.linalg.block_diag(Q, Q_i), control_weight
+    )
     return gain[:, : model.states], gain[:, model.states :]
 
 

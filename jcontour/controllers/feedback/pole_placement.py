@@ -1,7 +1,9 @@
 """Pole placement for axes with one input each, by Ackermann's formula (Yuan, section 2.2.3).
 
-    K = [0 ... 0 1] [B, D B, ..., D^(n-1) B]^-1 (D - q_1 I) ... (D - q_n I),    D = A - I,  q_i = p_i - 1
-Poles of a machine sampled fast crowd around 1. Differences from 1 keep the digits that the powers of A would lose.
+    K = [0 ... 0 1] [B, D B, ..., D^(n-1) B]^-1 (D - q_1 I) ... (D - q_n I),    D = A - I,  q_i =
+    p_i - 1
+Poles of a machine sampled fast crowd around 1. Differences from 1 keep the digits that the powers
+of A would lose.
 """
 
 import jax
@@ -21,8 +23,8 @@ def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Arra
         poles: of the sampled loop, for all axes or for each (m, n); complex ones in pairs.
 
     Raises:
-        ValueError: an axis has another number of inputs or poles, cannot be controlled, or a pole is not inside the unit circle or
-            lacks its conjugate.
+        ValueError: an axis has another number of inputs or poles, cannot be controlled, or a pole
+            is not inside the unit circle or lacks its conjugate.
     """
     axes = decoupled_axes(model.pattern)
     poles = jnp.asarray(poles, complex)
@@ -31,22 +33,31 @@ def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Arra
     for axis, wanted in zip(axes, poles, strict=True):
         rows = np.array(axis.states)
         if len(axis.inputs) != 1:
-            raise ValueError(f"model: pole placement needs one input for each axis, states {list(axis.states)} have {len(axis.inputs)}")
+            raise ValueError(
+                f"model: pole placement needs one input for each axis, states {list(axis.states)} have {len(axis.inputs)}"
+            )
         _check_poles(wanted, rows.size)
         row = _ackermann(model.A[np.ix_(rows, rows)], model.B[rows, axis.inputs[0]], wanted)
         if is_concrete(row) and not np.isfinite(row).all():
-            raise ValueError(f"model: the axis of the states {list(axis.states)} cannot be controlled")
+            raise ValueError(
+                f"model: the axis of the states {list(axis.states)} cannot be controlled"
+            )
         K = K.at[axis.inputs[0], rows].set(row)
     return K
 
 
-def damped_poles(frequency: Float[Array, " k"], damping: Float[Array, " k"], dt: float) -> Complex[Array, " 2*k"]:
+def damped_poles(
+    frequency: Float[Array, " k"], damping: Float[Array, " k"], dt: float
+) -> Complex[Array, " 2*k"]:
     """Sampled poles exp(s dt) of pairs s^2 + 2 zeta w s + w^2, w [rad/s].
 
     Raises:
         ValueError: a frequency is not above zero, or a damping not between zero and one.
     """
-    w, zeta = jnp.atleast_1d(jnp.asarray(frequency, float)), jnp.atleast_1d(jnp.asarray(damping, float))
+    w, zeta = (
+        jnp.atleast_1d(jnp.asarray(frequency, float)),
+        jnp.atleast_1d(jnp.asarray(damping, float)),
+    )
     if is_concrete(w) and not np.all(np.asarray(w) > 0):
         raise ValueError(f"frequency: needs to be above zero, received {frequency}")
     if is_concrete(zeta) and not np.all((np.asarray(zeta) > 0) & (np.asarray(zeta) < 1)):
@@ -56,7 +67,9 @@ def damped_poles(frequency: Float[Array, " k"], damping: Float[Array, " k"], dt:
 
 
 @jax.jit
-def _ackermann(A: Float[Array, "n n"], B: Float[Array, " n"], poles: Complex[Array, " n"]) -> Float[Array, " n"]:
+def _ackermann(
+    A: Float[Array, "n n"], B: Float[Array, " n"], poles: Complex[Array, " n"]
+) -> Float[Array, " n"]:
     n = B.size
     D = A - jnp.eye(n)
     scale = jnp.max(jnp.abs(D)) ** jnp.arange(n)  # of the columns, each a power of D
@@ -78,6 +91,10 @@ def _check_poles(poles: Complex[Array, " n"], states: int) -> None:
         return
     given = np.asarray(poles)
     if not np.all(np.abs(given) < 1):
-        raise ValueError(f"poles: need to be inside the unit circle, received {np.array2string(given, precision=6)}")
+        raise ValueError(
+            f"poles: need to be inside the unit circle, received {np.array2string(given, precision=6)}"
+        )
     if not np.allclose(np.sort_complex(given), np.sort_complex(given.conj()), rtol=0, atol=1e-9):
-        raise ValueError(f"poles: complex ones need to come in pairs, received {np.array2string(given, precision=6)}")
+        raise ValueError(
+            f"poles: complex ones need to come in pairs, received {np.array2string(given, precision=6)}"
+        )

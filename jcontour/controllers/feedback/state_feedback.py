@@ -2,8 +2,10 @@
 
 The quasi-steady target of the thesis treats the reference as if it stood still:
     [A - I, B; C, 0] [x_d; u_d] = [0; y]
-It lags behind a moving reference, because x_d is at rest. The moving target solves the same equations for steady motion,
-    x_d = N_y y + N_v dy,  u_d = U_y y + U_v dy:    [A - I, B; C, 0] [N_v; U_v] = [N_y; 0],   dy = y(k+1) - y(k)
+It lags behind a moving reference, because x_d is at rest. The moving target solves the same
+equations for steady motion,
+    x_d = N_y y + N_v dy,  u_d = U_y y + U_v dy:    [A - I, B; C, 0] [N_v; U_v] = [N_y; 0],   dy =
+    y(k+1) - y(k)
 so that a model of the machine follows a ramp without error.
 """
 
@@ -59,7 +61,10 @@ class StateFeedback(Controller):
 
     def prepare(self, reference: Reference) -> TargetPlan:
         """The targets."""
-        y, later = reference.position[: reference.steps], reference.position[1 : reference.steps + 1]
+        y, later = (
+            reference.position[: reference.steps],
+            reference.position[1 : reference.steps + 1],
+        )
         target, dy = self.target, later - y
         state = y @ target.state.T + dy @ target.state_moving.T
         return TargetPlan(state, y @ target.control.T + dy @ target.control_moving.T)
@@ -68,7 +73,9 @@ class StateFeedback(Controller):
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan: TargetPlan, measurement: Float[Array, " n"]) -> tuple[None, Float[Array, " p"]]:
+    def step(
+        self, memory: None, plan: TargetPlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
         """u = u_d - K (x - x_d)."""
         return None, plan.control - self.gain @ (measurement - plan.state)
 
@@ -80,32 +87,51 @@ def quasi_steady_target(model: LinearPlant) -> SteadyTarget:
         ValueError: as `moving_target`.
     """
     rest = moving_target(model)
-    return SteadyTarget(rest.state, rest.control, jnp.zeros_like(rest.state_moving), jnp.zeros_like(rest.control_moving))
+    return SteadyTarget(
+        rest.state,
+        rest.control,
+        jnp.zeros_like(rest.state_moving),
+        jnp.zeros_like(rest.control_moving),
+    )
 
 
 def moving_target(model: LinearPlant) -> SteadyTarget:
     """The target in steady motion.
 
     Raises:
-        ValueError: there are not as many controls as outputs, or the machine cannot hold every position (a zero at z = 1).
+        ValueError: there are not as many controls as outputs, or the machine cannot hold every
+            position (a zero at z = 1).
     """
     n, p, m = model.states, model.inputs, model.axes
     if p != m:
-        raise ValueError(f"model: a steady target needs as many controls as outputs, received {p} and {m}")
+        raise ValueError(
+            f"model: a steady target needs as many controls as outputs, received {p} and {m}"
+        )
     matrix = jnp.block([[model.A - jnp.eye(n), model.B], [model.C, jnp.zeros((m, p))]])
-    largest = jnp.max(jnp.abs(matrix), axis=0)  # columns in units of their own: metres, metres per second and amperes differ much
-    if is_concrete(matrix) and not np.linalg.cond(np.asarray(matrix / largest)) * np.finfo(float).eps < 1:
-        raise ValueError("model: the machine cannot hold every position, its steady equations are singular")
+    largest = jnp.max(
+        jnp.abs(matrix), axis=0
+    )  # columns in units of their own: metres, metres per second and amperes differ much
+    if (
+        is_concrete(matrix)
+        and not np.linalg.cond(np.asarray(matrix / largest)) * np.finfo(float).eps < 1
+    ):
+        raise ValueError(
+            "model: the machine cannot hold every position, its steady equations are singular"
+        )
 
     def solve(state, output):
-        return jnp.linalg.solve(matrix / largest, jnp.concatenate([state, output])) / largest[:, None]
+        return (
+            jnp.linalg.solve(matrix / largest, jnp.concatenate([state, output])) / largest[:, None]
+        )
 
     rest = solve(jnp.zeros((n, m)), jnp.eye(m))
     motion = solve(rest[:n], jnp.zeros((m, m)))
     return SteadyTarget(rest[:n], rest[n:], motion[:n], motion[n:])
 
 
-def lq_gain(model: LinearPlant, state_weight: Float[Array, "n n"], control_weight: Float[Array, "p p"]) -> Float[Array, "p n"]:
+def lq_gain(
+    model: LinearPlant, state_weight: Float[Array, "n n"], control_weight: Float[Array, "p p"]
+) -> Float[Array, "p n"]:
     """K that minimises the sum of x'Q x + u'R u (Yuan, eq. 2.12, in its deterministic form).
 
     Raises:

@@ -1,7 +1,8 @@
 """Receding-horizon LQ contouring control (McNab & Tsao).
 
 Over the next N_p samples, with e = y - y_d, minimise
-    sum_j  stage_j (alpha |e_j|^2 + beta |(I - r r') e_j|^2) + rho |u_{j-1}|^2   + terminal      (eqs. 4-8, index j throughout)
+    sum_j  stage_j (alpha |e_j|^2 + beta |(I - r r') e_j|^2) + rho |u_{j-1}|^2   + terminal
+    (eqs. 4-8, index j throughout)
 and apply the first control. Lag along the path is forgiven, distance from it is not.
 """
 
@@ -27,11 +28,14 @@ class LQWeights(eqx.Module):
     Args:
         alpha: weight on the tracking error [1/m^2].
         beta: weight on the contour error [1/m^2].
-        rho: weight on the control [1/control unit^2]: one number, R = rho I, or the symmetric matrix R (p, p) itself.
-        stage: positive profile (N_p,) over the horizon, the last entry for the terminal; ones when not given.
+        rho: weight on the control [1/control unit^2]: one number, R = rho I, or the symmetric
+            matrix R (p, p) itself.
+        stage: positive profile (N_p,) over the horizon, the last entry for the terminal; ones when
+            not given.
 
     Raises:
-        ValueError: a weight is negative or not finite, alpha and beta are both zero, rho (an eigenvalue) or a stage entry is not positive.
+        ValueError: a weight is negative or not finite, alpha and beta are both zero, rho (an
+            eigenvalue) or a stage entry is not positive.
     """
 
     alpha: Float[Array, ""]
@@ -49,7 +53,14 @@ class Terminal(eqx.Module):
     """The cost at the end of the horizon."""
 
     @abc.abstractmethod
-    def cost(self, model: LinearPlant, weights: LQWeights, Q: Float[Array, "S m m"], reference: Reference, preview: int) -> CostToGo:
+    def cost(
+        self,
+        model: LinearPlant,
+        weights: LQWeights,
+        Q: Float[Array, "S m m"],
+        reference: Reference,
+        preview: int,
+    ) -> CostToGo:
         """H and g at j = N_p for every step, T in front, before the stage profile scales them."""
 
 
@@ -65,7 +76,8 @@ class OutputTerminal(Terminal):
 class RiccatiTerminal(Terminal):
     """H = H_s(Q_max), g = -H_s x_d: the infinite-horizon cost under Q_max = (alpha + beta) I >= Q (McNab & Tsao, Theorem 1).
 
-    x_d continues the path at the speed it has at k + N_p (their Appendix). On straight lines every horizon is stable.
+    x_d continues the path at the speed it has at k + N_p (their Appendix). On straight lines every
+    horizon is stable.
 
     Args:
         motion: maps from steady motion to the state; derived per decoupled axis when not given.
@@ -84,7 +96,12 @@ class RiccatiTerminal(Terminal):
 
     def solution(self, model: LinearPlant, weights: LQWeights) -> Float[Array, "n n"]:
         """H_s(Q_max)."""
-        return dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, control_weight(model, weights))
+        return dare(
+            model.A,
+            model.B,
+            (weights.alpha + weights.beta) * model.C.T @ model.C,
+            control_weight(model, weights),
+        )
 
 
 class ContouringLQ(Controller):
@@ -97,8 +114,8 @@ class ContouringLQ(Controller):
         terminal: cost at the end of the horizon.
 
     Raises:
-        ValueError: preview not a whole number or < 1, a stage profile or a matrix rho of another size, a RiccatiTerminal without a
-            stabilising solution.
+        ValueError: preview not a whole number or < 1, a stage profile or a matrix rho of another
+            size, a RiccatiTerminal without a stabilising solution.
     """
 
     model: LinearPlant
@@ -106,12 +123,20 @@ class ContouringLQ(Controller):
     preview: int = eqx.field(static=True)
     terminal: Terminal
 
-    def __init__(self, model: LinearPlant, weights: LQWeights, preview: int, terminal: Terminal | None = None):
+    def __init__(
+        self, model: LinearPlant, weights: LQWeights, preview: int, terminal: Terminal | None = None
+    ):
         self.model, self.preview = model, whole_preview(preview)
-        self.weights = weights = jax.tree.map(lambda weight: jnp.asarray(weight, model.A.dtype), weights)
-        self.terminal = OutputTerminal() if terminal is None else terminal  # the paper's better performing choice
+        self.weights = weights = jax.tree.map(
+            lambda weight: jnp.asarray(weight, model.A.dtype), weights
+        )
+        self.terminal = (
+            OutputTerminal() if terminal is None else terminal
+        )  # the paper's better performing choice
         if weights.stage is not None and weights.stage.shape != (self.preview,):
-            raise ValueError(f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}")
+            raise ValueError(
+                f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}"
+            )
         R = control_weight(model, weights)
         if isinstance(self.terminal, RiccatiTerminal):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
@@ -123,20 +148,31 @@ class ContouringLQ(Controller):
             ValueError: the reference looks less far ahead than the controller.
         """
         check_preview(self, reference)
-        stage = np.ones(self.preview, self.model.A.dtype) if self.weights.stage is None else self.weights.stage
+        stage = (
+            np.ones(self.preview, self.model.A.dtype)
+            if self.weights.stage is None
+            else self.weights.stage
+        )
         seen = reference.steps + self.preview
-        Q, y_d = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent[:seen]), reference.position[:seen]
+        Q, y_d = (
+            contour_weight(self.weights.alpha, self.weights.beta, reference.tangent[:seen]),
+            reference.position[:seen],
+        )
         terminal = None
         if not isinstance(self.terminal, OutputTerminal):
             cost = self.terminal.cost(self.model, self.weights, Q, reference, self.preview)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
-        return receding_horizon_plan(self.model, Q, y_d, stage, control_weight(self.model, self.weights), terminal)
+        return receding_horizon_plan(
+            self.model, Q, y_d, stage, control_weight(self.model, self.weights), terminal
+        )
 
     def initial_memory(self, reference: Reference) -> None:
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]) -> tuple[None, Float[Array, " p"]]:
+    def step(
+        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
         """u = f - F x."""
         return None, plan.f - plan.F @ measurement
 
@@ -144,8 +180,8 @@ class ContouringLQ(Controller):
 def contour_weight(alpha, beta, tangent: Float[Array, "*batch m"]) -> Float[Array, "*batch m m"]:
     """Weight that forgives lag along the path: Q = alpha I + beta (I - r r').
 
-    McNab & Tsao, eqs. 3 and 8; their eq. 19 prints the matrix for the normal's angle, `tangent` is the unit vector along
-    the motion.
+    McNab & Tsao, eqs. 3 and 8; their eq. 19 prints the matrix for the normal's angle, `tangent` is
+    the unit vector along the motion.
     """
     identity = jnp.eye(tangent.shape[-1], dtype=tangent.dtype)
     return (alpha + beta) * identity - beta * tangent[..., :, None] * tangent[..., None, :]
@@ -171,18 +207,26 @@ def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[Arr
 
 
 def _float(value) -> Array:
-    array = value if hasattr(value, "dtype") else jnp.asarray(np.asarray(value))  # by NumPy: no weak types, no recompilation
+    array = (
+        value if hasattr(value, "dtype") else jnp.asarray(np.asarray(value))
+    )  # by NumPy: no weak types, no recompilation
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def _check_weights(weights: LQWeights) -> None:
     values = {name: getattr(weights, name) for name in ("alpha", "beta", "rho", "stage")}
-    concrete = {name: np.asarray(v) for name, v in values.items() if v is not None and is_concrete(v)}
+    concrete = {
+        name: np.asarray(v) for name, v in values.items() if v is not None and is_concrete(v)
+    }
     if np.ndim(concrete.get("rho", 0.0)) == 2:
         concrete["rho"] = np.linalg.eigvalsh(concrete["rho"])
     for name, value in concrete.items():
         positive = name in ("rho", "stage")
         if not np.isfinite(value).all() or (value < 0).any() or (positive and (value == 0).any()):
-            raise ValueError(f"{name}: needs a finite weight {'above' if positive else 'of at least'} zero, received {value}")
+            raise ValueError(
+                f"{name}: needs a finite weight {'above' if positive else 'of at least'} zero, received {value}"
+            )
     if {"alpha", "beta"} <= concrete.keys() and (concrete["alpha"] + concrete["beta"] == 0).any():
-        raise ValueError("alpha, beta: at least one of them needs to be above zero, received 0 and 0")
+        raise ValueError(
+            "alpha, beta: at least one of them needs to be above zero, received 0 and 0"
+        )

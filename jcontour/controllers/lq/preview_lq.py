@@ -1,8 +1,9 @@
 """Finite-preview LQ tracking (Tomizuka & Whitney, as McNab & Tsao use it for comparison).
 
-The infinite-horizon problem with a fixed weight Q = alpha I is solved once; the next N_p samples enter through constant
-feedforward gains, and the path continues beyond them at its last speed:
-    u(k) = -K x(k) - G_N x_d(k+N_p) + sum_{j=1}^{N_p-1} G_j y_d(k+j),   G_j = (B'HB + R)^-1 B' (A_c')^{j-1} C'Q,   A_c = A - B K.
+The infinite-horizon problem with a fixed weight Q = alpha I is solved once; the next N_p samples
+enter through constant feedforward gains, and the path continues beyond them at its last speed:
+    u(k) = -K x(k) - G_N x_d(k+N_p) + sum_{j=1}^{N_p-1} G_j y_d(k+j),   G_j = (B'HB + R)^-1 B'
+    (A_c')^{j-1} C'Q,   A_c = A - B K.
 """
 
 import equinox as eqx
@@ -29,7 +30,8 @@ class PreviewLQ(Controller):
         motion: maps from steady motion to the state; derived per decoupled axis when not given.
 
     Raises:
-        ValueError: preview < 1, a weight that is not above zero, or no stabilising solution of the Riccati equation.
+        ValueError: preview < 1, a weight that is not above zero, or no stabilising solution of the
+            Riccati equation.
     """
 
     model: LinearPlant
@@ -38,7 +40,9 @@ class PreviewLQ(Controller):
     preview: int = eqx.field(static=True)
     motion: SteadyMotion | None
 
-    def __init__(self, model: LinearPlant, alpha, rho, preview: int, motion: SteadyMotion | None = None):
+    def __init__(
+        self, model: LinearPlant, alpha, rho, preview: int, motion: SteadyMotion | None = None
+    ):
         self.model, self.preview, self.motion = model, whole_preview(preview), motion
         self.alpha, self.rho = jnp.asarray(alpha, model.A.dtype), jnp.asarray(rho, model.A.dtype)
         for name, weight in (("alpha", self.alpha), ("rho", self.rho)):
@@ -59,7 +63,9 @@ class PreviewLQ(Controller):
         K = lqr_gain(A, B, H, R)
         motion = steady_motion(self.model) if self.motion is None else self.motion
         end = jax.lax.slice_in_dim(reference.position, self.preview, self.preview + reference.steps)
-        before = jax.lax.slice_in_dim(reference.position, self.preview - 1, self.preview - 1 + reference.steps)
+        before = jax.lax.slice_in_dim(
+            reference.position, self.preview - 1, self.preview - 1 + reference.steps
+        )
 
         def add_sample(carry, j):
             costate, f = carry  # costate: (A_c')^(j-1), mapped through the first control
@@ -76,9 +82,13 @@ class PreviewLQ(Controller):
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]) -> tuple[None, Float[Array, " p"]]:
+    def step(
+        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
         """u = f - K x."""
         return None, plan.f - plan.F @ measurement
 
     def _cost(self) -> tuple[Float[Array, "n n"], Float[Array, "p p"]]:
-        return self.alpha * self.model.C.T @ self.model.C, self.rho * jnp.eye(self.model.inputs, dtype=self.model.A.dtype)
+        return self.alpha * self.model.C.T @ self.model.C, self.rho * jnp.eye(
+            self.model.inputs, dtype=self.model.A.dtype
+        )

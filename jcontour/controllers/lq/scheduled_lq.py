@@ -1,8 +1,9 @@
 """Receding-horizon LQ contouring on a machine that changes along its path: the cost of `contouring_lq` with the model of each sample.
 
     x(k+j+1) = A_{k+j} x(k+j) + B_{k+j} u(k+j),   y(k+j) = C_{k+j} x(k+j)
-where the models are those of the desired positions: known before the run starts, so that the gains still are. The horizon ends in the
-infinite-horizon cost of the model at its end, g = -H_s x_d, with H_s interpolated like the models (McNab & Tsao, Theorem 1).
+where the models are those of the desired positions: known before the run starts, so that the gains
+still are. The horizon ends in the infinite-horizon cost of the model at its end, g = -H_s x_d, with
+H_s interpolated like the models (McNab & Tsao, Theorem 1).
 """
 
 import equinox as eqx
@@ -11,7 +12,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, check_preview, whole_preview
-from jcontour.controllers.lq.contouring_lq import LQWeights, RiccatiTerminal, contour_weight, control_weight
+from jcontour.controllers.lq.contouring_lq import (
+    LQWeights,
+    RiccatiTerminal,
+    contour_weight,
+    control_weight,
+)
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import AffinePlan, steady_motion
 from jcontour.motion.references import Reference
@@ -24,13 +30,14 @@ class ScheduledLQ(Controller):
     """u = f - F x with a gain schedule made from the next `preview` samples of the path and the machine there.
 
     Args:
-        schedule: what the controller believes the machine to be; the measurement is the state of its models.
+        schedule: what the controller believes the machine to be; the measurement is the state of
+            its models.
         weights: alpha, beta, rho and the stage profile.
         preview: horizon N_p [samples].
 
     Raises:
-        ValueError: preview not a whole number or < 1, a stage profile of another length, or a model whose Riccati equation has no
-            stabilising solution.
+        ValueError: preview not a whole number or < 1, a stage profile of another length, or a model
+            whose Riccati equation has no stabilising solution.
     """
 
     schedule: ModelSchedule
@@ -40,17 +47,25 @@ class ScheduledLQ(Controller):
     def __init__(self, schedule: ModelSchedule, weights: LQWeights, preview: int):
         self.schedule, self.weights, self.preview = schedule, weights, whole_preview(preview)
         if weights.stage is not None and weights.stage.shape != (self.preview,):
-            raise ValueError(f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}")
+            raise ValueError(
+                f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}"
+            )
         if is_concrete(*jax.tree.leaves((schedule, weights))):
             for k in range(schedule.points.size):
                 model = schedule.model(k)
-                check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, control_weight(model, weights))
+                check_dare(
+                    model.A,
+                    model.B,
+                    (weights.alpha + weights.beta) * model.C.T @ model.C,
+                    control_weight(model, weights),
+                )
 
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference.
 
         Raises:
-            ValueError: the reference looks less far ahead than the controller, or the path leaves the schedule.
+            ValueError: the reference looks less far ahead than the controller, or the path leaves
+                the schedule.
         """
         check_preview(self, reference)
         weights, seen = self.weights, reference.steps + self.preview
@@ -58,19 +73,30 @@ class ScheduledLQ(Controller):
         stage = jnp.ones(self.preview) if weights.stage is None else weights.stage
         Q = contour_weight(weights.alpha, weights.beta, tangent)
         R = control_weight(self.schedule.models, weights)
-        return scheduled_plan(self.schedule.along(position), Q, position, stage, R, self._terminal(position, stage[-1]))
+        return scheduled_plan(
+            self.schedule.along(position),
+            Q,
+            position,
+            stage,
+            R,
+            self._terminal(position, stage[-1]),
+        )
 
     def initial_memory(self, reference: Reference) -> None:
         """None: the law is static."""
         return None
 
-    def step(self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]) -> tuple[None, Float[Array, " p"]]:
+    def step(
+        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
+    ) -> tuple[None, Float[Array, " p"]]:
         """u = f - F x."""
         return None, plan.f - plan.F @ measurement
 
     def _terminal(self, position: Float[Array, "S m"], scale: Float[Array, ""]) -> CostToGo:
         end, before = position[self.preview :], position[self.preview - 1 : -1]
-        solution = jax.vmap(lambda model: RiccatiTerminal().solution(model, self.weights))(self.schedule.models)
+        solution = jax.vmap(lambda model: RiccatiTerminal().solution(model, self.weights))(
+            self.schedule.models
+        )
         H = scale * self.schedule.interpolated(solution, end)
         x_d = steady_motion(self.schedule.model(0)).state(end, end - before)
         return CostToGo(H, -jnp.einsum("tij,tj->ti", H, x_d))

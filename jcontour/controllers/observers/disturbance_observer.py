@@ -1,10 +1,14 @@
 """The disturbance observer: the nominal model inverted behind a low pass, and what it finds taken off the control.
 
-    d = Q (P_n^-1 x_m - u),    u = u_inside - d          (Yuan, section 2.2.2, eqs. 2.6 and 2.7, Fig. 2.7)
-P_n is a double integrator, b0 / s^2 with b0 = k_t / M. It is inverted as the controller meets it, under zero-order hold:
-    P_n = b0 T^2 / 2 (z + 1) / (z - 1)^2,    Q = D(1) / 2 (z + 1) / D(z),    Q P_n^-1 = D(1) / (b0 T^2) (z - 1)^2 / D(z)
-D has the poles exp(s T) of s^2 + 2 zeta w s + w^2. Q keeps the zero at -1 of the sampled model, which must not be inverted. Its gain at
-rest is one, and it uses no control before it is known. A machine that is P_n indeed is left as it was: d = Q d_i, whatever u is.
+    d = Q (P_n^-1 x_m - u),    u = u_inside - d          (Yuan, section 2.2.2, eqs. 2.6 and 2.7,
+    Fig. 2.7)
+P_n is a double integrator, b0 / s^2 with b0 = k_t / M. It is inverted as the controller meets it,
+under zero-order hold:
+    P_n = b0 T^2 / 2 (z + 1) / (z - 1)^2,    Q = D(1) / 2 (z + 1) / D(z),    Q P_n^-1 = D(1) / (b0
+    T^2) (z - 1)^2 / D(z)
+D has the poles exp(s T) of s^2 + 2 zeta w s + w^2. Q keeps the zero at -1 of the sampled model,
+which must not be inverted. Its gain at rest is one, and it uses no control before it is known. A
+machine that is P_n indeed is left as it was: d = Q d_i, whatever u is.
 """
 
 from typing import Any, NamedTuple
@@ -53,14 +57,29 @@ class DisturbanceObserver(Wrapper):
     damping: Float[Array, "*m"]
     dt: float = eqx.field(static=True)
 
-    def __init__(self, controller: Controller, sensors: Sensors, bandwidth, input_gain, dt: float, damping=BUTTERWORTH):
-        for name, value in {"bandwidth": bandwidth, "input_gain": input_gain, "dt": dt, "damping": damping}.items():
+    def __init__(
+        self,
+        controller: Controller,
+        sensors: Sensors,
+        bandwidth,
+        input_gain,
+        dt: float,
+        damping=BUTTERWORTH,
+    ):
+        for name, value in {
+            "bandwidth": bandwidth,
+            "input_gain": input_gain,
+            "dt": dt,
+            "damping": damping,
+        }.items():
             if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
         if is_concrete(damping) and not np.all(np.asarray(damping) < 1):
             raise ValueError(f"damping: needs to be below one, received {damping}")
         self.controller, self.sensors, self.dt = controller, sensors, float(dt)
-        self.bandwidth, self.input_gain, self.damping = (jnp.asarray(value, float) for value in (bandwidth, input_gain, damping))
+        self.bandwidth, self.input_gain, self.damping = (
+            jnp.asarray(value, float) for value in (bandwidth, input_gain, damping)
+        )
 
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """Filters that have seen the machine move as the reference begins: no disturbance.
@@ -70,11 +89,19 @@ class DisturbanceObserver(Wrapper):
         """
         check_period(self.dt, reference)
         if reference.position.shape[-1] != self.sensors.axes:
-            raise ValueError(f"sensors: the reference has {reference.position.shape[-1]} axes, the observer reads {self.sensors.axes}")
+            raise ValueError(
+                f"sensors: the reference has {reference.position.shape[-1]} axes, the observer reads {self.sensors.axes}"
+            )
         now, (_, inverse, _) = reference.position[0], self._filters()
-        return ObserverMemory(-inverse * now, inverse * (now - reference.start_increment), self.controller.initial_memory(reference))
+        return ObserverMemory(
+            -inverse * now,
+            inverse * (now - reference.start_increment),
+            self.controller.initial_memory(reference),
+        )
 
-    def step(self, memory: ObserverMemory, plan: Any, measurement: Any) -> tuple[ObserverMemory, Axes]:
+    def step(
+        self, memory: ObserverMemory, plan: Any, measurement: Any
+    ) -> tuple[ObserverMemory, Axes]:
         """The two filters in one, in transposed direct form, around the control that acts."""
         (d1, d0), inverse, low_pass = self._filters()
         x = inverse * self.sensors.positions(measurement)
@@ -84,9 +111,18 @@ class DisturbanceObserver(Wrapper):
         first = -2 * x - low_pass * control - d1 * disturbance + memory.second
         return ObserverMemory(first, x - low_pass * control - d0 * disturbance, inner), control
 
-    def _filters(self) -> tuple[tuple[Float[Array, "*m"], Float[Array, "*m"]], Float[Array, "*m"], Float[Array, "*m"]]:
+    def _filters(
+        self,
+    ) -> tuple[
+        tuple[Float[Array, "*m"], Float[Array, "*m"]], Float[Array, "*m"], Float[Array, "*m"]
+    ]:
         """D = z^2 + d1 z + d0, and the factors before (z - 1)^2 / D and (z + 1) / D."""
-        decay, angle = self.damping * self.bandwidth * self.dt, jnp.sqrt(1 - self.damping**2) * self.bandwidth * self.dt
+        decay, angle = (
+            self.damping * self.bandwidth * self.dt,
+            jnp.sqrt(1 - self.damping**2) * self.bandwidth * self.dt,
+        )
         d1, d0 = -2 * jnp.exp(-decay) * jnp.cos(angle), jnp.exp(-2 * decay)
-        at_rest = jnp.expm1(-decay) ** 2 + 4 * jnp.exp(-decay) * jnp.sin(angle / 2) ** 2  # 1 + d1 + d0 without its cancellation
+        at_rest = (
+            jnp.expm1(-decay) ** 2 + 4 * jnp.exp(-decay) * jnp.sin(angle / 2) ** 2
+        )  # 1 + d1 + d0 without its cancellation
         return (d1, d0), at_rest / (self.input_gain * self.dt**2), at_rest / 2

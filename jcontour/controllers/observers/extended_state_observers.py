@@ -1,13 +1,15 @@
 """Extended state observers: whatever a motor does beyond a double integrator is estimated as a third state, and cancelled.
 
-    dx = v + l1 phi1(e),   dv = b0 u + zeta + l2 phi2(e),   dzeta = l3 phi3(e),   e = y - x          (Yuan, eq. 2.10)
-    u = u_inside - zeta / b0,   b0 = k_t / M_m
-y is the measured position of the motor, u the control that acts: after the subtraction. Every step first updates the estimate, then
-subtracts. The linear observer (LESO) has phi_i(e) = e and all three poles at the bandwidth w: l = (3 w, 3 w^2, w^3). The thesis does
-not say how it is sampled, so there are three forms:
-    ExactLESO    the equation above under zero-order hold of u and y of the previous sample; stable at any bandwidth
-    EulerLESO    the same by forward Euler; unstable where w dt >= 2
-    CurrentLESO  the model predicts exactly, the newest y corrects, all poles at exp(-w dt): no sample late
+    dx = v + l1 phi1(e),   dv = b0 u + zeta + l2 phi2(e),   dzeta = l3 phi3(e),   e = y - x
+    (Yuan, eq. 2.10) u = u_inside - zeta / b0,   b0 = k_t / M_m
+y is the measured position of the motor, u the control that acts: after the subtraction. Every step
+first updates the estimate, then subtracts. The linear observer (LESO) has phi_i(e) = e and all
+three poles at the bandwidth w: l = (3 w, 3 w^2, w^3). The thesis does not say how it is sampled, so
+there are three forms:
+    ExactLESO    the equation above under zero-order hold of u and y of the previous sample; stable
+    at any bandwidth EulerLESO    the same by forward Euler; unstable where w dt >= 2
+    CurrentLESO  the model predicts exactly, the newest y corrects, all poles at exp(-w dt): no
+    sample late
 The nonlinear one (NLESO) is the third form with large errors weighed less, against peaking.
 """
 
@@ -77,7 +79,13 @@ class ExactLESO(ExtendedStateObserver):
         away = _difference(estimate, limit)
         once = _nilpotent(away, w)
         twice = _nilpotent(once, w)
-        return jax.tree.map(lambda z, d, n, nn: z + jnp.exp(-w * T) * (d + T * n + T**2 / 2 * nn), limit, away, once, twice)
+        return jax.tree.map(
+            lambda z, d, n, nn: z + jnp.exp(-w * T) * (d + T * n + T**2 / 2 * nn),
+            limit,
+            away,
+            once,
+            twice,
+        )
 
 
 class EulerLESO(ExtendedStateObserver):
@@ -90,12 +98,18 @@ class EulerLESO(ExtendedStateObserver):
     def __check_init__(self):
         if is_concrete(self.bandwidth) and np.any(np.asarray(self.bandwidth) * self.dt >= 2):
             poles = 1 - np.asarray(self.bandwidth) * self.dt
-            raise ValueError(f"bandwidth: needs to be below {2 / self.dt:.4g} rad/s, with forward Euler all eigenvalues are {poles}")
+            raise ValueError(
+                f"bandwidth: needs to be below {2 / self.dt:.4g} rad/s, with forward Euler all eigenvalues are {poles}"
+            )
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """Estimate + T F (estimate - limit)."""
         limit = Estimate(before, jnp.zeros_like(before), -self.input_gain * control)
-        return jax.tree.map(lambda z, rate: z + self.dt * rate, estimate, _rates(_difference(estimate, limit), self.bandwidth))
+        return jax.tree.map(
+            lambda z, rate: z + self.dt * rate,
+            estimate,
+            _rates(_difference(estimate, limit), self.bandwidth),
+        )
 
 
 class CurrentLESO(ExtendedStateObserver):
@@ -125,19 +139,25 @@ class NLESO(ExtendedStateObserver):
     """
 
     delta: Float[Array, "*m"] = eqx.field(converter=_numbers)
-    exponents: Float[Array, "3"] = eqx.field(converter=_numbers, default=(1.0, 0.5, 0.25))  # Han's choice for three states
+    exponents: Float[Array, "3"] = eqx.field(
+        converter=_numbers, default=(1.0, 0.5, 0.25)
+    )  # Han's choice for three states
 
     def __check_init__(self):
         if is_concrete(self.delta) and not np.all(np.asarray(self.delta) > 0):
             raise ValueError(f"delta: needs to be above zero, received {self.delta}")
-        if is_concrete(self.exponents) and not np.all((np.asarray(self.exponents) >= 0) & (np.asarray(self.exponents) <= 1)):
+        if is_concrete(self.exponents) and not np.all(
+            (np.asarray(self.exponents) >= 0) & (np.asarray(self.exponents) <= 1)
+        ):
             raise ValueError(f"exponents: need to be from 0 to 1, received {self.exponents}")
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """Predict, correct by phi_i(e)."""
         predicted = _predicted(estimate, self.input_gain * control, self.dt)
         scaled = (now - predicted.position) / self.delta
-        size = jnp.maximum(jnp.abs(scaled), 1.0)  # one inside delta: the power is then one, with a finite slope
+        size = jnp.maximum(
+            jnp.abs(scaled), 1.0
+        )  # one inside delta: the power is then one, with a finite slope
         errors = [self.delta * scaled * size ** (a - 1) for a in self.exponents]
         return _corrected(predicted, errors, self.bandwidth, self.dt)
 
@@ -173,12 +193,16 @@ class DisturbanceRejection(Wrapper):
         check_period(self.observer.dt, reference)
         increment = reference.start_increment
         if increment.shape[-1] != self.sensors.axes:
-            raise ValueError(f"sensors: the reference has {increment.shape[-1]} axes, the observer reads {self.sensors.axes}")
+            raise ValueError(
+                f"sensors: the reference has {increment.shape[-1]} axes, the observer reads {self.sensors.axes}"
+            )
         before, none = reference.position[0] - increment, jnp.zeros_like(increment)
         estimate = Estimate(before, increment / self.observer.dt, none)
         return RejectionMemory(estimate, none, before, self.controller.initial_memory(reference))
 
-    def step(self, memory: RejectionMemory, plan: Any, measurement: Any) -> tuple[RejectionMemory, Axes]:
+    def step(
+        self, memory: RejectionMemory, plan: Any, measurement: Any
+    ) -> tuple[RejectionMemory, Axes]:
         """Update the estimate, then subtract."""
         measured = self.sensors.positions(measurement)
         estimate = self.observer.update(memory.estimate, memory.control, memory.measured, measured)
@@ -193,7 +217,9 @@ def _difference(a: Estimate, b: Estimate) -> Estimate:
 
 def _rates(d: Estimate, w: Float[Array, "*m"]) -> Estimate:
     """F d, the linear observer's own motion."""
-    return Estimate(d.speed - 3 * w * d.position, d.disturbance - 3 * w**2 * d.position, -(w**3) * d.position)
+    return Estimate(
+        d.speed - 3 * w * d.position, d.disturbance - 3 * w**2 * d.position, -(w**3) * d.position
+    )
 
 
 def _nilpotent(d: Estimate, w: Float[Array, "*m"]) -> Estimate:
@@ -202,10 +228,16 @@ def _nilpotent(d: Estimate, w: Float[Array, "*m"]) -> Estimate:
 
 def _predicted(estimate: Estimate, acceleration: Axes, T: float) -> Estimate:
     total = estimate.disturbance + acceleration
-    return Estimate(estimate.position + T * estimate.speed + T**2 / 2 * total, estimate.speed + T * total, estimate.disturbance)
+    return Estimate(
+        estimate.position + T * estimate.speed + T**2 / 2 * total,
+        estimate.speed + T * total,
+        estimate.disturbance,
+    )
 
 
 def _corrected(predicted: Estimate, errors, w: Float[Array, "*m"], T: float) -> Estimate:
     p = jnp.exp(-w * T)
     gains = (1 - p**3, 3 * (1 - p) ** 2 * (1 + p) / (2 * T), (1 - p) ** 3 / T**2)
-    return Estimate(*(state + gain * error for state, gain, error in zip(predicted, gains, errors, strict=True)))
+    return Estimate(
+        *(state + gain * error for state, gain, error in zip(predicted, gains, errors, strict=True))
+    )

@@ -1,9 +1,12 @@
 """The reduced-order Luenberger observer: only what is not measured is estimated (Yuan, section 4.2.1).
 
-With the state split into the measured part s and the rest, A = [[A11, A12], [A21, A22]], B = [B1; B2], and z = rest - L_r s,
-    z(k+1) = Lambda z + (B2 - L_r B1) u + (Lambda L_r + A21 - L_r A11) s,    Lambda = A22 - L_r A12          (4.9), (4.10)
-The estimation error obeys Lambda. With the thesis's L_r it is stable for the zero-order-hold model of the axis (|eig| = 0.9972), not
-for the forward Euler model that the thesis prints (1.00103), which is refused.
+With the state split into the measured part s and the rest, A = [[A11, A12], [A21, A22]], B = [B1;
+B2], and z = rest - L_r s,
+    z(k+1) = Lambda z + (B2 - L_r B1) u + (Lambda L_r + A21 - L_r A11) s,    Lambda = A22 - L_r A12
+    (4.9), (4.10)
+The estimation error obeys Lambda. With the thesis's L_r it is stable for the zero-order-hold model
+of the axis (|eig| = 0.9972), not for the forward Euler model that the thesis prints (1.00103),
+which is refused.
 """
 
 from typing import Any, NamedTuple
@@ -35,7 +38,8 @@ class ReducedObserver(Wrapper):
         gain: L_r (n - q, q).
 
     Raises:
-        ValueError: the gain has another shape, or Lambda has an eigenvalue that is not inside the unit circle.
+        ValueError: the gain has another shape, or Lambda has an eigenvalue that is not inside the
+            unit circle.
     """
 
     controller: Controller
@@ -44,7 +48,9 @@ class ReducedObserver(Wrapper):
 
     def __check_init__(self):
         if self.gain.ndim != 2 or sum(self.gain.shape) != self.model.states:
-            raise ValueError(f"gain: needs shape (n - q, q) with n = {self.model.states}, received {self.gain.shape}")
+            raise ValueError(
+                f"gain: needs shape (n - q, q) with n = {self.model.states}, received {self.gain.shape}"
+            )
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
     def initial_memory(self, reference: Reference) -> ReducedMemory:
@@ -58,12 +64,19 @@ class ReducedObserver(Wrapper):
         measured, rest = jnp.split(start, [self.gain.shape[1]])
         return ReducedMemory(rest - self.gain @ measured, self.controller.initial_memory(reference))
 
-    def step(self, memory: ReducedMemory, plan: Any, measurement: Any) -> tuple[ReducedMemory, Float[Array, " p"]]:
+    def step(
+        self, memory: ReducedMemory, plan: Any, measurement: Any
+    ) -> tuple[ReducedMemory, Float[Array, " p"]]:
         """Control on the estimate of now, then eq. 4.10."""
         measured = row(measurement)
-        inner, control = self.controller.step(memory.inner, plan, jnp.concatenate([measured, memory.z + self.gain @ measured]))
+        inner, control = self.controller.step(
+            memory.inner, plan, jnp.concatenate([measured, memory.z + self.gain @ measured])
+        )
         augmented = augmented_model(self.model, self.gain)
-        z = augmented.A[measured.size :] @ jnp.concatenate([measured, memory.z]) + augmented.B[measured.size :] @ control
+        z = (
+            augmented.A[measured.size :] @ jnp.concatenate([measured, memory.z])
+            + augmented.B[measured.size :] @ control
+        )
         return ReducedMemory(z, inner), control
 
 

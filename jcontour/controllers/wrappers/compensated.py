@@ -1,6 +1,7 @@
 """A controller and, added to what it asks for, what the machine's nonlinear terms need: u = u' + f(measurement, u').
 
-Feedback linearisation (Yuan, eq. 5.44): the controller inside is designed for the linear machine that f leaves.
+Feedback linearisation (Yuan, eq. 5.44): the controller inside is designed for the linear machine
+that f leaves.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,8 @@ class Compensated(Wrapper):
 
     Args:
         controller: gives u'.
-        compensation: f, traceable; its numbers are tuned with the controller's where it is a pytree that has some.
+        compensation: f, traceable; its numbers are tuned with the controller's where it is a pytree
+            that has some.
     """
 
     controller: Controller
@@ -27,7 +29,9 @@ class Compensated(Wrapper):
         """That of the controller inside."""
         return self.controller.initial_memory(reference)
 
-    def step(self, memory: Memory, plan: Plan, measurement: Any) -> tuple[Memory, Float[Array, " p"]]:
+    def step(
+        self, memory: Memory, plan: Plan, measurement: Any
+    ) -> tuple[Memory, Float[Array, " p"]]:
         """Next memory and u' + f(measurement, u').
 
         Raises:
@@ -36,5 +40,7 @@ class Compensated(Wrapper):
         memory, control = self.controller.step(memory, plan, measurement)
         added = self.compensation(measurement, control)
         if added.shape != control.shape:
-            raise ValueError(f"compensation: needs the control's shape {control.shape}, received {added.shape}")
+            raise ValueError(
+                f"compensation: needs the control's shape {control.shape}, received {added.shape}"
+            )
         return memory, control + added

@@ -2,7 +2,8 @@
 
 A section H(s) of second order becomes, by Tustin's rule s = c (z - 1) / (z + 1),
     y(k) = b0 x(k) + b1 x(k-1) + b2 x(k-2) - a1 y(k-1) - a2 y(k-2)
-with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). Run in the transposed direct form.
+with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). Run in the
+transposed direct form.
 """
 
 from typing import Any, NamedTuple
@@ -31,9 +32,13 @@ class Biquad(eqx.Module):
         if is_concrete(self.numerator, self.denominator):
             poles = np.roots([1.0, *np.asarray(self.denominator)])
             if not (np.all(np.isfinite(self.numerator)) and np.all(np.abs(poles) < 1)):
-                raise ValueError(f"filter: is not stable, its poles are {np.array2string(poles, precision=4)}")
+                raise ValueError(
+                    f"filter: is not stable, its poles are {np.array2string(poles, precision=4)}"
+                )
 
-    def step(self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]) -> tuple[Float[Array, "2 *p"], Float[Array, "*p"]]:
+    def step(
+        self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]
+    ) -> tuple[Float[Array, "2 *p"], Float[Array, "*p"]]:
         """Next memory and the filtered sample, of each signal."""
         (b0, b1, b2), (a1, a2) = self.numerator, self.denominator
         y = b0 * x + memory[0]
@@ -50,13 +55,18 @@ def tustin(numerator, denominator, dt: float, prewarp=None) -> Biquad:
         prewarp: frequency [rad/s] at which the gain stays exact; none when not given.
 
     Raises:
-        ValueError: the digital filter is not stable, or `prewarp` is not below the Nyquist frequency.
+        ValueError: the digital filter is not stable, or `prewarp` is not below the Nyquist
+            frequency.
     """
     if prewarp is not None and is_concrete(prewarp) and not 0 < float(prewarp) < np.pi / dt:
-        raise ValueError(f"prewarp: needs a frequency above zero and below {np.pi / dt:.4g} rad/s, received {prewarp}")
+        raise ValueError(
+            f"prewarp: needs a frequency above zero and below {np.pi / dt:.4g} rad/s, received {prewarp}"
+        )
     c = 2 / dt if prewarp is None else prewarp / jnp.tan(prewarp * dt / 2)
-    rows = [jnp.stack([q2 * c**2 + q1 * c + q0, 2 * (q0 - q2 * c**2), q2 * c**2 - q1 * c + q0])
-            for q2, q1, q0 in (jnp.asarray(numerator, float), jnp.asarray(denominator, float))]  # fmt: skip
+    rows = [
+        jnp.stack([q2 * c**2 + q1 * c + q0, 2 * (q0 - q2 * c**2), q2 * c**2 - q1 * c + q0])
+        for q2, q1, q0 in (jnp.asarray(numerator, float), jnp.asarray(denominator, float))
+    ]
     return Biquad(rows[0] / rows[1][0], rows[1][1:] / rows[1][0])
 
 
@@ -75,8 +85,12 @@ def notch(frequency, depth, damping, dt: float, prewarp: bool = False) -> Biquad
     """
     w = jnp.asarray(frequency, float)
     denominator = jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2])
-    return tustin(denominator * jnp.stack([jnp.ones_like(w), jnp.asarray(depth, float), jnp.ones_like(w)]), denominator, dt,
-                  frequency if prewarp else None)  # fmt: skip
+    return tustin(
+        denominator * jnp.stack([jnp.ones_like(w), jnp.asarray(depth, float), jnp.ones_like(w)]),
+        denominator,
+        dt,
+        frequency if prewarp else None,
+    )
 
 
 def low_pass(frequency, damping, dt: float) -> Biquad:
@@ -87,7 +101,12 @@ def low_pass(frequency, damping, dt: float) -> Biquad:
     """
     w = jnp.asarray(frequency, float)
     none = jnp.zeros_like(w)
-    return tustin(jnp.stack([none, none, w**2]), jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2]), dt, frequency)
+    return tustin(
+        jnp.stack([none, none, w**2]),
+        jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2]),
+        dt,
+        frequency,
+    )
 
 
 class FilterMemory(NamedTuple):
@@ -112,9 +131,14 @@ class Filtered(Wrapper):
 
     def initial_memory(self, reference: Reference) -> FilterMemory:
         """A filter at rest."""
-        return FilterMemory(jnp.zeros((2, self.inputs), self.filter.numerator.dtype), self.controller.initial_memory(reference))
+        return FilterMemory(
+            jnp.zeros((2, self.inputs), self.filter.numerator.dtype),
+            self.controller.initial_memory(reference),
+        )
 
-    def step(self, memory: FilterMemory, plan: Any, measurement: Any) -> tuple[FilterMemory, Float[Array, " p"]]:
+    def step(
+        self, memory: FilterMemory, plan: Any, measurement: Any
+    ) -> tuple[FilterMemory, Float[Array, " p"]]:
         """The control inside, filtered."""
         inner, control = self.controller.step(memory.inner, plan, measurement)
         filtered, control = self.filter.step(memory.filter, control)

@@ -35,5 +35,7 @@ class OfMotors(Wrapper):
 
     def _of_motors(self, reference: Reference) -> Reference:
         return eqx.tree_at(
-            lambda r: (r.position, r.tangent, r.start_increment), reference, replace_fn=lambda vectors: vectors @ self.kinematics.T
+            lambda r: (r.position, r.tangent, r.start_increment),
+            reference,
+            replace_fn=lambda vectors: vectors @ self.kinematics.T,
         )

@@ -1,8 +1,10 @@
 """An input shaper on the reference of any controller: every axis is told to go where the weighted, delayed copies of its reference are.
 
-What is scored stays the reference itself, so that the shaper's delay counts as an error. The reference is known at its samples only; in
-between, copies are interpolated linearly: a mode w keeps up to (w dt)^2 / 8 of its vibration in spite of the shaper. Where the reference
-comes from a law of time, `input_shaping.shaped_law` has every impulse exactly, and keeps the tool on a contour, which this does not.
+What is scored stays the reference itself, so that the shaper's delay counts as an error. The
+reference is known at its samples only; in
+between, copies are interpolated linearly: a mode w keeps up to (w dt)^2 / 8 of its vibration in
+spite of the shaper. Where the reference comes from a law of time, `input_shaping.shaped_law` has
+every impulse exactly, and keeps the tool on a contour, which this does not.
 """
 
 from typing import Any
@@ -29,7 +31,9 @@ class Shaped(Wrapper):
 
     def prepare(self, reference: Reference) -> Plan:
         """That of the controller inside, for the shaped positions; tangents and arc lengths stay those of the reference."""
-        return self.controller.prepare(eqx.tree_at(lambda r: r.position, reference, shaped_positions(reference, self.shaper)))
+        return self.controller.prepare(
+            eqx.tree_at(lambda r: r.position, reference, shaped_positions(reference, self.shaper))
+        )
 
     def initial_memory(self, reference: Reference) -> Any:
         """That of the controller inside: the machine starts where the reference does."""

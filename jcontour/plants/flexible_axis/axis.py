@@ -3,7 +3,8 @@
     M_m dv_m = k_t u - k_s (x_m - x_e) - c_s (v_m - v_e) - F_c(x_m) - F_f        (3.1)
     M_e dv_e = k_s (x_m - x_e) + c_s (v_m - v_e)                                 (3.2)
     F_c = sum_j S_j sin(2 pi j x_m / tau) + C_j cos(2 pi j x_m / tau)            (3.7), cogging
-with friction F_f as in `friction`. The current loop is ideal. Classical Runge-Kutta substeps under a control that is held.
+with friction F_f as in `friction`. The current loop is ideal. Classical Runge-Kutta substeps under
+a control that is held.
 """
 
 from typing import NamedTuple
@@ -19,7 +20,8 @@ from jcontour.plants.friction import Axes, Friction, caught
 from jcontour.plants.integrators import runge_kutta
 from jcontour.tracing import is_concrete
 
-SUBSTEP = 5e-5  # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
+# [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
+SUBSTEP = 5e-5
 UNROLLED = 2  # substeps in one turn of the loop: a third quicker than one; more gain nothing
 
 
@@ -54,8 +56,9 @@ class AxisParameters(eqx.Module):
         pole_pitch: tau [m].
 
     Raises:
-        ValueError: a mass, the force constant or the pitch is not above zero, stiffness or damping is negative, or the numbers of
-            harmonics differ or one of them is not finite; or a value is there for another number of axes than there are motor masses.
+        ValueError: a mass, the force constant or the pitch is not above zero, stiffness or damping
+            is negative, or the numbers of harmonics differ or one of them is not finite; or a value
+            is there for another number of axes than there are motor masses.
     """
 
     motor_mass: Axes
@@ -68,24 +71,59 @@ class AxisParameters(eqx.Module):
     cogging_cosine: Float[Array, "m P"]
     pole_pitch: Axes
 
-    def __init__(self, motor_mass, tool_mass, stiffness, damping, force_constant, friction, cogging_sine, cogging_cosine, pole_pitch):
-        positive = {"motor_mass": motor_mass, "tool_mass": tool_mass, "force_constant": force_constant, "pole_pitch": pole_pitch}
+    def __init__(
+        self,
+        motor_mass,
+        tool_mass,
+        stiffness,
+        damping,
+        force_constant,
+        friction,
+        cogging_sine,
+        cogging_cosine,
+        pole_pitch,
+    ):
+        positive = {
+            "motor_mass": motor_mass,
+            "tool_mass": tool_mass,
+            "force_constant": force_constant,
+            "pole_pitch": pole_pitch,
+        }
         for name, value in {**positive, "stiffness": stiffness, "damping": damping}.items():
             if is_concrete(value):
                 numbers = np.asarray(value, float)
-                if not np.all(np.isfinite(numbers) & ((numbers > 0) if name in positive else (numbers >= 0))):
-                    raise ValueError(f"{name}: needs to be finite and {'above' if name in positive else 'at least'} zero, received {value}")
+                if not np.all(
+                    np.isfinite(numbers) & ((numbers > 0) if name in positive else (numbers >= 0))
+                ):
+                    raise ValueError(
+                        f"{name}: needs to be finite and {'above' if name in positive else 'at least'} zero, received {value}"
+                    )
             setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
         self.friction = friction
-        self.cogging_sine, self.cogging_cosine = (jnp.atleast_2d(jnp.asarray(c, float)) for c in (cogging_sine, cogging_cosine))
+        self.cogging_sine, self.cogging_cosine = (
+            jnp.atleast_2d(jnp.asarray(c, float)) for c in (cogging_sine, cogging_cosine)
+        )
         if self.cogging_sine.shape != self.cogging_cosine.shape:
-            raise ValueError(f"cogging_cosine: needs shape {self.cogging_sine.shape}, received {self.cogging_cosine.shape}")
+            raise ValueError(
+                f"cogging_cosine: needs shape {self.cogging_sine.shape}, received {self.cogging_cosine.shape}"
+            )
         for name in ("cogging_sine", "cogging_cosine"):
             if is_concrete(getattr(self, name)) and not np.isfinite(getattr(self, name)).all():
-                raise ValueError(f"{name}: every entry needs to be finite, received {np.asarray(getattr(self, name))}")
-        for name in ("tool_mass", "stiffness", "damping", "force_constant", "pole_pitch", "cogging_sine"):
+                raise ValueError(
+                    f"{name}: every entry needs to be finite, received {np.asarray(getattr(self, name))}"
+                )
+        for name in (
+            "tool_mass",
+            "stiffness",
+            "damping",
+            "force_constant",
+            "pole_pitch",
+            "cogging_sine",
+        ):
             if getattr(self, name).shape[0] not in (1, self.axes):
-                raise ValueError(f"{name}: needs one value, or one for each of {self.axes} axes, received {getattr(self, name).shape[0]}")
+                raise ValueError(
+                    f"{name}: needs one value, or one for each of {self.axes} axes, received {getattr(self, name).shape[0]}"
+                )
 
     @property
     def axes(self) -> int:
@@ -99,7 +137,10 @@ class AxisParameters(eqx.Module):
         sine, cosine, force = first_sine, first_cosine, jnp.zeros_like(motor)
         for j in range(self.cogging_sine.shape[1]):
             force = force + self.cogging_sine[:, j] * sine + self.cogging_cosine[:, j] * cosine
-            sine, cosine = sine * first_cosine + cosine * first_sine, cosine * first_cosine - sine * first_sine
+            sine, cosine = (
+                sine * first_cosine + cosine * first_sine,
+                cosine * first_cosine - sine * first_sine,
+            )
         return force
 
     def drive_force(self, x: Motion, control: Axes) -> Axes:
@@ -120,9 +161,16 @@ def thesis_axis() -> AxisParameters:
     """The test bench of the thesis, section 3.3: masses, link, friction and three harmonics of cogging as printed."""
     friction = Friction(coulomb=36.36, stribeck=22.04, stribeck_speed=2.82, viscous=250.9)
     return AxisParameters(
-        motor_mass=39.62, tool_mass=0.38, stiffness=2908.0, damping=2.10, force_constant=79.33, friction=friction,
-        cogging_sine=[4.07, 0.95, -0.72], cogging_cosine=[9.20, -0.26, 0.57], pole_pitch=0.0875,
-    )  # fmt: skip
+        motor_mass=39.62,
+        tool_mass=0.38,
+        stiffness=2908.0,
+        damping=2.10,
+        force_constant=79.33,
+        friction=friction,
+        cogging_sine=[4.07, 0.95, -0.72],
+        cogging_cosine=[9.20, -0.26, 0.57],
+        pole_pitch=0.0875,
+    )
 
 
 class _Axis(Plant):
@@ -139,7 +187,9 @@ class _Axis(Plant):
             raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
         count = round(dt / SUBSTEP) if substeps is None else substeps
         if substeps is None and (count < 1 or abs(count * SUBSTEP - dt) > 1e-9 * dt):
-            raise ValueError(f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number")
+            raise ValueError(
+                f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number"
+            )
         if count < 1 or count != int(count):
             raise ValueError(f"substeps: needs a whole number, at least one, received {substeps}")
         self.substeps = int(count)
@@ -158,7 +208,8 @@ class _Axis(Plant):
 class FlexibleAxis(_Axis):
     """The axis with stick and slip. It has no useful derivative where it sticks: tune on `SmoothFlexibleAxis`.
 
-    Before a substep a slider at rest may break loose, after it one whose speed has turned sticks: see `friction`.
+    Before a substep a slider at rest may break loose, after it one whose speed has turned sticks:
+    see `friction`.
 
     Raises:
         ValueError: `dt` is not above zero, or the substep does not divide it.
@@ -180,13 +231,17 @@ class FlexibleAxis(_Axis):
             def rates(x: Motion) -> Motion:
                 force = p.drive_force(x, control) - p.friction.slipping(mode, x.motor_speed)
                 return Motion(
-                    jnp.where(slips, x.motor_speed, 0), jnp.where(slips, force / p.motor_mass, 0), x.tool_speed,
+                    jnp.where(slips, x.motor_speed, 0),
+                    jnp.where(slips, force / p.motor_mass, 0),
+                    x.tool_speed,
                     p.link_force(x) / p.tool_mass,
-                )  # fmt: skip
+                )
 
             motion = runge_kutta(rates, state.motion, h)
             mode = caught(mode, motion.motor_speed)
-            return SlidingMotion(motion._replace(motor_speed=jnp.where(mode == 0, 0, motion.motor_speed)), mode)
+            return SlidingMotion(
+                motion._replace(motor_speed=jnp.where(mode == 0, 0, motion.motor_speed)), mode
+            )
 
         return jax.lax.fori_loop(0, self.substeps, substep, state, unroll=UNROLLED)
 
@@ -205,7 +260,8 @@ class SmoothFlexibleAxis(_Axis):
     Args:
         parameters: as of the true axis.
         dt: sample period [s].
-        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass over force.
+        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass
+            over force.
 
     Raises:
         ValueError: as `FlexibleAxis`.
@@ -213,7 +269,13 @@ class SmoothFlexibleAxis(_Axis):
 
     sharpness: Float[Array, ""]
 
-    def __init__(self, parameters: AxisParameters, dt: float, sharpness: float = 1e3, substeps: int | None = None):  # 1 mm/s
+    def __init__(
+        self,
+        parameters: AxisParameters,
+        dt: float,
+        sharpness: float = 1e3,
+        substeps: int | None = None,
+    ):  # 1 mm/s
         super().__init__(parameters, dt, substeps)
         self.sharpness = jnp.asarray(sharpness, float)
 
@@ -227,9 +289,13 @@ class SmoothFlexibleAxis(_Axis):
 
         def rates(x: Motion) -> Motion:
             force = p.drive_force(x, control) - p.friction.smooth(x.motor_speed, self.sharpness)
-            return Motion(x.motor_speed, force / p.motor_mass, x.tool_speed, p.link_force(x) / p.tool_mass)
+            return Motion(
+                x.motor_speed, force / p.motor_mass, x.tool_speed, p.link_force(x) / p.tool_mass
+            )
 
-        return jax.lax.fori_loop(0, self.substeps, lambda _, x: runge_kutta(rates, x, h), state, unroll=UNROLLED)
+        return jax.lax.fori_loop(
+            0, self.substeps, lambda _, x: runge_kutta(rates, x, h), state, unroll=UNROLLED
+        )
 
     def output(self, state: Motion) -> Axes:
         """The end effector [m]."""

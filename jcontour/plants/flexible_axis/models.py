@@ -1,6 +1,7 @@
 """Linear models of the flexible axis: eqs. 3.1, 3.2 with the viscous part of the friction, without dry friction and cogging.
 
-The state is [x_m, v_m, x_e, v_e], each for all m axes: what is measured comes first. The output is the end effector.
+The state is [x_m, v_m, x_e, v_e], each for all m axes: what is measured comes first. The output is
+the end effector.
 """
 
 import jax
@@ -35,7 +36,14 @@ def euler_model(parameters: AxisParameters, dt: float) -> LinearPlant:
 
 def _rates(p: AxisParameters) -> tuple[Float[Array, "m 4 4"], Float[Array, "m 4 1"]]:
     """dx/dt = A x + B u of every axis."""
-    M, m, k, c, zero, one = p.motor_mass, p.tool_mass, p.stiffness, p.damping, jnp.zeros(p.axes), jnp.ones(p.axes)
+    M, m, k, c, zero, one = (
+        p.motor_mass,
+        p.tool_mass,
+        p.stiffness,
+        p.damping,
+        jnp.zeros(p.axes),
+        jnp.ones(p.axes),
+    )
     rows = [
         [zero, one, zero, zero],
         [-k / M, -(c + p.friction.viscous) / M, k / M, c / M],
@@ -53,4 +61,10 @@ def _side_by_side(A: Float[Array, "m 4 4"], B: Float[Array, "m 4 1"], dt: float)
     whole = jnp.einsum("kij,kl->ikjl", A, apart).reshape(4 * axes, 4 * axes)
     inputs = jnp.einsum("ki,kl->ikl", B[..., 0], apart).reshape(4 * axes, axes)
     tool = np.kron([0.0, 0.0, 1.0, 0.0], apart)
-    return LinearPlant(whole, inputs, tool, dt, Pattern.of(np.kron(np.ones((4, 4)), apart), np.kron(np.ones((4, 1)), apart), tool))
+    return LinearPlant(
+        whole,
+        inputs,
+        tool,
+        dt,
+        Pattern.of(np.kron(np.ones((4, 4)), apart), np.kron(np.ones((4, 1)), apart), tool),
+    )

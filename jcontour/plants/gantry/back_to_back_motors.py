@@ -1,8 +1,10 @@
 """Test bench of two rotary motors on one shaft, MT1 driven and MT2 as its load (Yuan, section 5.6.1).
 
-    J_A theta_h'' = k_A i_x - b_r theta_h' - k_A i_T - F_fn,   theta_h = x_h / r_A                                      (5.45)
-    M_A x_h'' = k_A i_x - b_A x_h' - k_A i_T - F_fn,   M_A = J_A / r_A [kg m], b_A = b_r / r_A [N s]
-Every term is a torque: so k_A, called a force constant there, is in N m/A, and M_A, called a mass, is none; k_A / M_A is in m/s^2 per A.
+    J_A theta_h'' = k_A i_x - b_r theta_h' - k_A i_T - F_fn,   theta_h = x_h / r_A
+    (5.45) M_A x_h'' = k_A i_x - b_A x_h' - k_A i_T - F_fn,   M_A = J_A / r_A [kg m], b_A = b_r /
+    r_A [N s]
+Every term is a torque: so k_A, called a force constant there, is in N m/A, and M_A, called a mass,
+is none; k_A / M_A is in m/s^2 per A.
 """
 
 import equinox as eqx
@@ -27,10 +29,12 @@ class BackToBackMotors(eqx.Module):
         inertia: J_A [kg m^2], of both motors and the coupling.
         radius: r_A [m], of travel for an angle: x_h = r_A theta_h.
         torque_constant: k_A [N m/A], of either motor.
-        friction: of the shaft: torques [N m] over its speed theta_h' [rad/s], dry F_fn and viscous b_r [N m s/rad].
+        friction: of the shaft: torques [N m] over its speed theta_h' [rad/s], dry F_fn and viscous
+            b_r [N m s/rad].
 
     Raises:
-        ValueError: the inertia, the radius or the torque constant is not above zero and finite, or there is friction for several shafts.
+        ValueError: the inertia, the radius or the torque constant is not above zero and finite, or
+            there is friction for several shafts.
     """
 
     inertia: Shaft = eqx.field(converter=_number, kw_only=True)
@@ -41,11 +45,17 @@ class BackToBackMotors(eqx.Module):
     def __check_init__(self):
         for name in ("inertia", "radius", "torque_constant"):
             value = getattr(self, name)
-            if value.shape != (1,) or (is_concrete(value) and not (np.isfinite(value) & (value > 0)).all()):
-                raise ValueError(f"{name}: needs one number, finite and above zero, received {np.asarray(value).squeeze()}")
+            if value.shape != (1,) or (
+                is_concrete(value) and not (np.isfinite(value) & (value > 0)).all()
+            ):
+                raise ValueError(
+                    f"{name}: needs one number, finite and above zero, received {np.asarray(value).squeeze()}"
+                )
         for name, value in vars(self.friction).items():
             if value.shape != (1,):
-                raise ValueError(f"friction: the bench has one shaft, received {value.shape[0]} values of {name}")
+                raise ValueError(
+                    f"friction: the bench has one shaft, received {value.shape[0]} values of {name}"
+                )
 
     @property
     def reduced_inertia(self) -> Shaft:

@@ -1,8 +1,10 @@
 """The gantry with dry friction in its three guide ways: of the head on the beam, and of both drives.
 
-    M_z z'' = f(z, z', u) - F_f        M_z, f and z = (x_h, y_1, y_2) as in `gantry_sliders`, F_f as in `friction`
-The thesis's gantry has viscous friction only; the dry part is that of its chapter 3. A slider that sticks is left out of the equation, and
-what its guide way has to hold follows from the motion of the others, to which the mass matrix couples it.
+    M_z z'' = f(z, z', u) - F_f        M_z, f and z = (x_h, y_1, y_2) as in `gantry_sliders`, F_f as
+    in `friction`
+The thesis's gantry has viscous friction only; the dry part is that of its chapter 3. A slider that
+sticks is left out of the equation, and what its guide way has to hold follows from the motion of
+the others, to which the mass matrix couples it.
 """
 
 from typing import NamedTuple
@@ -37,12 +39,20 @@ class _FrictionGantry(Plant):
     dt: float = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
-    def __init__(self, parameters: GantryParameters, friction: Friction, dt: float, substeps: int | None = None):
+    def __init__(
+        self,
+        parameters: GantryParameters,
+        friction: Friction,
+        dt: float,
+        substeps: int | None = None,
+    ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
         self.friction = of_sliders(friction)
 
     def _start(self, position, increment) -> Float[Array, "6"]:
-        return self.parameters.motors(untwisted(self.parameters, position, jnp.asarray(increment) / self.dt))
+        return self.parameters.motors(
+            untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
+        )
 
     def output(self, state) -> Float[Array, "2"]:
         """The tool [m]."""
@@ -52,9 +62,10 @@ class _FrictionGantry(Plant):
 class StickSlipGantry(_FrictionGantry):
     """The gantry with stick and slip. It has no useful derivative where it sticks: tune on `SmoothFrictionGantry`.
 
-    Between substeps a slider whose speed has turned sticks, unless what is on it takes it on the other way at once, and one at rest breaks
-    loose where more than f_c + f_s is on it. What is on it depends on which of the others slip, so that they break loose one after another,
-    the most overloaded first.
+    Between substeps a slider whose speed has turned sticks, unless what is on it takes it on the
+    other way at once, and one at rest breaks loose where more than f_c + f_s is on it. What is on
+    it depends on which of the others slip, so that they break loose one after another, the most
+    overloaded first.
 
     Args:
         parameters: of the machine.
@@ -63,7 +74,8 @@ class StickSlipGantry(_FrictionGantry):
         substeps: per sample; as many as `SUBSTEP` fits into the sample when not given.
 
     Raises:
-        ValueError: `dt` is not above zero, the substep does not divide it, or the friction is that of another number of sliders.
+        ValueError: `dt` is not above zero, the substep does not divide it, or the friction is that
+            of another number of sliders.
     """
 
     def initial_state(self, position, increment) -> SlidingMotion:
@@ -86,10 +98,17 @@ class StickSlipGantry(_FrictionGantry):
             def rates(x):
                 z, v = x[:3], x[3:]
                 masses, forces = equation.masses_and_forces(z, v, control)
-                left = [f - guide.slipping(s, speed) for f, guide, s, speed in zip(forces, guides, mode, v, strict=True)]
+                left = [
+                    f - guide.slipping(s, speed)
+                    for f, guide, s, speed in zip(forces, guides, mode, v, strict=True)
+                ]
                 return jnp.stack([*v, *masses.solved_for(slips, left)])
 
-            return self._settled(equation, SlidingMotion(runge_kutta(rates, sliders, self.dt / self.substeps), mode), control)
+            return self._settled(
+                equation,
+                SlidingMotion(runge_kutta(rates, sliders, self.dt / self.substeps), mode),
+                control,
+            )
 
         return jax.lax.fori_loop(0, self.substeps, substep, self._settled(equation, state, control))
 
@@ -104,10 +123,16 @@ class StickSlipGantry(_FrictionGantry):
         speed = _slipping(mode, v)
         masses, forces = equation.masses_and_forces(z, speed, control)
         for _ in range(SLIDERS):
-            slipping = masses.solved_for(mode != 0, jnp.stack(forces) - self.friction.slipping(mode, speed))
+            slipping = masses.solved_for(
+                mode != 0, jnp.stack(forces) - self.friction.slipping(mode, speed)
+            )
             load = jnp.stack(forces) - jnp.stack(masses.times(slipping))
-            excess = jnp.where(mode == 0, jnp.abs(load) - self.friction.dry(jnp.zeros(SLIDERS)), -jnp.inf)
-            mode = jnp.where(jnp.arange(SLIDERS) == jnp.argmax(excess), self.friction.released(mode, load), mode)
+            excess = jnp.where(
+                mode == 0, jnp.abs(load) - self.friction.dry(jnp.zeros(SLIDERS)), -jnp.inf
+            )
+            mode = jnp.where(
+                jnp.arange(SLIDERS) == jnp.argmax(excess), self.friction.released(mode, load), mode
+            )
         return SlidingMotion(jnp.concatenate([z, _slipping(mode, v)]), mode)
 
 
@@ -118,7 +143,8 @@ class SmoothFrictionGantry(_FrictionGantry):
         parameters: as of the true gantry.
         friction: likewise.
         dt: sample period [s].
-        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass over force.
+        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass
+            over force.
         substeps: per sample; as many as `SUBSTEP` fits into the sample when not given.
 
     Raises:
@@ -128,10 +154,17 @@ class SmoothFrictionGantry(_FrictionGantry):
     sharpness: Scalar
 
     def __init__(
-        self, parameters: GantryParameters, friction: Friction, dt: float, sharpness: float = 1e3, substeps: int | None = None  # 1 mm/s
-    ):  # fmt: skip
+        self,
+        parameters: GantryParameters,
+        friction: Friction,
+        dt: float,
+        sharpness: float = 1e3,
+        substeps: int | None = None,  # 1 mm/s
+    ):
         super().__init__(parameters, friction, dt, substeps)
-        if is_concrete(sharpness) and not np.all(np.isfinite(sharpness) & (np.asarray(sharpness) > 0)):
+        if is_concrete(sharpness) and not np.all(
+            np.isfinite(sharpness) & (np.asarray(sharpness) > 0)
+        ):
             raise ValueError(f"sharpness: needs to be finite and above zero, received {sharpness}")
         self.sharpness = jnp.asarray(sharpness, float)
 
@@ -151,7 +184,10 @@ class SmoothFrictionGantry(_FrictionGantry):
         def rates(x):
             z, v = x[:3], x[3:]
             masses, forces = equation.masses_and_forces(z, v, control)
-            left = [f - guide.smooth(speed, self.sharpness) for f, guide, speed in zip(forces, guides, v, strict=True)]
+            left = [
+                f - guide.smooth(speed, self.sharpness)
+                for f, guide, speed in zip(forces, guides, v, strict=True)
+            ]
             return jnp.stack([*v, *masses.solved(left)])
 
         h = self.dt / self.substeps
@@ -180,5 +216,7 @@ def of_sliders(friction: Friction) -> Friction:
     """
     for name, values in vars(friction).items():
         if values.shape[-1] not in (1, SLIDERS):
-            raise ValueError(f"friction: {name} needs one value, or one each for the head and the two drives, received {values.shape[-1]}")
+            raise ValueError(
+                f"friction: {name} needs one value, or one each for the head and the two drives, received {values.shape[-1]}"
+            )
     return jax.tree.map(lambda values: jnp.broadcast_to(values, (SLIDERS,)), friction)

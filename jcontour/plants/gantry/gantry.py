@@ -1,7 +1,8 @@
 """Moving gantry whose beam twists when its two drives disagree (Yuan, section 5.1), on the coordinates of `gantry_parameters`.
 
-    M(q) q'' + h(q, q') = Q(q, q', u)            (5.7)-(5.9), Q from (5.4)-(5.6), u = (i_x, i_1, i_2)
-    K = sum of 1/2 M_i |V_i|^2 + 1/2 I_N theta'^2,   P = k_r theta^2 + k_s L^2 (1 - cos theta)^2         (5.1)-(5.3)
+    M(q) q'' + h(q, q') = Q(q, q', u)            (5.7)-(5.9), Q from (5.4)-(5.6), u = (i_x, i_1,
+    i_2) K = sum of 1/2 M_i |V_i|^2 + 1/2 I_N theta'^2,   P = k_r theta^2 + k_s L^2 (1 - cos
+    theta)^2         (5.1)-(5.3)
 The current loops are ideal. Classical Runge-Kutta substeps under currents that are held.
 """
 
@@ -19,7 +20,9 @@ from jcontour.plants.integrators import runge_kutta
 
 SUBSTEP = 2.5e-4  # [s] a forty-sixth of the period of the fastest resonance, 86 Hz
 
-Triple = tuple[Scalar, Scalar, Scalar]  # one a coordinate: scalars, because a compiler puts a stack of them in a kernel of its own
+Triple = tuple[
+    Scalar, Scalar, Scalar
+]  # one a coordinate: scalars, because a compiler puts a stack of them in a kernel of its own
 
 
 class EquationOfMotion(NamedTuple):
@@ -43,11 +46,25 @@ class EquationOfMotion(NamedTuple):
     def of(cls, p: GantryParameters) -> "EquationOfMotion":
         """The equation of a machine."""
         imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-        guides, turning_viscous = 2 * p.lateral_stiffness * p.half_span**2, 2 * p.drive_viscous * p.half_span**2
+        guides, turning_viscous = (
+            2 * p.lateral_stiffness * p.half_span**2,
+            2 * p.drive_viscous * p.half_span**2,
+        )
         return cls(
-            p.total_mass, p.head_mass, p.tool_offset, imbalance, p.inertia(0.0), 2 * p.joint_stiffness, guides, p.head_viscous,
-            2 * p.drive_viscous, turning_viscous, p.head_constant, p.drive_constant, p.drive_constant * p.half_span,
-        )  # fmt: skip
+            p.total_mass,
+            p.head_mass,
+            p.tool_offset,
+            imbalance,
+            p.inertia(0.0),
+            2 * p.joint_stiffness,
+            guides,
+            p.head_viscous,
+            2 * p.drive_viscous,
+            turning_viscous,
+            p.head_constant,
+            p.drive_constant,
+            p.drive_constant * p.half_span,
+        )
 
     def mass_matrix(self, q: Coordinates | Triple) -> Float[Array, "3 3"]:
         """M(q)."""
@@ -55,21 +72,28 @@ class EquationOfMotion(NamedTuple):
         M_e, d = self.head_mass, self.tool_offset
         sine = jnp.sin(theta)
         yaw = M_e * d * sine + (M_e * x - self.imbalance) * jnp.cos(theta)
-        return jnp.stack([
-            jnp.stack([M_e, M_e * sine, M_e * d]),
-            jnp.stack([M_e * sine, self.total_mass, yaw]),
-            jnp.stack([M_e * d, yaw, self.inertia + M_e * x**2]),
-        ])  # fmt: skip
+        return jnp.stack(
+            [
+                jnp.stack([M_e, M_e * sine, M_e * d]),
+                jnp.stack([M_e * sine, self.total_mass, yaw]),
+                jnp.stack([M_e * d, yaw, self.inertia + M_e * x**2]),
+            ]
+        )
 
     def bias(self, q: Coordinates | Triple, v: Coordinates | Triple) -> Triple:
         """h(q, q') [N, N, N m]: centrifugal, Coriolis and spring terms."""
         (x, _, theta), (dx, _, omega) = q, v
         M_e, d, sine, cosine = self.head_mass, self.tool_offset, jnp.sin(theta), jnp.cos(theta)
-        across = M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine)) + self.imbalance * omega**2 * sine
+        across = (
+            M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine))
+            + self.imbalance * omega**2 * sine
+        )
         turning = 2 * M_e * omega * dx * x + self.joints * theta + self.guides * sine * (1 - cosine)
         return -M_e * x * omega**2, across, turning
 
-    def forces(self, q: Coordinates | Triple, v: Coordinates | Triple, control: Float[Array, "3"]) -> Triple:
+    def forces(
+        self, q: Coordinates | Triple, v: Coordinates | Triple, control: Float[Array, "3"]
+    ) -> Triple:
         """Q [N, N, N m] of currents and viscous friction, eqs. 5.4-5.6."""
         (dx, dy, omega), (i_x, i_1, i_2) = v, control
         cosine = jnp.cos(q[2])
@@ -84,11 +108,14 @@ class EquationOfMotion(NamedTuple):
         The head's line, M_e (x_h'' + s y_N'' + d theta'') = r_x, taken from the others leaves
             (M_t - M_e s^2) y_N'' + c (M_e x_h - M_d L) theta''  = r_y - s r_x
             c (M_e x_h - M_d L) y_N'' + (J - M_e d^2) theta''    = r_theta - d r_x.
-        Each entry ends in a division of its own: so a compiler that never repeats a division keeps the rest in one kernel.
+        Each entry ends in a division of its own: so a compiler that never repeats a division keeps
+        the rest in one kernel.
         """
         x, _, theta = q
         M_e, d, sine = self.head_mass, self.tool_offset, jnp.sin(theta)
-        along, across, turning = (Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True))
+        along, across, turning = (
+            Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True)
+        )
         across, turning = across - sine * along, turning - d * along
         mass, inertia = self.total_mass - M_e * sine**2, self.inertia + M_e * (x**2 - d**2)
         yaw = (M_e * x - self.imbalance) * jnp.cos(theta)
@@ -97,15 +124,21 @@ class EquationOfMotion(NamedTuple):
         head = along * determinant - M_e * (sine * beam + d * angle)
         return head / (M_e * determinant), beam / determinant, angle / determinant
 
-    def beam_acceleration(self, q: Coordinates, v: Coordinates, control: Float[Array, "3"], along: Scalar) -> tuple[Scalar, Scalar]:
+    def beam_acceleration(
+        self, q: Coordinates, v: Coordinates, control: Float[Array, "3"], along: Scalar
+    ) -> tuple[Scalar, Scalar]:
         """(y_N'', theta''), (5.8) and (5.9) solved for them, where something else moves the head with x_h'' = `along` [m/s^2]."""
         M_e, x, sine = self.head_mass, q[0], jnp.sin(q[2])
-        _, across, turning = (Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True))
+        _, across, turning = (
+            Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True)
+        )
         across, turning = across - M_e * sine * along, turning - M_e * self.tool_offset * along
         yaw = M_e * self.tool_offset * sine + (M_e * x - self.imbalance) * jnp.cos(q[2])
         inertia = self.inertia + M_e * x**2
         determinant = self.total_mass * inertia - yaw**2
-        return (inertia * across - yaw * turning) / determinant, (self.total_mass * turning - yaw * across) / determinant
+        return (inertia * across - yaw * turning) / determinant, (
+            self.total_mass * turning - yaw * across
+        ) / determinant
 
     def energy(self, q: Coordinates, v: Coordinates) -> Scalar:
         """K + P [J]."""
@@ -143,9 +176,12 @@ class Gantry(Plant):
     def step(self, state, control) -> Float[Array, "6"]:
         """Substeps of classical Runge-Kutta."""
         h = self.dt / self.substeps
-        coefficients = jnp.stack(EquationOfMotion.of(self.parameters))  # one vector: a third faster than thirteen scalars
+        coefficients = jnp.stack(
+            EquationOfMotion.of(self.parameters)
+        )  # one vector: a third faster than thirteen scalars
 
-        @jax.checkpoint  # reverse mode computes a stage again instead of storing it: four times faster
+        # reverse mode computes a stage again instead of storing it: four times faster
+        @jax.checkpoint
         def rates(coefficients, control, state):
             q, v = state[:3], state[3:]
             return jnp.stack([*v, *EquationOfMotion(*coefficients).acceleration(q, v, control)])
@@ -166,5 +202,7 @@ def substeps_of(dt: float, substeps: int | None) -> int:
         raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
     count = round(dt / SUBSTEP) if substeps is None else substeps
     if count < 1 or (substeps is None and abs(count * SUBSTEP - dt) > 1e-9 * dt):
-        raise ValueError(f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number")
+        raise ValueError(
+            f"substeps: {SUBSTEP} s does not divide the sample period {dt} s; give their number"
+        )
     return int(count)

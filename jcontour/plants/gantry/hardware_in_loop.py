@@ -1,12 +1,16 @@
 """The gantry with its head emulated: a motor bench moves as x_h, the computer simulates y_N and theta (Yuan, section 5.6).
 
-At every sample the computer sends the bench i_x and a load current, by which the bench feels like the head,
-    k_A i_T = M_A ((k_A / M_A - k_x / M_e) i_x - (b_A / M_A - b_x / M_e) x_h' - d_x),                          (5.46)
-both act `delay` samples later and are held, and (5.8), (5.9) run on with the bench's x_h, x_h', x_h'' and with i_1, i_2 at once. Where
-nothing is late and the load follows without pause, the bench is the head but for its dry friction,
-    x_h'' = k_x / M_e i_x - b_x / M_e x_h' + d_x - F_fn / M_A.                                                  (5.47)
-d_x is that of the measured state under the currents being sent. Held and late, it is more than a disturbance: its term -d theta'' closes
-a loop through the beam, see `twist_damping`.
+At every sample the computer sends the bench i_x and a load current, by which the bench feels like
+the head,
+    k_A i_T = M_A ((k_A / M_A - k_x / M_e) i_x - (b_A / M_A - b_x / M_e) x_h' - d_x),
+    (5.46)
+both act `delay` samples later and are held, and (5.8), (5.9) run on with the bench's x_h, x_h',
+x_h'' and with i_1, i_2 at once. Where nothing is late and the load follows without pause, the bench
+is the head but for its dry friction,
+    x_h'' = k_x / M_e i_x - b_x / M_e x_h' + d_x - F_fn / M_A.
+    (5.47)
+d_x is that of the measured state under the currents being sent. Held and late, it is more than a
+disturbance: its term -d theta'' closes a loop through the beam, see `twist_damping`.
 """
 
 from typing import NamedTuple
@@ -50,7 +54,9 @@ class HardwareInLoop(Plant):
 
     def __init__(self, gantry: Gantry, bench: BackToBackMotors, delay: int = 1):  # section 5.6.2
         if not (delay >= 0 and delay == int(delay)):
-            raise ValueError(f"delay: needs a whole number of samples, at least zero, received {delay}")
+            raise ValueError(
+                f"delay: needs a whole number of samples, at least zero, received {delay}"
+            )
         self.gantry, self.bench, self.delay = gantry, bench, int(delay)
 
     @property
@@ -66,14 +72,19 @@ class HardwareInLoop(Plant):
         """
         state = self.gantry.initial_state(position, increment)
         before = self._sent(state, jnp.zeros(3))
-        return Emulated(state, jnp.sign(state[3:4]).astype(jnp.int32), jnp.tile(before, (self.delay, 1)))
+        return Emulated(
+            state, jnp.sign(state[3:4]).astype(jnp.int32), jnp.tile(before, (self.delay, 1))
+        )
 
     def load_current(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Shaft:
         """i_T [A] for a state of the gantry under currents (i_x, i_1, i_2), eq. 5.46."""
         p, bench = self.gantry.parameters, self.bench
         M_A, b_A, k_A = bench.reduced_inertia, bench.reduced_viscous, bench.torque_constant
         d_x = disturbances(p, 0.0, state, control)[0]  # the same for every point of linearisation
-        too_strong, too_viscous = k_A / M_A - p.head_constant / p.head_mass, b_A / M_A - p.head_viscous / p.head_mass
+        too_strong, too_viscous = (
+            k_A / M_A - p.head_constant / p.head_mass,
+            b_A / M_A - p.head_viscous / p.head_mass,
+        )
         return M_A / k_A * (too_strong * control[0] - too_viscous * state[3] - d_x)
 
     def step(self, state: Emulated, control) -> Emulated:
@@ -88,10 +99,14 @@ class HardwareInLoop(Plant):
 
             def rates(x):
                 along = bench.acceleration(mode, x[3:4], torque)[0]
-                return jnp.stack([*x[3:], along, *motion.beam_acceleration(x[:3], x[3:], control, along)])
+                return jnp.stack(
+                    [*x[3:], along, *motion.beam_acceleration(x[:3], x[3:], control, along)]
+                )
 
             x = runge_kutta(rates, x, self.dt / self.gantry.substeps)
-            mode = bench.friction.released(caught(mode, x[3:4]), torque)  # it turns about without a stop where the torque is enough
+            mode = bench.friction.released(
+                caught(mode, x[3:4]), torque
+            )  # it turns about without a stop where the torque is enough
             return x.at[3:4].set(jnp.where(mode == 0, 0, x[3:4])), mode
 
         start = state.gantry, bench.friction.released(state.mode, torque)

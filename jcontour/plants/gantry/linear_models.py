@@ -3,8 +3,9 @@
     x_h'' + b_x / M_e x_h' = k_x / M_e i_x + d_x                                              (5.13)
     M_t y_N'' + 2 b_y y_N' + m theta'' = k_y (i_1 + i_2) + d_1                                (5.14)
     m y_N'' + J theta'' + 2 b_y L^2 theta' + 2 k_r theta = k_y L (i_2 - i_1) + d_2            (5.15)
-with m = M_e xbar - M_d L at the head position xbar, J = J(xbar). The thesis has M_d = 0; we keep it. Its d_1, d_2 lack the terms in
-x_h - xbar and print "-d theta''" for "-d theta theta''"; `gantry_disturbances` has them whole. States in the order of `Gantry`.
+with m = M_e xbar - M_d L at the head position xbar, J = J(xbar). The thesis has M_d = 0; we keep
+it. Its d_1, d_2 lack the terms in x_h - xbar and print "-d theta''" for "-d theta theta''";
+`gantry_disturbances` has them whole. States in the order of `Gantry`.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,10 @@ from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, check_on_beam, untwisted
 from jcontour.tracing import is_concrete
 
-X, Y = (0, 3), (1, 4, 2, 5)  # where the thesis's states (x_h, x_h') and (y_N, y_N', theta, theta') stand
+X, Y = (
+    (0, 3),
+    (1, 4, 2, 5),
+)  # where the thesis's states (x_h, x_h') and (y_N, y_N', theta, theta') stand
 
 
 class LinearGantry(NamedTuple):
@@ -39,7 +43,9 @@ class LinearGantry(NamedTuple):
         return LinearGantry(A, both[:, :3], both[:, 3:])
 
 
-Linearisation = Callable[[GantryParameters, Scalar | float], LinearGantry]  # at a head position [m]: `tangent` or `control_oriented`
+Linearisation = Callable[
+    [GantryParameters, Scalar | float], LinearGantry
+]  # at a head position [m]: `tangent` or `control_oriented`
 
 
 def control_oriented(parameters: GantryParameters, head: Scalar | float) -> LinearGantry:
@@ -50,7 +56,11 @@ def control_oriented(parameters: GantryParameters, head: Scalar | float) -> Line
     """
     mass = _mass_matrix(parameters, head)
     apart = mass.at[0, 1:].set(0).at[1:, 0].set(0)
-    return _solved(parameters, apart, jnp.diag(jnp.array([1.0, 0, 0]) * parameters.head_mass + jnp.array([0, 1.0, 1.0])))
+    return _solved(
+        parameters,
+        apart,
+        jnp.diag(jnp.array([1.0, 0, 0]) * parameters.head_mass + jnp.array([0, 1.0, 1.0])),
+    )
 
 
 def tangent(parameters: GantryParameters, head: Scalar | float) -> LinearGantry:
@@ -62,7 +72,9 @@ def tangent(parameters: GantryParameters, head: Scalar | float) -> LinearGantry:
     return _solved(parameters, _mass_matrix(parameters, head), jnp.eye(3))
 
 
-def tool_plant(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent) -> LinearPlant:
+def tool_plant(
+    parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent
+) -> LinearPlant:
     """A linear model, sampled, with the state (x_h, y_N - d, theta, rates), so that its outputs C x are the tool.
 
     Raises:
@@ -77,11 +89,15 @@ def tool_matrix(parameters: GantryParameters, head) -> Float[Array, "2 6"]:
     return jnp.eye(2, 6).at[:, 2].set(jnp.stack([parameters.tool_offset, jnp.asarray(head, float)]))
 
 
-def drive_response(parameters: GantryParameters, head, coupling) -> tuple[Float[Array, "3"], Float[Array, "4"]]:
+def drive_response(
+    parameters: GantryParameters, head, coupling
+) -> tuple[Float[Array, "3"], Float[Array, "4"]]:
     """Numerator and denominator in s from the current i_1 to the speed y_1', highest power first, eq. 5.12.
 
-        k_y ((J + L^2 M_t + 2 L m) s^2 + 4 b_y L^2 s + 2 k_r) / ((M_t s + 2 b_y) (J s^2 + 2 b_y L^2 s + 2 k_r) - m^2 s^3)
-    The thesis drops the coupling m, which moves its anti-resonance at 0.66 m from 45 Hz to 51.2 or 40.6 Hz, by the side of the head.
+        k_y ((J + L^2 M_t + 2 L m) s^2 + 4 b_y L^2 s + 2 k_r) / ((M_t s + 2 b_y) (J s^2 + 2 b_y L^2
+        s + 2 k_r) - m^2 s^3)
+    The thesis drops the coupling m, which moves its anti-resonance at 0.66 m from 45 Hz to 51.2 or
+    40.6 Hz, by the side of the head.
 
     Args:
         parameters: of the machine.
@@ -105,7 +121,11 @@ class _OverTheBeam(Plant):
 
     def __init__(self, parameters: GantryParameters, points, dt: float):
         points = jnp.asarray(points, float)
-        if points.ndim != 1 or points.size == 0 or (is_concrete(points) and not np.all(np.diff(points) > 0)):
+        if (
+            points.ndim != 1
+            or points.size == 0
+            or (is_concrete(points) and not np.all(np.diff(points) > 0))
+        ):
             raise ValueError(f"points: need head positions in rising order, received {points}")
         check_on_beam("points", points, parameters)
         if not (np.isfinite(dt) and dt > 0):
@@ -128,7 +148,8 @@ class SwitchedGantry(_OverTheBeam):
         dt: sample period [s].
 
     Raises:
-        ValueError: a point is outside the beam or out of order, the regions leave a gap, or `dt` is not above zero.
+        ValueError: a point is outside the beam or out of order, the regions leave a gap, or `dt` is
+            not above zero.
     """
 
     half_width: Scalar
@@ -139,7 +160,9 @@ class SwitchedGantry(_OverTheBeam):
         if is_concrete(points, half_width):
             gaps = np.diff(self.points)
             if not half_width > 0 or np.any(gaps > 2 * half_width * (1 + 1e-9)):
-                needed = f"half the largest step of the points at least, {gaps.max(initial=0) / 2:g} m"
+                needed = (
+                    f"half the largest step of the points at least, {gaps.max(initial=0) / 2:g} m"
+                )
                 raise ValueError(f"half_width: needs to be {needed}, received {half_width}")
 
     def region(self, head) -> Int[Array, "*batch"]:
@@ -152,8 +175,13 @@ class SwitchedGantry(_OverTheBeam):
         heads = np.asarray(head)
         away = np.abs(heads[..., None] - np.asarray(self.points)).min(axis=-1)
         if np.any(away > float(self.half_width) * (1 + 1e-9)):
-            first, last = float(self.points[0] - self.half_width), float(self.points[-1] + self.half_width)
-            raise ValueError(f"points: the models cover {first:g} to {last:g} m, the path goes from {heads.min():g} to {heads.max():g} m")
+            first, last = (
+                float(self.points[0] - self.half_width),
+                float(self.points[-1] + self.half_width),
+            )
+            raise ValueError(
+                f"points: the models cover {first:g} to {last:g} m, the path goes from {heads.min():g} to {heads.max():g} m"
+            )
 
     def step(self, state, control) -> Float[Array, "6"]:
         """A_j x + B_j u."""
@@ -182,7 +210,9 @@ class ScheduledGantry(_OverTheBeam):
 
         def interpolated(rows):
             flat = rows.reshape(self.points.size, -1)
-            return jax.vmap(lambda column: jnp.interp(head, self.points, column), in_axes=1)(flat).reshape(rows.shape[1:])
+            return jax.vmap(lambda column: jnp.interp(head, self.points, column), in_axes=1)(
+                flat
+            ).reshape(rows.shape[1:])
 
         return jax.tree.map(interpolated, self.models)
 
@@ -190,7 +220,9 @@ class ScheduledGantry(_OverTheBeam):
         """Raise ValueError unless every head position of a path lies between the first and the last point."""
         heads, (first, last) = np.asarray(head), (float(self.points[0]), float(self.points[-1]))
         if heads.min() < first or heads.max() > last:
-            raise ValueError(f"points: the models cover {first:g} to {last:g} m, the path goes from {heads.min():g} to {heads.max():g} m")
+            raise ValueError(
+                f"points: the models cover {first:g} to {last:g} m, the path goes from {heads.min():g} to {heads.max():g} m"
+            )
 
     def step(self, state, control) -> Float[Array, "6"]:
         """A(x_h) x + B(x_h) u."""
@@ -203,7 +235,9 @@ class ScheduledGantry(_OverTheBeam):
 
 
 @eqx.filter_jit
-def _sampled_models(parameters: GantryParameters, points: Float[Array, " N"], dt: float) -> LinearGantry:
+def _sampled_models(
+    parameters: GantryParameters, points: Float[Array, " N"], dt: float
+) -> LinearGantry:
     return jax.vmap(lambda head: control_oriented(parameters, head).sampled(dt))(points)
 
 
@@ -215,16 +249,22 @@ def _mass_matrix(parameters: GantryParameters, head) -> Float[Array, "3 3"]:
     """M of the straight beam."""
     check_on_beam("head", head, parameters)
     head = jnp.asarray(head, float)
-    return EquationOfMotion.of(parameters).mass_matrix(jnp.stack([head, jnp.zeros_like(head), jnp.zeros_like(head)]))
+    return EquationOfMotion.of(parameters).mass_matrix(
+        jnp.stack([head, jnp.zeros_like(head), jnp.zeros_like(head)])
+    )
 
 
-def _solved(p: GantryParameters, mass: Float[Array, "3 3"], push: Float[Array, "3 3"]) -> LinearGantry:
+def _solved(
+    p: GantryParameters, mass: Float[Array, "3 3"], push: Float[Array, "3 3"]
+) -> LinearGantry:
     """q'' = M^-1 (currents + push d - friction - springs) as a first-order system."""
     motion, none = EquationOfMotion.of(p), jnp.zeros(())
     friction = jnp.stack([motion.head_viscous, motion.beam_viscous, motion.turning_viscous])
     springs = jnp.stack([none, none, motion.joints])
     k_x, k_y, k_t = motion.head_constant, motion.beam_constant, motion.turning_constant
-    currents = jnp.stack([jnp.stack([k_x, none, none]), jnp.stack([none, k_y, k_y]), jnp.stack([none, -k_t, k_t])])
+    currents = jnp.stack(
+        [jnp.stack([k_x, none, none]), jnp.stack([none, k_y, k_y]), jnp.stack([none, -k_t, k_t])]
+    )
     columns = jnp.concatenate([-jnp.diag(springs), -jnp.diag(friction), currents, push], axis=1)
     rates = jnp.concatenate([jnp.eye(3, 12, 3), jnp.linalg.solve(mass, columns)])
     return LinearGantry(rates[:, :6], rates[:, 6:9], rates[:, 9:])

@@ -1,8 +1,10 @@
 """The gantry as a MuJoCo model, written from the same parameters.
 
-A beam that slides along y and turns about z; the drives are point masses at its ends, the head slides along it. The drives' currents,
-their friction and the lateral springs are actuators on sites at the joints, along the axes of the world: force = gain u - stiffness x -
-damping v, with the position x against a site at rest. So the engine's own kinematics make (5.5), (5.6) and the spring of the potential.
+A beam that slides along y and turns about z; the drives are point masses at its ends, the head
+slides along it. The drives' currents,
+their friction and the lateral springs are actuators on sites at the joints, along the axes of the
+world: force = gain u - stiffness x - damping v, with the position x against a site at rest. So the
+engine's own kinematics make (5.5), (5.6) and the spring of the potential.
 """
 
 from typing import Any
@@ -16,7 +18,9 @@ from jcontour.plant import Plant
 from jcontour.plants.gantry.parameters import GantryParameters, untwisted
 
 POINT = 1e-12  # [kg m^2] inertia that the engine wants of a point mass
-ENGINE_ORDER = np.array([1, 2, 0])  # (y_N, theta, x_h), by the order of the joints, of (x_h, y_N, theta)
+ENGINE_ORDER = np.array(
+    [1, 2, 0]
+)  # (y_N, theta, x_h), by the order of the joints, of (x_h, y_N, theta)
 OUR_ORDER = np.array([2, 0, 1])
 
 TABLE = -0.2  # [m] height of what the tool works on; for the eye alone, as all geometry is

@@ -1,7 +1,8 @@
 """The gantry as the encoders of its three motors see it: z = (x_h, y_1 - d, y_2 - d, rates), all zero where the tool is at the origin.
 
-For small angles z = T (x_h, y_N - d, theta), y_1,2 = y_N -+ L theta, so that the motors' positions and speeds are the whole state and
-nothing has to be observed. The models of `gantry_linear` in these coordinates are what a controller of the motors needs.
+For small angles z = T (x_h, y_N - d, theta), y_1,2 = y_N -+ L theta, so that the motors' positions
+and speeds are the whole state and nothing has to be observed. The models of `gantry_linear` in
+these coordinates are what a controller of the motors needs.
 """
 
 import equinox as eqx
@@ -29,7 +30,9 @@ class MotorEncoders(eqx.Module):
         return self.parameters.coordinates(reading.at[1:3].add(self.parameters.tool_offset))
 
 
-def motor_model(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent) -> LinearPlant:
+def motor_model(
+    parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent
+) -> LinearPlant:
     """Linear model at a head position [m], its state what `MotorEncoders` read, its outputs the tool.
 
     Raises:
@@ -37,12 +40,18 @@ def motor_model(parameters: GantryParameters, head: Scalar | float, dt: float, l
     """
     model, L = tool_plant(parameters, head, dt, linear), parameters.half_span
     none, one = jnp.zeros(()), jnp.ones(())
-    T = jnp.stack([jnp.stack([one, none, none]), jnp.stack([none, one, -L]), jnp.stack([none, one, L])])
+    T = jnp.stack(
+        [jnp.stack([one, none, none]), jnp.stack([none, one, -L]), jnp.stack([none, one, L])]
+    )
     T, back = (jnp.kron(jnp.eye(2), block) for block in (T, jnp.linalg.inv(T)))
-    return LinearPlant(T @ model.A @ back, T @ model.B, model.C @ back, dt, motion=straight_motion(dt))
+    return LinearPlant(
+        T @ model.A @ back, T @ model.B, model.C @ back, dt, motion=straight_motion(dt)
+    )
 
 
-def motor_schedule(parameters: GantryParameters, points, dt: float, linear: Linearisation = tangent) -> ModelSchedule:
+def motor_schedule(
+    parameters: GantryParameters, points, dt: float, linear: Linearisation = tangent
+) -> ModelSchedule:
     """The models at several head positions.
 
     Raises:
@@ -50,7 +59,9 @@ def motor_schedule(parameters: GantryParameters, points, dt: float, linear: Line
     """
     points = jnp.asarray(points, float)
     check_on_beam("points", points, parameters)
-    return ModelSchedule(jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points), points, output=0)
+    return ModelSchedule(
+        jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points), points, output=0
+    )
 
 
 def straight_motion(dt: float) -> SteadyMotion:

@@ -11,7 +11,10 @@ from jcontour.plants.gantry.gantry import substeps_of
 from jcontour.plants.gantry.mjcf import EngineGantry, EngineState, mjcf
 from jcontour.plants.gantry.parameters import GantryParameters
 
-WANTED = {"mujoco": "4.0.0", "mujoco-mjx": "3.17.0"}  # a pair: mujoco-mjx itself sets no bound on mujoco
+WANTED = {
+    "mujoco": "4.0.0",
+    "mujoco-mjx": "3.17.0",
+}  # a pair: mujoco-mjx itself sets no bound on mujoco
 
 
 def check_versions() -> None:
@@ -22,7 +25,9 @@ def check_versions() -> None:
         except PackageNotFoundError:
             found = "none"
         if found != wanted:
-            raise ImportError(f"{name}: the gantry in MuJoCo needs version {wanted}, found {found}; pip install {name}=={wanted}")
+            raise ImportError(
+                f"{name}: the gantry in MuJoCo needs version {wanted}, found {found}; pip install {name}=={wanted}"
+            )
 
 
 check_versions()
@@ -48,7 +53,13 @@ class GantryMuJoCo(EngineGantry):
     def step(self, state: EngineState, control) -> EngineState:
         """`mj_step`, once a substep."""
         shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), state)
-        return jax.pure_callback(partial(_stepped, self.model, self.substeps), shapes, *state, control, vmap_method="sequential")
+        return jax.pure_callback(
+            partial(_stepped, self.model, self.substeps),
+            shapes,
+            *state,
+            control,
+            vmap_method="sequential",
+        )
 
 
 def _stepped(xml: str, substeps: int, qpos, qvel, control) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """Masses, geometry, springs and drives of a moving gantry (Yuan, section 5.1.1), and where its parts are.
 
-Two linear drives carry a beam on springs, a head drive runs along the beam. Coordinates q = (x_h, y_N, theta): head along the beam,
-centre of the beam, angle of the beam; with s, c = sin, cos theta
+Two linear drives carry a beam on springs, a head drive runs along the beam. Coordinates q = (x_h,
+y_N, theta): head along the beam, centre of the beam, angle of the beam; with s, c = sin, cos theta
 
     drives   P_1 = (-L c - l, y_N - L s),  P_2 = (L c + l, y_N + L s)
     tool     P_e = (x_h c + d s, y_N + x_h s - d c)
@@ -17,7 +17,15 @@ from jcontour.tracing import is_concrete
 Scalar = Float[Array, ""]
 Coordinates = Float[Array, "3"]
 
-POSITIVE = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass", "half_span", "head_constant", "drive_constant")
+POSITIVE = (
+    "drive_mass_1",
+    "drive_mass_2",
+    "beam_mass",
+    "head_mass",
+    "half_span",
+    "head_constant",
+    "drive_constant",
+)
 NEEDS = {**dict.fromkeys(POSITIVE, " and above zero"), "tool_offset": ""}
 
 
@@ -36,7 +44,8 @@ class GantryParameters(eqx.Module):
         half_span: L [m], from the centre of the beam to a joint: the head runs on -L <= x_h <= L.
         joint_length: l [m], from a joint to its drive.
         half_width: w_N [m], of the beam.
-        tool_offset: d [m], from the beam's line to the head's centre of mass, which is the tool; of either sign.
+        tool_offset: d [m], from the beam's line to the head's centre of mass, which is the tool; of
+            either sign.
         joint_stiffness: k_r [N m/rad], of the torsional spring at each joint.
         lateral_stiffness: k_s [N/m], of the linear springs between drives and guides.
         head_constant: k_x [N/A].
@@ -45,7 +54,8 @@ class GantryParameters(eqx.Module):
         drive_viscous: b_y [N s/m].
 
     Raises:
-        ValueError: a mass, the span or a force constant is not above zero, another value but d is negative, or one is not finite.
+        ValueError: a mass, the span or a force constant is not above zero, another value but d is
+            negative, or one is not finite.
     """
 
     drive_mass_1: Scalar = eqx.field(converter=_number, kw_only=True)
@@ -68,7 +78,9 @@ class GantryParameters(eqx.Module):
             if is_concrete(value):
                 enough = value > 0 if name in POSITIVE else (value >= 0) | (name == "tool_offset")
                 if not np.all(np.isfinite(value) & enough):
-                    raise ValueError(f"{name}: needs to be finite{NEEDS.get(name, ' and at least zero')}, received {value}")
+                    raise ValueError(
+                        f"{name}: needs to be finite{NEEDS.get(name, ' and at least zero')}, received {value}"
+                    )
 
     @property
     def total_mass(self) -> Scalar:
@@ -89,7 +101,9 @@ class GantryParameters(eqx.Module):
         """P_e [m]."""
         x, y, theta = q
         sine, cosine = jnp.sin(theta), jnp.cos(theta)
-        return jnp.stack([x * cosine + self.tool_offset * sine, y + x * sine - self.tool_offset * cosine])
+        return jnp.stack(
+            [x * cosine + self.tool_offset * sine, y + x * sine - self.tool_offset * cosine]
+        )
 
     def motors(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
         """(x_h, y_1, y_2) [m] and their speeds [m/s]: what the encoders of the three motors make of (q, q')."""
@@ -108,16 +122,32 @@ class GantryParameters(eqx.Module):
 def thesis_gantry() -> GantryParameters:
     """The thesis's laser cutter as far as it is printed: d = 0.2 m, anti-resonances of 47 Hz at x_h = 0 and 45 Hz at 0.66 m.
 
-    The two frequencies solve (5.12) for k_r and, with the masses, span and force constants chosen here, for M_n.
+    The two frequencies solve (5.12) for k_r and, with the masses, span and force constants chosen
+    here, for M_n.
     """
     drive, head, span, half_width, offset = 20.0, 40.0, 0.9, 0.15, 0.2
-    both = head * 0.66**2 / ((47 / 45) ** 2 - 1)  # J_0 + L^2 M_t, from the ratio of the two frequencies
-    beam = (both - 2 * span**2 * 2 * drive - head * (span**2 + offset**2)) / (span**2 + (span**2 + half_width**2) / 3)
+    both = (
+        head * 0.66**2 / ((47 / 45) ** 2 - 1)
+    )  # J_0 + L^2 M_t, from the ratio of the two frequencies
+    beam = (both - 2 * span**2 * 2 * drive - head * (span**2 + offset**2)) / (
+        span**2 + (span**2 + half_width**2) / 3
+    )
     return GantryParameters(
-        drive_mass_1=drive, drive_mass_2=drive, beam_mass=beam, head_mass=head, half_span=span, joint_length=0.1, half_width=half_width,
-        tool_offset=offset, joint_stiffness=both * (2 * np.pi * 47) ** 2 / 2, lateral_stiffness=1e6, head_constant=60.0,
-        drive_constant=60.0, head_viscous=200.0, drive_viscous=200.0,
-    )  # fmt: skip
+        drive_mass_1=drive,
+        drive_mass_2=drive,
+        beam_mass=beam,
+        head_mass=head,
+        half_span=span,
+        joint_length=0.1,
+        half_width=half_width,
+        tool_offset=offset,
+        joint_stiffness=both * (2 * np.pi * 47) ** 2 / 2,
+        lateral_stiffness=1e6,
+        head_constant=60.0,
+        drive_constant=60.0,
+        head_viscous=200.0,
+        drive_viscous=200.0,
+    )
 
 
 def untwisted(parameters: GantryParameters, position, speed) -> Float[Array, "6"]:
@@ -129,7 +159,9 @@ def untwisted(parameters: GantryParameters, position, speed) -> Float[Array, "6"
     position, speed = jnp.asarray(position, float), jnp.asarray(speed, float)
     check_on_beam("position", position[..., 0], parameters)
     rest = jnp.zeros_like(position[..., :1])
-    return jnp.concatenate([position.at[..., 1].add(parameters.tool_offset), rest, speed, rest], axis=-1)
+    return jnp.concatenate(
+        [position.at[..., 1].add(parameters.tool_offset), rest, speed, rest], axis=-1
+    )
 
 
 def check_on_beam(name: str, head, parameters: GantryParameters) -> None:
@@ -138,4 +170,6 @@ def check_on_beam(name: str, head, parameters: GantryParameters) -> None:
         outside = np.abs(np.asarray(head)) > np.asarray(parameters.half_span)
         if np.any(outside):
             span, found = np.min(parameters.half_span), np.asarray(head)[outside].reshape(-1)[0]
-            raise ValueError(f"{name}: the head runs from -{span:g} to {span:g} m along the beam, received {found:g} m")
+            raise ValueError(
+                f"{name}: the head runs from -{span:g} to {span:g} m along the beam, received {found:g} m"
+            )

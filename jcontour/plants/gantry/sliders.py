@@ -2,7 +2,8 @@
 
     M_z z'' = f(z, z', u),   z = (x_h, y_1, y_2),   z' = J(q) q'
     M_z = J^-T M J^-1,   f = J^-T (Q - h - M (J^-1)' z')        from (5.7)-(5.9)
-So a slider that something holds is left out of the equation, and neither its speed nor its position changes by a bit.
+So a slider that something holds is left out of the equation, and neither its speed nor its position
+changes by a bit.
 """
 
 from collections.abc import Iterable
@@ -45,16 +46,24 @@ class SliderMasses(NamedTuple):
         D, E, F = a * f - c**2, b * c - a * e, a * d - b**2
         determinant = a * A + b * B + c * C
         x, first, second = force
-        head, drive_1, drive_2 = A * x + B * first + C * second, B * x + D * first + E * second, C * x + E * first + F * second
+        head, drive_1, drive_2 = (
+            A * x + B * first + C * second,
+            B * x + D * first + E * second,
+            C * x + E * first + F * second,
+        )
         return head / determinant, drive_1 / determinant, drive_2 / determinant
 
     def solved_for(self, slips: Bool[Array, "3"], force: Iterable[Scalar]) -> Triple:
         """z'' [m/s^2] where only some sliders slip: that of the others is zero, to the bit."""
         x, first, second = slips
         free = SliderMasses(
-            jnp.where(x, self.head, 1), jnp.where(x & first, self.head_1, 0), jnp.where(x & second, self.head_2, 0),
-            jnp.where(first, self.drive_1, 1), jnp.where(first & second, self.drives, 0), jnp.where(second, self.drive_2, 1),
-        )  # fmt: skip
+            jnp.where(x, self.head, 1),
+            jnp.where(x & first, self.head_1, 0),
+            jnp.where(x & second, self.head_2, 0),
+            jnp.where(first, self.drive_1, 1),
+            jnp.where(first & second, self.drives, 0),
+            jnp.where(second, self.drive_2, 1),
+        )
         return free.solved(jnp.where(slip, f, 0) for slip, f in zip(slips, force, strict=True))
 
 
@@ -69,7 +78,9 @@ class SliderEquation(NamedTuple):
         """The equation of a machine."""
         return cls(EquationOfMotion.of(p), p.half_span)
 
-    def masses_and_forces(self, z: OfSliders, v: OfSliders, control: OfSliders) -> tuple[SliderMasses, Triple]:
+    def masses_and_forces(
+        self, z: OfSliders, v: OfSliders, control: OfSliders
+    ) -> tuple[SliderMasses, Triple]:
         """M_z [kg] and f [N]: what the motors, the springs and the motion itself exert on each slider, without dry friction.
 
         With e = 1 / (2 L cos theta) there is y_N' = (y_1' + y_2') / 2, theta' = e (y_2' - y_1') and
@@ -80,13 +91,25 @@ class SliderEquation(NamedTuple):
         cosine = jnp.sqrt(1 - sine**2)
         e = 1 / (2 * self.half_span * cosine)
         omega = e * (d_second - d_first)
-        q, rates = (x, (first + second) / 2, jnp.arcsin(sine)), (dx, (d_first + d_second) / 2, omega)
+        q, rates = (
+            (x, (first + second) / 2, jnp.arcsin(sine)),
+            (dx, (d_first + d_second) / 2, omega),
+        )
         (M_xx, M_xy, M_xt), (_, M_yy, M_yt), (_, _, M_tt) = self.motion.mass_matrix(q)
         masses = SliderMasses(
-            M_xx, M_xy / 2 - e * M_xt, M_xy / 2 + e * M_xt, M_yy / 4 - e * M_yt + e**2 * M_tt, M_yy / 4 - e**2 * M_tt,
+            M_xx,
+            M_xy / 2 - e * M_xt,
+            M_xy / 2 + e * M_xt,
+            M_yy / 4 - e * M_yt + e**2 * M_tt,
+            M_yy / 4 - e**2 * M_tt,
             M_yy / 4 + e * M_yt + e**2 * M_tt,
-        )  # fmt: skip
+        )
         turn = omega**2 * sine / cosine
-        parts = zip(self.motion.forces(q, rates, control), self.motion.bias(q, rates), (M_xt, M_yt, M_tt), strict=True)
+        parts = zip(
+            self.motion.forces(q, rates, control),
+            self.motion.bias(q, rates),
+            (M_xt, M_yt, M_tt),
+            strict=True,
+        )
         along, across, turning = (Q - h - M * turn for Q, h, M in parts)
         return masses, (along, across / 2 - e * turning, across / 2 + e * turning)

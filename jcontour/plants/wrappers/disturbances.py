@@ -26,7 +26,9 @@ class Disturbed(Remembering):
     def step(self, state, control) -> State:
         """The plant inside under u + force."""
         inner, k = state
-        return self.plant.step(inner, control if self.force is None else control + _row(self.force, k)), k + 1
+        return self.plant.step(
+            inner, control if self.force is None else control + _row(self.force, k)
+        ), k + 1
 
     def measure(self, state) -> Any:
         """The measurement of the plant inside, plus noise."""
@@ -39,4 +41,3 @@ class Disturbed(Remembering):
 
 def _row(sequence: Float[Array, "T d"], k: Int[Array, ""]) -> Float[Array, " d"]:
     return sequence[jnp.minimum(k, sequence.shape[0] - 1)]
-

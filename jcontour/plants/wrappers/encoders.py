@@ -64,7 +64,9 @@ class _SpeedsByDifference(Remembering):
 
     def initial_state(self, position, increment) -> State:
         """The plant inside, and the reading one sample before."""
-        return self.plant.initial_state(position, increment), self._read(self.plant.initial_state(position - increment, increment))
+        return self.plant.initial_state(position, increment), self._read(
+            self.plant.initial_state(position - increment, increment)
+        )
 
     def step(self, state, control) -> State:
         """The plant inside; the reading of now becomes that before."""
@@ -113,4 +115,3 @@ def _counted(values: Array, resolution: float) -> Array:
 def _check_resolution(resolution: float) -> None:
     if not resolution > 0:
         raise ValueError(f"resolution: needs to be positive, received {resolution}")
-

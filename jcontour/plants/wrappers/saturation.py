@@ -25,4 +25,3 @@ class Saturated(Wrapper):
     def step(self, state, control) -> State:
         """The plant inside under clip(u, -limit, limit)."""
         return self.plant.step(state, jnp.clip(control, -self.limit, self.limit))
-

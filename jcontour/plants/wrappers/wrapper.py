@@ -56,31 +56,3 @@ def unwrapped(plant: Plant, state: State) -> tuple[Plant, State]:
     while isinstance(plant, Wrapper):
         plant, state = plant.plant, plant.inner(state)
     return plant, state
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-

@@ -14,12 +14,18 @@ WEIGHTS = (1.0, 5.0, 1e-10)
 
 def test_the_loops_make_the_run_that_is_timed():
     case = lq.paper_case(np.dtype("float64"), 20, 4)
-    reference, plant = (jax.tree.map(np.asarray, part) for part in (member(case.references, 0), case.plant))
-    start = np.asarray(case.plant.initial_state(reference.position[0], reference.start_increment)).reshape(-1, 1)
+    reference, plant = (
+        jax.tree.map(np.asarray, part) for part in (member(case.references, 0), case.plant)
+    )
+    start = np.asarray(
+        case.plant.initial_state(reference.position[0], reference.start_increment)
+    ).reshape(-1, 1)
     run = plant.A, plant.B, plant.C, reference.tangent, reference.position, WEIGHTS, 20, 4, start
     wanted = jax.jit(case.metrics)(np.array(WEIGHTS))
     for loop in (numpy_loop, plain_loop(written_out.py_func, closed_form.py_func)):
-        np.testing.assert_allclose(loop(*run), (wanted.rms_tracking_error, wanted.rms_projected_error), rtol=1e-8)
+        np.testing.assert_allclose(
+            loop(*run), (wanted.rms_tracking_error, wanted.rms_projected_error), rtol=1e-8
+        )
 
 
 def test_the_work_is_counted_from_the_plant():

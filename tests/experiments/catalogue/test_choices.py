@@ -12,7 +12,10 @@ from experiments.options import Simulate
 
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"
 ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axes"}
-TAKES_ALSO = {"flexible-axes": "flexible-axis", "gantry-friction": "gantry"}  # machine -> another whose controllers suit it
+TAKES_ALSO = {
+    "flexible-axes": "flexible-axis",
+    "gantry-friction": "gantry",
+}  # machine -> another whose controllers suit it
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -25,12 +28,17 @@ def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
 
 
 def test_controllers_of_a_machine_file(machine_file):
-    assert controllers_for(machine_named(str(machine_file))) == controllers_for(machine_named("bridgeport"))
+    assert controllers_for(machine_named(str(machine_file))) == controllers_for(
+        machine_named("bridgeport")
+    )
 
 
 @pytest.mark.parametrize("controller", sorted(ALONG_CONTOURS))
 def test_a_contour_needs_two_axes(controller):
-    with pytest.raises(ValueError, match=f"{controller} needs two flexible axes or more, for a contour; flexible-axis takes cascade"):
+    with pytest.raises(
+        ValueError,
+        match=f"{controller} needs two flexible axes or more, for a contour; flexible-axis takes cascade",
+    ):
         design_for(machine_named("flexible-axis"), Simulate(controller=controller))
 
 
@@ -40,7 +48,10 @@ def test_a_machine_is_what_it_is_and_not_what_its_user_calls_it(tmp_path):
     path = tmp_path / "axis.json"
     path.write_text(json.dumps({**thesis, "name": "gantry-x"}))
     machine = machine_named(str(path))
-    assert machine.name == "gantry-x" and design_for(machine, Simulate(controller="cascade")).name == "cascade"
+    assert (
+        machine.name == "gantry-x"
+        and design_for(machine, Simulate(controller="cascade")).name == "cascade"
+    )
     assert controllers_for(machine) == controllers_for(machine_named("flexible-axis"))
 
 

@@ -32,10 +32,18 @@ def test_the_demonstration(demo):
     axis = axis_from(json.loads((folder / "axis.json").read_text()))
     p, electrical = axis.parameters, axis.electrical
     assert electrical is not None and electrical.resistance == rows["resistance"]["value"]
-    assert float(p.force_constant[0]) == rows["force_constant"]["value"] and p.cogging_sine.shape == (1, 3)
-    assert axis.dt == 1e-3 and axis.encoder_resolution == pytest.approx(5e-7) and list(axis.notes) == summary["notes"]
+    assert float(p.force_constant[0]) == rows["force_constant"][
+        "value"
+    ] and p.cogging_sine.shape == (1, 3)
+    assert (
+        axis.dt == 1e-3
+        and axis.encoder_resolution == pytest.approx(5e-7)
+        and list(axis.notes) == summary["notes"]
+    )
     for name in ("total_mass", "viscous", "break_away", "amplitude_1", "stiffness_per_mass"):
-        assert rows[name]["separated"] and rows[name]["value"] == pytest.approx(rows[name]["truth"], rel=0.02)
+        assert rows[name]["separated"] and rows[name]["value"] == pytest.approx(
+            rows[name]["truth"], rel=0.02
+        )
     assert not rows["coulomb"]["separated"] and rows["coulomb"]["value"] is None
 
 
@@ -49,14 +57,18 @@ def test_what_is_printed(demo, capsys):
     assert "simulated: the axis of Yuan, section 3.3, encoders of 1 um" in printed
     (line,) = [line for line in printed.splitlines() if line.split()[:1] == ["stribeck_speed"]]
     assert line.split() == ["stribeck_speed", "m/s", "not", "separated", "-", "-", "2.82", "-"]
-    assert "NOTE: coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s" in printed
+    assert (
+        "NOTE: coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s" in printed
+    )
 
 
 @pytest.mark.slow
 def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
     folder, summary = demo
     capsys.readouterr()
-    assert main(["identify", str(folder / "data.csv"), "--json", "--out", str(tmp_path / "run")]) == 0
+    assert (
+        main(["identify", str(folder / "data.csv"), "--json", "--out", str(tmp_path / "run")]) == 0
+    )
     again = json.loads(capsys.readouterr().out)
     for one, other in zip(summary["parameters"], again["parameters"], strict=True):
         assert other["truth"] is None
@@ -71,16 +83,29 @@ def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
         ([], "identify: needs a CSV file, or --demo for simulated data, and not both"),
         (["data.csv", "--demo"], "and not both"),
         (["nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["--demo", "--encoder-um", "0"], "encoder-um: needs to be finite and above zero, received 0"),
+        (
+            ["--demo", "--encoder-um", "0"],
+            "encoder-um: needs to be finite and above zero, received 0",
+        ),
         (["still.csv"], "force_constant: needs an electrical test"),
-        (["still.csv", "--force-constant", "-3"], "force_constant: needs to be finite and above zero, received -3"),
+        (
+            ["still.csv", "--force-constant", "-3"],
+            "force_constant: needs to be finite and above zero, received -3",
+        ),
         (["still.csv", "--force-constant", "80"], "motion: the motor needs to slide both ways"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, monkeypatch, capsys, flags, says):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "still.csv").write_text("\n".join([HEADER, *(f"{0.001 * k},0,1" for k in range(300))]))
+    (tmp_path / "still.csv").write_text(
+        "\n".join([HEADER, *(f"{0.001 * k},0,1" for k in range(300))])
+    )
     assert main(["identify", *flags]) == 2
     captured = capsys.readouterr()
-    assert captured.err.startswith("jcontour: ") and captured.err.count("\n") == 1 and says in captured.err and not captured.out
+    assert (
+        captured.err.startswith("jcontour: ")
+        and captured.err.count("\n") == 1
+        and says in captured.err
+        and not captured.out
+    )
     assert {path.name for path in tmp_path.iterdir()} == {"still.csv"}

@@ -29,13 +29,18 @@ def machine():
     return thesis_machine()
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES],
+)
 def test_every_gain_has_the_slope_that_differences_say(machine, name):
     """Through the thesis's acceleration on the smooth twin, in the coordinates of the tuner: each gain alone."""
     design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[0]
     whole = thesis_task_a(preview=design.preview)
     arc = np.asarray(whole.arc)[100:400]
-    reference = along(whole.contour, arc[: arc.size - design.preview], whole.dt, design.preview, at_rest=False)
+    reference = along(
+        whole.contour, arc[: arc.size - design.preview], whole.dt, design.preview, at_rest=False
+    )
 
     @jax.jit
     def error(change):
@@ -77,7 +82,9 @@ def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
 
 
 def test_the_drive_limits_the_current(machine):
-    limited = design_for(machine, Simulate(controller="cascade")).build(with_values(loops_start(machine), {}))
+    limited = design_for(machine, Simulate(controller="cascade")).build(
+        with_values(loops_start(machine), {})
+    )
     assert np.isinf(limited.limit)
     axis = biaxial_machine()
     axis.__dict__["limits"] = axis.limits._replace(control=np.array([3.0, 2.0]))
@@ -99,7 +106,9 @@ def test_what_is_kept_of_a_design(machine, tmp_path):
 
 
 def test_other_machines_are_refused(machine):
-    with pytest.raises(ValueError, match="cascade needs a flexible axis; bridgeport takes contouring-lq"):
+    with pytest.raises(
+        ValueError, match="cascade needs a flexible axis; bridgeport takes contouring-lq"
+    ):
         design_for(bridgeport_machine(), Simulate(controller="cascade"))
     with pytest.raises(ValueError, match="flexible-axis takes cascade"):
         design_for(machine, Simulate(controller="contouring-lq"))

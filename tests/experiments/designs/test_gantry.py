@@ -27,7 +27,10 @@ def machine():
 
 def test_a_machines_own_controller_goes_first(machine):
     assert design_for(machine, Simulate(controller="cascade")).name == "gantry-cascade"
-    assert design_for(machine, Simulate(controller="gantry-scheduled-lq")).name == "gantry-scheduled-lq"
+    assert (
+        design_for(machine, Simulate(controller="gantry-scheduled-lq")).name
+        == "gantry-scheduled-lq"
+    )
     assert design_for(machine, Simulate()).name == "gantry-scheduled-lq"
 
 
@@ -36,24 +39,36 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
     design = design_for(machine, Simulate(controller=name, preview=7))
     design.check_start()
     assert set(design.units()) == set(design.start) == set(design.free())
-    assert design.preview == (1 if name == "gantry-cascade" else 7) == design.build(design.start).preview
+    assert (
+        design.preview
+        == (1 if name == "gantry-cascade" else 7)
+        == design.build(design.start).preview
+    )
     assert len(design.values(design.start)) == len(design.start)
 
 
 def test_both_drives_of_y_have_the_same_gains(machine):
     """Feedforward alone: the acceleration of each axis times its gain."""
     design = design_for(machine, Simulate(controller="cascade"))
-    np.testing.assert_allclose(design.start["inertia"], [40.0 / 60, 165.4792603698147 / 120], rtol=1e-12)
+    np.testing.assert_allclose(
+        design.start["inertia"], [40.0 / 60, 165.4792603698147 / 120], rtol=1e-12
+    )
     reference = job_named("ring-left", Pace(machine, None, None)).reference(machine.model.dt, 1)
-    plan = design.build({**design.start, "inertia": jnp.array([0.5, 0.8]), "viscous": jnp.zeros(2)}).prepare(reference)
+    plan = design.build(
+        {**design.start, "inertia": jnp.array([0.5, 0.8]), "viscous": jnp.zeros(2)}
+    ).prepare(reference)
     acceleration = np.diff(np.asarray(reference.position), 2, axis=0) / machine.model.dt**2
-    np.testing.assert_allclose(plan.control[1:], acceleration[:, [0, 1, 1]] * [0.5, 0.8, 0.8], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        plan.control[1:], acceleration[:, [0, 1, 1]] * [0.5, 0.8, 0.8], rtol=0, atol=1e-8
+    )
 
 
 def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
     """Dear enough, it leaves nothing that twists the beam."""
     design = design_for(machine, Simulate(controller="contouring-lq"))
-    reference = job_named("eight-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+    reference = job_named("eight-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
     plan = design.build({**design.start, "difference": 1e12}).prepare(reference)
     assert np.abs(plan.F[:, 1] - plan.F[:, 2]).max() < 1e-6 * np.abs(plan.F).max()
 
@@ -62,7 +77,9 @@ def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
 @pytest.mark.parametrize("name", NAMES)
 def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
     design = design_for(machine, Simulate(controller=name, preview=20))
-    reference = job_named("cushion-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
     for plant in machine.true_family():
         metrics = score(simulate(plant, design.build(design.start), reference), reference)
         assert not metrics.diverged and metrics.rms_contour_error < 2e-4
@@ -72,12 +89,17 @@ def test_starts_follow_on_every_plant_of_the_true_family(machine, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_gain_has_the_slope_that_differences_say(machine, name):
     design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[1]
-    reference = job_named("cushion-right", Pace(machine, None, None)).reference(machine.model.dt, design.preview)
+    reference = job_named("cushion-right", Pace(machine, None, None)).reference(
+        machine.model.dt, design.preview
+    )
 
     @jax.jit
     def error(change):
         weights = {key: value * jnp.exp(change[key]) for key, value in design.start.items()}
-        return 1e4 * score(simulate(plant, design.build(weights), reference), reference).rms_contour_error
+        return (
+            1e4
+            * score(simulate(plant, design.build(weights), reference), reference).rms_contour_error
+        )
 
     none = {key: jnp.zeros(()) for key in design.start}
     slopes = jax.jit(jax.grad(error))(none)
@@ -88,13 +110,22 @@ def test_every_gain_has_the_slope_that_differences_say(machine, name):
 
 def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(machine):
     """Nearly half of the eight; on the nominal plant, and on the one that is late it holds too."""
-    job, plants = job_named("eight-right", Pace(machine, None, None)), dict(zip(machine.family_names, machine.true_family(), strict=True))
+    job, plants = (
+        job_named("eight-right", Pace(machine, None, None)),
+        dict(zip(machine.family_names, machine.true_family(), strict=True)),
+    )
     piece = job._replace(arc=job.arc[:400], scored=np.arange(400) >= 100)  # without the entry
 
     def contour_errors(name):
         design = design_for(machine, Simulate(controller=name))
-        reference, controller = piece.reference(machine.model.dt, design.preview), design.build(design.start)
-        found = [score(simulate(plants[each], controller, reference), reference) for each in ("nominal", "1 sample late")]
+        reference, controller = (
+            piece.reference(machine.model.dt, design.preview),
+            design.build(design.start),
+        )
+        found = [
+            score(simulate(plants[each], controller, reference), reference)
+            for each in ("nominal", "1 sample late")
+        ]
         assert not any(metrics.diverged for metrics in found)
         return [float(metrics.rms_contour_error) for metrics in found]
 
@@ -103,9 +134,13 @@ def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(mac
 
 
 def test_other_machines_are_refused(machine):
-    with pytest.raises(ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"):
+    with pytest.raises(
+        ValueError, match="gantry-cascade needs a gantry; bridgeport takes contouring-lq"
+    ):
         design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
-    with pytest.raises(ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-scheduled-lq"):
+    with pytest.raises(
+        ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-scheduled-lq"
+    ):
         design_for(machine, Simulate(controller="cascade-notch"))
 
 
@@ -120,11 +155,16 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
     gains = ({**design.start, "coulomb": dry} for dry in (jnp.array([0.2, 0.3]), jnp.zeros(2)))
     fed, unfed = (design.build(each).prepare(reference).control for each in gains)
     signs = np.sign(np.diff(np.asarray(reference.position), axis=0))[: len(fed)]
-    np.testing.assert_allclose(fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        fed - unfed, signs[:, [0, 1, 1]] * [0.2, 0.3, 0.3], rtol=0, atol=1e-12
+    )
 
 
 def test_a_machine_without_friction_is_told_so(machine):
-    with pytest.raises(ValueError, match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-scheduled-lq"):
+    with pytest.raises(
+        ValueError,
+        match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-scheduled-lq",
+    ):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 

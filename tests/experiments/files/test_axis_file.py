@@ -16,31 +16,51 @@ from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 EXAMPLE = Path(experiments.machines.__file__).parent / "thesis-axis.json"
 FIELDS = json.loads(EXAMPLE.read_text())
 TWO = FIELDS | {
-    "axes": ["X", "Y"], "motor_mass": [39.62, 20.0], "cogging_sine": [[4.0, 1.0], [0.0, 2.0]], "cogging_cosine": [[1.0, 0.0], [0.0, 0.5]]
-}  # fmt: skip
+    "axes": ["X", "Y"],
+    "motor_mass": [39.62, 20.0],
+    "cogging_sine": [[4.0, 1.0], [0.0, 2.0]],
+    "cogging_cosine": [[1.0, 0.0], [0.0, 0.5]],
+}
 
 
 def same(one: AxisFile, other: AxisFile):
-    for a, b in zip(jax.tree.leaves(one.parameters), jax.tree.leaves(other.parameters), strict=True):
+    for a, b in zip(
+        jax.tree.leaves(one.parameters), jax.tree.leaves(other.parameters), strict=True
+    ):
         np.testing.assert_array_equal(a, b)
     for a, b in zip(one.electrical or (), other.electrical or (), strict=True):
         np.testing.assert_array_equal(a, b)
     assert (one.name, one.dt, one.axes, one.encoder_resolution, one.notes) == (
-        other.name, other.dt, other.axes, other.encoder_resolution, other.notes
-    )  # fmt: skip
+        other.name,
+        other.dt,
+        other.axes,
+        other.encoder_resolution,
+        other.notes,
+    )
 
 
 def test_the_example_is_the_axis_of_the_thesis():
     axis = axis_from(json.loads(EXAMPLE.read_text()))
-    for found, printed in zip(jax.tree.leaves(axis.parameters), jax.tree.leaves(thesis_axis()), strict=True):
+    for found, printed in zip(
+        jax.tree.leaves(axis.parameters), jax.tree.leaves(thesis_axis()), strict=True
+    ):
         np.testing.assert_array_equal(found, printed)
-    assert axis.dt == 1e-3 and axis.axes == ("X",) and axis.electrical is not None and axis.electrical.back_emf == 52.89
+    assert (
+        axis.dt == 1e-3
+        and axis.axes == ("X",)
+        and axis.electrical is not None
+        and axis.electrical.back_emf == 52.89
+    )
     FlexibleAxis(axis.parameters, axis.dt)
 
 
 @pytest.mark.parametrize("fields", [FIELDS, TWO])
 def test_round_trip(fields, tmp_path):
-    axis = replace(axis_from(fields), notes=("only below 0.5 m/s",), current_limit=np.full(1 if fields is FIELDS else 2, 6.0))
+    axis = replace(
+        axis_from(fields),
+        notes=("only below 0.5 m/s",),
+        current_limit=np.full(1 if fields is FIELDS else 2, 6.0),
+    )
     again = axis_from(json.loads(save_axis(axis, tmp_path / "axis.json").read_text()))
     same(axis, again)
     np.testing.assert_array_equal(axis.current_limit, again.current_limit)
@@ -66,16 +86,25 @@ def test_no_cogging():
     [
         ({"kind": "gantry"}, "kind: needs 'flexible-axis'"),
         ({"motor_mass": -1.0}, "motor_mass: needs a finite number above 0"),
-        ({"motor_mass": [1.0, 2.0], "axes": ["X"]}, "motor_mass: needs one number or 1, received 2"),
+        (
+            {"motor_mass": [1.0, 2.0], "axes": ["X"]},
+            "motor_mass: needs one number or 1, received 2",
+        ),
         ({"tool_mass": 0.0}, "tool_mass: needs a finite number above 0"),
         ({"damping": "soft"}, "damping: needs a number"),
         ({"stiffness": float("nan")}, "stiffness: needs a finite number"),
         ({"friction": 3.0}, "friction: needs an object"),
         ({"friction": {"coulomb": 1.0}}, "friction.stribeck: missing"),
-        ({"friction": {**FIELDS["friction"], "viscous": -1.0}}, "friction.viscous: needs a finite number of at least 0"),
+        (
+            {"friction": {**FIELDS["friction"], "viscous": -1.0}},
+            "friction.viscous: needs a finite number of at least 0",
+        ),
         ({"cogging_sine": [1.0]}, "cogging_cosine: needs as many harmonics as cogging_sine, 1"),
         ({"cogging_sine": 4.0}, "cogging_sine: needs lists"),
-        ({"cogging_sine": [[1.0], [1.0, 2.0]], "axes": ["X", "Y"]}, "cogging_sine: needs lists of equal length"),
+        (
+            {"cogging_sine": [[1.0], [1.0, 2.0]], "axes": ["X", "Y"]},
+            "cogging_sine: needs lists of equal length",
+        ),
         ({"axes": ["X", "Y", "Z", "W"]}, "axes: needs one to 3"),
         ({"dt": 0}, "dt: needs a finite number above 0"),
         ({"encoder_resolution": 0}, "encoder_resolution: needs a finite number above 0"),
@@ -102,7 +131,9 @@ def test_a_list_is_no_axis():
 
 
 ANYTHING = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.text(max_size=3), lambda inner: st.lists(inner, max_size=3), max_leaves=6
+    st.none() | st.booleans() | st.floats() | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3),
+    max_leaves=6,
 )
 
 

@@ -20,7 +20,10 @@ TESTS = [
 
 def lines(time=None, current="1.5"):
     time = 1e-3 * np.arange(ROWS) if time is None else time
-    return ["time,motor_position,current_q", *(f"{t:.9g},{0.1 * k},{current}" for k, t in enumerate(time))]
+    return [
+        "time,motor_position,current_q",
+        *(f"{t:.9g},{0.1 * k},{current}" for k, t in enumerate(time)),
+    ]
 
 
 def written(folder, content):
@@ -40,7 +43,10 @@ def test_round_trip(tmp_path):
 
 
 def test_one_test_any_order_of_columns_and_a_byte_order_mark(tmp_path):
-    (tmp_path / "data.csv").write_text("\ufeffcurrent_q, time,motor_position\n" + "".join(f"2,{1 + 0.002 * k},{k}\n" for k in range(ROWS)))
+    (tmp_path / "data.csv").write_text(
+        "\ufeffcurrent_q, time,motor_position\n"
+        + "".join(f"2,{1 + 0.002 * k},{k}\n" for k in range(ROWS))
+    )
     (record,) = load_records(tmp_path / "data.csv")
     assert record.name == "data" and record.dt == pytest.approx(2e-3) and record.tool is None
     np.testing.assert_array_equal(record.motor, np.arange(ROWS))
@@ -58,9 +64,15 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ([], "columns: time, motor_position, current_q missing; needed are time, motor_position, current_q, received nothing"),
+        (
+            [],
+            "columns: time, motor_position, current_q missing; needed are time, motor_position, current_q, received nothing",
+        ),
         (["time,position,current_q"], "columns: motor_position missing"),
-        (["time,motor_position,current_q,tool"], "columns: needs test, time, .* received time, motor_position, current_q, tool"),
+        (
+            ["time,motor_position,current_q,tool"],
+            "columns: needs test, time, .* received time, motor_position, current_q, tool",
+        ),
         (["time,motor_position,current_q,time"], "each at most once"),
         (["time,motor_position,current_q"], "rows: there are none"),
         (lines()[:50], "test 'data': needs at least 100 rows, received 49"),
@@ -69,7 +81,10 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
         ([*lines(), "0.12,2,inf"], "current_q: row 121 needs a finite number, received 'inf'"),
         ([*lines(), "0.12,2,three"], "current_q: row 121 needs a number, received 'three'"),
         ([*lines(), "0.12,,3"], "motor_position: row 121, of test 'data', is empty"),
-        (lines(LATE), "time: needs a uniform clock in test 'data', received 0.06 s and then 0.0615 s where the usual step is 0.001 s"),
+        (
+            lines(LATE),
+            "time: needs a uniform clock in test 'data', received 0.06 s and then 0.0615 s where the usual step is 0.001 s",
+        ),
         (lines(np.zeros(ROWS)), "time: needs a uniform clock"),
         (lines(1e-3 * np.arange(ROWS)[::-1]), "time: needs a uniform clock"),
     ],
@@ -90,6 +105,9 @@ def test_files_that_cannot_be_read(tmp_path):
 
 def test_a_column_half_filled(tmp_path):
     content = lines()
-    half = ["tool_position," + content[0], *(("0.5," if k < 60 else ",") + text for k, text in enumerate(content[1:]))]
+    half = [
+        "tool_position," + content[0],
+        *(("0.5," if k < 60 else ",") + text for k, text in enumerate(content[1:])),
+    ]
     with pytest.raises(RecordError, match="tool_position: row 61, of test 'data', is empty"):
         load_records(written(tmp_path, half))

@@ -60,12 +60,23 @@ def test_a_failed_write_leaves_what_was_there(tmp_path):
 
 
 def test_json_of_numpy_and_infinities():
-    assert json.loads(run_folder.json_text({"a": np.float64(0.1), "b": np.arange(2), "c": math.inf, "d": (True, None)})) == {
-        "a": 0.1, "b": [0, 1], "c": None, "d": [True, None],
-    }  # fmt: skip
+    assert json.loads(
+        run_folder.json_text(
+            {"a": np.float64(0.1), "b": np.arange(2), "c": math.inf, "d": (True, None)}
+        )
+    ) == {
+        "a": 0.1,
+        "b": [0, 1],
+        "c": None,
+        "d": [True, None],
+    }
 
 
 def test_two_at_work_on_one_run(tmp_path):
     folder = run_folder.create(tmp_path / "run", "tune", Flags(), [])
-    with run_folder.locked(folder), pytest.raises(run_folder.RunError, match="another process"), run_folder.locked(folder):
+    with (
+        run_folder.locked(folder),
+        pytest.raises(run_folder.RunError, match="another process"),
+        run_folder.locked(folder),
+    ):
         pass

@@ -26,10 +26,22 @@ def test_family_is_off_by_a_fifth_and_late(machine):
     smooth, true = machine.smooth_family(), machine.true_family()
     assert len(smooth) == len(true) == len(machine.family_names) == 6
     ratios = [
-        (float(late.plant.plant.parameters.stiffness[0]) / 2908.0, float(late.plant.plant.parameters.motor_mass[0]) / 39.62,
-         float(late.plant.plant.parameters.tool_mass[0]) / 0.38, int(late.plant.samples)) for late in smooth
-    ]  # fmt: skip
-    wanted = [(1, 1, 1, 0), (1.2, 1.2, 1.2, 0), (1.2, 0.8, 0.8, 0), (0.8, 1.2, 1.2, 0), (0.8, 0.8, 0.8, 0), (1, 1, 1, 1)]
+        (
+            float(late.plant.plant.parameters.stiffness[0]) / 2908.0,
+            float(late.plant.plant.parameters.motor_mass[0]) / 39.62,
+            float(late.plant.plant.parameters.tool_mass[0]) / 0.38,
+            int(late.plant.samples),
+        )
+        for late in smooth
+    ]
+    wanted = [
+        (1, 1, 1, 0),
+        (1.2, 1.2, 1.2, 0),
+        (1.2, 0.8, 0.8, 0),
+        (0.8, 1.2, 1.2, 0),
+        (0.8, 0.8, 0.8, 0),
+        (1, 1, 1, 1),
+    ]
     np.testing.assert_allclose(ratios, wanted, rtol=1e-12)
     with pytest.raises(ValueError, match="measures its motors"):
         machine.true_family("state")
@@ -40,7 +52,9 @@ def test_motors_are_measured_and_tools_are_felt():
     position = jnp.array([0.01, -0.02])
     for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.nominal()):
         start = plant.initial_state(position, jnp.array([1e-4, 0.0]))
-        measured = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))])
+        measured = np.concatenate(
+            [np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))]
+        )
         np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
         np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
     assert isinstance(pair.nominal().plant, LinearPlant)
@@ -60,7 +74,9 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
     found = load_machine(TOOLPATHS.parent / "machines" / "thesis-axis.json")
     assert found.error == "tracking" and found.axes == ("X",)
     np.testing.assert_array_equal(found.model.A, machine.model.A)
-    np.testing.assert_array_equal(found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0])
+    np.testing.assert_array_equal(
+        found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0]
+    )
     fields = json.loads((TOOLPATHS.parent / "machines" / "thesis-axis.json").read_text())
     path = tmp_path / "mine.json"
     path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
@@ -77,7 +93,9 @@ def test_machine_says_what_it_is(machine):
     assert machine.usual.controller == "cascade"
 
 
-@pytest.mark.parametrize(("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())])
+@pytest.mark.parametrize(
+    ("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())]
+)
 def test_motions_are_the_tasks_of_the_thesis(machine, name, wanted):
     motion = job_named(name, Pace(machine, None, None))
     found = motion.reference(1e-3, 1)
@@ -99,7 +117,12 @@ def test_another_pace(machine):
         ("task-b", thesis_machine(), (0.1, None), "leave them out"),
         ("task-a", biaxial_machine(), (None, None), "single axis, flexible-axes has 2"),
         ("circle", thesis_machine(), (None, None), "circle needs 2 axes, flexible-axis has 1"),
-        (str(TOOLPATHS / "cam.ngc"), thesis_machine(), (None, None), "needs a machine of two or three axes"),
+        (
+            str(TOOLPATHS / "cam.ngc"),
+            thesis_machine(),
+            (None, None),
+            "needs a machine of two or three axes",
+        ),
     ],
 )
 def test_runs_that_do_not_suit(name, machine, pace, says):

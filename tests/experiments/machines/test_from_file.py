@@ -19,7 +19,11 @@ FIELDS = json.loads(EXAMPLE.read_text())
 
 def test_example_in_metres():
     machine = load_machine(EXAMPLE)
-    assert machine.name == "example-mill" and machine.axes == ("X", "Y") and machine.control_unit == "mm/s"
+    assert (
+        machine.name == "example-mill"
+        and machine.axes == ("X", "Y")
+        and machine.control_unit == "mm/s"
+    )
     np.testing.assert_array_equal(np.asarray(machine.model.C)[:, :4], 1e-3 * np.array(FIELDS["C"]))
     assert machine.model.states == 4 + 2  # one sample of known delay on two inputs
     np.testing.assert_allclose(machine.limits.speed, [0.2, 0.2])
@@ -29,12 +33,21 @@ def test_example_in_metres():
 
 def test_family_has_nominal_first():
     members = bridgeport_machine().members
-    assert [name for name, _, _ in members] == ["nominal", "gains 1.1, 0.9", "gains 0.9, 1.1", "1 sample late", "2 samples late"]
+    assert [name for name, _, _ in members] == [
+        "nominal",
+        "gains 1.1, 0.9",
+        "gains 0.9, 1.1",
+        "1 sample late",
+        "2 samples late",
+    ]
     assert [delay for _, _, delay in members] == [0, 0, 0, 1, 2]
 
 
 def test_npz_equals_json():
-    flat = {key: np.array(FIELDS[key]) for key in ("A", "B", "C", "dt", "length_unit", "known_delay", "encoder_resolution")}
+    flat = {
+        key: np.array(FIELDS[key])
+        for key in ("A", "B", "C", "dt", "length_unit", "known_delay", "encoder_resolution")
+    }
     buffer = io.BytesIO()
     np.savez(buffer, **flat, **{"limits.speed": np.array(200.0), "uncertainty.gain": np.array(0.1)})
     machine = machine_from(buffer.getvalue())
@@ -77,7 +90,9 @@ def test_one_clear_line(change, says):
 @pytest.mark.parametrize("missing", ["A", "B", "C", "dt"])
 def test_missing_field(missing):
     with pytest.raises(MachineError, match=f"^{missing}: missing"):
-        machine_from(json.dumps({key: value for key, value in FIELDS.items() if key != missing}).encode())
+        machine_from(
+            json.dumps({key: value for key, value in FIELDS.items() if key != missing}).encode()
+        )
 
 
 def test_missing_file(tmp_path):
@@ -103,7 +118,9 @@ def test_random_archives(content):
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=3), max_leaves=5
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3),
+    max_leaves=5,
 )
 
 

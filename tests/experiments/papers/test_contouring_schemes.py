@@ -5,14 +5,50 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.papers.contouring_schemes.claims import CCPM, CONSTANT, CPSCS, TASK, VARIABLE, claims
+from experiments.papers.contouring_schemes.claims import (
+    CCPM,
+    CONSTANT,
+    CPSCS,
+    TASK,
+    VARIABLE,
+    claims,
+)
 from experiments.papers.contouring_schemes.experiment import Settings, draw, run, show
-from experiments.papers.contouring_schemes.machine import DT, MODEL_ERRORS, held_out, run_along, training
-from experiments.papers.contouring_schemes.runs import ARRIVED, CASCADE, FEEDBACK, LOOPS, SCHEMES, arrival
+from experiments.papers.contouring_schemes.machine import (
+    DT,
+    MODEL_ERRORS,
+    held_out,
+    run_along,
+    training,
+)
+from experiments.papers.contouring_schemes.runs import (
+    ARRIVED,
+    CASCADE,
+    FEEDBACK,
+    LOOPS,
+    SCHEMES,
+    arrival,
+)
 from experiments.papers.verdicts import Verdict
 
-GOOD = {"start": 90.0, CASCADE: 30.0, CONSTANT: 33.0, VARIABLE: 20.0, TASK: 31.0, CCPM: 20.0, CPSCS: 20.5}
-BAD = {"start": 90.0, CASCADE: 30.0, CONSTANT: 33.0, VARIABLE: 40.0, TASK: 15.0, CCPM: 25.0, CPSCS: 50.0}
+GOOD = {
+    "start": 90.0,
+    CASCADE: 30.0,
+    CONSTANT: 33.0,
+    VARIABLE: 20.0,
+    TASK: 31.0,
+    CCPM: 20.0,
+    CPSCS: 20.5,
+}
+BAD = {
+    "start": 90.0,
+    CASCADE: 30.0,
+    CONSTANT: 33.0,
+    VARIABLE: 40.0,
+    TASK: 15.0,
+    CCPM: 25.0,
+    CPSCS: 50.0,
+}
 
 
 def made_up(errors, tracking=None):
@@ -20,23 +56,57 @@ def made_up(errors, tracking=None):
     tracking = tracking or dict.fromkeys(errors, 100.0)
     rows = [
         {
-            "scheme": scheme, "loops": loops, "contour": contour, "training": contour in training(), "plant": plant, "contour_um": error,
-            "peak_um": 2 * error, "motor_um": error / 3, "tracking_um": tracking[scheme], "current_a": 1.0, "increment_a": 0.1,
-            "time_s": 2.0, "diverged": False,
+            "scheme": scheme,
+            "loops": loops,
+            "contour": contour,
+            "training": contour in training(),
+            "plant": plant,
+            "contour_um": error,
+            "peak_um": 2 * error,
+            "motor_um": error / 3,
+            "tracking_um": tracking[scheme],
+            "current_a": 1.0,
+            "increment_a": 0.1,
+            "time_s": 2.0,
+            "diverged": False,
         }
-        for scheme, error in errors.items() for contour in (*training(), *held_out()) for plant in MODEL_ERRORS for loops in LOOPS
-    ]  # fmt: skip
+        for scheme, error in errors.items()
+        for contour in (*training(), *held_out())
+        for plant in MODEL_ERRORS
+        for loops in LOOPS
+    ]
     tuning = [
-        {"scheme": name, "loops": loops, "feasible": loops == FEEDBACK or name != TASK, "best_um": [3.0, 2.0, 1.0]}
-        for name in errors if name != "start" for loops in LOOPS
-    ]  # fmt: skip
+        {
+            "scheme": name,
+            "loops": loops,
+            "feasible": loops == FEEDBACK or name != TASK,
+            "best_um": [3.0, 2.0, 1.0],
+        }
+        for name in errors
+        if name != "start"
+        for loops in LOOPS
+    ]
     limits = {"rms_control": 1.5, "rms_increment": 0.1}
-    return {"rows": rows, "tuning": tuning, "tuned_on": ["nominal"], "evaluations": 7, "limits": limits}
+    return {
+        "rows": rows,
+        "tuning": tuning,
+        "tuned_on": ["nominal"],
+        "evaluations": 7,
+        "limits": limits,
+    }
 
 
 def test_verdicts_follow_the_numbers():
-    by_claim = [row["verdict"] for row in claims(made_up(GOOD, {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}))]
-    assert by_claim == [Verdict.REPRODUCED.value] * 3 + [Verdict.NOT_REPRODUCED.value] + [Verdict.REPRODUCED.value] * 2
+    by_claim = [
+        row["verdict"]
+        for row in claims(made_up(GOOD, {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}))
+    ]
+    assert (
+        by_claim
+        == [Verdict.REPRODUCED.value] * 3
+        + [Verdict.NOT_REPRODUCED.value]
+        + [Verdict.REPRODUCED.value] * 2
+    )
     turned = [row["verdict"] for row in claims(made_up(BAD))]
     assert turned == [Verdict.NOT_REPRODUCED.value] * 6
 
@@ -55,9 +125,16 @@ def test_shown_and_drawn(tmp_path):
     console = Console(width=140, record=True, quiet=False, file=(tmp_path / "shown").open("w"))
     show(summary, console)
     text = console.export_text()
-    assert all(name in text for name in SCHEMES) and "7 evaluations" in text and "0.67 x the error of the plain cascade" in text
+    assert (
+        all(name in text for name in SCHEMES)
+        and "7 evaluations" in text
+        and "0.67 x the error of the plain cascade" in text
+    )
     assert "no gains within the limits were found for task frame, with feedforward" in text
-    assert sorted(path.name for path in draw(summary, tmp_path)) == ["held-out-errors.png", "tuning.png"]
+    assert sorted(path.name for path in draw(summary, tmp_path)) == [
+        "held-out-errors.png",
+        "tuning.png",
+    ]
 
 
 def test_runs_are_from_rest_to_rest_and_held_out_contours_are_new():

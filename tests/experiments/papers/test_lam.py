@@ -12,11 +12,21 @@ from jcontour.host.loop import HostController, loop
 from jcontour.motion.references import along
 from jcontour.plants.xy_table import xy_table
 
-# computed by a program that shares no code with this project: q_theta -> RMS contour error in % of the largest radius, traversal time [s]
-FRICTION_CURVE = {0.03: (0.0224, 4.32), 0.1: (0.0331, 2.72), 0.3: (0.0427, 2.13), 1.0: (0.0491, 1.92), 5.0: (0.0676, 1.86)}
+# computed by a program that shares no code with this project: q_theta -> RMS contour error in % of
+# the largest radius, traversal time [s]
+FRICTION_CURVE = {
+    0.03: (0.0224, 4.32),
+    0.1: (0.0331, 2.72),
+    0.3: (0.0427, 2.13),
+    1.0: (0.0491, 1.92),
+    5.0: (0.0676, 1.86),
+}
 
 
-@pytest.mark.parametrize("progress", [pytest.param(q, marks=[pytest.mark.slow] * (q not in (0.3, 5.0))) for q in FRICTION_CURVE])
+@pytest.mark.parametrize(
+    "progress",
+    [pytest.param(q, marks=[pytest.mark.slow] * (q not in (0.3, 5.0))) for q in FRICTION_CURVE],
+)
 def test_trade_off_on_the_friction_machine(progress):
     contour = lobes()
     outcome, _ = traced(machines(1e-3)["friction"], contour, progress)
@@ -31,10 +41,27 @@ def made_up(mpcc, others):
     rows = []
     for controller, errors in ((MPCC, mpcc), (MPTC, others), (PI_SLOW, others), (PI_FAST, others)):
         for time, error in zip((2.0, 3.0, 4.0), errors, strict=True):
-            rows.append({"controller": controller, "plant": "p", "time_s": time, "rms_percent": error, "finished": True})
+            rows.append(
+                {
+                    "controller": controller,
+                    "plant": "p",
+                    "time_s": time,
+                    "rms_percent": error,
+                    "finished": True,
+                }
+            )
     bend = np.tile([0.0, 1.0], 50)
-    trace = {"speed_mm_s": 100 - 50 * bend, "curvature_per_mm": bend, "contour_error_um": np.ones(100)}
-    fast = {**trace, "q_theta": 5.0, "speed_mm_s": 200 - 50 * bend, "contour_error_um": 2 * np.ones(100)}
+    trace = {
+        "speed_mm_s": 100 - 50 * bend,
+        "curvature_per_mm": bend,
+        "contour_error_um": np.ones(100),
+    }
+    fast = {
+        **trace,
+        "q_theta": 5.0,
+        "speed_mm_s": 200 - 50 * bend,
+        "contour_error_um": 2 * np.ones(100),
+    }
     return {"plants": ["p"], "trade_off": rows, "traces": [{**trace, "q_theta": 0.03}, fast]}
 
 
@@ -42,9 +69,9 @@ def test_verdicts_follow_the_numbers():
     verdicts = [row["verdict"] for row in claims(made_up((3.0, 2.0, 1.0), (9.0, 3.0, 1.1)))]
     assert verdicts == [Verdict.REPRODUCED.value] * 6
     turned = [row["verdict"] for row in claims(made_up((3.0, 2.0, 4.0), (1.0, 1.0, 9.0)))]
-    assert turned[2:] == [Verdict.NOT_REPRODUCED.value if k != 3 else Verdict.SAME_ORDERING.value for k in range(2, 6)] or (
-        Verdict.REPRODUCED.value not in turned[3:]
-    )
+    assert turned[2:] == [
+        Verdict.NOT_REPRODUCED.value if k != 3 else Verdict.SAME_ORDERING.value for k in range(2, 6)
+    ] or (Verdict.REPRODUCED.value not in turned[3:])
 
 
 def test_one_sample_late_is_late_by_one_sample():

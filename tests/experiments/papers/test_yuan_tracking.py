@@ -14,8 +14,14 @@ from experiments.papers.yuan_tracking.runs import Bench, Signals, gap_curve, met
 
 DATA = Path(__file__).parents[2] / "data" / "single_axis"
 LESO = json.loads((DATA / "metrics_only.json").read_text())
-PLAIN = {row["name"]: row for row in json.loads((DATA / "trajectories.json").read_text())["trajectories"]}
-OBSERVERS = {"exact": "cascade-leso-exact", "euler": "cascade-leso-euler", "current": "cascade-leso"}
+PLAIN = {
+    row["name"]: row for row in json.loads((DATA / "trajectories.json").read_text())["trajectories"]
+}
+OBSERVERS = {
+    "exact": "cascade-leso-exact",
+    "euler": "cascade-leso-euler",
+    "current": "cascade-leso",
+}
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +30,24 @@ def bench():
 
 
 def test_metrics_of_signals_by_hand():
-    found = metrics(Signals(np.array([0.0, 2e-3]), np.array([1e-3, 4e-3]), np.array([1e-3, 0.0]), np.array([-3.0, 100.0])))
-    wanted = {"em_max": 2, "em_mean": 1.5, "ee_max": 4, "ee_mean": 2, "def_max": 2, "u_mean": 3, "u_rms": 3, "u_max": 3}
+    found = metrics(
+        Signals(
+            np.array([0.0, 2e-3]),
+            np.array([1e-3, 4e-3]),
+            np.array([1e-3, 0.0]),
+            np.array([-3.0, 100.0]),
+        )
+    )
+    wanted = {
+        "em_max": 2,
+        "em_mean": 1.5,
+        "ee_max": 4,
+        "ee_mean": 2,
+        "def_max": 2,
+        "u_mean": 3,
+        "u_rms": 3,
+        "u_max": 3,
+    }
     assert found == pytest.approx(wanted)
 
 
@@ -35,7 +57,9 @@ def test_the_cascade_is_the_reference(bench):
     for task in "AB":
         row = PLAIN[f"{task} PI"]
         np.testing.assert_allclose(
-            found[task].current[:-1][:: row["every"]], row["U"][: found[task].current[:-1][:: row["every"]].size], atol=1e-8
+            found[task].current[:-1][:: row["every"]],
+            row["U"][: found[task].current[:-1][:: row["every"]].size],
+            atol=1e-8,
         )
         np.testing.assert_allclose(metrics(found[task])["ee_mean"], row["ee_mean_mm"], rtol=1e-8)
 
@@ -55,7 +79,10 @@ def test_the_twin_is_near_and_nearer_the_sharper(bench):
     gap = gap_curve(bench)
     for task in "AB":
         curve = [row[task] for row in gap]
-        assert curve[-1] < curve[0] and next(row[task] for row in gap if row["sharpness"] == 1e3) <= 0.03
+        assert (
+            curve[-1] < curve[0]
+            and next(row[task] for row in gap if row["sharpness"] == 1e3) <= 0.03
+        )
 
 
 @pytest.mark.slow
@@ -75,11 +102,32 @@ def made_up(error, tuned_error, current=1.0):
 
     def row(name, gains, scale, member_error, member_current):
         numbers = {**dict.fromkeys(columns, scale), "ee_max": 1.1 * scale}
-        family = [{"task": t, "plant": p, "diverged": False, "ee_mean": member_error, "u_rms": member_current}
-                  for t in "AB" for p in ("nominal", "off")]  # fmt: skip
-        return {"controller": name, "gains": gains, "weights": {}, "A": numbers, "B": numbers, "time_us": 1.0, "family": family}
+        family = [
+            {
+                "task": t,
+                "plant": p,
+                "diverged": False,
+                "ee_mean": member_error,
+                "u_rms": member_current,
+            }
+            for t in "AB"
+            for p in ("nominal", "off")
+        ]
+        return {
+            "controller": name,
+            "gains": gains,
+            "weights": {},
+            "A": numbers,
+            "B": numbers,
+            "time_us": 1.0,
+            "family": family,
+        }
 
-    scales = {"cascade": 1.0, "cascade-notch": 0.85, **dict.fromkeys(OURS["Cascaded PI with LESO"], 0.95)}
+    scales = {
+        "cascade": 1.0,
+        "cascade-notch": 0.85,
+        **dict.fromkeys(OURS["Cascaded PI with LESO"], 0.95),
+    }
     rows = [row(name, "start", scale, error, 1.0) for name, scale in scales.items()]
     rows += [row(name, "tuned", 0.1, tuned_error, current) for name in CONFIRMED]
     gap = [{"sharpness": s, "A": g, "B": g} for s, g in ((100.0, 0.05), (1e3, 0.01), (1e4, 1e-3))]
@@ -91,7 +139,16 @@ def test_verdicts_follow_the_numbers():
         return [row["verdict"] for row in claims(summary, CONFIRMED)]
 
     yes, no = Verdict.REPRODUCED.value, Verdict.NOT_REPRODUCED.value
-    assert verdicts(made_up(1.0, 0.1)) == [yes, no, yes, yes, Verdict.EXPERIMENTAL.value, yes, yes, yes]
+    assert verdicts(made_up(1.0, 0.1)) == [
+        yes,
+        no,
+        yes,
+        yes,
+        Verdict.EXPERIMENTAL.value,
+        yes,
+        yes,
+        yes,
+    ]
     assert verdicts(made_up(1.0, 0.3))[-2:] == [yes, no]
     assert verdicts(made_up(1.0, 0.1, current=1.3))[-2:] == [no, no]
     blunt = made_up(1.0, 0.1)
@@ -115,4 +172,8 @@ def test_unknown_controllers_are_refused(tmp_path):
 @pytest.mark.slow
 def test_whole_chapter_in_its_quick_form(tmp_path):
     summary = run(Settings(quick=True), tmp_path)
-    assert len(summary["tables"]) == 6 and len(summary["claims"]) == 6 and len(draw(summary, tmp_path)) == 6
+    assert (
+        len(summary["tables"]) == 6
+        and len(summary["claims"]) == 6
+        and len(draw(summary, tmp_path)) == 6
+    )

@@ -17,21 +17,30 @@ from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.evaluation import stack_references
 
-PATHS = [along(line([x, 0.0], [x + 1e-2, 0.0]), 1e-3 * np.arange(5), 1e-3, 0, at_rest=False) for x in (0.0, 0.5)]
+PATHS = [
+    along(line([x, 0.0], [x + 1e-2, 0.0]), 1e-3 * np.arange(5), 1e-3, 0, at_rest=False)
+    for x in (0.0, 0.5)
+]
 WIDE = Margins(0.9, np.array([[0.05, 20.0], [0.05, 3.0]]), np.array([[-1, -1], [-1, 2]]), 2, 0)
 
 
 @pytest.mark.parametrize(
     ("gain", "samples", "wanted"),
     [
-        ([[0.05, 20.0], [0.5, 20.0]], [[-1, -1], [3, -1]], ("right", 2, [0.503, 0.0])),  # halved is nearer than three times
+        (
+            [[0.05, 20.0], [0.5, 20.0]],
+            [[-1, -1], [3, -1]],
+            ("right", 2, [0.503, 0.0]),
+        ),  # halved is nearer than three times
         ([[0.05, 1.5], [0.5, 20.0]], [[-1, 4], [3, -1]], ("right", 1, [0.504, 0.0])),
         ([[0.05, 20.0], [0.05, 20.0]], [[-1, -1], [-1, -1]], ("left", 2, [0.002, 0.0])),
         ([[0.05, 20.0], [0.05, 2.0]], [[-1, -1], [-1, -1]], None),  # its loops are lost all at once
     ],
 )
 def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
-    place = _lost_first([WIDE, Margins(0.9, np.array(gain), np.array(samples), 2, 0)], PATHS, ["left", "right"])
+    place = _lost_first(
+        [WIDE, Margins(0.9, np.array(gain), np.array(samples), 2, 0)], PATHS, ["left", "right"]
+    )
     if wanted is None:
         assert place is None and _lost_first_line(place, ["X", "Y"]) == []
     else:
@@ -46,11 +55,16 @@ def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
 def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
     """Three paths from rest: along the first nothing moves, along the second the control is at its limit from start to end."""
     arcs = [np.zeros(30), 1e-3 * np.arange(1, 31), 1e-3 * np.arange(30)]
-    references = [along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs]
+    references = [
+        along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs
+    ]
     jobs = tuple(SimpleNamespace(name=name) for name in ("still", "hasty", "other"))
     course = Course(jobs, (True, True, False), ("nominal",), stack_references(references), two_axes)  # type: ignore[arg-type]
     plant = Delayed(Saturated(two_axes, jnp.full(2, 1e-3)), jnp.asarray(0), 1, 2)
-    machine, law = SimpleNamespace(nominal=lambda measured: plant), ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+    machine, law = (
+        SimpleNamespace(nominal=lambda measured: plant),
+        ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
+    )
     found = path_margins(law, machine, course, "state")  # type: ignore[arg-type]
     assert found["contours_without_margins"] == ["hasty"] and found["probes_left_out"] == 0
     calm = path_margins(law, machine, course._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]

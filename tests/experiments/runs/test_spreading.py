@@ -9,7 +9,15 @@ from pathlib import Path
 import pytest
 
 from experiments.options import Sweep, Tune
-from experiments.runs.spreading import ADDRESS, COUNT, NUMBER, _aside, _environment, batching_of, count_of
+from experiments.runs.spreading import (
+    ADDRESS,
+    COUNT,
+    NUMBER,
+    _aside,
+    _environment,
+    batching_of,
+    count_of,
+)
 from jcontour.simulation.devices import Spread
 
 
@@ -36,7 +44,11 @@ def test_environment_of_the_hosts(monkeypatch):
     with pytest.raises(ValueError, match="need whole numbers, received '2' and 'one'"):
         _environment()
     monkeypatch.setenv(NUMBER, "1")
-    assert _environment() == {"coordinator_address": "first:1234", "num_processes": 2, "process_id": 1}
+    assert _environment() == {
+        "coordinator_address": "first:1234",
+        "num_processes": 2,
+        "process_id": 1,
+    }
 
 
 def test_other_hosts_leave_nothing_behind(tmp_path, capsys):
@@ -46,13 +58,29 @@ def test_other_hosts_leave_nothing_behind(tmp_path, capsys):
         new, resumed = _aside(Sweep(), stack), _aside(Sweep(resume=tmp_path / "run"), stack)
         print("unseen")
         assert new.out is not None and not new.out.exists()
-        assert resumed.resume != tmp_path / "run" and (resumed.resume / "settings.json").read_text() == "{}"
+        assert (
+            resumed.resume != tmp_path / "run"
+            and (resumed.resume / "settings.json").read_text() == "{}"
+        )
     assert not resumed.resume.exists() and capsys.readouterr().out == ""
 
 
 RUNS = {
     "sweep": ["circle", "--previews", "4", "--vary", "alpha=1,2,4", "beta=1"],
-    "tune": ["circle", "square", "--preview", "4", "--scatter", "2", "--starts", "1", "--inner-steps", "2", "--outer-steps", "1"],
+    "tune": [
+        "circle",
+        "square",
+        "--preview",
+        "4",
+        "--scatter",
+        "2",
+        "--starts",
+        "1",
+        "--inner-steps",
+        "2",
+        "--outer-steps",
+        "1",
+    ],
 }
 
 
@@ -60,15 +88,31 @@ RUNS = {
 @pytest.mark.parametrize("command", RUNS)
 def test_two_hosts_find_what_one_finds(tmp_path, machine_file, command):
     """Two processes on loopback with a CPU device each; the second one prints and writes nothing."""
-    call = [sys.executable, "-m", "experiments.cli", command, *RUNS[command], "--plant", str(machine_file), "--devices", "1", "--json"]
-    alone = subprocess.run([*call, "--out", str(tmp_path / "alone")], capture_output=True, text=True)
+    call = [
+        sys.executable,
+        "-m",
+        "experiments.cli",
+        command,
+        *RUNS[command],
+        "--plant",
+        str(machine_file),
+        "--devices",
+        "1",
+        "--json",
+    ]
+    alone = subprocess.run(
+        [*call, "--out", str(tmp_path / "alone")], capture_output=True, text=True
+    )
     assert alone.returncode == 0, alone.stderr
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"
     together = [*call, "--hosts", "--out", str(tmp_path / "together")]
     piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": tmp_path}
-    first, second = (subprocess.Popen(together, **piped, env=host_environment(address, number)) for number in range(2))
+    first, second = (
+        subprocess.Popen(together, **piped, env=host_environment(address, number))
+        for number in range(2)
+    )
     found, complaint = first.communicate(timeout=300)
     nothing, other_complaint = second.communicate(timeout=300)
     assert (first.returncode, second.returncode) == (0, 0), complaint + other_complaint

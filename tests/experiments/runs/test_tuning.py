@@ -17,10 +17,16 @@ from tuning.tune import TuneState, advance
 def job(machine_file, part_file):
     return tuning_run(
         Tune(
-            parts=(str(part_file),), plant=str(machine_file), preview=4, scatter=2, starts=1, inner_steps=4, outer_steps=2,
+            parts=(str(part_file),),
+            plant=str(machine_file),
+            preview=4,
+            scatter=2,
+            starts=1,
+            inner_steps=4,
+            outer_steps=2,
             max_rms_control=90.0,
         )
-    )  # fmt: skip
+    )
 
 
 def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
@@ -30,7 +36,9 @@ def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
         straight = advance(job.problem, job.start, job.settings, straight)
         save_state(tmp_path, advance(job.problem, job.start, job.settings, stored))
         stored = load_state(tmp_path)
-        for a, b in zip(jax.tree.leaves(vars(straight)), jax.tree.leaves(vars(stored)), strict=True):
+        for a, b in zip(
+            jax.tree.leaves(vars(straight)), jax.tree.leaves(vars(stored)), strict=True
+        ):
             np.testing.assert_array_equal(a, b)
         assert before <= progress(stored, job.settings) <= 1.0
         before = progress(stored, job.settings)
@@ -43,13 +51,25 @@ def test_rollouts_round_trip(job, tmp_path):
     np.testing.assert_array_equal(run.watched, run.output)
     dataset = rollouts({"start": run}, job.course, job.machine.axes, "mm/s", {"title": "test"})
     found = load_dataset(save_dataset(dataset, tmp_path / "rollouts.nc"))
-    assert found.output.dims == ("design", "contour", "plant", "time", "axis") and found.output.attrs["units"] == "m"
-    assert found.control.attrs["units"] == "mm/s" and found.time.attrs["units"] == "s" and found.attrs["title"] == "test"
-    assert found.rms_contour_error.dims == ("design", "contour", "plant") and found.rms_contour_error.attrs["units"] == "m"
+    assert (
+        found.output.dims == ("design", "contour", "plant", "time", "axis")
+        and found.output.attrs["units"] == "m"
+    )
+    assert (
+        found.control.attrs["units"] == "mm/s"
+        and found.time.attrs["units"] == "s"
+        and found.attrs["title"] == "test"
+    )
+    assert (
+        found.rms_contour_error.dims == ("design", "contour", "plant")
+        and found.rms_contour_error.attrs["units"] == "m"
+    )
     assert list(found.axis.values) == ["X", "Y"] and found.plant.values[0] == "nominal"
     np.testing.assert_array_equal(found.output.values[0], run.output)
     norm = np.linalg.norm(found.contour_error.values, axis=-1)
-    mean = (norm**2 * found.scored.values[None, :, None]).sum(-1) / found.scored.values.sum(-1)[None, :, None]
+    mean = (norm**2 * found.scored.values[None, :, None]).sum(-1) / found.scored.values.sum(-1)[
+        None, :, None
+    ]
     np.testing.assert_allclose(np.sqrt(mean), found.rms_contour_error.values, rtol=1e-12)
 
 
@@ -59,7 +79,11 @@ def test_gains_round_trip(job, tmp_path):
     path = save_gains(plan, steps, job.machine.model.dt, tmp_path / "gains.csv")
     names = path.read_text().split("\n")[0].split(",")
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
-    assert names[:3] == ["k", "t_s", "F_u1_x1"] and names[-1] == "f_u2" and rows.shape == (steps, len(names))
+    assert (
+        names[:3] == ["k", "t_s", "F_u1_x1"]
+        and names[-1] == "f_u2"
+        and rows.shape == (steps, len(names))
+    )
     np.testing.assert_array_equal(rows[:, 2:-2], np.asarray(plan.F)[:steps].reshape(steps, -1))
 
 

@@ -6,22 +6,39 @@ import numpy as np
 import pytest
 
 from experiments.jobs.replays import Course, Replay
-from experiments.runs.warnings import lag_warnings, limit_warnings, margin_warnings, run_warnings, search_warnings
+from experiments.runs.warnings import (
+    lag_warnings,
+    limit_warnings,
+    margin_warnings,
+    run_warnings,
+    search_warnings,
+)
 from tuning.tune import Tuned
 
-FOUND = Tuned({}, metrics=None, feasible=True, violation=0.0, diverged_points=0, diverged_starts=0, history=[])  # type: ignore[arg-type]
+FOUND = Tuned(
+    {}, metrics=None, feasible=True, violation=0.0, diverged_points=0, diverged_starts=0, history=[]
+)  # type: ignore[arg-type]
 JOBS = tuple(SimpleNamespace(name=name) for name in ("ring", "eight"))
-LIMITS = SimpleNamespace(speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None)
+LIMITS = SimpleNamespace(
+    speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
+)
 MACHINE = SimpleNamespace(
-    axes=("X", "Y"), control_unit="A", limits=LIMITS, model=SimpleNamespace(dt=1e-3, inputs=2), unknown_delay=1, truth="counts"
+    axes=("X", "Y"),
+    control_unit="A",
+    limits=LIMITS,
+    model=SimpleNamespace(dt=1e-3, inputs=2),
+    unknown_delay=1,
+    truth="counts",
 )
 
 
 def margins(radius=0.99, delay=2, left_out=0, without=()):
     return {
-        "largest_frozen_spectral_radius": radius, "delay_samples": delay,
-        "probes_left_out": left_out, "contours_without_margins": [*without],
-    }  # fmt: skip
+        "largest_frozen_spectral_radius": radius,
+        "delay_samples": delay,
+        "probes_left_out": left_out,
+        "contours_without_margins": [*without],
+    }
 
 
 def course(samples=20):
@@ -35,31 +52,48 @@ def run(lag=1e-5, diverged=False, samples=20):
     """Two contours on two plants, at rest; the last of the lags [m] is given."""
     still = np.zeros((2, 2, samples, 2))
     metrics = SimpleNamespace(
-        rms_tracking_error=np.array([[1e-5, 1e-5], [1e-5, lag]]), diverged=np.array([[False, False], [False, diverged]])
+        rms_tracking_error=np.array([[1e-5, 1e-5], [1e-5, lag]]),
+        diverged=np.array([[False, False], [False, diverged]]),
     )
     return Replay(metrics, still.copy(), still.copy(), still)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("delay", "unknown", "warned"), [(2, 2, False), (1, 2, True), (0, 1, True), (0, 0, False)])
+@pytest.mark.parametrize(
+    ("delay", "unknown", "warned"), [(2, 2, False), (1, 2, True), (0, 1, True), (0, 0, False)]
+)
 def test_a_loop_that_does_not_bear_the_delay_of_its_machine(delay, unknown, warned):
     lines = margin_warnings(margins(delay=delay), unknown)
-    assert lines == [] if not warned else len(lines) == 1 and lines[0].startswith(f"{delay + 1} sample") and "ring" in lines[0]
+    assert (
+        lines == []
+        if not warned
+        else len(lines) == 1 and lines[0].startswith(f"{delay + 1} sample") and "ring" in lines[0]
+    )
 
 
 def test_an_unstable_loop_is_said_once():
-    assert margin_warnings(margins(radius=1.1, delay=-1), 2) == ["a frozen loop along the training paths is unstable"]
+    assert margin_warnings(margins(radius=1.1, delay=-1), 2) == [
+        "a frozen loop along the training paths is unstable"
+    ]
 
 
 def test_open_loops_are_counted_and_without_any_other_there_are_no_margins():
     assert "leave out 3 probed points where" in margin_warnings(margins(left_out=3), 0)[0]
     assert "leave out 1 probed point where" in margin_warnings(margins(left_out=1), 0)[0]
     [line] = margin_warnings(margins(radius=1.0, delay=-1, without=["ring", "eight"]), 2)
-    assert line.startswith("there are no margins: at every probed point of ring, eight a control is at its limit")
+    assert line.startswith(
+        "there are no margins: at every probed point of ring, eight a control is at its limit"
+    )
 
 
 def test_what_the_search_missed_is_named():
     assert search_warnings(FOUND) == []
-    missed = FOUND._replace(feasible=False, violation=float(np.log(1.02)), diverged_points=2, history=[None] * 9, diverged_starts=1)
+    missed = FOUND._replace(
+        feasible=False,
+        violation=float(np.log(1.02)),
+        diverged_points=2,
+        history=[None] * 9,
+        diverged_starts=1,
+    )
     infeasible, points, starts = search_warnings(missed)
     assert infeasible == "no feasible point was found; these weights exceed a limit by 2 %"
     assert points.startswith("2 of 9 evaluated points") and starts.startswith("1 descents")
@@ -87,5 +121,10 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
 
 def test_a_run_that_diverges_comes_first():
     job = SimpleNamespace(machine=MACHINE, course=course())
-    lines = run_warnings(job, FOUND, margins(delay=0), {"start": run(), "tuned": run(diverged=True)})  # type: ignore[arg-type]
-    assert lines[0] == "a run of the machine with counts diverges with the tuned weights" and len(lines) == 2
+    lines = run_warnings(
+        job, FOUND, margins(delay=0), {"start": run(), "tuned": run(diverged=True)}
+    )  # type: ignore[arg-type]
+    assert (
+        lines[0] == "a run of the machine with counts diverges with the tuned weights"
+        and len(lines) == 2
+    )

@@ -49,7 +49,10 @@ def film():
     return Film(1e-3 * np.arange(401), state, 0.0505 * out, 5e-4 * out, 0.05 * out, "a ring")
 
 
-@pytest.mark.parametrize(("value", "found"), [(0.11, 0.2), (0.2, 0.2), (1.0, 1.0), (1.01, 2.0), (4.7, 5.0), (9.9, 10.0), (3e4, 5e4)])
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [(0.11, 0.2), (0.2, 0.2), (1.0, 1.0), (1.01, 2.0), (4.7, 5.0), (9.9, 10.0), (3e4, 5e4)],
+)
 def test_least_round(value, found):
     assert least_round(value) == pytest.approx(found, rel=1e-12)
 
@@ -81,7 +84,12 @@ def test_pace(duration, speed, words):
     pace = Pace.of(time)
     assert pace.speed == pytest.approx(speed) and pace.words == words
     assert SHORTEST * 0.99 <= len(pace.samples) / FPS <= LONGEST + 1
-    np.testing.assert_allclose(time[pace.samples] - time[0], np.arange(len(pace.samples)) * speed / FPS, rtol=0, atol=0.51e-3)
+    np.testing.assert_allclose(
+        time[pace.samples] - time[0],
+        np.arange(len(pace.samples)) * speed / FPS,
+        rtol=0,
+        atol=0.51e-3,
+    )
     assert pace.samples[0] == 0 and pace.samples[-1] < len(time)
 
 
@@ -105,7 +113,9 @@ class _Recorded:
 
 
 def test_frames_show_the_factors_and_move_on(film):
-    assert twist_factor(film) == 20_000 and error_factor(film) == 10  # 3 urad and 0.5 mm against 0.08 rad and 6 % of 100 mm
+    assert (
+        twist_factor(film) == 20_000 and error_factor(film) == 10
+    )  # 3 urad and 0.5 mm against 0.08 rad and 6 % of 100 mm
     assert error_factor(film) * 5e-4 <= ERROR_SHOWN * 0.1
     scene, parameters = _Recorded(), thesis_gantry()
     frames = Frames(scene, parameters, film, "slowed 10 x")
@@ -116,7 +126,9 @@ def test_frames_show_the_factors_and_move_on(film):
     assert frames.title == "a ring    t = 0.000 s, slowed 10 x    twist x 20,000"
     turned, straight = scene.asked[1]
     assert turned[2] == pytest.approx(20_000 * film.pose[100, 2])
-    np.testing.assert_allclose(parameters.tool(jnp.asarray(turned)), film.tool[100], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        parameters.tool(jnp.asarray(turned)), film.tool[100], rtol=0, atol=1e-15
+    )
     assert straight == pytest.approx(film.tool[100, 1] + 0.2)
 
 
@@ -126,7 +138,9 @@ def test_pose_is_that_of_the_gantry_inside():
     plant = Delayed(Saturated(Gantry(parameters, 1e-3), jnp.full(3, 10.0)), jnp.asarray(1), 2, 3)
     state = jnp.array([-0.5, 0.3, 2e-6, 0.1, 0.2, 1e-4]), jnp.zeros((2, 3))
     np.testing.assert_array_equal(pose(plant, state), [-0.5, 0.3, 2e-6])
-    np.testing.assert_allclose(parameters.tool(pose(plant, state)), plant.output(state), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        parameters.tool(pose(plant, state)), plant.output(state), rtol=0, atol=1e-15
+    )
 
 
 def test_film_is_the_scored_part_of_the_stored_run():
@@ -135,13 +149,22 @@ def test_film_is_the_scored_part_of_the_stored_run():
     job = job_named("ring-left", PathPace(machine, None, None))
     course = Course.of([job], [False], machine, "outputs", 1)
     rows = np.arange(job.samples, dtype=float)
-    signals = {name: k * 1e4 + rows[None, None, :, None] for k, name in enumerate(("watched", "output", "control", "contour_error"))}
+    signals = {
+        name: k * 1e4 + rows[None, None, :, None]
+        for k, name in enumerate(("watched", "output", "control", "contour_error"))
+    }
     found = Replay(metrics=SimpleNamespace(diverged=np.array([[False, True]])), **signals)
     shown, first = film_of(course, found, "x"), int(np.flatnonzero(job.scored)[0])
-    assert 0 < first and shown.time[0] == pytest.approx(1e-3 * first) and len(shown.time) == job.samples - first
+    assert (
+        0 < first
+        and shown.time[0] == pytest.approx(1e-3 * first)
+        and len(shown.time) == job.samples - first
+    )
     for k, seen in ((0, shown.pose), (1, shown.tool), (3, shown.error)):
         np.testing.assert_array_equal(seen[:, 0], k * 1e4 + rows[first:])
-    np.testing.assert_allclose(np.linalg.norm(shown.path - [-0.55, 0.0], axis=1), 0.05, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(shown.path - [-0.55, 0.0], axis=1), 0.05, rtol=0, atol=1e-6
+    )
     lost = found._replace(metrics=SimpleNamespace(diverged=np.array([[True, False]])))
     with pytest.raises(VideoError, match="nominal plant diverged"):
         film_of(course, lost, "x")
@@ -150,8 +173,14 @@ def test_film_is_the_scored_part_of_the_stored_run():
 @pytest.mark.parametrize(
     ("error", "says"),
     [
-        (AttributeError("no glGetError"), "OpenGL cannot be opened .MUJOCO_GL is osmesa: no glGetError.; install it .*libegl1"),
-        (ImportError("mujoco: needs version 4.0.0, found 3.1"), "video: mujoco: needs version 4.0.0"),
+        (
+            AttributeError("no glGetError"),
+            "OpenGL cannot be opened .MUJOCO_GL is osmesa: no glGetError.; install it .*libegl1",
+        ),
+        (
+            ImportError("mujoco: needs version 4.0.0, found 3.1"),
+            "video: mujoco: needs version 4.0.0",
+        ),
     ],
 )
 def test_no_picture(monkeypatch, tmp_path, film, error, says):
@@ -162,7 +191,11 @@ def test_no_picture(monkeypatch, tmp_path, film, error, says):
     monkeypatch.setattr(gantry_video, "import_module", fail)
     with pytest.raises(VideoError, match=says) as raised:
         gantry_video.record(thesis_gantry(), film, tmp_path)
-    assert "\n" not in str(raised.value) and os.environ["MUJOCO_GL"] == "osmesa" and not list(tmp_path.iterdir())
+    assert (
+        "\n" not in str(raised.value)
+        and os.environ["MUJOCO_GL"] == "osmesa"
+        and not list(tmp_path.iterdir())
+    )
 
 
 def test_gif_without_the_extra(monkeypatch, tmp_path, film):
@@ -171,9 +204,22 @@ def test_gif_without_the_extra(monkeypatch, tmp_path, film):
     frames = Frames(_Recorded(), thesis_gantry(), film, "x")
     save(tmp_path / "video.gif", map(frames.pixels, (0, 100, 200)))
     with Image.open(tmp_path / "video.gif") as picture:
-        assert suffix == ".gif" and picture.format == "GIF" and picture.size == SIZE and picture.n_frames == 3
+        assert (
+            suffix == ".gif"
+            and picture.format == "GIF"
+            and picture.size == SIZE
+            and picture.n_frames == 3
+        )
         assert picture.info["duration"] == 1000 // FPS
-    told = lines({"file": "video.gif", "seconds": 5.0, "pace": "real time", "magnified": "twist x 2,000 (peak 30 urad)"}, tmp_path)
+    told = lines(
+        {
+            "file": "video.gif",
+            "seconds": 5.0,
+            "pace": "real time",
+            "magnified": "twist x 2,000 (peak 30 urad)",
+        },
+        tmp_path,
+    )
     assert "real time, twist x 2,000 (peak 30 urad)" in told[0] and "jcontour[video]" in told[1]
 
 
@@ -185,9 +231,23 @@ def test_only_of_a_gantry(capsys, tmp_path):
 
 
 def _simulated(folder, gl):
-    command = [sys.executable, "-m", "experiments.cli", "simulate", "--plant", "gantry", "--controller", "cascade"]
+    command = [
+        sys.executable,
+        "-m",
+        "experiments.cli",
+        "simulate",
+        "--plant",
+        "gantry",
+        "--controller",
+        "cascade",
+    ]
     environment = {**os.environ, **({"MUJOCO_GL": gl} if gl else {})}
-    return subprocess.run([*command, "--video", "--json", "--out", str(folder)], capture_output=True, text=True, env=environment)
+    return subprocess.run(
+        [*command, "--video", "--json", "--out", str(folder)],
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
 
 
 @pytest.mark.slow
@@ -198,8 +258,12 @@ def test_a_real_video(tmp_path):
     assert done.returncode == 0, done.stderr
     video = json.loads(done.stdout)["video"]
     assert video["file"] == "video.mp4" and (tmp_path / "run" / "video.mp4").stat().st_size < 2e6
-    read = import_module("imageio_ffmpeg").count_frames_and_secs(str(tmp_path / "run" / "video.mp4"))
-    assert read[0] / FPS == pytest.approx(video["seconds"]) and SHORTEST * 0.99 < read[1] < LONGEST + 1
+    read = import_module("imageio_ffmpeg").count_frames_and_secs(
+        str(tmp_path / "run" / "video.mp4")
+    )
+    assert (
+        read[0] / FPS == pytest.approx(video["seconds"]) and SHORTEST * 0.99 < read[1] < LONGEST + 1
+    )
 
 
 @pytest.mark.slow
@@ -208,5 +272,11 @@ def test_the_run_is_kept_where_nothing_can_be_drawn(tmp_path, gl):
     done = _simulated(tmp_path / "run", gl)
     assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert f"MUJOCO_GL is {gl}" in done.stderr and "the rest of the run is in" in done.stderr
-    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {"settings.json", "result.json", "rollouts.nc"}
-    assert "OpenGL" in json.loads((tmp_path / "run" / "result.json").read_text())["video"]["failure"]
+    assert {path.name for path in (tmp_path / "run").glob("*.*")} >= {
+        "settings.json",
+        "result.json",
+        "rollouts.nc",
+    }
+    assert (
+        "OpenGL" in json.loads((tmp_path / "run" / "result.json").read_text())["video"]["failure"]
+    )

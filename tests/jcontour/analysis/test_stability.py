@@ -10,7 +10,13 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
-from jcontour.analysis.stability import GAIN_RESOLUTION, GAIN_SEARCH, frozen_spectral_radii, frozen_spectral_radius, margins
+from jcontour.analysis.stability import (
+    GAIN_RESOLUTION,
+    GAIN_SEARCH,
+    frozen_spectral_radii,
+    frozen_spectral_radius,
+    margins,
+)
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -102,7 +108,9 @@ def bent():
 def loops(plant, plan):
     """Spectral radius of every frozen loop by NumPy, states fed back."""
     A, B, F = (np.asarray(m) for m in (plant.A, plant.B, plan.F))
-    wide = np.concatenate([F, np.zeros((*F.shape[:2], A.shape[0] - F.shape[2]))], axis=2)  # states of a delay line are not fed back
+    wide = np.concatenate(
+        [F, np.zeros((*F.shape[:2], A.shape[0] - F.shape[2]))], axis=2
+    )  # states of a delay line are not fed back
     return np.abs(np.linalg.eigvals(A - B @ wide)).max(axis=1)
 
 
@@ -110,14 +118,20 @@ def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
     wanted = loops(two_axes, law.prepare(bent))
     np.testing.assert_allclose(frozen_spectral_radii(two_axes, law, bent), wanted, rtol=1e-9)
     late = Delayed(two_axes, jnp.asarray(2), 2, 2)
-    np.testing.assert_allclose(frozen_spectral_radii(late, law, bent), loops(with_input_delay(two_axes, 2), law.prepare(bent)), rtol=1e-7)
+    np.testing.assert_allclose(
+        frozen_spectral_radii(late, law, bent),
+        loops(with_input_delay(two_axes, 2), law.prepare(bent)),
+        rtol=1e-7,
+    )
 
 
 def test_frozen_radius_of_a_direction(two_axes, law):
     for direction in ([1.0, 0.0], [-3.0, 4.0]):
         unit = np.array(direction) / np.linalg.norm(direction)
         along_it = along(line([0, 0], 1e-2 * unit), [0.0, 1e-4], 1e-3, 3, at_rest=False)
-        assert frozen_spectral_radius(law, np.array(direction)) == pytest.approx(loops(two_axes, law.prepare(along_it))[0], rel=1e-9)
+        assert frozen_spectral_radius(law, np.array(direction)) == pytest.approx(
+            loops(two_axes, law.prepare(along_it))[0], rel=1e-9
+        )
     for bad in ([0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
         with pytest.raises(ValueError, match="direction"):
             frozen_spectral_radius(law, np.array(bad))
@@ -129,7 +143,9 @@ def test_observers_add_their_own_poles(form, two_axes, law, bent):
     L = kalman_gain(two_axes, 0.01, 1e-6)
     own = np.abs(np.linalg.eigvals(np.asarray(two_axes.A - two_axes.A @ L @ two_axes.C))).max()
     found = frozen_spectral_radii(Encoders(two_axes), form(law, two_axes, L), bent)
-    np.testing.assert_allclose(found, np.maximum(loops(two_axes, law.prepare(bent)), own), rtol=1e-7)
+    np.testing.assert_allclose(
+        found, np.maximum(loops(two_axes, law.prepare(bent)), own), rtol=1e-7
+    )
 
 
 def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes, law, bent):
@@ -139,7 +155,12 @@ def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes
         low, high = found.gain[axis]
         assert low < 1 < high
         beyond = 1 + 2 * GAIN_RESOLUTION
-        for factor, inside in ((high, True), (high * beyond, False), (low, True), (low / beyond, False)):
+        for factor, inside in (
+            (high, True),
+            (high * beyond, False),
+            (low, True),
+            (low / beyond, False),
+        ):
             if not inside and not 1 / GAIN_SEARCH < factor < GAIN_SEARCH:
                 continue  # the search ends there
             gains = np.where(np.arange(2) == axis, factor, 1.0)
@@ -164,7 +185,9 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
     plant = LinearPlant([[1.0, 8e-4], [0.0, 0.6]], [[2e-4], [0.4]], [[1.0, 0.0]], 1e-3)
     k_p, k_v, T_i, dt = 200.0, 0.8, 0.004, 1e-3
     cascade = Cascade(CascadeGains(k_p, k_v, T_i), Sensors([0], [1]), dt)
-    found = margins(plant, cascade, along(line([0.0], [1e-2]), 1e-5 * np.arange(5), dt, 1, at_rest=False))
+    found = margins(
+        plant, cascade, along(line([0.0], [1e-2]), 1e-5 * np.arange(5), dt, 1, at_rest=False)
+    )
     motion = control.ss2tf(control.ss(plant.A, plant.B, [[k_p, 1.0]], 0, dt))
     cut = k_v * (1 + dt / T_i * control.tf([1, 0], [1, -1], dt)) * motion
 
@@ -172,7 +195,9 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
         return np.abs(control.feedback(gain * cut).poles()).max() - 1
 
     assert found.spectral_radius - 1 == pytest.approx(excess(1.0), rel=1e-6)
-    assert found.gain[0, 1] == pytest.approx(brentq(excess, 1.0, GAIN_SEARCH), rel=2 * GAIN_RESOLUTION)
+    assert found.gain[0, 1] == pytest.approx(
+        brentq(excess, 1.0, GAIN_SEARCH), rel=2 * GAIN_RESOLUTION
+    )
     assert found.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
 
 
@@ -194,7 +219,10 @@ def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
         Delayed(Saturated(integrators, limit), none, 2, 2),
         Saturated(Delayed(integrators, none, 2, 2), limit),
     ]
-    for found in (margins(integrators, law, reference), *(margins(plant, Proportional(0.5), reference) for plant in limited)):
+    for found in (
+        margins(integrators, law, reference),
+        *(margins(plant, Proportional(0.5), reference) for plant in limited),
+    ):
         assert found.saturated == saturated > 10
         assert found.spectral_radius == pytest.approx(0.5)
         np.testing.assert_allclose(found.gain[:, 1], 4.0, rtol=2 * GAIN_RESOLUTION)
@@ -213,7 +241,11 @@ def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrator
         line_of = [gain * (target - x), *line_of]
         acting = line_of.pop()
         saturated, x = saturated + (abs(acting) > limit), x + np.clip(acting, -limit, limit)
-    found = margins(Delayed(Saturated(integrators, jnp.full(2, limit)), jnp.asarray(late), 3, 2), Proportional(gain), reference)
+    found = margins(
+        Delayed(Saturated(integrators, jnp.full(2, limit)), jnp.asarray(late), 3, 2),
+        Proportional(gain),
+        reference,
+    )
     assert found.saturated == saturated > 10
 
 
@@ -224,12 +256,23 @@ def test_a_zero_gain_closes_no_loop(integrators, straight):
 
 def test_margins_of_a_machine_that_changes_along_the_path():
     """At rest x+ = x - g (1 + lean x_1) (x - x_d) is lost at 2 / (g (1 + lean x_1)), first where x_1 is largest: in the middle."""
-    arc, scored = np.repeat([1.0, 1.5, 0.25], 60), np.tile(np.arange(60) >= 50, 3)  # [m] at rest where it counts
-    found = margins(Leaning(0.4), Proportional(0.5), along(line([0, 0], [2.0, 0]), arc, 1e-3, 0, at_rest=True, scored=scored))
+    arc, scored = (
+        np.repeat([1.0, 1.5, 0.25], 60),
+        np.tile(np.arange(60) >= 50, 3),
+    )  # [m] at rest where it counts
+    found = margins(
+        Leaning(0.4),
+        Proportional(0.5),
+        along(line([0, 0], [2.0, 0]), arc, 1e-3, 0, at_rest=True, scored=scored),
+    )
     np.testing.assert_allclose(found.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
     np.testing.assert_array_equal(found.gain_at[:, 0], -1)  # any positive gain will do
     assert ((110 <= found.gain_at[:, 1]) & (found.gain_at[:, 1] < 120)).all()
-    unstable = margins(Leaning(2.0), Proportional(0.9), along(line([0, 0], [2.0, 0]), 0.2 + 1e-3 * np.arange(1500), 1e-3, 0, at_rest=True))
+    unstable = margins(
+        Leaning(2.0),
+        Proportional(0.9),
+        along(line([0, 0], [2.0, 0]), 0.2 + 1e-3 * np.arange(1500), 1e-3, 0, at_rest=True),
+    )
     assert unstable.delay == -1 and not unstable.spectral_radius < 1
 
 
@@ -241,7 +284,9 @@ class Held(Controller):
     preview: int = eqx.field(static=True, default=0)
 
     def prepare(self, reference):
-        return jax.vmap(lambda y: self.plant.initial_state(y, jnp.zeros(2)))(reference.position[: reference.steps])
+        return jax.vmap(lambda y: self.plant.initial_state(y, jnp.zeros(2)))(
+            reference.position[: reference.steps]
+        )
 
     def initial_memory(self, reference):
         return None
@@ -267,14 +312,25 @@ def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
     def radii(gains=1.0, delay=0):
         hand = [LinearPlant(*model(head), np.eye(6), dt) for head in heads]
         late = [with_input_delay(one, delay) for one in hand]
-        return np.array([loops(with_input_gains(one, gains), SimpleNamespace(F=K[None]))[0] for one in late])
+        return np.array(
+            [loops(with_input_gains(one, gains), SimpleNamespace(F=K[None]))[0] for one in late]
+        )
 
     plant = Gantry(p, dt)
     arc = np.concatenate([np.zeros(3), np.full(1500, heads[1] - heads[0])])
-    reference = along(line([heads[0], 0.0], [heads[1], 0.0]), arc, dt, 0, at_rest=True, scored=np.isin(np.arange(1503), [2, 1502]))
+    reference = along(
+        line([heads[0], 0.0], [heads[1], 0.0]),
+        arc,
+        dt,
+        0,
+        at_rest=True,
+        scored=np.isin(np.arange(1503), [2, 1502]),
+    )
     found = margins(Saturated(plant, jnp.full(3, 10.0)), Held(K, plant), reference)
     assert found.saturated == 0
-    assert found.spectral_radius == pytest.approx(radii().max(), abs=1e-6)  # Runge-Kutta against the matrix exponential
+    assert found.spectral_radius == pytest.approx(
+        radii().max(), abs=1e-6
+    )  # Runge-Kutta against the matrix exponential
     for index, side in np.ndindex(3, 2):
         low, high = np.sort(found.gain[index, side] * (1 + 2 * GAIN_RESOLUTION * np.array([-1, 1])))
         inner, outer = (high, low) if side == 0 else (low, high)
@@ -291,4 +347,8 @@ def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
 
 def test_nothing_scored_has_no_margins(integrators, straight):
     with pytest.raises(ValueError, match="mask"):
-        margins(integrators, Proportional(0.5), eqx.tree_at(lambda r: r.mask, straight, np.zeros(7, bool)))
+        margins(
+            integrators,
+            Proportional(0.5),
+            eqx.tree_at(lambda r: r.mask, straight, np.zeros(7, bool)),
+        )

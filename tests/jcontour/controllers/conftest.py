@@ -22,7 +22,9 @@ def on_line(angle, steps=STEPS):
 
 
 def on_circle(clockwise=False, steps=STEPS):
-    return along(circle(RADIUS, clockwise=clockwise), FEED * DT * np.arange(steps), DT, 1, at_rest=False)
+    return along(
+        circle(RADIUS, clockwise=clockwise), FEED * DT * np.arange(steps), DT, 1, at_rest=False
+    )
 
 
 def cascade(position=(25.0, 25.0), feedforward=0.0):
@@ -40,6 +42,13 @@ def last_error(plant, controller, reference):
 def table():
     """The plant, one with equal axes, and what makes references and cascades for it."""
     return SimpleNamespace(
-        plant=xy_table(DT), equal=xy_table(DT, (X_DRIVE, X_DRIVE)), feed=FEED, radius=RADIUS, dt=DT,
-        on_line=on_line, on_circle=on_circle, cascade=cascade, last_error=last_error,
-    )  # fmt: skip
+        plant=xy_table(DT),
+        equal=xy_table(DT, (X_DRIVE, X_DRIVE)),
+        feed=FEED,
+        radius=RADIUS,
+        dt=DT,
+        on_line=on_line,
+        on_circle=on_circle,
+        cascade=cascade,
+        last_error=last_error,
+    )

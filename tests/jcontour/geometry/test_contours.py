@@ -13,12 +13,35 @@ from scipy.spatial import cKDTree
 from scipy.special import ellipe, gamma
 
 import jcontour  # noqa: F401  (switches x64 on)
-from jcontour.geometry.contours import Contour, arc, chain, circle, ellipse, lemniscate, line, polygon, polyline, spline, stack
+from jcontour.geometry.contours import (
+    Contour,
+    arc,
+    chain,
+    circle,
+    ellipse,
+    lemniscate,
+    line,
+    polygon,
+    polyline,
+    spline,
+    stack,
+)
 
 ZIGZAG = np.array([(0.0, 0.0), (0.1, 0.0), (0.1, 0.05), (0.02, 0.04), (0.05, -0.03)])
-SPATIAL = np.array([(0.0, 0.0, 0.0), (0.03, 0.05, 0.01), (0.1, 0.04, -0.02), (0.12, -0.03, 0.03), (0.05, -0.05, 0.05), (0.0, 0.03, 0.06)])
+SPATIAL = np.array(
+    [
+        (0.0, 0.0, 0.0),
+        (0.03, 0.05, 0.01),
+        (0.1, 0.04, -0.02),
+        (0.12, -0.03, 0.03),
+        (0.05, -0.05, 0.05),
+        (0.0, 0.03, 0.06),
+    ]
+)
 SQUARE = np.array([(0.0, 0.0), (0.125, 0.0), (0.125, 0.125), (0.0, 0.125)])
-HEART = np.array([(0.0, 0.0), (0.06, 0.05), (0.03, 0.09), (0.0, 0.05), (-0.03, 0.09), (-0.06, 0.05)])
+HEART = np.array(
+    [(0.0, 0.0), (0.06, 0.05), (0.03, 0.09), (0.0, 0.05), (-0.03, 0.09), (-0.06, 0.05)]
+)
 
 
 class Case(NamedTuple):
@@ -37,7 +60,9 @@ def _polar(centre, radius, first, angle):
 
 def _segments(points):
     chord = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    return lambda u: np.stack([np.interp(np.asarray(u) * chord[-1], chord, column) for column in points.T], axis=-1), chord[-1]
+    return lambda u: np.stack(
+        [np.interp(np.asarray(u) * chord[-1], chord, column) for column in points.T], axis=-1
+    ), chord[-1]
 
 
 def _cubic(points, bc_type):
@@ -54,7 +79,14 @@ def _lemniscate(u, a=0.05):
 
 def _helix(u):
     phi = 1.0 + 15.0 * np.asarray(u)
-    return np.stack([0.02 + 0.04 * np.sin(phi), np.full_like(phi, 0.01) + 0.06 * np.asarray(u), 0.03 + 0.04 * np.cos(phi)], axis=-1)
+    return np.stack(
+        [
+            0.02 + 0.04 * np.sin(phi),
+            np.full_like(phi, 0.01) + 0.06 * np.asarray(u),
+            0.03 + 0.04 * np.cos(phi),
+        ],
+        axis=-1,
+    )
 
 
 def _tilted(u):
@@ -66,7 +98,10 @@ def _joined(*curves):
     def curve(u):
         u = np.asarray(u) * len(curves)
         piece = np.clip(u.astype(int), 0, len(curves) - 1)
-        return np.select([piece[..., None] == i for i in range(len(curves))], [curve(u - i) for i, curve in enumerate(curves)])
+        return np.select(
+            [piece[..., None] == i for i in range(len(curves))],
+            [curve(u - i) for i, curve in enumerate(curves)],
+        )
 
     return curve
 
@@ -75,28 +110,56 @@ def _joined(*curves):
 def cases() -> dict[str, Case]:
     closed_zigzag, closed_heart = np.vstack([ZIGZAG, ZIGZAG[:1]]), np.vstack([HEART, HEART[:1]])
     made = {
-        "line": Case(line((0.01, 0.02), (0.05, -0.03)), *_segments(np.array([(0.01, 0.02), (0.05, -0.03)]))),
+        "line": Case(
+            line((0.01, 0.02), (0.05, -0.03)), *_segments(np.array([(0.01, 0.02), (0.05, -0.03)]))
+        ),
         "polyline": Case(polyline(ZIGZAG), *_segments(ZIGZAG)),
         "polygon": Case(polygon(ZIGZAG), *_segments(closed_zigzag)),
         "square": Case(polygon(SQUARE), *_segments(np.vstack([SQUARE, SQUARE[:1]]))),
-        "turns": Case(arc((0.01, 0.0), (0.0, 0.0), 5 * np.pi), _polar((0.0, 0.0), 0.01, 0.0, 5 * np.pi), 0.05 * np.pi),
-        "arc": Case(arc((0.04, 0.0), (0.01, 0.0), -2.5), _polar((0.01, 0.0), 0.03, 0.0, -2.5), 0.075),
-        "circle": Case(circle(0.03, (0.01, -0.02), 0.7), _polar((0.01, -0.02), 0.03, 0.7, 2 * np.pi), 0.06 * np.pi),
-        "clockwise": Case(circle(0.02, clockwise=True), _polar((0.0, 0.0), 0.02, 0.0, -2 * np.pi), 0.04 * np.pi),
-        "ellipse": Case(ellipse(0.06, 0.03), lambda u: _polar((0, 0), 1, 0, 2 * np.pi)(u) * [0.06, 0.03], 0.24 * ellipe(0.75)),
-        "lemniscate": Case(lemniscate(0.05), _lemniscate, 0.05 * gamma(0.25) ** 2 / np.sqrt(2 * np.pi)),
+        "turns": Case(
+            arc((0.01, 0.0), (0.0, 0.0), 5 * np.pi),
+            _polar((0.0, 0.0), 0.01, 0.0, 5 * np.pi),
+            0.05 * np.pi,
+        ),
+        "arc": Case(
+            arc((0.04, 0.0), (0.01, 0.0), -2.5), _polar((0.01, 0.0), 0.03, 0.0, -2.5), 0.075
+        ),
+        "circle": Case(
+            circle(0.03, (0.01, -0.02), 0.7),
+            _polar((0.01, -0.02), 0.03, 0.7, 2 * np.pi),
+            0.06 * np.pi,
+        ),
+        "clockwise": Case(
+            circle(0.02, clockwise=True), _polar((0.0, 0.0), 0.02, 0.0, -2 * np.pi), 0.04 * np.pi
+        ),
+        "ellipse": Case(
+            ellipse(0.06, 0.03),
+            lambda u: _polar((0, 0), 1, 0, 2 * np.pi)(u) * [0.06, 0.03],
+            0.24 * ellipe(0.75),
+        ),
+        "lemniscate": Case(
+            lemniscate(0.05), _lemniscate, 0.05 * gamma(0.25) ** 2 / np.sqrt(2 * np.pi)
+        ),
         "spline": Case(spline(ZIGZAG), _cubic(ZIGZAG, "not-a-knot"), None),
         "periodic": Case(spline(HEART, closed=True), _cubic(closed_heart, "periodic"), None),
         "spline 3-D": Case(spline(SPATIAL), _cubic(SPATIAL, "not-a-knot"), None),
         "polyline 3-D": Case(polyline(SPATIAL), *_segments(SPATIAL)),
         "arc 3-D": Case(arc((0.03, 0, 0), (0, 0, 0), 2.0, normal=(0, -2, 0)), _tilted, 0.06),
-        "helix": Case(arc(_helix(0.0), (0.02, 0.01, 0.03), 15.0, (0, 3, 0), rise=0.06), _helix, float(np.hypot(0.6, 0.06))),
+        "helix": Case(
+            arc(_helix(0.0), (0.02, 0.01, 0.03), 15.0, (0, 3, 0), rise=0.06),
+            _helix,
+            float(np.hypot(0.6, 0.06)),
+        ),
     }
     bend, leg = made["arc 3-D"], np.array([(0.03, -0.05, 0.0), (0.03, 0.0, 0.0)])
-    made["chain 3-D"] = Case(chain([line(*leg), bend.contour]), _joined(_segments(leg)[0], _tilted), 0.11)
+    made["chain 3-D"] = Case(
+        chain([line(*leg), bend.contour]), _joined(_segments(leg)[0], _tilted), 0.11
+    )
     top, bottom = np.array([(0.02, 0.01), (-0.02, 0.01)]), np.array([(-0.02, -0.01), (0.02, -0.01)])
     right, left = arc((0.02, -0.01), (0.02, 0.0), np.pi), arc((-0.02, 0.01), (-0.02, 0.0), np.pi)
-    ends = [_polar((x, 0), 0.01, first, np.pi) for x, first in ((0.02, -np.pi / 2), (-0.02, np.pi / 2))]
+    ends = [
+        _polar((x, 0), 0.01, first, np.pi) for x, first in ((0.02, -np.pi / 2), (-0.02, np.pi / 2))
+    ]
     slot = _joined(ends[0], _segments(top)[0], ends[1], _segments(bottom)[0])
     made["slot"] = Case(chain([right, line(*top), left, line(*bottom)]), slot, 0.08 + 0.02 * np.pi)
     return _alike(made)
@@ -111,7 +174,9 @@ def _alike(made: dict[str, Case]) -> dict[str, Case]:
     for names in kinds.values():
         together = stack([made[name].contour for name in names])
         for i, name in enumerate(names):
-            made[name] = made[name]._replace(contour=jax.tree.map(lambda rows, i=i: rows[i], together))
+            made[name] = made[name]._replace(
+                contour=jax.tree.map(lambda rows, i=i: rows[i], together)
+            )
     return made
 
 
@@ -133,7 +198,9 @@ def nearest(contour: Contour, point, at, reach) -> np.ndarray:
     shape = np.broadcast_shapes(point.shape[:-1], np.shape(at), np.shape(reach))
     at, reach = np.broadcast_to(at, shape).ravel(), np.broadcast_to(reach, shape).ravel()
     point = np.broadcast_to(point, shape + point.shape[-1:]).reshape(-1, point.shape[-1])
-    found = contour.nearest(np.resize(point, (400, point.shape[1])), np.resize(at, 400), np.resize(reach, 400))
+    found = contour.nearest(
+        np.resize(point, (400, point.shape[1])), np.resize(at, 400), np.resize(reach, 400)
+    )
     return np.asarray(found)[: at.size].reshape(shape)
 
 
@@ -162,7 +229,9 @@ def brute_distance(curve, point) -> float:
     """Smallest distance to the curve: the best three valleys of a dense search, each searched again and again more finely."""
     u = np.linspace(0, 1, 4001)
     distance = np.linalg.norm(curve(u) - point, axis=-1)
-    valley = np.flatnonzero((distance <= np.roll(distance, 1)) & (distance <= np.roll(distance, -1)))
+    valley = np.flatnonzero(
+        (distance <= np.roll(distance, 1)) & (distance <= np.roll(distance, -1))
+    )
     best, zoom = np.inf, np.linspace(-1, 1, 41)
     for around in u[valley[np.argsort(distance[valley])[:3]]]:
         for width in 3e-4 * 15.0 ** -np.arange(8):
@@ -182,7 +251,9 @@ def test_positions_lie_on_the_curve_from_end_to_end(name):
         assert total == pytest.approx(length, rel=1e-12)
     position = along(contour.position, np.linspace(0, total, 40))
     np.testing.assert_allclose(position[[0, -1]], curve(np.array([0.0, 1.0])), atol=2e-15)
-    assert max(brute_distance(curve, point) for point in position) <= float(contour.fit_error) + 1e-13
+    assert (
+        max(brute_distance(curve, point) for point in position) <= float(contour.fit_error) + 1e-13
+    )
     box = curve(np.linspace(0, 1, 20001))
     assert float(contour.size) == pytest.approx(np.linalg.norm(np.ptp(box, axis=0)), rel=1e-4)
 
@@ -199,8 +270,12 @@ def test_tangent_and_curvature_are_the_derivatives(name):
     tangent = along(contour.tangent, s)
     np.testing.assert_allclose(np.linalg.norm(tangent, axis=1), 1, rtol=1e-14)
     np.testing.assert_allclose(tangent, velocity, atol=2e-7)
-    np.testing.assert_allclose(along(contour.curvature, s), np.linalg.norm(acceleration, axis=1), atol=2e-4, rtol=1e-4)
-    np.testing.assert_allclose(along(contour.curvature_vector, s), acceleration, atol=2e-3)  # fits are not quite in arc length
+    np.testing.assert_allclose(
+        along(contour.curvature, s), np.linalg.norm(acceleration, axis=1), atol=2e-4, rtol=1e-4
+    )
+    np.testing.assert_allclose(
+        along(contour.curvature_vector, s), acceleration, atol=2e-3
+    )  # fits are not quite in arc length
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -210,9 +285,16 @@ def test_nearest_anywhere_is_the_nearest_point_of_the_true_curve(name):
     found = distance(contour, point, nearest_anywhere(contour, point))
     expected = np.array([brute_distance(curve, y) for y in point])
     np.testing.assert_allclose(found, expected, atol=float(contour.fit_error) + 2e-12)
-    for y, least in zip(point[::10], found[::10], strict=True):  # SciPy finds no nearer point either
+    for y, least in zip(
+        point[::10], found[::10], strict=True
+    ):  # SciPy finds no nearer point either
         start = np.argmin(np.linalg.norm(curve(np.linspace(0, 1, 31)) - y, axis=1)) / 30
-        result = minimize(lambda u, y=y: 1e4 * np.sum((curve(u[0]) - y) ** 2), [start], bounds=[(0, 1)], method="Nelder-Mead")
+        result = minimize(
+            lambda u, y=y: 1e4 * np.sum((curve(u[0]) - y) ** 2),
+            [start],
+            bounds=[(0, 1)],
+            method="Nelder-Mead",
+        )
         assert least <= np.sqrt(result.fun / 1e4) + float(contour.fit_error) + 1e-12
 
 
@@ -229,18 +311,27 @@ def test_nearest_is_the_nearest_point_within_reach(name):
         window = at[:, None] + np.minimum(reach, total / 2)[:, None] * np.linspace(-1, 1, 401)
     else:
         away = np.abs(found - np.clip(at, 0, total))
-        window = np.clip(np.clip(at, 0, total)[:, None] + reach[:, None] * np.linspace(-1, 1, 401), 0, total)
+        window = np.clip(
+            np.clip(at, 0, total)[:, None] + reach[:, None] * np.linspace(-1, 1, 401), 0, total
+        )
     assert np.all((found >= 0) & (found <= total)) and np.all(away <= reach + 1e-14)
     least = distance(contour, point, found)
     assert np.all(least <= distance(contour, point[:, None], window).min(axis=1) + 1e-11)
     wide = np.flatnonzero(reach >= total)[:40]
-    np.testing.assert_allclose(least[wide], distance(contour, point[wide], nearest_anywhere(contour, point[wide])), atol=1e-11)
+    np.testing.assert_allclose(
+        least[wide],
+        distance(contour, point[wide], nearest_anywhere(contour, point[wide])),
+        atol=1e-11,
+    )
 
 
 @pytest.mark.parametrize("name", ["ellipse", "lemniscate", "periodic", "spline 3-D"])
 def test_fit_error_bounds_the_distance_everywhere(name):
     contour, curve, _ = cases()[name]
-    position, dense = along(contour.position, np.linspace(0, float(contour.length), 4000)), curve(np.linspace(0, 1, 200_001))
+    position, dense = (
+        along(contour.position, np.linspace(0, float(contour.length), 4000)),
+        curve(np.linspace(0, 1, 200_001)),
+    )
     _, i = cKDTree(dense).query(position)
     chord = dense[np.minimum(i + 1, len(dense) - 1)] - dense[np.maximum(i - 1, 0)]
     chord /= np.linalg.norm(chord, axis=1, keepdims=True)
@@ -258,16 +349,24 @@ def test_tolerance_sets_the_number_of_pieces():
 
 
 def test_circle_is_one_exact_piece():
-    assert circle(0.03).rate.size == 1 and circle(0.03).newton_steps == 0 and circle(0.03).fit_error == 0
+    assert (
+        circle(0.03).rate.size == 1
+        and circle(0.03).newton_steps == 0
+        and circle(0.03).fit_error == 0
+    )
     assert float(circle(0.03).size) == pytest.approx(0.06 * np.sqrt(2), rel=1e-14)
-    np.testing.assert_allclose(along(cases()["circle"].contour.curvature, np.linspace(-1, 1, 9)), 1 / 0.03, rtol=1e-13)
+    np.testing.assert_allclose(
+        along(cases()["circle"].contour.curvature, np.linspace(-1, 1, 9)), 1 / 0.03, rtol=1e-13
+    )
 
 
 def test_several_turns_and_whole_turns_of_an_arc():
     contour = cases()["turns"].contour
     total = float(contour.length)
     found = nearest(contour, (0.02, 0.001), np.array([0.0, 0.4, 0.8]) * total, 0.2 * total)
-    np.testing.assert_allclose(found, 0.01 * (np.arctan2(0.001, 0.02) + 2 * np.pi * np.arange(3)), rtol=1e-12)
+    np.testing.assert_allclose(
+        found, 0.01 * (np.arctan2(0.001, 0.02) + 2 * np.pi * np.arange(3)), rtol=1e-12
+    )
     assert bool(arc((0.01, 0.0), (0.0, 0.0), 2 * np.pi).closed) and not bool(contour.closed)
 
 
@@ -276,10 +375,13 @@ def test_open_contours_go_straight_on():
     total = float(contour.length)
     start, end = along(contour.tangent, (0.0, total))
     np.testing.assert_allclose(
-        along(contour.position, (-0.02, total + 0.02)), along(contour.position, (0, total)) + [-0.02 * start, 0.02 * end]
+        along(contour.position, (-0.02, total + 0.02)),
+        along(contour.position, (0, total)) + [-0.02 * start, 0.02 * end],
     )
     np.testing.assert_array_equal(along(contour.tangent, (-1.0, total + 1.0)), [start, end])
-    np.testing.assert_allclose(along(contour.curvature, (-0.01, total + 0.01, 0.0, total)), (0, 0, 1 / 0.03, 1 / 0.03))
+    np.testing.assert_allclose(
+        along(contour.curvature, (-0.01, total + 0.01, 0.0, total)), (0, 0, 1 / 0.03, 1 / 0.03)
+    )
 
 
 @pytest.mark.parametrize("name", sorted(CLOSED))
@@ -287,15 +389,27 @@ def test_closed_contours_wrap(name):
     contour = cases()[name].contour
     total = float(contour.length)
     s = np.linspace(0, total, 20, endpoint=False) + 1e-4
-    np.testing.assert_allclose(along(contour.position, s - 2 * total), along(contour.position, s), atol=1e-14)
-    np.testing.assert_allclose(along(contour.tangent, s + total), along(contour.tangent, s), atol=1e-11)
+    np.testing.assert_allclose(
+        along(contour.position, s - 2 * total), along(contour.position, s), atol=1e-14
+    )
+    np.testing.assert_allclose(
+        along(contour.tangent, s + total), along(contour.tangent, s), atol=1e-11
+    )
 
 
 def test_corners_are_exact_and_belong_to_the_piece_that_begins_there():
-    square, corners, outward = cases()["square"].contour, SQUARE, np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    square, corners, outward = (
+        cases()["square"].contour,
+        SQUARE,
+        np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]),
+    )
     at = np.array([0.0, 0.125, 0.25, 0.375])
     point = corners + 1e-3 * outward
-    for found in (nearest(square, point, at + 0.003, 0.01), nearest(square, point, at - 0.003, 0.01), nearest_anywhere(square, point)):
+    for found in (
+        nearest(square, point, at + 0.003, 0.01),
+        nearest(square, point, at - 0.003, 0.01),
+        nearest_anywhere(square, point),
+    ):
         np.testing.assert_array_equal(along(square.position, found), corners)
     np.testing.assert_array_equal(along(square.tangent, at), [(1, 0), (0, 1), (-1, 0), (0, -1)])
     np.testing.assert_array_equal(along(square.tangent, (0.5, -0.125)), [(1, 0), (0, -1)])
@@ -307,7 +421,10 @@ def test_local_search_stays_on_its_branch_at_a_self_crossing():
     crossing = float(contour.length) / 4
     on_branch, on_other = along(contour.position, (crossing + 0.002, 3 * crossing - 0.002))
     point = 0.3 * on_branch + 0.7 * on_other
-    everywhere, local = nearest_anywhere(contour, point), nearest(contour, point, crossing + 0.002, 0.006)
+    everywhere, local = (
+        nearest_anywhere(contour, point),
+        nearest(contour, point, crossing + 0.002, 0.006),
+    )
     assert abs(everywhere - 3 * crossing) < 0.01 and abs(local - crossing) < 0.01
     assert distance(contour, point, everywhere) < distance(contour, point, local)
 
@@ -319,9 +436,14 @@ def test_without_reach_or_with_a_point_that_is_not_finite_the_answer_is_the_arc_
     np.testing.assert_allclose(nearest(square, (1.0, 1.0), s, 0.0), s % total, atol=1e-16)
     np.testing.assert_array_equal(nearest(short, (1.0, 1.0), s, -1.0), np.clip(s, 0, end))
     point = np.array([(0.05, 0.001), (np.nan, 0.0), (0.0, np.inf), (-np.inf, 0.0), (0.05, -0.001)])
-    np.testing.assert_allclose(nearest(square, point, 0.04, np.inf), (0.05, 0.04, 0.04, 0.04, 0.05), rtol=1e-14)
+    np.testing.assert_allclose(
+        nearest(square, point, 0.04, np.inf), (0.05, 0.04, 0.04, 0.04, 0.05), rtol=1e-14
+    )
     assert np.isnan(nearest_anywhere(square, point)).tolist() == [False, True, True, True, False]
-    np.testing.assert_array_equal(nearest(square, (0.05, 0.01), (np.nan, np.inf, 0.04), (0.1, 0.1, np.nan)), (np.nan, np.nan, 0.04))
+    np.testing.assert_array_equal(
+        nearest(square, (0.05, 0.01), (np.nan, np.inf, 0.04), (0.1, 0.1, np.nan)),
+        (np.nan, np.nan, 0.04),
+    )
     assert np.isnan(along(square.position, (np.nan, np.inf))).all()
 
 
@@ -330,7 +452,9 @@ def test_window_may_be_wider_than_the_contour_and_cross_its_seam():
     total, angle = float(ring.length), np.linspace(-3, 3, 7)
     point = 0.03 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     for at, reach in ((0.0, 10.0), (0.3 * total, 10.0), (total, 10.0), (total - 1e-3, 0.0615)):
-        np.testing.assert_allclose(nearest(ring, point, at, reach), (-0.02 * angle) % total, atol=1e-15)
+        np.testing.assert_allclose(
+            nearest(ring, point, at, reach), (-0.02 * angle) % total, atol=1e-15
+        )
 
 
 def test_stacked_vmapped_and_mapped_equal_one_by_one():
@@ -342,14 +466,22 @@ def test_stacked_vmapped_and_mapped_equal_one_by_one():
 
     def answers(contour, point):
         found = contour.nearest(point, s, reach)
-        return contour.position(found), contour.position(s), contour.tangent(s), contour.curvature(s)
+        return (
+            contour.position(found),
+            contour.position(s),
+            contour.tangent(s),
+            contour.curvature(s),
+        )
 
     vmapped = jax.jit(jax.vmap(answers))(together, point)
     mapped = jax.lax.map(lambda both: answers(*both)[:1], (together, point))
     for i, name in enumerate(names):
         contour = cases()[name].contour
         expected = [along(contour.position, nearest(contour, point[i], s, reach))]
-        expected += [along(question, s) for question in (contour.position, contour.tangent, contour.curvature)]
+        expected += [
+            along(question, s)
+            for question in (contour.position, contour.tangent, contour.curvature)
+        ]
         for one, many in zip(expected, vmapped, strict=True):
             np.testing.assert_allclose(many[i], one, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(mapped[0][i], expected[0], atol=1e-11)
@@ -357,10 +489,16 @@ def test_stacked_vmapped_and_mapped_equal_one_by_one():
 
 def test_vmap_over_points_equals_a_loop():
     contour = cases()["slot"].contour
-    point, s, reach = points_around(cases()["slot"], 40, seed=6), np.linspace(-0.1, 0.4, 40), np.geomspace(1e-4, 0.3, 40)
+    point, s, reach = (
+        points_around(cases()["slot"], 40, seed=6),
+        np.linspace(-0.1, 0.4, 40),
+        np.geomspace(1e-4, 0.3, 40),
+    )
     expected = nearest(contour, point, s, reach)
     np.testing.assert_allclose(jax.vmap(contour.nearest)(point, s, reach), expected, atol=1e-14)
-    np.testing.assert_allclose([contour.nearest(*each) for each in zip(point, s, reach, strict=True)], expected, atol=1e-14)
+    np.testing.assert_allclose(
+        [contour.nearest(*each) for each in zip(point, s, reach, strict=True)], expected, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize("name", ["slot", "helix"])
@@ -382,14 +520,24 @@ def test_gradient_of_the_squared_distance_is_twice_the_error(name):
     np.testing.assert_allclose(gradient, 2 * (point - along(contour.position, at)), atol=1e-9)
     np.testing.assert_array_equal(along_path, 0)
     for axis, step in enumerate(1e-6 * np.eye(contour.axes)):
-        np.testing.assert_allclose(gradient[:, axis], (square(point + step, at)[0] - square(point - step, at)[0]) / 2e-6, atol=1e-8)
+        np.testing.assert_allclose(
+            gradient[:, axis],
+            (square(point + step, at)[0] - square(point - step, at)[0]) / 2e-6,
+            atol=1e-8,
+        )
 
 
 def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode():
     contour = cases()["slot"].contour
     s = jnp.linspace(-0.05, 0.3, 11)
     forward, reverse, bend = jax.jit(
-        jax.vmap(lambda s: (jax.jacfwd(contour.position)(s), jax.jacrev(contour.position)(s), jax.grad(contour.curvature)(s)))
+        jax.vmap(
+            lambda s: (
+                jax.jacfwd(contour.position)(s),
+                jax.jacrev(contour.position)(s),
+                jax.grad(contour.curvature)(s),
+            )
+        )
     )(s)
     np.testing.assert_allclose(forward, along(contour.tangent, s), atol=1e-6)
     np.testing.assert_allclose(reverse, along(contour.tangent, s), atol=1e-6)
@@ -398,7 +546,9 @@ def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode
 
 def test_float32_stays_float32():
     wide = cases()["helix"].contour
-    narrow = jax.tree.map(lambda rows: rows.astype(np.float32) if rows.dtype == np.float64 else rows, wide)
+    narrow = jax.tree.map(
+        lambda rows: rows.astype(np.float32) if rows.dtype == np.float64 else rows, wide
+    )
     s = np.linspace(0, float(wide.length), 50)[1:-1]
     point = along(wide.position, s) + 1e-4
 
@@ -410,7 +560,9 @@ def test_float32_stays_float32():
     narrow_answers = answers(narrow, jnp.float32(point), jnp.float32(s))
     assert {x.dtype for x in narrow_answers} == {jnp.dtype("float32")}
     expected = distance(wide, point, nearest(wide, point, s, 1e-3))
-    np.testing.assert_allclose(np.linalg.norm(point - narrow_answers[1], axis=1), expected, atol=2e-7)
+    np.testing.assert_allclose(
+        np.linalg.norm(point - narrow_answers[1], axis=1), expected, atol=2e-7
+    )
 
 
 def test_repeated_points_are_dropped_and_a_polyline_back_to_its_start_is_closed():
@@ -420,16 +572,23 @@ def test_repeated_points_are_dropped_and_a_polyline_back_to_its_start_is_closed(
     assert polygon([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0)]).rate.size == 3
     assert polygon([(0, 0), (0.1, 0), (0.1, 0.1), (1e-17, 0)]).rate.size == 3
     nearly = spline(np.vstack([HEART, HEART[:1] + 1e-17]), closed=True)
-    assert bool(nearly.closed) and float(nearly.length) == pytest.approx(float(cases()["periodic"].contour.length), rel=1e-12)
+    assert bool(nearly.closed) and float(nearly.length) == pytest.approx(
+        float(cases()["periodic"].contour.length), rel=1e-12
+    )
     assert float(spline([(0, 0), (0, 0), (0.3, 0.4)]).length) == pytest.approx(0.5, rel=1e-14)
 
 
 def test_chain_names_the_gap():
-    with pytest.raises(ValueError, match=r"chain: contour 1 ends at \[0.2, 0.0\] but contour 2 starts at .*0.001 m apart"):
+    with pytest.raises(
+        ValueError,
+        match=r"chain: contour 1 ends at \[0.2, 0.0\] but contour 2 starts at .*0.001 m apart",
+    ):
         chain([line((0, 0), (0.1, 0)), line((0.1, 0), (0.2, 0)), line((0.2, 0.001), (0.3, 0))])
     joined = chain([line((0, 0), (0.1, 0)), line((0.1, 1e-12), (0.2, 0))])
     assert joined.rate.size == 2
-    again = chain([chain([line((0, 0), (0.1, 0)), line((0.1, 0), (0.1, 0.1))]), line((0.1, 0.1), (0, 0))])
+    again = chain(
+        [chain([line((0, 0), (0.1, 0)), line((0.1, 0), (0.1, 0.1))]), line((0.1, 0.1), (0, 0))]
+    )
     assert again.rate.size == 3 and bool(again.closed)
 
 

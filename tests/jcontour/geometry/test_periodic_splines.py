@@ -7,22 +7,34 @@ from scipy.integrate import quad
 
 from jcontour.geometry.periodic_splines import periodic_spline, polar_lobes
 
-PATH = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())["path"]
+PATH = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json").read_text())[
+    "path"
+]
 
 
 def test_lobes_are_the_reference_ones():
     contour = polar_lobes(30e-3, 10e-3, 4)
     np.testing.assert_allclose(contour.length, 1e-3 * PATH["length_mm"], rtol=1e-13)
     starts = np.asarray(contour.start)[::16]
-    np.testing.assert_allclose(contour.position(starts), 1e-3 * np.array(PATH["knots_every_16"])[:-1], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        contour.position(starts), 1e-3 * np.array(PATH["knots_every_16"])[:-1], rtol=0, atol=1e-14
+    )
     assert bool(contour.closed) and contour.rate.size == 320
 
 
 def test_other_lobes_have_the_length_of_the_polar_curve_and_are_turned():
     contour = polar_lobes(25e-3, 8e-3, 3, phase=0.7, knots=240)
-    length = quad(lambda a: np.hypot(25e-3 + 8e-3 * np.cos(3 * a), 24e-3 * np.sin(3 * a)), 0, 2 * np.pi, epsabs=1e-14, limit=200)[0]
+    length = quad(
+        lambda a: np.hypot(25e-3 + 8e-3 * np.cos(3 * a), 24e-3 * np.sin(3 * a)),
+        0,
+        2 * np.pi,
+        epsabs=1e-14,
+        limit=200,
+    )[0]
     np.testing.assert_allclose(contour.length, length, rtol=1e-11)
-    np.testing.assert_allclose(contour.position(0.0), 33e-3 * np.array([np.cos(0.7), np.sin(0.7)]), rtol=1e-12)
+    np.testing.assert_allclose(
+        contour.position(0.0), 33e-3 * np.array([np.cos(0.7), np.sin(0.7)]), rtol=1e-12
+    )
 
 
 def test_four_derivatives_are_continuous_and_the_speed_is_nearly_one():
@@ -32,8 +44,13 @@ def test_four_derivatives_are_continuous_and_the_speed_is_nearly_one():
     for derivative in range(5):
         fall = np.prod([power - i for i in range(derivative)], axis=0) * np.ones(6)
         lift = np.where(power >= derivative, h ** np.maximum(power - derivative, 0.0), 0.0)
-        end, begin = np.einsum("pic,i->pc", polynomial, fall * lift), fall[derivative] * polynomial[:, derivative]
-        np.testing.assert_allclose(end, np.roll(begin, -1, axis=0), rtol=0, atol=1e-9 * np.abs(begin).max() + 1e-12)
+        end, begin = (
+            np.einsum("pic,i->pc", polynomial, fall * lift),
+            fall[derivative] * polynomial[:, derivative],
+        )
+        np.testing.assert_allclose(
+            end, np.roll(begin, -1, axis=0), rtol=0, atol=1e-9 * np.abs(begin).max() + 1e-12
+        )
     speed = np.linalg.norm(contour.pieces.jet(np.linspace(0, h, 9)[:, None])[1], axis=-1)
     assert 3e-4 < np.abs(speed - 1).max() < 4.5e-4  # the reference says up to 4e-4
 

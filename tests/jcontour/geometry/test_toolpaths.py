@@ -35,7 +35,9 @@ def assert_valid(toolpath: Toolpath) -> None:
     assert np.isfinite(ends).all()
     assert np.linalg.norm(ends[1:, 0] - ends[:-1, 1], axis=-1).max(initial=0.0) < 2e-6  # [mm]
     assert toolpath.feed.shape == toolpath.rapid.shape == extent.shape
-    assert np.isnan(toolpath.feed[toolpath.rapid]).all() and (toolpath.feed[~toolpath.rapid] > 0).all()
+    assert (
+        np.isnan(toolpath.feed[toolpath.rapid]).all() and (toolpath.feed[~toolpath.rapid] > 0).all()
+    )
     assert not toolpath.rapid[0] and not toolpath.rapid[-1]
 
 
@@ -78,7 +80,9 @@ def test_quarter_circles_in_both_directions():
 def test_radius_and_centre_form_agree(by_radius, by_centre):
     first, second = (parse_gcode(HEAD + "G0 X10\n" + line) for line in (by_radius, by_centre))
     fractions = np.linspace(0, 1, 9)
-    np.testing.assert_allclose(points(first, fractions), points(second, fractions), atol=2e-7)  # half circles: a root near zero
+    np.testing.assert_allclose(
+        points(first, fractions), points(second, fractions), atol=2e-7
+    )  # half circles: a root near zero
     np.testing.assert_allclose(lengths(first), lengths(second), rtol=1e-9)
 
 
@@ -90,14 +94,18 @@ def test_full_circle():
 
 
 def test_full_circle_after_incremental_moves_that_do_not_sum_exactly():
-    toolpath = parse_gcode("G91 F100 G1 X0.1\nX0.2\nG3 X0.1 Y0 I0.05\nX-0.1 I-0.05\nG90\nX0.3 Y0 I1")
+    toolpath = parse_gcode(
+        "G91 F100 G1 X0.1\nX0.2\nG3 X0.1 Y0 I0.05\nX-0.1 I-0.05\nG90\nX0.3 Y0 I1"
+    )
     np.testing.assert_allclose(lengths(toolpath)[-1], 2 * np.pi, rtol=1e-14)
 
 
 def test_helix():
     toolpath = parse_gcode(HEAD + "G0 X10 Y0 Z1\nG3 X0 Y10 Z4 I-10", axes="XYZ")
     np.testing.assert_allclose(lengths(toolpath), [np.hypot(5 * np.pi, 3)], rtol=1e-14)
-    np.testing.assert_allclose(points(toolpath)[0], [[10, 0, 1], [50**0.5, 50**0.5, 2.5], [0, 10, 4]], atol=1e-12)
+    np.testing.assert_allclose(
+        points(toolpath)[0], [[10, 0, 1], [50**0.5, 50**0.5, 2.5], [0, 10, 4]], atol=1e-12
+    )
     whole_turn = parse_gcode(HEAD + "G0 X10\nG2 Z-2 I-10", axes="XYZ")
     np.testing.assert_allclose(lengths(whole_turn), [np.hypot(20 * np.pi, 2)], rtol=1e-14)
     np.testing.assert_allclose(points(whole_turn)[0, 1], [-10, 0, -1], atol=1e-12)
@@ -117,12 +125,16 @@ def test_helix():
     ],
 )
 def test_planes(program, middle):
-    np.testing.assert_allclose(points(parse_gcode(HEAD + program, axes="XYZ"))[0, 1], middle, atol=1e-9)
+    np.testing.assert_allclose(
+        points(parse_gcode(HEAD + program, axes="XYZ"))[0, 1], middle, atol=1e-9
+    )
 
 
 def test_inches_are_25_4_mm():
     inches = parse_gcode("G20 G90 G0 X1 G17\nG1 Y2 F60\nG3 X0 Y3 I-1 J0\nG2 X1 Y4 R1")
-    metric = parse_gcode("G21 G90 G0 X25.4 G17\nG1 Y50.8 F1524\nG3 X0 Y76.2 I-25.4 J0\nG2 X25.4 Y101.6 R25.4")
+    metric = parse_gcode(
+        "G21 G90 G0 X25.4 G17\nG1 Y50.8 F1524\nG3 X0 Y76.2 I-25.4 J0\nG2 X25.4 Y101.6 R25.4"
+    )
     np.testing.assert_allclose(points(inches), points(metric), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(inches.feed, metric.feed, rtol=1e-14)
     np.testing.assert_allclose(inches.feed, 0.0254, rtol=1e-14)
@@ -136,7 +148,9 @@ def test_incremental_end_points():
 
 def test_modes_stay():
     modal = parse_gcode("g21g90f3000\ng1x1\nx2y1\ng3x1y2i-1\nx0y1j-1\ng1\n\nx0y0\nG91\nY-2")
-    spelled_out = parse_gcode(HEAD + "G01 X1.0 Y0\nG1.0 X+2. Y 1\nG03 X1 Y2 I-1 J0\nG3 X0 Y1 I0 J-1\nG1 X0 Y0\nG1 X0 Y-2")
+    spelled_out = parse_gcode(
+        HEAD + "G01 X1.0 Y0\nG1.0 X+2. Y 1\nG03 X1 Y2 I-1 J0\nG3 X0 Y1 I0 J-1\nG1 X0 Y0\nG1 X0 Y-2"
+    )
     np.testing.assert_allclose(points(modal), points(spelled_out), atol=1e-12)
 
 
@@ -153,8 +167,12 @@ def test_projection_drops_z_and_keeps_durations():
     program = HEAD + "G0 Z5\nX1\nG1 Z0 F60\nX4 Z-4 F3000\nG3 X4 Y2 Z-5 J1\nG1 Z5\nX5"
     flat, solid = parse_gcode(program), parse_gcode(program, axes="XYZ")
     np.testing.assert_allclose(lengths(flat), [3, np.pi, 1], rtol=1e-14)
-    np.testing.assert_allclose(lengths(solid), [5, 5, np.hypot(np.pi, 1), 10, 1], rtol=1e-14)  # the plunge is the first cutting move
-    np.testing.assert_allclose(lengths(flat) / flat.feed, (lengths(solid) / solid.feed)[[1, 2, 4]], rtol=1e-14)
+    np.testing.assert_allclose(
+        lengths(solid), [5, 5, np.hypot(np.pi, 1), 10, 1], rtol=1e-14
+    )  # the plunge is the first cutting move
+    np.testing.assert_allclose(
+        lengths(flat) / flat.feed, (lengths(solid) / solid.feed)[[1, 2, 4]], rtol=1e-14
+    )
     assert flat.contour.axes == 2 and solid.contour.axes == 3
 
 
@@ -172,7 +190,9 @@ def test_moves_without_length_are_dropped():
 @pytest.mark.parametrize("off", [-2e-4, 1e-4, 4e-3])  # [mm]
 def test_arc_slightly_off_its_circle_meets_both_ends(sweep, direction, off):
     radius, end = 10.0, (10.0 + off) * np.array([np.cos(sweep), direction * np.sin(sweep)])
-    toolpath = parse_gcode(HEAD + f"G0 X10\nG{3 if direction > 0 else 2} X{end[0]:.9f} Y{end[1]:.9f} I-10")
+    toolpath = parse_gcode(
+        HEAD + f"G0 X10\nG{3 if direction > 0 else 2} X{end[0]:.9f} Y{end[1]:.9f} I-10"
+    )
     assert_valid(toolpath)
     fractions = np.linspace(0, 1, 101)
     path = points(toolpath, fractions).reshape(-1, 2)
@@ -184,7 +204,11 @@ def test_arc_slightly_off_its_circle_meets_both_ends(sweep, direction, off):
 def test_radii_may_differ_as_in_grbl():
     assert_valid(parse_gcode("F100 G2 X2.0049 I1"))  # 4.9 um
     assert_valid(parse_gcode("F100 G2 X200.099 I100"))  # 0.099 %
-    for program in ("F100 G2 X2.0051 I1", "F100 G2 X200.101 I100", "F100 G2 X2000.51 I1000"):  # 5.1 um, 0.101 %, 0.51 mm
+    for program in (
+        "F100 G2 X2.0051 I1",
+        "F100 G2 X200.101 I100",
+        "F100 G2 X2000.51 I1000",
+    ):  # 5.1 um, 0.101 %, 0.51 mm
         with pytest.raises(ToolpathError, match="off its circle"):
             parse_gcode(program)
 
@@ -196,7 +220,11 @@ def test_arc_a_little_too_short_by_radius_is_a_half_circle():
 
 def test_many_moves_stay_fast():
     angle = np.linspace(0, 2 * np.pi, 5001)[1:]
-    program = HEAD + "G0 X10\n" + "\n".join(f"G1 X{10 * np.cos(a):.6f} Y{10 * np.sin(a):.6f}" for a in angle)
+    program = (
+        HEAD
+        + "G0 X10\n"
+        + "\n".join(f"G1 X{10 * np.cos(a):.6f} Y{10 * np.sin(a):.6f}" for a in angle)
+    )
     parse_gcode(program)
     started = time.perf_counter()
     toolpath = parse_gcode(program)
@@ -213,8 +241,12 @@ def test_bracket():
     holes = 2 * 2 * np.pi * (0.8 + 0.6)
     slot = 3 + np.pi * 0.5 + 3 + np.pi * 0.5 + 3
     straight = 4 + 2 + 2 + 5.7 + 0.8 * np.sqrt(2) + 1.7 + 10 + 2
-    outline = straight + 4 * np.pi / 2 + 1.5 * np.pi / 2 + np.pi  # fillets, inner fillet, lead-in and lead-out
-    np.testing.assert_allclose(lengths(toolpath)[~toolpath.rapid].sum(), holes + slot + outline, rtol=1e-12)
+    outline = (
+        straight + 4 * np.pi / 2 + 1.5 * np.pi / 2 + np.pi
+    )  # fillets, inner fillet, lead-in and lead-out
+    np.testing.assert_allclose(
+        lengths(toolpath)[~toolpath.rapid].sum(), holes + slot + outline, rtol=1e-12
+    )
     assert toolpath.rapid.sum() == 3
     outline_points = points(toolpath, np.linspace(0, 1, 33))[-14:].reshape(-1, 2)
     np.testing.assert_allclose(outline_points.max(axis=0), [12, 8], atol=1e-12)
@@ -233,11 +265,15 @@ def test_cam_lies_on_its_law():
         return 3 * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
 
     rise, dwell, back = angle < 90, angle < 150, angle < 270
-    law = np.select([rise, dwell, back], [5 + cycloid(angle / 90), 8.0, 8 - cycloid((angle - 150) / 120)], 5.0)
+    law = np.select(
+        [rise, dwell, back], [5 + cycloid(angle / 90), 8.0, 8 - cycloid((angle - 150) / 120)], 5.0
+    )
     np.testing.assert_allclose(np.linalg.norm(path, axis=1), law, atol=2e-4)
     pieces = jax.tree.map(np.asarray, toolpath.contour.pieces)
     before, after = pieces.jet(pieces.extent)[1][:-1], pieces.jet(0 * pieces.extent)[1][1:]
-    assert np.linalg.norm(after - before, axis=1).max() < 5e-4  # [rad] five digits of a millimetre on arcs of 0.1 mm
+    assert (
+        np.linalg.norm(after - before, axis=1).max() < 5e-4
+    )  # [rad] five digits of a millimetre on arcs of 0.1 mm
 
 
 # errors
@@ -282,10 +318,16 @@ def test_cam_lies_on_its_law():
         ("F100 G2 X1", r"line 1: an arc needs either a centre"),
         ("F100 G2 X2 I1 R1", r"line 1: an arc needs either a centre"),
         ("F100 G2 X2 I1 K1", r"line 1: K is not in the plane of G17"),
-        ("F100 G2 X2 I0.9", r"line 1: the end of the arc is off its circle: the radius is 0.9 mm .* and 1.1 mm at the end, 0.2 mm apart"),
+        (
+            "F100 G2 X2 I0.9",
+            r"line 1: the end of the arc is off its circle: the radius is 0.9 mm .* and 1.1 mm at the end, 0.2 mm apart",
+        ),
         ("F100 G2 X1 I0 J0", r"line 1: the end of the arc is off its circle"),
         ("F100 G2 I0 J0", r"line 1: an arc without a radius"),
-        ("F100 G2 X2 R0.9", r"line 1: a radius of 0.9 mm does not reach the end of the arc, 2 mm away"),
+        (
+            "F100 G2 X2 R0.9",
+            r"line 1: a radius of 0.9 mm does not reach the end of the arc, 2 mm away",
+        ),
         ("F100 G2 X0.001 R0", r"line 1: a radius of 0 mm does not reach"),
         ("F100 G2 R5", r"line 1: an arc by radius \(R\) needs an end apart from its start"),
         ("F100 G18 G2 X2 I1", r"line 1: an arc in the plane of G18 needs a third axis"),
@@ -402,19 +444,32 @@ def test_any_text(text, axes):
     assert_sound(HEAD + "G1 X1\n" + text, axes)
 
 
-odd_numbers = st.sampled_from(["0", "1", "-1", "0.5", "1e9", "10.", ".001", "-.0000001", "99999", ""])
+odd_numbers = st.sampled_from(
+    ["0", "1", "-1", "0.5", "1e9", "10.", ".001", "-.0000001", "99999", ""]
+)
 number = st.one_of(odd_numbers, st.decimals(-20, 20, places=4).map(str))
 word = st.one_of(
     st.tuples(st.sampled_from("XYZIJKRF"), number).map("".join),
-    st.sampled_from("G0 G1 G2 G3 G2 G3 G17 G18 G19 G20 G21 G90 G91 G80 G64 P1 M3 M30 N5 (x) ; % / ( G4 T1".split()),
+    st.sampled_from(
+        "G0 G1 G2 G3 G2 G3 G17 G18 G19 G20 G21 G90 G91 G80 G64 P1 M3 M30 N5 (x) ; % / ( G4 T1".split()
+    ),
 )
 block = st.lists(word, max_size=5).map(" ".join)
-arc = st.builds("G{} X{:.4f} Y{:.4f} Z{:.4f} I{:.4f} J{:.4f}".format, st.sampled_from([2, 3]), *[st.floats(-3, 3)] * 5)
-by_radius = st.builds("G{} X{:.4f} Y{:.4f} R{:.4f}".format, st.sampled_from([2, 3]), *[st.floats(-3, 3)] * 3)
+arc = st.builds(
+    "G{} X{:.4f} Y{:.4f} Z{:.4f} I{:.4f} J{:.4f}".format,
+    st.sampled_from([2, 3]),
+    *[st.floats(-3, 3)] * 5,
+)
+by_radius = st.builds(
+    "G{} X{:.4f} Y{:.4f} R{:.4f}".format, st.sampled_from([2, 3]), *[st.floats(-3, 3)] * 3
+)
 
 
 @settings(anything, max_examples=300)
-@given(st.lists(st.one_of(block, arc, by_radius), max_size=6).map("\n".join), st.sampled_from(["XY", "XYZ"]))
+@given(
+    st.lists(st.one_of(block, arc, by_radius), max_size=6).map("\n".join),
+    st.sampled_from(["XY", "XYZ"]),
+)
 def test_any_words(program, axes):
     assert_sound(HEAD + program, axes)
     assert_sound(HEAD + "G1 X0.5\n" + program, axes)
@@ -422,7 +477,9 @@ def test_any_words(program, axes):
 
 @settings(anything, max_examples=300)
 @given(
-    st.tuples(st.floats(1e-4, 30), st.floats(1e-6, 6.2831), st.floats(0, 6.3), st.floats(-6e-3, 6e-3)),
+    st.tuples(
+        st.floats(1e-4, 30), st.floats(1e-6, 6.2831), st.floats(0, 6.3), st.floats(-6e-3, 6e-3)
+    ),
     st.sampled_from([2, 3]),
     st.integers(2, 5),
 )
@@ -436,7 +493,9 @@ def test_any_arc(geometry, code, digits):
     try:
         toolpath = parse_gcode(HEAD + words)
     except ToolpathError as error:
-        assert re.match("line 3: (the end of the arc is off its circle|an arc without a radius)", str(error))
+        assert re.match(
+            "line 3: (the end of the arc is off its circle|an arc without a radius)", str(error)
+        )
         return
     assert_valid(toolpath)
     path = points(toolpath, np.linspace(0, 1, 65)).reshape(-1, 2)
@@ -472,7 +531,9 @@ def test_mutated_parts(tmp_path_factory, data):
         elif kind == "delete":
             del content[where]
         else:
-            content[where : where + (kind == "replace")] = data.draw(st.one_of(st.binary(min_size=1, max_size=3), signs))
+            content[where : where + (kind == "replace")] = data.draw(
+                st.one_of(st.binary(min_size=1, max_size=3), signs)
+            )
         content = content or bytearray(b" ")
     path = tmp_path_factory.getbasetemp() / "mutated.ngc"
     path.write_bytes(content)

@@ -13,8 +13,14 @@ CONTOUR = contours.circle(0.02)
 
 def test_looking_between_the_samples_changes_nothing():
     controller = MPCC(xy_table(0.004), CONTOUR)
-    slow = reported_loop(xy_table(0.004), controller, along(CONTOUR, np.zeros(50), 0.004, 0, at_rest=True)).rollout
-    fast = reported_loop(xy_table(0.001), Held(controller, 4, 2), along(CONTOUR, np.zeros(200), 0.001, 0, at_rest=True)).rollout
+    slow = reported_loop(
+        xy_table(0.004), controller, along(CONTOUR, np.zeros(50), 0.004, 0, at_rest=True)
+    ).rollout
+    fast = reported_loop(
+        xy_table(0.001),
+        Held(controller, 4, 2),
+        along(CONTOUR, np.zeros(200), 0.001, 0, at_rest=True),
+    ).rollout
     np.testing.assert_allclose(fast.output[::4], slow.output, rtol=0, atol=1e-12)
     np.testing.assert_allclose(fast.control, np.repeat(slow.control, 4, axis=0), rtol=0, atol=1e-9)
 

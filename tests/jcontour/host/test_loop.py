@@ -29,7 +29,9 @@ def same(found, wanted, relative=1e-12):
     for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
         a, b = np.asarray(a), np.asarray(b)
         assert a.shape == b.shape and a.dtype == b.dtype
-        np.testing.assert_allclose(a, b, rtol=0, atol=relative * max(1.0, np.abs(b).max(initial=0.0)))
+        np.testing.assert_allclose(
+            a, b, rtol=0, atol=relative * max(1.0, np.abs(b).max(initial=0.0))
+        )
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -58,7 +60,13 @@ class Affine(HostController):
     """u = f - F x on the host; fails in the steps it is told to."""
 
     def __init__(self, controller: ContouringLQ, failing=(), soft=False, last=None):
-        self.inner, self.preview, self.failing, self.soft, self.last = controller, controller.preview, failing, soft, last
+        self.inner, self.preview, self.failing, self.soft, self.last = (
+            controller,
+            controller.preview,
+            failing,
+            soft,
+            last,
+        )
 
     def prepare(self, reference):
         plan = self.inner.prepare(reference)
@@ -70,7 +78,11 @@ class Affine(HostController):
     def step(self, memory, plan, measurement):
         if memory in self.failing:
             one = np.ones(1)
-            raise Unsolved("test", "infeasible", QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one))
+            raise Unsolved(
+                "test",
+                "infeasible",
+                QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one),
+            )
         return self.soft_step(memory, plan, measurement, True)
 
     def soft_step(self, memory, plan, measurement, hard=False):
@@ -95,11 +107,18 @@ def zoo():
 
 def test_a_host_controller_gives_the_rollout_of_its_traceable_twin():
     plant, controller = zoo()
-    run, wanted = reported_loop(plant, Affine(controller), on_circle()), simulate(plant, controller, on_circle())
+    run, wanted = (
+        reported_loop(plant, Affine(controller), on_circle()),
+        simulate(plant, controller, on_circle()),
+    )
     for name in ("state", "output", "measurement", "control", "final_state"):
         same(getattr(run.rollout, name), getattr(wanted, name))
     assert run.rollout.memory.tolist() == list(range(12)) and run.rollout.final_memory == 12
-    assert run.report.fallbacks == 0 and run.report.active_fraction == 1.0 and run.report.worst_residual == 1e-12
+    assert (
+        run.report.fallbacks == 0
+        and run.report.active_fraction == 1.0
+        and run.report.worst_residual == 1e-12
+    )
 
 
 def test_a_finished_run_is_shorter():
@@ -112,10 +131,14 @@ def test_a_finished_run_is_shorter():
 
 def test_an_unsolved_step_stops_the_run_and_keeps_what_there_is():
     plant, controller = zoo()
-    with pytest.raises(Stopped, match=r"^step 5: test did not solve the QP \(1 variables, 0 rows\): infeasible$") as caught:
+    with pytest.raises(
+        Stopped, match=r"^step 5: test did not solve the QP \(1 variables, 0 rows\): infeasible$"
+    ) as caught:
         loop(plant, Affine(controller, failing=(5,)), on_circle())
     stopped, wanted = caught.value, simulate(plant, controller, on_circle())
-    assert stopped.step == 5 and stopped.cause.step == 5 and stopped.cause.qp.upper.tolist() == [-1.0]
+    assert (
+        stopped.step == 5 and stopped.cause.step == 5 and stopped.cause.qp.upper.tolist() == [-1.0]
+    )
     same(stopped.rollout.control, wanted.control[:5])
     same(stopped.rollout.final_state, wanted.state[5])
     assert stopped.run.report.active.shape == (5,)
@@ -135,7 +158,9 @@ def test_hold_repeats_the_last_control_and_is_counted():
 
 def test_soft_solves_again():
     plant, controller = zoo()
-    run = reported_loop(plant, Affine(controller, failing=(0, 5), soft=True), on_circle(), fallback="soft")
+    run = reported_loop(
+        plant, Affine(controller, failing=(0, 5), soft=True), on_circle(), fallback="soft"
+    )
     same(run.rollout.control, simulate(plant, controller, on_circle()).control)
     assert run.report.fallbacks == 2
     held = reported_loop(plant, Affine(controller, failing=(5,)), on_circle(), fallback="soft")

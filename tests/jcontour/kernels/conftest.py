@@ -24,8 +24,12 @@ def machine(sizes: tuple[int, ...], inputs: int, outputs: int) -> LinearPlant:
         own = slice(first, first + size)
         block = random.standard_normal((size, size))
         A[own, own] = 0.9 * block / np.abs(np.linalg.eigvals(block)).max()
-        B[own, part :: len(sizes)] = random.standard_normal((size, len(range(part, inputs, len(sizes)))))
-        C[part :: len(sizes), own] = random.standard_normal((len(range(part, outputs, len(sizes))), size))
+        B[own, part :: len(sizes)] = random.standard_normal(
+            (size, len(range(part, inputs, len(sizes))))
+        )
+        C[part :: len(sizes), own] = random.standard_normal(
+            (len(range(part, outputs, len(sizes))), size)
+        )
         first += size
     order = random.permutation(n)
     return LinearPlant(A[np.ix_(order, order)], B[order], C[:, order], 1e-3)
@@ -41,12 +45,20 @@ def data(plant: LinearPlant, steps: int, preview: int):
 
     terminal = CostToGo(positive(steps, n), jnp.asarray(random.standard_normal((steps, n))))
     stage = jnp.asarray(random.uniform(0.5, 2.0, preview))
-    return positive(steps + preview, m), jnp.asarray(random.standard_normal((steps + preview, m))), stage, positive(p), terminal
+    return (
+        positive(steps + preview, m),
+        jnp.asarray(random.standard_normal((steps + preview, m))),
+        stage,
+        positive(p),
+        terminal,
+    )
 
 
 def close(first, second, tolerance):
     for one, other in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * max(1e-300, float(jnp.max(jnp.abs(other)))))
+        np.testing.assert_allclose(
+            one, other, rtol=0, atol=tolerance * max(1e-300, float(jnp.max(jnp.abs(other))))
+        )
 
 
 @pytest.fixture(scope="session")

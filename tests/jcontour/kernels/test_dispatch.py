@@ -22,10 +22,15 @@ def test_a_cpu_keeps_the_sweep_in_xla():
     assert dispatch.suits_lanes(plant.pattern, plant) == dispatch.on_gpu()
 
 
-@pytest.mark.parametrize(("types", "wanted"), [((float, float), True), ((float, np.float32), False), ((np.float16,), False)])
+@pytest.mark.parametrize(
+    ("types", "wanted"),
+    [((float, float), True), ((float, np.float32), False), ((np.float16,), False)],
+)
 def test_one_type_for_all_numbers(monkeypatch, types, wanted):
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
-    assert dispatch.suits_lanes(bridgeport().pattern, *(jnp.zeros(2, one) for one in types)) == wanted
+    assert (
+        dispatch.suits_lanes(bridgeport().pattern, *(jnp.zeros(2, one) for one in types)) == wanted
+    )
 
 
 @pytest.mark.parametrize(
@@ -38,23 +43,35 @@ def test_one_type_for_all_numbers(monkeypatch, types, wanted):
         (12, True, np.float32, False),
     ],
 )
-def test_a_plant_that_would_unroll_too_far_is_left_to_xla(monkeypatch, states, coupled, dtype, wanted):
+def test_a_plant_that_would_unroll_too_far_is_left_to_xla(
+    monkeypatch, states, coupled, dtype, wanted
+):
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
     A = np.ones((states, states)) if coupled else np.eye(states)
-    assert dispatch.suits_lanes(Pattern.of(A, np.ones((states, 3)), np.ones((3, states))), jnp.zeros(1, dtype)) == wanted
+    assert (
+        dispatch.suits_lanes(
+            Pattern.of(A, np.ones((states, 3)), np.ones((3, states))), jnp.zeros(1, dtype)
+        )
+        == wanted
+    )
 
 
 def test_multiplications_are_counted_over_what_is_not_zero():
     dense = Pattern.of(np.ones((3, 3)), np.ones((3, 1)), np.ones((1, 3)))
     assert dispatch.multiplications(dense) == 3 * 3 + 6 + 9 * 3 + 9 * 3 // 2
-    assert dispatch.multiplications(Pattern.of(np.eye(3), np.ones((3, 1)), np.ones((1, 3)))) == 3 * 3 + 6 + 3 * 3 + 3 * 3 // 2
+    assert (
+        dispatch.multiplications(Pattern.of(np.eye(3), np.ones((3, 1)), np.ones((1, 3))))
+        == 3 * 3 + 6 + 3 * 3 + 3 * 3 // 2
+    )
 
 
 def test_spans_are_for_long_windows_whose_profile_is_known_to_be_uniform():
     shortest = dispatch.SHORTEST_WINDOW["gpu" if dispatch.on_gpu() else "cpu"]
     assert dispatch.suits_spans(np.ones(shortest)) and dispatch.suits_spans(np.full(shortest, 0.3))
     assert not dispatch.suits_spans(np.ones(shortest - 1)) and not dispatch.suits_spans(np.ones(0))
-    assert not dispatch.suits_spans(np.linspace(1, 2, shortest)) and not dispatch.suits_spans(np.ones(shortest), lanes=True)
+    assert not dispatch.suits_spans(np.linspace(1, 2, shortest)) and not dispatch.suits_spans(
+        np.ones(shortest), lanes=True
+    )
     traced = []
     jax.eval_shape(lambda stage: traced.append(dispatch.suits_spans(stage)), jnp.ones(shortest))
     assert traced == [False]

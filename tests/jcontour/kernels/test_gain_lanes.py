@@ -23,7 +23,11 @@ def test_lanes_of_several_members(problems):
     scale = jnp.array([0.5, 1.0, 2.0])
     run = gains(plant.pattern, Sizes(3, 2, 2, 5, 3, True))
     ends = [jnp.moveaxis(array, 0, -1) for array in terminal]
-    F, f = problems.quick(lambda: jax.vmap(lambda s: run(plant.A, plant.B, plant.C, _cost(Q, y_d), stage, s * R, *ends))(scale))()
+    F, f = problems.quick(
+        lambda: jax.vmap(
+            lambda s: run(plant.A, plant.B, plant.C, _cost(Q, y_d), stage, s * R, *ends)
+        )(scale)
+    )()
     for k, factor in enumerate(scale):
         wanted = readable_plan(plant, Q, y_d, stage, factor * R, CostToGo(*terminal))
         problems.close((F[k].transpose(2, 0, 1), f[k].T), (wanted.F, wanted.f), 1e-11)

@@ -19,9 +19,16 @@ def case(problems, sizes, inputs, outputs, steps):
 def score(y, u, reference):
     """A number and a flag of every run."""
     behind = tuple(range(1, y.ndim - 1))
-    wanted, mask = jnp.expand_dims(reference[0], behind), jnp.expand_dims(reference[1], (*behind, y.ndim - 1))
+    wanted, mask = (
+        jnp.expand_dims(reference[0], behind),
+        jnp.expand_dims(reference[1], (*behind, y.ndim - 1)),
+    )
     error = jnp.where(mask, y - wanted, 0.0)
-    return {"error": jnp.sum(jnp.sin(error), (0, -1)), "control": jnp.sum(u**2, (0, -1)), "far": jnp.max(jnp.abs(error), (0, -1)) > 1.0}
+    return {
+        "error": jnp.sum(jnp.sin(error), (0, -1)),
+        "control": jnp.sum(u**2, (0, -1)),
+        "far": jnp.max(jnp.abs(error), (0, -1)) > 1.0,
+    }
 
 
 def kernel(plant, *run):
@@ -40,11 +47,16 @@ def number(run):
     return value
 
 
-@pytest.mark.parametrize(("sizes", "inputs", "outputs", "steps"), [((2, 1), 2, 2, 5), ((3,), 1, 2, 4)])
+@pytest.mark.parametrize(
+    ("sizes", "inputs", "outputs", "steps"), [((2, 1), 2, 2, 5), ((3,), 1, 2, 4)]
+)
 def test_equals_the_scan(problems, sizes, inputs, outputs, steps):
     plant, run = case(problems, sizes, inputs, outputs, steps)
     problems.close(problems.quick(kernel)(plant, *run), problems.quick(scan)(plant, *run), 1e-13)
-    problems.close(*(problems.quick(jax.grad(number(f), (1, 2, 3)))(plant, *run) for f in (kernel, scan)), 1e-12)
+    problems.close(
+        *(problems.quick(jax.grad(number(f), (1, 2, 3)))(plant, *run) for f in (kernel, scan)),
+        1e-12,
+    )
 
 
 def test_a_plant_or_a_reference_that_moves(problems):
@@ -53,12 +65,16 @@ def test_a_plant_or_a_reference_that_moves(problems):
     def value(run_of):
         return lambda plant, shift: number(run_of)(plant, *run[:3], (run[3][0] + shift, run[3][1]))
 
-    problems.close(*(problems.quick(jax.grad(value(f), (0, 1)))(plant, 0.1) for f in (kernel, scan)), 1e-12)
+    problems.close(
+        *(problems.quick(jax.grad(value(f), (0, 1)))(plant, 0.1) for f in (kernel, scan)), 1e-12
+    )
 
 
 def test_a_family_shares_a_plan(problems):
     plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
-    family = jax.tree.map(lambda leaf: leaf * jnp.array([0.9, 1.0, 1.1]).reshape(3, *[1] * leaf.ndim), plant)
+    family = jax.tree.map(
+        lambda leaf: leaf * jnp.array([0.9, 1.0, 1.1]).reshape(3, *[1] * leaf.ndim), plant
+    )
 
     def spread(run):
         def of_family(F, f, starts):
@@ -78,7 +94,13 @@ def test_only_the_reference_differs(problems):
     batch = jnp.stack([wanted, 2 * wanted])
 
     def runs(run):
-        return problems.quick(jax.vmap(lambda wanted: jax.value_and_grad(number(run), 2)(plant, F, f, start, (wanted, mask))))
+        return problems.quick(
+            jax.vmap(
+                lambda wanted: jax.value_and_grad(number(run), 2)(
+                    plant, F, f, start, (wanted, mask)
+                )
+            )
+        )
 
     problems.close(runs(kernel)(batch), runs(scan)(batch), 1e-12)
 
@@ -90,10 +112,15 @@ def test_many_runs_on_a_gpu(problems):
 
     def runs(run):
         def of_one(a):
-            return run(plant, a * F, f, start, reference), jax.grad(number(run), (1, 2, 3))(plant, a * F, f, start, reference)
+            return run(plant, a * F, f, start, reference), jax.grad(number(run), (1, 2, 3))(
+                plant, a * F, f, start, reference
+            )
 
         return jax.jit(lambda: jax.vmap(of_one)(batch))
 
     found, again, wanted = runs(kernel)(), runs(kernel)(), runs(scan)()
     problems.close(found, wanted, 1e-11)
-    assert all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True))
+    assert all(
+        np.array_equal(a, b)
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(again), strict=True)
+    )

@@ -6,7 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
-from jcontour.linear.plant import LinearPlant, Pattern, check_stable, decoupled_axes, spectral_radius, steady_motion
+from jcontour.linear.plant import (
+    LinearPlant,
+    Pattern,
+    check_stable,
+    decoupled_axes,
+    spectral_radius,
+    steady_motion,
+)
 from jcontour.linear.transformations import with_input_delay, with_input_gains, zoh
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
@@ -50,7 +57,11 @@ def test_delay_in_the_model_is_the_delay_of_the_wrapper(samples, coupled_plant):
     random = np.random.default_rng(2)
     x, controls = random.standard_normal(4), random.standard_normal((9, 2))
     _, outputs = run(model, np.append(x, np.zeros(2 * samples)), controls)
-    _, found = jax.lax.scan(lambda state, u: (wrapped.step(state, u), wrapped.output(state)), (jnp.asarray(x), jnp.zeros((3, 2))), controls)
+    _, found = jax.lax.scan(
+        lambda state, u: (wrapped.step(state, u), wrapped.output(state)),
+        (jnp.asarray(x), jnp.zeros((3, 2))),
+        controls,
+    )
     np.testing.assert_allclose(found, outputs[:-1], rtol=1e-12, atol=1e-13)
 
 
@@ -61,7 +72,9 @@ def test_no_delay_is_the_plant_itself(two_axes):
 
 
 def test_input_gains_scale_columns_of_b(two_axes):
-    np.testing.assert_array_equal(with_input_gains(two_axes, (1.1, 0.5)).B, np.asarray(two_axes.B) * [1.1, 0.5])
+    np.testing.assert_array_equal(
+        with_input_gains(two_axes, (1.1, 0.5)).B, np.asarray(two_axes.B) * [1.1, 0.5]
+    )
     np.testing.assert_array_equal(with_input_gains(two_axes, 2.0).B, 2.0 * np.asarray(two_axes.B))
 
 
@@ -70,7 +83,9 @@ def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
     plant = with_input_delay(bridgeport(), delay)
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
     x = np.asarray(plant.initial_state(y, dy))
-    for i, steps in enumerate((3 + delay, 5 + delay)):  # an axis of n states is held for n steps; its poles are printed to four digits
+    for i, steps in enumerate(
+        (3 + delay, 5 + delay)
+    ):  # an axis of n states is held for n steps; its poles are printed to four digits
         forced = run(plant, np.zeros(plant.states), np.tile(np.eye(2)[i], (steps, 1)))[1][:, i]
         free = run(plant, x, np.zeros((steps, 2)))[1][:, i]
         ramp = y[i] + np.arange(steps + 1) * dy[i]
@@ -81,29 +96,40 @@ def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
 def test_steady_motion_of_true_integrators_never_ends(two_axes):
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
     x = np.asarray(two_axes.initial_state(jnp.asarray(y), jnp.asarray(dy)))
-    u = dy / np.array([2e-4 + 8e-4 * 0.4 / 0.4, 3e-4 + 7e-4 * 0.5 / 0.5])  # ramp gain of each axis, by hand
+    u = dy / np.array(
+        [2e-4 + 8e-4 * 0.4 / 0.4, 3e-4 + 7e-4 * 0.5 / 0.5]
+    )  # ramp gain of each axis, by hand
     outputs = run(two_axes, x, np.tile(u, (200, 1)))[1]
     np.testing.assert_allclose(outputs, y + np.arange(201)[:, None] * dy, rtol=0, atol=1e-14)
     at_rest = np.asarray(two_axes.initial_state(jnp.asarray(y), jnp.zeros(2)))
-    np.testing.assert_allclose(run(two_axes, at_rest, np.zeros((50, 2)))[1], np.tile(y, (51, 1)), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        run(two_axes, at_rest, np.zeros((50, 2)))[1], np.tile(y, (51, 1)), rtol=0, atol=1e-15
+    )
 
 
 def test_steady_motion_is_differentiable_where_the_pattern_is_given(two_axes):
     @jax.jit
     def start(A):
-        return jnp.sum(steady_motion(LinearPlant(A, two_axes.B, two_axes.C, 1e-3, two_axes.pattern)).Sv)
+        return jnp.sum(
+            steady_motion(LinearPlant(A, two_axes.B, two_axes.C, 1e-3, two_axes.pattern)).Sv
+        )
 
-    # more states need more samples to tell the ramp: the derivative to the lag of X, against a difference
+    # more states need more samples to tell the ramp: the derivative to the lag of X, against a
+    # difference
     h = np.zeros((4, 4))
     h[1, 1] = 1e-6
     slope = float(jax.jit(jax.grad(start))(two_axes.A)[1, 1])
-    assert slope == pytest.approx(float(start(two_axes.A + h) - start(two_axes.A - h)) / 2e-6, rel=1e-6)
+    assert slope == pytest.approx(
+        float(start(two_axes.A + h) - start(two_axes.A - h)) / 2e-6, rel=1e-6
+    )
 
 
 def test_steady_motion_refuses_what_it_cannot_solve(coupled_plant):
     with pytest.raises(ValueError, match=r"states \[0, 1, 2\].*give SteadyMotion"):
         steady_motion(coupled_plant(0, 3, 2))
-    hidden = LinearPlant(block([[0.5, 0.0], [0.0, 0.5]]), [[1.0], [1.0]], [[1.0, 1.0]], 1.0)  # the two states look the same
+    hidden = LinearPlant(
+        block([[0.5, 0.0], [0.0, 0.5]]), [[1.0], [1.0]], [[1.0, 1.0]], 1.0
+    )  # the two states look the same
     with pytest.raises(ValueError, match="output 0.*steady motion"):
         steady_motion(hidden)
 
@@ -116,18 +142,24 @@ def test_decoupled_axes_are_found_however_the_plant_is_ordered(sizes, order):
     A = block(*(np.eye(s) + np.eye(s, k=-1) for s in sizes))
     B, C = block(*(np.eye(s)[:, :1] for s in sizes)), block(*(np.eye(s)[-1:] for s in sizes))
     states, inputs, outputs = (order.sample(range(k), k) for k in (n, axes, axes))
-    found = decoupled_axes(Pattern.of(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)]))
+    found = decoupled_axes(
+        Pattern.of(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)])
+    )
     owner = np.repeat(np.arange(axes), sizes)
     assert [axis.outputs for axis in found] == [(i,) for i in range(axes)]
     for i, axis in enumerate(found):
         assert axis.inputs == (inputs.index(outputs[i]),)
-        assert axis.states == tuple(k for k, state in enumerate(states) if owner[state] == outputs[i])
+        assert axis.states == tuple(
+            k for k, state in enumerate(states) if owner[state] == outputs[i]
+        )
 
 
 def test_steady_motion_of_a_permuted_plant(two_axes):
     states, inputs, outputs = [3, 0, 2, 1], [1, 0], [0, 1]
     A, B, C = (np.asarray(m) for m in (two_axes.A, two_axes.B, two_axes.C))
-    shuffled = LinearPlant(A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)], 1e-3)
+    shuffled = LinearPlant(
+        A[np.ix_(states, states)], B[np.ix_(states, inputs)], C[np.ix_(outputs, states)], 1e-3
+    )
     plain, mixed = steady_motion(two_axes), steady_motion(shuffled)
     np.testing.assert_allclose(mixed.Sy, np.asarray(plain.Sy)[states], atol=1e-15)
     np.testing.assert_allclose(mixed.Sv, np.asarray(plain.Sv)[states], rtol=1e-12, atol=1e-15)
@@ -136,12 +168,16 @@ def test_steady_motion_of_a_permuted_plant(two_axes):
 def test_pattern_is_hashable_and_full_where_values_are_traced(two_axes):
     assert hash(two_axes.pattern) == hash(Pattern.of(two_axes.A, two_axes.B, two_axes.C))
     traced = []
-    jax.eval_shape(lambda A: traced.append(LinearPlant(A, two_axes.B, two_axes.C, 1e-3).pattern), two_axes.A)
+    jax.eval_shape(
+        lambda A: traced.append(LinearPlant(A, two_axes.B, two_axes.C, 1e-3).pattern), two_axes.A
+    )
     assert np.all(traced[0].A) and not np.all(traced[0].B)
 
 
 def test_spectral_radius_is_infinite_for_what_is_not_finite():
-    M = np.stack([np.diag([0.5, -2.0]), np.full((2, 2), np.nan), np.array([[0.0, 1.0], [-1.0, 0.0]])])
+    M = np.stack(
+        [np.diag([0.5, -2.0]), np.full((2, 2), np.nan), np.array([[0.0, 1.0], [-1.0, 0.0]])]
+    )
     np.testing.assert_allclose(spectral_radius(M), [2.0, np.inf, 1.0])
 
 
@@ -174,8 +210,13 @@ def test_integers_become_floats():
 def test_unstable_matrices_are_named_with_their_eigenvalues():
     check_stable("loop", np.diag([0.5, -0.999]))
     jax.jit(lambda M: check_stable("loop", M))(2 * np.eye(2))  # traced: not looked at
-    for matrix, values in ((np.diag([0.5, -1.5]), "0.5 +-1.5"), ([[1.0, 1.0], [0.0, 1.0]], "1. +1."), ([[np.nan]], "not finite")):
+    for matrix, values in (
+        (np.diag([0.5, -1.5]), "0.5 +-1.5"),
+        ([[1.0, 1.0], [0.0, 1.0]], "1. +1."),
+        ([[np.nan]], "not finite"),
+    ):
         with pytest.raises(
-            ValueError, match=f"^loop is not stable: needs all eigenvalues inside the unit circle, they are .{{0,2}}{values}"
+            ValueError,
+            match=f"^loop is not stable: needs all eigenvalues inside the unit circle, they are .{{0,2}}{values}",
         ):
             check_stable("loop", np.asarray(matrix))

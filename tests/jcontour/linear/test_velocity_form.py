@@ -14,7 +14,9 @@ DATA = json.loads((Path(__file__).parents[2] / "data" / "mpcc" / "reference.json
 @pytest.mark.parametrize("dt", (0.004, 0.001))
 def test_eigenvalues_are_the_reference_ones(dt):
     moduli = np.sort(np.abs(np.linalg.eigvals(np.asarray(velocity_form(xy_table(dt)).A))))
-    np.testing.assert_allclose(moduli, DATA["plant"][f"zoh_{dt}"]["eig_velocity_form_abs"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        moduli, DATA["plant"][f"zoh_{dt}"]["eig_velocity_form_abs"], rtol=0, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("plant", (xy_table(0.004), bridgeport()), ids=("table", "bridgeport"))
@@ -25,7 +27,9 @@ def test_predicts_the_plant_whose_control_is_one_sample_late_even_under_a_consta
     controls, load = rng.normal(size=(40, p)), 1e-4 * rng.normal(size=n)
     x = [rng.normal(size=n)]
     for k in range(39):
-        x.append(A @ x[-1] + B @ controls[k] + load)  # control k acts during [k, k + 1): the model calls it u(k - 1)
+        x.append(
+            A @ x[-1] + B @ controls[k] + load
+        )  # control k acts during [k, k + 1): the model calls it u(k - 1)
     model = velocity_form(plant)
     state = velocity_state(x[1], x[0], controls[1] - controls[0], C @ x[1])
     for k in range(1, 39):

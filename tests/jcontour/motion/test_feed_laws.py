@@ -25,7 +25,9 @@ def duration(arc) -> float:
 # constant feed
 
 
-@pytest.mark.parametrize(("feed", "samples"), [(0.05, 2001), (0.1, 1001), (0.07, 1429), (0.0499, 2005), (100.0, 2)])
+@pytest.mark.parametrize(
+    ("feed", "samples"), [(0.05, 2001), (0.1, 1001), (0.07, 1429), (0.0499, 2005), (100.0, 2)]
+)
 def test_constant_feed_is_exact(feed, samples):
     arc = constant_feed(LINE, feed, DT)
     np.testing.assert_array_equal(arc[:-1], np.arange(samples - 1) * (feed * DT))
@@ -47,17 +49,28 @@ def test_constant_feed_by_piece_adds_up():
     feed = np.array([0.04, 0.01, 0.06])
     arc = constant_feed(path, feed, DT)
     assert duration(arc) == pytest.approx(0.5 + 1.0 + 0.5, abs=1e-9)
-    np.testing.assert_allclose(arc[[0, 1000, 2000, 3000, 4000]], [0, 0.02, 0.025, 0.03, 0.06], atol=1e-12)
+    np.testing.assert_allclose(
+        arc[[0, 1000, 2000, 3000, 4000]], [0, 0.02, 0.025, 0.03, 0.06], atol=1e-12
+    )
     np.testing.assert_allclose(np.diff(arc)[[5, 1500, 3500]], feed * DT, rtol=1e-9)
-    np.testing.assert_allclose(constant_feed(path, np.full(3, 0.04), DT), constant_feed(path, 0.04, DT))
+    np.testing.assert_allclose(
+        constant_feed(path, np.full(3, 0.04), DT), constant_feed(path, 0.04, DT)
+    )
 
 
 def test_padding_counts_for_nothing():
     path = contours.polyline([[0, 0], [0.02, 0], [0.02, 0.01]])
-    padded = jax.tree.map(lambda rows: rows[0], contours.stack([path, contours.polygon([[0, 0], [1, 0], [1, 1], [0, 1]])]))
+    padded = jax.tree.map(
+        lambda rows: rows[0],
+        contours.stack([path, contours.polygon([[0, 0], [1, 0], [1, 1], [0, 1]])]),
+    )
     feed = [0.04, 0.01, np.nan, np.nan]
-    np.testing.assert_array_equal(constant_feed(padded, feed, DT), constant_feed(path, feed[:2], DT))
-    np.testing.assert_array_equal(trapezoidal(padded, feed, DT, 2.0), trapezoidal(path, feed[:2], DT, 2.0))
+    np.testing.assert_array_equal(
+        constant_feed(padded, feed, DT), constant_feed(path, feed[:2], DT)
+    )
+    np.testing.assert_array_equal(
+        trapezoidal(padded, feed, DT, 2.0), trapezoidal(path, feed[:2], DT, 2.0)
+    )
 
 
 # trapezoids in closed form
@@ -73,7 +86,9 @@ def trapezoid(length, speed, acceleration, time):
     return np.where(rest < ramp, length - 0.5 * acceleration * rest**2, arc), total
 
 
-@pytest.mark.parametrize(("feed", "acceleration"), [(0.05, 2.0), (0.1, 0.5), (0.33, 2.0), (5.0, 2.0), (0.001, 40.0)])
+@pytest.mark.parametrize(
+    ("feed", "acceleration"), [(0.05, 2.0), (0.1, 0.5), (0.33, 2.0), (5.0, 2.0), (0.001, 40.0)]
+)
 def test_line_is_a_trapezoid_or_a_triangle(feed, acceleration):
     arc = trapezoidal(LINE, feed, DT, acceleration)
     expected, total = trapezoid(0.05, feed, acceleration, np.arange(arc.size) * DT)
@@ -84,15 +99,23 @@ def test_line_is_a_trapezoid_or_a_triangle(feed, acceleration):
 
 def test_cutting_a_line_in_two_changes_nothing():
     two = contours.polyline([[0, 0], [0.011, 0], [0.05, 0]])
-    np.testing.assert_allclose(trapezoidal(two, 0.1, DT, 2.0), trapezoidal(contours.line([0, 0], [0.05, 0]), 0.1, DT, 2.0), atol=1e-13)
+    np.testing.assert_allclose(
+        trapezoidal(two, 0.1, DT, 2.0),
+        trapezoidal(contours.line([0, 0], [0.05, 0]), 0.1, DT, 2.0),
+        atol=1e-13,
+    )
 
 
 def test_axis_limits_on_a_line():
     """The line has the direction (0.6, 0.8)."""
     arc = trapezoidal(LINE, 1.0, DT, 10.0, axis_speed=[0.3, 0.04], axis_acceleration=[0.3, 10.0])
-    np.testing.assert_allclose(arc, trapezoid(0.05, 0.05, 0.5, np.arange(arc.size) * DT)[0], atol=1e-13)
+    np.testing.assert_allclose(
+        arc, trapezoid(0.05, 0.05, 0.5, np.arange(arc.size) * DT)[0], atol=1e-13
+    )
     arc = trapezoidal(LINE, 0.02, DT, 1.0, axis_speed=1.0, axis_acceleration=0.4)
-    np.testing.assert_allclose(arc, trapezoid(0.05, 0.02, 0.5, np.arange(arc.size) * DT)[0], atol=1e-13)
+    np.testing.assert_allclose(
+        arc, trapezoid(0.05, 0.02, 0.5, np.arange(arc.size) * DT)[0], atol=1e-13
+    )
 
 
 def test_feed_by_piece():
@@ -113,9 +136,15 @@ def test_corner_speed_is_the_junction_deviation_rule(turned):
     arc = trapezoidal(path, feed, DT, acceleration, junction_deviation=deviation)
     sin_half = np.sin((np.pi - turned) / 2)
     corner = min(feed, np.sqrt(acceleration * deviation * sin_half / (1 - sin_half)))
-    leg = feed / acceleration + (feed - corner) / acceleration + (0.05 - (2 * feed**2 - corner**2) / (2 * acceleration)) / feed
+    leg = (
+        feed / acceleration
+        + (feed - corner) / acceleration
+        + (0.05 - (2 * feed**2 - corner**2) / (2 * acceleration)) / feed
+    )
     assert duration(arc) - DT - 1e-9 < 2 * leg <= duration(arc) + 1e-9
-    radius = deviation * sin_half / (1 - sin_half)  # of the arc tangent to both sides, `deviation` away from the corner: v^2 = A radius
+    radius = (
+        deviation * sin_half / (1 - sin_half)
+    )  # of the arc tangent to both sides, `deviation` away from the corner: v^2 = A radius
     assert radius / sin_half - radius == pytest.approx(deviation)
 
 
@@ -140,7 +169,9 @@ def test_two_full_circles_in_opposite_directions_stop_between():
     path = contours.chain([contours.circle(0.005), contours.circle(0.005, clockwise=True)])
     arc = trapezoidal(path, 0.05, DT, 2.0)
     half = np.searchsorted(arc, float(path.length) / 2)
-    assert np.diff(arc)[half - 1 : half + 1].max() / DT < 1.5 * 2.0 * DT  # at most 1.5 samples after the stop
+    assert (
+        np.diff(arc)[half - 1 : half + 1].max() / DT < 1.5 * 2.0 * DT
+    )  # at most 1.5 samples after the stop
 
 
 # the limits, seen from outside
@@ -161,7 +192,10 @@ def at_corner(contour, arc, most=1e-6):
     pieces = jax.tree.map(np.asarray, contour.pieces)
     before, after = pieces.jet(pieces.extent)[1][:-1], pieces.jet(0 * pieces.extent)[1][1:]
     corners = start[np.linalg.norm(before - after, axis=1) > most]
-    first, last = np.searchsorted(corners, arc[:-2], side="left"), np.searchsorted(corners, arc[2:], side="right")
+    first, last = (
+        np.searchsorted(corners, arc[:-2], side="left"),
+        np.searchsorted(corners, arc[2:], side="right"),
+    )
     return last > first
 
 
@@ -174,30 +208,46 @@ def at_corner(contour, arc, most=1e-6):
 def test_parts_keep_to_the_limits(part, axes, axis_speed, axis_acceleration):
     toolpath = read_gcode(PARTS / f"{part}.ngc", axes)
     contour, m = toolpath.contour, len(axes)
-    axis_speed, axis_acceleration = (limit[:m] if isinstance(limit, list) else limit for limit in (axis_speed, axis_acceleration))
+    axis_speed, axis_acceleration = (
+        limit[:m] if isinstance(limit, list) else limit for limit in (axis_speed, axis_acceleration)
+    )
     feed = np.where(toolpath.rapid, 0.1, toolpath.feed)
     arc = trapezoidal(contour, feed, DT, 2.0, axis_speed, axis_acceleration)
     speed, velocity, acceleration, vector = differences(contour, arc)
     assert (speed >= 0).all() and arc[0] == 0 and arc[-1] == float(contour.length)
     assert speed.max() <= feed.max() * (1 + 1e-9) and np.abs(acceleration).max() <= 2.0 * (1 + 1e-6)
-    on_piece = np.minimum(*(feed[np.searchsorted(np.asarray(contour.start), s, side="right") - 1] for s in (arc[:-1], arc[1:])))
+    on_piece = np.minimum(
+        *(
+            feed[np.searchsorted(np.asarray(contour.start), s, side="right") - 1]
+            for s in (arc[:-1], arc[1:])
+        )
+    )
     same_piece = np.diff(np.searchsorted(np.asarray(contour.start), arc, side="right")) == 0
     assert (speed <= on_piece * (1 + 1e-9))[same_piece].all()
     smooth = ~at_corner(contour, arc, 1e-3)
-    small_corners = 2 * 2.7e-4 * speed.max() / DT if part == "cam" else 0.0  # its joints turn by up to 2.7e-4 rad, here within one sample
-    across = vector - acceleration[:, None] * velocity[1:] / np.linalg.norm(velocity[1:], axis=1, keepdims=True)
+    small_corners = (
+        2 * 2.7e-4 * speed.max() / DT if part == "cam" else 0.0
+    )  # its joints turn by up to 2.7e-4 rad, here within one sample
+    across = vector - acceleration[:, None] * velocity[1:] / np.linalg.norm(
+        velocity[1:], axis=1, keepdims=True
+    )
     assert np.linalg.norm(across, axis=1)[smooth].max() <= 2.0 * (1 + 2e-2) + small_corners
     if axis_speed is not None:
         assert (np.abs(velocity) <= np.array(axis_speed) * (1 + 1e-6)).all()
     if axis_acceleration is not None:
-        assert (np.abs(vector)[smooth] <= np.array(axis_acceleration) * (1 + 2e-3) + small_corners).all()
+        assert (
+            np.abs(vector)[smooth] <= np.array(axis_acceleration) * (1 + 2e-3) + small_corners
+        ).all()
 
 
 def test_axis_limits_on_a_circle_are_used_and_kept():
     circle = contours.circle(0.005)
     arc = trapezoidal(circle, 1.0, DT, 50.0, axis_speed=[0.08, 0.05], axis_acceleration=[1.0, 1.5])
     _, velocity, _, vector = differences(circle, arc)
-    assert np.abs(velocity[:, 1]).max() == pytest.approx(0.05, rel=5e-3) and np.abs(velocity).max() <= 0.08
+    assert (
+        np.abs(velocity[:, 1]).max() == pytest.approx(0.05, rel=5e-3)
+        and np.abs(velocity).max() <= 0.08
+    )
     for axis, limit in enumerate([1.0, 1.5]):
         assert 0.97 * limit < np.abs(vector[:, axis]).max() <= limit * (1 + 1e-3)
 
@@ -211,14 +261,27 @@ def test_duration_agrees_with_a_fine_grid(part):
     ends = np.append(np.asarray(contour.start), float(contour.length))
     s = np.unique(np.concatenate([np.arange(0, ends[-1], 2e-6), ends]))
     ceiling = np.full(s.size, np.inf)
-    bends = np.asarray(contour.curvature(0.5 * (ends[:-1] + ends[1:])))  # lines and arcs: one curvature each
-    cosines = np.sum(np.asarray(contour.tangent(ends - 1e-10)) * np.asarray(contour.tangent(ends + 1e-10)), axis=1)
-    for i, (first, last, bend, cosine) in enumerate(zip(ends[:-1], ends[1:], bends, cosines[:-1], strict=True)):
+    bends = np.asarray(
+        contour.curvature(0.5 * (ends[:-1] + ends[1:]))
+    )  # lines and arcs: one curvature each
+    cosines = np.sum(
+        np.asarray(contour.tangent(ends - 1e-10)) * np.asarray(contour.tangent(ends + 1e-10)),
+        axis=1,
+    )
+    for i, (first, last, bend, cosine) in enumerate(
+        zip(ends[:-1], ends[1:], bends, cosines[:-1], strict=True)
+    ):
         inside = slice(*np.searchsorted(s, [first, last]) + [0, 1])
-        ceiling[inside] = np.minimum(ceiling[inside], min(feed[i] ** 2, acceleration / bend if bend else np.inf))
+        ceiling[inside] = np.minimum(
+            ceiling[inside], min(feed[i] ** 2, acceleration / bend if bend else np.inf)
+        )
         if i:
             sine_half = np.sqrt((1 + np.clip(cosine, -1, 1)) / 2)
-            corner = np.inf if sine_half > 1 - 1e-9 else acceleration * deviation * sine_half / (1 - sine_half)
+            corner = (
+                np.inf
+                if sine_half > 1 - 1e-9
+                else acceleration * deviation * sine_half / (1 - sine_half)
+            )
             ceiling[inside.start] = min(ceiling[inside.start], corner)
     ceiling[[0, -1]] = 0.0
     for order in (range(1, s.size), range(s.size - 2, -1, -1)):
@@ -227,7 +290,9 @@ def test_duration_agrees_with_a_fine_grid(part):
             ceiling[k] = min(ceiling[k], ceiling[j] + 2 * acceleration * abs(s[k] - s[j]))
     speed = np.sqrt(ceiling)
     total = np.sum(2 * np.diff(s) / (speed[1:] + speed[:-1]))
-    assert duration(trapezoidal(contour, feed, DT, acceleration)) == pytest.approx(total, abs=DT, rel=2e-3)
+    assert duration(trapezoidal(contour, feed, DT, acceleration)) == pytest.approx(
+        total, abs=DT, rel=2e-3
+    )
 
 
 coordinate = st.floats(-0.01, 0.01).map(lambda x: round(x, 5))
@@ -241,7 +306,9 @@ coordinate = st.floats(-0.01, 0.01).map(lambda x: round(x, 5))
     st.floats(0.1, 20.0),
     st.floats(0.005, 0.3),
 )
-def test_any_polyline_keeps_to_the_limits(points, feed, acceleration, axis_acceleration, axis_speed):
+def test_any_polyline_keeps_to_the_limits(
+    points, feed, acceleration, axis_acceleration, axis_speed
+):
     path = contours.polyline(points)
     arc = trapezoidal(path, feed, DT, acceleration, axis_speed, axis_acceleration)
     speed, velocity, along, vector = differences(path, arc)
@@ -262,7 +329,9 @@ def test_smooth_fitted_curves():
 # errors
 
 
-@pytest.mark.parametrize("law", [constant_feed, lambda contour, feed, dt: trapezoidal(contour, feed, dt, 2.0)])
+@pytest.mark.parametrize(
+    "law", [constant_feed, lambda contour, feed, dt: trapezoidal(contour, feed, dt, 2.0)]
+)
 @pytest.mark.parametrize(
     ("feed", "dt", "message"),
     [

@@ -6,7 +6,15 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from jcontour.geometry.contours import circle, line
-from jcontour.motion.input_shaping import Shaper, ei, in_series, residual_vibration, shaped_law, zv, zvd
+from jcontour.motion.input_shaping import (
+    Shaper,
+    ei,
+    in_series,
+    residual_vibration,
+    shaped_law,
+    zv,
+    zvd,
+)
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import in_time
 
@@ -22,14 +30,20 @@ CLOSED = {
 
 @pytest.mark.parametrize(("make", "closed"), CLOSED.values(), ids=CLOSED)
 def test_sensitivity_without_damping(make, closed):
-    np.testing.assert_allclose(residual_vibration(make(W), W * OFF), closed(OFF), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        residual_vibration(make(W), W * OFF), closed(OFF), rtol=0, atol=1e-14
+    )
 
 
 def test_ei_is_zero_twice_and_below_five_per_cent_for_forty():
     zeros = np.arccos([-0.95 / 1.05]) / np.pi
-    np.testing.assert_allclose(residual_vibration(ei(W), W * np.array([zeros[0], 2 - zeros[0]])), 0, atol=1e-14)
+    np.testing.assert_allclose(
+        residual_vibration(ei(W), W * np.array([zeros[0], 2 - zeros[0]])), 0, atol=1e-14
+    )
     edge = np.arccos((3 * 0.05 - 1) / 1.05) / np.pi
-    np.testing.assert_allclose(residual_vibration(ei(W), W * np.array([edge, 1.0, 2 - edge])), 0.05, rtol=1e-12)
+    np.testing.assert_allclose(
+        residual_vibration(ei(W), W * np.array([edge, 1.0, 2 - edge])), 0.05, rtol=1e-12
+    )
     assert 2 * (1 - edge) == pytest.approx(0.3993, abs=5e-4)  # the literature's 0.399
     assert residual_vibration(ei(W), W * np.linspace(edge, 2 - edge, 200)).max() < 0.05 + 1e-12
 
@@ -46,8 +60,14 @@ def test_what_is_left_of_the_modelled_mode(zeta):
 def test_zvd_is_flat_and_zv_is_not(zeta):
     """By central differences of the complex sum, whose modulus is V."""
     h = 1e-4
-    slopes = [(residual_vibration(make(W, zeta), W * (1 + h), zeta) + residual_vibration(make(W, zeta), W * (1 - h), zeta)) / (2 * h)
-              for make in (zv, zvd)]  # fmt: skip
+    slopes = [
+        (
+            residual_vibration(make(W, zeta), W * (1 + h), zeta)
+            + residual_vibration(make(W, zeta), W * (1 - h), zeta)
+        )
+        / (2 * h)
+        for make in (zv, zvd)
+    ]
     assert slopes[0] > 0.5 and slopes[1] < 1e-3
 
 
@@ -68,11 +88,19 @@ def test_residual_vibration_is_that_of_an_oscillator():
     state, time = np.zeros(2), 0.0
     for t, a in zip(np.asarray(shaper.times), np.asarray(shaper.amplitudes), strict=True):
         if t > time:
-            free = solve_ivp(lambda _, x: [x[1], -2 * zeta * w * x[1] - w**2 * x[0]], (time, t), state, rtol=1e-11, atol=1e-14)
+            free = solve_ivp(
+                lambda _, x: [x[1], -2 * zeta * w * x[1] - w**2 * x[0]],
+                (time, t),
+                state,
+                rtol=1e-11,
+                atol=1e-14,
+            )
             state, time = free.y[:, -1], t
         state = state + [0, a]
     damped = w * np.sqrt(1 - zeta**2)
-    amplitude = np.hypot(damped * state[0], state[1] + zeta * w * state[0])  # one after a unit impulse
+    amplitude = np.hypot(
+        damped * state[0], state[1] + zeta * w * state[0]
+    )  # one after a unit impulse
     assert residual_vibration(shaper, w, zeta) == pytest.approx(amplitude, rel=1e-8)
 
 
@@ -80,17 +108,27 @@ def test_several_modes_at_once():
     shaper = in_series(zv(W, ZETA), zvd(150.0), ei(400.0))
     assert shaper.times.size == 2 * 3 * 3 and np.sum(shaper.amplitudes) == pytest.approx(1)
     assert np.all(np.diff(shaper.times) >= 0)
-    assert shaper.duration == pytest.approx(zv(W, ZETA).duration + zvd(150.0).duration + ei(400.0).duration)
-    np.testing.assert_allclose(residual_vibration(shaper, np.array([W, 150.0]), np.array([ZETA, 0.0])), 0, atol=1e-14)
+    assert shaper.duration == pytest.approx(
+        zv(W, ZETA).duration + zvd(150.0).duration + ei(400.0).duration
+    )
+    np.testing.assert_allclose(
+        residual_vibration(shaper, np.array([W, 150.0]), np.array([ZETA, 0.0])), 0, atol=1e-14
+    )
     assert residual_vibration(shaper, 400.0) <= 0.05
 
 
 def left_to_vibrate(reference, step, zeta=ZETA):
     """Amplitude at the end of w^2 / (s^2 + 2 zeta w s + w^2) along a reference, linear in between, as it would be at time zero."""
     time = step * np.arange(len(reference))
-    x = lsim(([[0, 1], [-(W**2), -2 * zeta * W]], [[0], [W**2]], np.eye(2), np.zeros((2, 1))), reference, time)[1][-1]
+    x = lsim(
+        ([[0, 1], [-(W**2), -2 * zeta * W]], [[0], [W**2]], np.eye(2), np.zeros((2, 1))),
+        reference,
+        time,
+    )[1][-1]
     away = x[0] - reference[-1]
-    return np.hypot(W * np.sqrt(1 - zeta**2) * away, x[1] + zeta * W * away) * np.exp(zeta * W * time[-1])
+    return np.hypot(W * np.sqrt(1 - zeta**2) * away, x[1] + zeta * W * away) * np.exp(
+        zeta * W * time[-1]
+    )
 
 
 def test_a_shaped_law_leaves_no_vibration():
@@ -114,7 +152,10 @@ def test_samples_have_the_impulses_at_their_exact_times():
 
 def test_a_shaped_law_is_the_sum_of_delayed_copies_and_stays_on_its_contour():
     shaper, time = zvd(W, ZETA), np.linspace(0, 0.4, 77)
-    copies = [a * LAW(np.maximum(time - t, 0)) for t, a in zip(np.asarray(shaper.times), np.asarray(shaper.amplitudes), strict=True)]
+    copies = [
+        a * LAW(np.maximum(time - t, 0))
+        for t, a in zip(np.asarray(shaper.times), np.asarray(shaper.amplitudes), strict=True)
+    ]
     np.testing.assert_allclose(shaped_law(LAW, shaper)(time), np.sum(copies, axis=0), rtol=1e-13)
     reference = in_time(circle(5e-3), shaped_law(LAW, shaper), 0.4, 1e-3)
     np.testing.assert_allclose(np.linalg.norm(reference.position, axis=1), 5e-3, rtol=1e-12)
@@ -128,7 +169,9 @@ def test_gradient_reaches_the_mode():
     slope = jax.grad(left)(jnp.asarray(at))
     for i in range(2):
         step = h * at[i] * np.eye(2)[i]
-        np.testing.assert_allclose(slope[i], (left(at + step) - left(at - step)) / (2 * h * at[i]), rtol=1e-6)
+        np.testing.assert_allclose(
+            slope[i], (left(at + step) - left(at - step)) / (2 * h * at[i]), rtol=1e-6
+        )
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,11 @@ DT = 1e-3
 def test_task_a_is_the_exact_trapezoid():
     time, ramp, cruise = np.clip(np.arange(2202) * DT - 0.1, 0, None), 0.025, 0.975
     stopping = 0.1 - 2 * np.clip(cruise + 2 * ramp - time, 0, None) ** 2
-    wanted = np.where(time < ramp, 2 * time**2, np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping))
+    wanted = np.where(
+        time < ramp,
+        2 * time**2,
+        np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping),
+    )
     task = thesis_task_a()
     assert (task.steps, task.preview, task.dt) == (2201, 1, DT)
     np.testing.assert_allclose(task.position[:, 0], wanted, rtol=0, atol=1e-15)
@@ -19,7 +23,12 @@ def test_task_a_is_the_exact_trapezoid():
 def test_task_b_waits_at_the_top_of_its_cosine():
     time = np.arange(3304) * DT
     task = thesis_task_b(preview=3)
-    np.testing.assert_allclose(task.position[:, 0], 0.05 * np.cos(2 * np.clip(time - 0.1, 0, None)) + 0.05, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        task.position[:, 0],
+        0.05 * np.cos(2 * np.clip(time - 0.1, 0, None)) + 0.05,
+        rtol=0,
+        atol=1e-15,
+    )
     assert (task.steps, task.preview) == (3301, 3)
 
 
@@ -44,7 +53,11 @@ def test_it_arrives_at_rest_within_its_limits_and_uses_one_of_them_all_the_time(
     speed, a = np.gradient(arc, h), np.diff(arc, 2) / h**2
     assert arc[0] == 0 and arc[-1] == distance == law(np.array([2 * law.duration]))[0]
     np.testing.assert_allclose(arc + arc[::-1], distance, rtol=1e-12)  # symmetric
-    assert np.all(np.diff(arc) >= 0) and speed.max() <= feed * (1 + 1e-9) and np.abs(a).max() <= acceleration * (1 + 1e-4)
+    assert (
+        np.all(np.diff(arc) >= 0)
+        and speed.max() <= feed * (1 + 1e-9)
+        and np.abs(a).max() <= acceleration * (1 + 1e-4)
+    )
     used = (speed[1:-1] > 0.999 * feed) | (np.abs(a) > 0.999 * acceleration)
     if np.isfinite(jerk):
         j = np.diff(arc[::100], 3) / (100 * h) ** 3

@@ -10,7 +10,9 @@ DT = 1e-3
 
 def around(step, count):
     angle = step * np.arange(count)
-    return 1e-3 * np.stack([np.cos(angle), np.sin(angle)], -1), np.stack([-np.sin(angle), np.cos(angle)], -1)
+    return 1e-3 * np.stack([np.cos(angle), np.sin(angle)], -1), np.stack(
+        [-np.sin(angle), np.cos(angle)], -1
+    )
 
 
 def test_preview_of_a_run_to_rest_holds_the_last_sample():
@@ -31,15 +33,25 @@ def test_preview_around_a_closed_contour_wraps():
 
 
 def test_preview_beyond_an_open_contour_goes_straight_on_at_the_last_increment():
-    reference = along(polyline([[0, 0], [0, 1e-3], [1e-3, 1e-3]]), [0.0, 1.0e-3, 1.8e-3, 2.0e-3], DT, 3, at_rest=False)
-    np.testing.assert_allclose(reference.position[4:], [[1.2e-3, 1e-3], [1.4e-3, 1e-3], [1.6e-3, 1e-3]], atol=1e-15)
+    reference = along(
+        polyline([[0, 0], [0, 1e-3], [1e-3, 1e-3]]),
+        [0.0, 1.0e-3, 1.8e-3, 2.0e-3],
+        DT,
+        3,
+        at_rest=False,
+    )
+    np.testing.assert_allclose(
+        reference.position[4:], [[1.2e-3, 1e-3], [1.4e-3, 1e-3], [1.6e-3, 1e-3]], atol=1e-15
+    )
     np.testing.assert_allclose(reference.tangent[4:], [[1, 0]] * 3)
     np.testing.assert_allclose(reference.start_increment, [0, 1e-3], atol=1e-15)
 
 
 def test_scored_samples_make_the_mask():
     scored = [True, False, True]
-    reference = along(line([0, 0], [1e-2, 0]), [0.0, 1e-3, 2e-3], DT, 2, at_rest=False, scored=scored)
+    reference = along(
+        line([0, 0], [1e-2, 0]), [0.0, 1e-3, 2e-3], DT, 2, at_rest=False, scored=scored
+    )
     np.testing.assert_array_equal(reference.mask, [*scored, False, False])
 
 
@@ -50,7 +62,9 @@ def test_samples_become_a_reference_with_their_polyline():
     np.testing.assert_array_equal(reference.mask, [True] * 6 + [False] * 3)
     np.testing.assert_allclose(reference.start_increment, position[1] - position[0])
     np.testing.assert_allclose(reference.contour.position(reference.arc), position, atol=1e-15)
-    np.testing.assert_array_equal(from_samples(position, tangent, DT, 3, in_motion=False).start_increment, [0, 0])
+    np.testing.assert_array_equal(
+        from_samples(position, tangent, DT, 3, in_motion=False).start_increment, [0, 0]
+    )
 
 
 def test_three_axes():
@@ -109,7 +123,10 @@ def test_bad_samples_are_named(change, words):
 
 @pytest.mark.parametrize(
     "change",
-    [{"position": [[0, 0]], "tangent": [[1, 0]], "preview": 0}, {"position": np.eye(3), "tangent": np.eye(3)}],
+    [
+        {"position": [[0, 0]], "tangent": [[1, 0]], "preview": 0},
+        {"position": np.eye(3), "tangent": np.eye(3)},
+    ],
     ids=["one sample", "axes"],
 )
 def test_samples_that_do_not_fit_the_contour_are_named(change):
@@ -130,7 +147,13 @@ def test_samples_that_do_not_fit_the_contour_are_named(change):
     ],
 )
 def test_bad_feed_is_named(change, words):
-    good = {"contour": line([0, 0], [1e-3, 0]), "arc": [0.0, 1e-4], "dt": DT, "preview": 2, "at_rest": False}
+    good = {
+        "contour": line([0, 0], [1e-3, 0]),
+        "arc": [0.0, 1e-4],
+        "dt": DT,
+        "preview": 2,
+        "at_rest": False,
+    }
     with pytest.raises(ValueError, match=words):
         along(**{**good, **change})
 
@@ -139,12 +162,19 @@ def test_a_law_of_time_is_exact_in_the_preview_too():
     reference = in_time(circle(1e-3), lambda t: 0.1 * t**2, 10 * DT, DT, preview=3, dwell=4 * DT)
     arc = 0.1 * np.clip(np.arange(14) * DT - 4 * DT, 0, None) ** 2
     np.testing.assert_allclose(reference.arc, arc, atol=1e-18)
-    np.testing.assert_allclose(reference.position, 1e-3 * np.stack([np.cos(arc / 1e-3), np.sin(arc / 1e-3)], -1), atol=1e-15)
+    np.testing.assert_allclose(
+        reference.position,
+        1e-3 * np.stack([np.cos(arc / 1e-3), np.sin(arc / 1e-3)], -1),
+        atol=1e-15,
+    )
     assert (reference.steps, reference.preview) == (11, 3)
     np.testing.assert_array_equal(reference.start_increment, [0, 0])
 
 
-@pytest.mark.parametrize(("duration", "dwell", "name"), [(0.01, -1e-3, "dwell"), (0.0105, 0.0, "duration"), (0.01, 0.02, "dwell")])
+@pytest.mark.parametrize(
+    ("duration", "dwell", "name"),
+    [(0.01, -1e-3, "dwell"), (0.0105, 0.0, "duration"), (0.01, 0.02, "dwell")],
+)
 def test_bad_times_are_named(duration, dwell, name):
     with pytest.raises(ValueError, match=f"^{name}: "):
         in_time(circle(1e-3), lambda t: t, duration, DT, dwell=dwell)

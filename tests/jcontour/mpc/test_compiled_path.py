@@ -9,7 +9,9 @@ from jcontour.mpc.compiled_path import path_of
 PATHS = {
     "lobes": polar_lobes(30e-3, 10e-3, 4),
     "square": contours.polygon([[0.0, 0.0], [0.03, 0.0], [0.03, 0.03], [0.0, 0.03]]),
-    "rounded": contours.chain([contours.line([0.0, 0.0], [0.02, 0.0]), contours.arc([0.02, 0.0], [0.02, 0.01], np.pi)]),
+    "rounded": contours.chain(
+        [contours.line([0.0, 0.0], [0.02, 0.0]), contours.arc([0.02, 0.0], [0.02, 0.01], np.pi)]
+    ),
     "helix": contours.arc([0.02, 0.0, 0.0], [0.0, 0.0, 0.0], 7.0, rise=0.01),
     "lemniscate": contours.lemniscate(0.03),
 }
@@ -20,13 +22,20 @@ PATHS = {
 def test_is_the_contour_in_another_unit(name, unit):
     contour = PATHS[name]
     path = path_of(contour, unit)
-    assert path.length * unit == pytest.approx(float(contour.length), rel=1e-14) and path.axes == contour.axes
+    assert (
+        path.length * unit == pytest.approx(float(contour.length), rel=1e-14)
+        and path.axes == contour.axes
+    )
     for arc in np.linspace(0.0, path.length, 101):
         position, slope = path.at(arc)
-        inside = min(arc * unit, np.nextafter(float(contour.length), 0))  # the end itself wraps on a closed contour
+        inside = min(
+            arc * unit, np.nextafter(float(contour.length), 0)
+        )  # the end itself wraps on a closed contour
         np.testing.assert_allclose(position * unit, contour.position(inside), rtol=0, atol=1e-13)
         if np.abs(np.asarray(contour.start) - inside).min() > 1e-9:
-            np.testing.assert_allclose(slope / np.linalg.norm(slope), contour.tangent(inside), rtol=0, atol=1e-9)
+            np.testing.assert_allclose(
+                slope / np.linalg.norm(slope), contour.tangent(inside), rtol=0, atol=1e-9
+            )
 
 
 def test_slope_is_the_derivative():
@@ -42,7 +51,9 @@ def test_padding_does_not_count():
     assert path_of(alone, 1.0).rate.size == 2
 
 
-@pytest.mark.parametrize("contour, unit, words", [("square", 0.0, "length_unit"), ("square", np.nan, "length_unit")])
+@pytest.mark.parametrize(
+    "contour, unit, words", [("square", 0.0, "length_unit"), ("square", np.nan, "length_unit")]
+)
 def test_bad_input_is_one_line(contour, unit, words):
     with pytest.raises(ValueError, match=words) as error:
         path_of(PATHS[contour], unit)

@@ -14,7 +14,11 @@ N = 5
 def drawn(coupled_plant):
     """A dense plant, what is known at the sample, and some controls."""
     plant, random = coupled_plant(1, 5, 2), np.random.default_rng(2)
-    x0, before, w = random.standard_normal(5), random.standard_normal(2), 0.1 * random.standard_normal(5)
+    x0, before, w = (
+        random.standard_normal(5),
+        random.standard_normal(2),
+        0.1 * random.standard_normal(5),
+    )
     return plant, x0, before, w, random.standard_normal((N, 2))
 
 
@@ -32,23 +36,48 @@ def test_predictions_are_simulations(drawn):
     np.testing.assert_allclose(one.Fx @ s + one.Gx @ z, states[1:], rtol=0, atol=1e-12)
     np.testing.assert_allclose(one.Fy @ s + one.Gy @ z, outputs[1:], rtol=0, atol=1e-12)
     Fu, Gu = difference_maps(N, 2, 5)
-    np.testing.assert_allclose(Fu @ s + Gu @ z, np.diff(np.vstack([before, controls]), axis=0), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        Fu @ s + Gu @ z, np.diff(np.vstack([before, controls]), axis=0), rtol=0, atol=1e-14
+    )
 
 
 def test_rows_are_the_signals_they_limit(drawn):
     plant, x0, before, w, controls = drawn
     limits = full_limits(
-        Limits.within(increment=1.0, state=[2.0, np.inf, np.inf, np.inf, 3.0], output=4.0, speed=5.0, acceleration=6.0), plant
+        Limits.within(
+            increment=1.0,
+            state=[2.0, np.inf, np.inf, np.inf, 3.0],
+            output=4.0,
+            speed=5.0,
+            acceleration=6.0,
+        ),
+        plant,
     )
     rows = limit_rows(plant, predict(plant, N), limits)
     states, outputs = simulated(plant, x0, w, controls)
-    wanted = [np.diff(np.vstack([before, controls]), axis=0), states[1:, [0, 4]], outputs[1:], np.diff(outputs, axis=0) / plant.dt,
-              np.diff(outputs, 2, axis=0) / plant.dt**2]  # fmt: skip
-    bounds = [np.full(10, 1.0), np.tile([2.0, 3.0], N), np.full(10, 4.0), np.full(10, 5.0), np.full(8, 6.0)]
+    wanted = [
+        np.diff(np.vstack([before, controls]), axis=0),
+        states[1:, [0, 4]],
+        outputs[1:],
+        np.diff(outputs, axis=0) / plant.dt,
+        np.diff(outputs, 2, axis=0) / plant.dt**2,
+    ]
+    bounds = [
+        np.full(10, 1.0),
+        np.tile([2.0, 3.0], N),
+        np.full(10, 4.0),
+        np.full(10, 5.0),
+        np.full(8, 6.0),
+    ]
     found = rows.size * (rows.C @ controls.ravel() + rows.F @ np.concatenate([x0, before, w]))
-    np.testing.assert_allclose(found, np.concatenate([part.ravel() for part in wanted]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        found, np.concatenate([part.ravel() for part in wanted]), rtol=1e-9, atol=1e-9
+    )
     np.testing.assert_allclose(rows.size * rows.upper, np.concatenate(bounds), rtol=1e-12)
-    assert np.abs(rows.C).max(axis=1) == pytest.approx(1.0) and rows.soft.tolist() == [False] * 10 + [True] * 38
+    assert (
+        np.abs(rows.C).max(axis=1) == pytest.approx(1.0)
+        and rows.soft.tolist() == [False] * 10 + [True] * 38
+    )
 
 
 def cost_of(plant, s, controls, Q, y_d, P, xi_d, R, S, stage):
@@ -57,7 +86,12 @@ def cost_of(plant, s, controls, Q, y_d, P, xi_d, R, S, stage):
     e, du = outputs[1:N] - y_d, np.diff(np.vstack([s[5:7], controls]), axis=0)
     last = states[N] - xi_d
     running = sum(stage[j] * e[j] @ Q[j] @ e[j] for j in range(N - 1))
-    return running + np.einsum("ja,ab,jb", controls, R, controls) + np.einsum("ja,ab,jb", du, S, du) + last @ P @ last
+    return (
+        running
+        + np.einsum("ja,ab,jb", controls, R, controls)
+        + np.einsum("ja,ab,jb", du, S, du)
+        + last @ P @ last
+    )
 
 
 @pytest.mark.parametrize("penalty", [None, 7.0])
@@ -70,7 +104,11 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
         return M @ np.swapaxes(M, -1, -2)
 
     Q, P, R, S, stage = psd(N - 1, 2), psd(5), psd(2), psd(2), 1 + random.random(N)
-    y_d, xi_d, s = random.standard_normal((N - 1, 2)), random.standard_normal(5), np.concatenate([x0, before, w])
+    y_d, xi_d, s = (
+        random.standard_normal((N - 1, 2)),
+        random.standard_normal(5),
+        np.concatenate([x0, before, w]),
+    )
     one = predict(plant, N)
     limits = full_limits(Limits.within(control=1.0, output=0.5), plant)
     problem = Condensed(plant, R, S, stage, np.eye(2), (one.Fx[-1], one.Gx[-1], P), limits, penalty)

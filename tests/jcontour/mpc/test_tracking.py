@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+)
 from jcontour.geometry.contours import circle, lemniscate, polygon
 from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.linear.plant import LinearPlant
@@ -22,7 +27,13 @@ N = 6
 ABSOLUTE = 2e-6  # weight on the control [1/A^2]
 SHAPES = {
     "circle": along(circle(1e-3), 2e-5 * np.arange(30), 1e-3, N, at_rest=False),
-    "square": along(polygon([[0.0, 0.0], [2e-4, 0.0], [2e-4, 2e-4], [0.0, 2e-4]]), 2e-5 * np.arange(30), 1e-3, N, at_rest=True),
+    "square": along(
+        polygon([[0.0, 0.0], [2e-4, 0.0], [2e-4, 2e-4], [0.0, 2e-4]]),
+        2e-5 * np.arange(30),
+        1e-3,
+        N,
+        at_rest=True,
+    ),
     "eight": along(lemniscate(3e-3), 3e-5 * np.arange(30), 1e-3, N, at_rest=False),
 }
 
@@ -31,7 +42,9 @@ def still(where, steps=40, preview=N, dt=1e-3):
     """A step in position: the tool starts at the origin, the reference stands at `where`."""
     position = np.tile(np.asarray(where, float), (steps + preview, 1))
     position[0] = 0.0
-    return from_samples(position, np.tile([1.0, 0.0], (steps + preview, 1)), dt, preview, in_motion=False)
+    return from_samples(
+        position, np.tile([1.0, 0.0], (steps + preview, 1)), dt, preview, in_motion=False
+    )
 
 
 @cache
@@ -45,16 +58,26 @@ def table():
 
 
 @pytest.mark.parametrize("stage", [None, np.linspace(1.0, 3.0, N)])
-@pytest.mark.parametrize("terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"])
+@pytest.mark.parametrize(
+    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+)
 def test_without_an_active_limit_it_is_contouring_lq(terminal, stage):
     plant, weights = table(), LQWeights(3.0, 50.0, 2e-8, stage)
     controller = ContouringLQ(plant, weights, N, terminal)
-    mpc = TrackingMPC(plant, TrackingWeights.of(weights), N, Limits.within(control=1e3, increment=1e3, speed=1e3), terminal)
+    mpc = TrackingMPC(
+        plant,
+        TrackingWeights.of(weights),
+        N,
+        Limits.within(control=1e3, increment=1e3, speed=1e3),
+        terminal,
+    )
     for reference in SHAPES.values():
         run, wanted = reported_loop(plant, mpc, reference), simulate(plant, controller, reference)
         scale = np.abs(wanted.control).max()
         np.testing.assert_allclose(run.rollout.control, wanted.control, rtol=0, atol=1e-9 * scale)
-        np.testing.assert_allclose(run.rollout.output, wanted.output, rtol=0, atol=1e-9 * np.abs(wanted.output).max())
+        np.testing.assert_allclose(
+            run.rollout.output, wanted.output, rtol=0, atol=1e-9 * np.abs(wanted.output).max()
+        )
         assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
 
 
@@ -62,8 +85,14 @@ def test_horizon_of_one():
     plant, weights = table(), LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
         wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), SHAPES["circle"])
-        found = loop(plant, TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal), SHAPES["circle"])
-        np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max())
+        found = loop(
+            plant,
+            TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal),
+            SHAPES["circle"],
+        )
+        np.testing.assert_allclose(
+            found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
+        )
 
 
 LIMITED = Limits.within(control=0.4, increment=0.3, speed=0.15, acceleration=300.0)
@@ -75,7 +104,12 @@ def test_every_limit_holds_along_the_run():
     run = reported_loop(plant, mpc, still([2e-3, -1e-3], 60))
     control, output = np.asarray(run.rollout.control), np.asarray(run.rollout.output)
     speed = np.diff(output, axis=0) / plant.dt
-    for values, bound in ((control, 0.4), (np.diff(control, axis=0), 0.3), (speed, 0.15), (np.diff(speed, axis=0) / plant.dt, 300.0)):
+    for values, bound in (
+        (control, 0.4),
+        (np.diff(control, axis=0), 0.3),
+        (speed, 0.15),
+        (np.diff(speed, axis=0) / plant.dt, 300.0),
+    ):
         assert np.abs(values).max() <= bound * (1 + 1e-6)
     assert np.abs(control).max() > 0.39 or np.abs(speed).max() > 0.149
     assert 0 < run.report.active_fraction < 1
@@ -104,18 +138,34 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
         outputs, increments = signals(z)
         total = 2e-7 * np.sum(z**2) + 1e-7 * np.sum(increments**2)
         for j in range(1, N + 1):
-            e, t = outputs[j] - np.asarray(reference.position[3 + j]), np.asarray(reference.tangent[3 + j])
-            total += weights.stage[j - 1] * e @ (3 * np.eye(2) + 5 * (np.eye(2) - np.outer(t, t))) @ e
+            e, t = (
+                outputs[j] - np.asarray(reference.position[3 + j]),
+                np.asarray(reference.tangent[3 + j]),
+            )
+            total += (
+                weights.stage[j - 1] * e @ (3 * np.eye(2) + 5 * (np.eye(2) - np.outer(t, t))) @ e
+            )
         return 1e6 * total
 
     constraints = [
         {"type": "ineq", "fun": lambda z: 0.3 - np.abs(signals(z)[1]).ravel()},
-        {"type": "ineq", "fun": lambda z: 0.15 - np.abs(np.diff(signals(z)[0], axis=0) / 1e-3).ravel()},
+        {
+            "type": "ineq",
+            "fun": lambda z: 0.15 - np.abs(np.diff(signals(z)[0], axis=0) / 1e-3).ravel(),
+        },
     ]
     mine = mpc.solution.z
-    assert cost(mine) <= cost(0.9 * mine) and np.abs(np.diff(signals(mine)[0], axis=0) / 1e-3).max() <= 0.15 + 1e-7
+    assert (
+        cost(mine) <= cost(0.9 * mine)
+        and np.abs(np.diff(signals(mine)[0], axis=0) / 1e-3).max() <= 0.15 + 1e-7
+    )
     found = scipy.optimize.minimize(
-        cost, 0.9 * mine, bounds=[(-0.4, 0.4)] * (2 * N), constraints=constraints, method="SLSQP", options={"maxiter": 500, "ftol": 1e-14}
+        cost,
+        0.9 * mine,
+        bounds=[(-0.4, 0.4)] * (2 * N),
+        constraints=constraints,
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-14},
     )
     assert cost(mine) <= found.fun * (1 + 1e-9)
     assert cost(mine) == pytest.approx(found.fun, rel=1e-5)
@@ -125,7 +175,11 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
 def test_both_solvers_give_the_same_run():
     plant, reference = table(), still([2e-3, -1e-3])
     runs = [
-        loop(plant, TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED, solver=solver), reference)
+        loop(
+            plant,
+            TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED, solver=solver),
+            reference,
+        )
         for solver in (DAQP(), ProxQP())
     ]
     np.testing.assert_allclose(runs[0].control, runs[1].control, rtol=0, atol=1e-6)
@@ -146,14 +200,20 @@ def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way():
     limits = Limits(control=(-0.4, 0.4), output=(-1e-3, 1e-3))
     fast = np.array([0.99e-3, 0.5, 0.0, 0.0])
     weights = TrackingWeights(3.0, 5.0, 2e-8)
-    with pytest.raises(Stopped, match="^step 0: daqp did not solve the QP .*: infeasible") as caught:
+    with pytest.raises(
+        Stopped, match="^step 0: daqp did not solve the QP .*: infeasible"
+    ) as caught:
         loop(plant, TrackingMPC(plant, weights, N, limits), reference, fast)
     assert caught.value.step == 0
-    run = reported_loop(plant, TrackingMPC(plant, weights, N, limits), reference, fast, fallback="soft")
+    run = reported_loop(
+        plant, TrackingMPC(plant, weights, N, limits), reference, fast, fallback="soft"
+    )
     assert 0 < run.report.fallbacks < 20 and run.report.fallback[0]
     assert run.report.slack[0] == pytest.approx(np.max(run.rollout.output[1:N]) - 1e-3, rel=0.5)
     assert np.abs(run.rollout.output[-10:]).max() <= 1e-3 + 1e-9
-    always = reported_loop(plant, TrackingMPC(plant, weights, N, limits, penalty=1e5), reference, fast)
+    always = reported_loop(
+        plant, TrackingMPC(plant, weights, N, limits, penalty=1e5), reference, fast
+    )
     assert always.report.fallbacks == 0
     np.testing.assert_allclose(always.rollout.output, run.rollout.output, rtol=0, atol=1e-9)
 
@@ -165,13 +225,23 @@ class Loaded(LinearPlant):
         return super().step(state, control + np.array([0.05, -0.02]))
 
 
-@pytest.mark.parametrize("terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"])
+@pytest.mark.parametrize(
+    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+)
 def test_the_velocity_form_leaves_no_offset(terminal):
     plant, reference = table(), still([1e-3, 5e-4], 400, 12)
     loaded = Loaded(plant.A, plant.B, plant.C, plant.dt)
     limits = Limits.within(control=0.5, increment=0.4)
-    free = loop(loaded, OffsetFreeMPC(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal), reference)
-    absolute = loop(loaded, TrackingMPC(plant, TrackingWeights(1.0, control=1e-7), 12, limits, terminal), reference)
+    free = loop(
+        loaded,
+        OffsetFreeMPC(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal),
+        reference,
+    )
+    absolute = loop(
+        loaded,
+        TrackingMPC(plant, TrackingWeights(1.0, control=1e-7), 12, limits, terminal),
+        reference,
+    )
     assert np.abs(free.output[-1] - reference.position[-1]).max() <= 1e-12
     assert np.abs(absolute.output[-1] - reference.position[-1]).max() >= 1e-6
 
@@ -182,8 +252,16 @@ def test_the_x_y_table_under_a_constant_torque():
     model = xy_table(dt)
     plant = FrictionXYTable(dt, motor_coulomb=0.0, load_coulomb=0.0, load_torque=0.03)
     reference, limits = still([2e-3, -1e-3], 500, preview, dt), Limits.within(control=4.0)
-    free = loop(plant, OffsetFreeMPC(model, TrackingWeights(1.0, increment=1e-7), preview, limits), reference)
-    absolute = loop(plant, TrackingMPC(model, TrackingWeights(1.0, control=ABSOLUTE), preview, limits), reference)
+    free = loop(
+        plant,
+        OffsetFreeMPC(model, TrackingWeights(1.0, increment=1e-7), preview, limits),
+        reference,
+    )
+    absolute = loop(
+        plant,
+        TrackingMPC(model, TrackingWeights(1.0, control=ABSOLUTE), preview, limits),
+        reference,
+    )
     assert np.abs(free.output[-1] - reference.position[-1]).max() <= 1e-9
     assert 90e-6 <= np.abs(absolute.output[-1] - reference.position[-1]).max() <= 180e-6
 
@@ -199,14 +277,24 @@ def test_the_problem_is_well_posed_and_nothing_is_allocated_anew():
 
 
 BAD = {
-    "increment: the limits need lower <= upper, received 0.1 and -0.1": dict(limits=Limits(increment=(0.1, -0.1))),
-    r"output: needs one bound or one per component, shape \(2,\), received \(3,\)": dict(limits=Limits.within(output=[1, 2, 3])),
+    "increment: the limits need lower <= upper, received 0.1 and -0.1": dict(
+        limits=Limits(increment=(0.1, -0.1))
+    ),
+    r"output: needs one bound or one per component, shape \(2,\), received \(3,\)": dict(
+        limits=Limits.within(output=[1, 2, 3])
+    ),
     "output: needs to be positive semidefinite": dict(weights=TrackingWeights(-1.0, control=1.0)),
-    "output: needs to be symmetric": dict(weights=TrackingWeights([[1.0, 0.5], [0.0, 1.0]], control=1.0)),
-    r"control: needs a number, \(2,\) or \(2, 2\)": dict(weights=TrackingWeights(1.0, control=[1.0, 1.0, 1.0])),
+    "output: needs to be symmetric": dict(
+        weights=TrackingWeights([[1.0, 0.5], [0.0, 1.0]], control=1.0)
+    ),
+    r"control: needs a number, \(2,\) or \(2, 2\)": dict(
+        weights=TrackingWeights(1.0, control=[1.0, 1.0, 1.0])
+    ),
     "control, increment: every control needs a weight": dict(weights=TrackingWeights(1.0)),
     "contour: needs a finite weight": dict(weights=TrackingWeights(1.0, -2.0, 1.0)),
-    "stage: needs 6 finite entries above zero": dict(weights=TrackingWeights(1.0, 0.0, 1.0, stage=np.ones(5))),
+    "stage: needs 6 finite entries above zero": dict(
+        weights=TrackingWeights(1.0, 0.0, 1.0, stage=np.ones(5))
+    ),
     "preview: needs a whole number of samples, at least one, received 0": dict(preview=0),
     "penalty: needs to be finite": dict(penalty=-1.0),
 }
@@ -214,7 +302,9 @@ BAD = {
 
 @pytest.mark.parametrize("message", BAD)
 def test_bad_input(message):
-    arguments = dict(model=table(), weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
+    arguments = (
+        dict(model=table(), weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
+    )
     with pytest.raises(ValueError, match=f"^{message}") as caught:
         TrackingMPC(**arguments)
     assert "\n" not in str(caught.value)

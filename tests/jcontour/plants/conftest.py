@@ -12,10 +12,21 @@ from jcontour.plants.gantry.parameters import GantryParameters
 
 DATA = Path(__file__).parents[2] / "data" / "gantry"
 NAMES = {
-    "drive_mass_1": "M_1", "drive_mass_2": "M_2", "beam_mass": "M_n", "head_mass": "M_e", "half_span": "L", "joint_length": "l",
-    "half_width": "w_N", "tool_offset": "d", "joint_stiffness": "k_r", "lateral_stiffness": "k_s", "head_constant": "k_x",
-    "drive_constant": "k_y", "head_viscous": "b_x", "drive_viscous": "b_y",
-}  # fmt: skip
+    "drive_mass_1": "M_1",
+    "drive_mass_2": "M_2",
+    "beam_mass": "M_n",
+    "head_mass": "M_e",
+    "half_span": "L",
+    "joint_length": "l",
+    "half_width": "w_N",
+    "tool_offset": "d",
+    "joint_stiffness": "k_r",
+    "lateral_stiffness": "k_s",
+    "head_constant": "k_x",
+    "drive_constant": "k_y",
+    "head_viscous": "b_x",
+    "drive_viscous": "b_y",
+}
 
 
 @pytest.fixture(scope="session")
@@ -27,17 +38,30 @@ def gantry_data():
 @pytest.fixture(scope="session")
 def reference_gantry(gantry_data):
     """The machine of the reference data."""
-    return GantryParameters(**{name: gantry_data("samples")["params"][letter] for name, letter in NAMES.items()})
+    return GantryParameters(
+        **{name: gantry_data("samples")["params"][letter] for name, letter in NAMES.items()}
+    )
 
 
 @pytest.fixture(scope="session")
 def odd_gantry():
     """Another machine: unequal drives, short and soft, its tool on the other side of the beam."""
     return GantryParameters(
-        drive_mass_1=13.0, drive_mass_2=31.0, beam_mass=52.0, head_mass=17.0, half_span=0.6, joint_length=0.05, half_width=0.1,
-        tool_offset=-0.13, joint_stiffness=9e5, lateral_stiffness=4e5, head_constant=35.0, drive_constant=80.0, head_viscous=90.0,
+        drive_mass_1=13.0,
+        drive_mass_2=31.0,
+        beam_mass=52.0,
+        head_mass=17.0,
+        half_span=0.6,
+        joint_length=0.05,
+        half_width=0.1,
+        tool_offset=-0.13,
+        joint_stiffness=9e5,
+        lateral_stiffness=4e5,
+        head_constant=35.0,
+        drive_constant=80.0,
+        head_viscous=90.0,
         drive_viscous=310.0,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +77,11 @@ def gantry_path(gantry_data):
     angle = (arc - line) / R
     on_circle = (angle > 0) & (angle < 2 * np.pi)
     straight = np.where(angle <= 0, arc - line, arc - line - 2 * np.pi * R)
-    position = np.where(on_circle, R * np.array([np.cos(angle), np.sin(angle)]), np.array([np.full_like(arc, R), straight])).T
+    position = np.where(
+        on_circle,
+        R * np.array([np.cos(angle), np.sin(angle)]),
+        np.array([np.full_like(arc, R), straight]),
+    ).T
     return position[:-1], np.diff(position, axis=0) / dt, on_circle[:-1]
 
 
@@ -63,10 +91,22 @@ def gantry_loop():
 
     def proportional(parameters, gains, wanted, speed, state):
         x, y, _, dx, dy, _ = state
-        along = gains["kpx"] * (wanted[0] - x) + gains["kdx"] * (speed[0] - dx) + parameters.head_viscous * speed[0]
-        across = gains["kpy"] * (wanted[1] + parameters.tool_offset - y) + gains["kdy"] * (speed[1] - dy)
-        across = (across + 2 * parameters.drive_viscous * speed[1]) / (2 * parameters.drive_constant)
-        return jnp.clip(jnp.stack([along / parameters.head_constant, across, across]), -gains["u_max"], gains["u_max"])
+        along = (
+            gains["kpx"] * (wanted[0] - x)
+            + gains["kdx"] * (speed[0] - dx)
+            + parameters.head_viscous * speed[0]
+        )
+        across = gains["kpy"] * (wanted[1] + parameters.tool_offset - y) + gains["kdy"] * (
+            speed[1] - dy
+        )
+        across = (across + 2 * parameters.drive_viscous * speed[1]) / (
+            2 * parameters.drive_constant
+        )
+        return jnp.clip(
+            jnp.stack([along / parameters.head_constant, across, across]),
+            -gains["u_max"],
+            gains["u_max"],
+        )
 
     def loop(plant, gains, position, velocity, start):
         def step(state, row):

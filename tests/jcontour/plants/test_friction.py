@@ -10,22 +10,37 @@ def friction():
     return Friction(coulomb=36.36, stribeck=22.04, stribeck_speed=2.82, viscous=250.9)
 
 
-@pytest.mark.parametrize(("speed", "force"), [(0.0, 58.4), (2.82, 36.36 + 11.02 + 250.9 * 2.82), (1e9, 36.36 + 250.9e9)])
+@pytest.mark.parametrize(
+    ("speed", "force"), [(0.0, 58.4), (2.82, 36.36 + 11.02 + 250.9 * 2.82), (1e9, 36.36 + 250.9e9)]
+)
 def test_force_at_rest_at_the_stribeck_speed_and_far_beyond(friction, speed, force):
-    np.testing.assert_allclose(friction.slipping(jnp.ones(1), jnp.array([speed])), force, rtol=1e-12)
-    np.testing.assert_allclose(friction.slipping(-jnp.ones(1), -jnp.array([speed])), -force, rtol=1e-12)
+    np.testing.assert_allclose(
+        friction.slipping(jnp.ones(1), jnp.array([speed])), force, rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        friction.slipping(-jnp.ones(1), -jnp.array([speed])), -force, rtol=1e-12
+    )
 
 
 def test_smooth_twin_becomes_the_slipping_force(friction):
     speeds = jnp.array([-0.3, 0.01, 2.0])
-    np.testing.assert_allclose(friction.smooth(speeds, jnp.asarray(1e5)), friction.slipping(jnp.sign(speeds), speeds), rtol=1e-12)
+    np.testing.assert_allclose(
+        friction.smooth(speeds, jnp.asarray(1e5)),
+        friction.slipping(jnp.sign(speeds), speeds),
+        rtol=1e-12,
+    )
     assert friction.smooth(jnp.zeros(1), jnp.asarray(1e5)) == 0
 
 
 def test_modes(friction):
     force = jnp.array([58.39, 58.41, -58.41, 1e3])
-    np.testing.assert_array_equal(friction.released(jnp.array([0, 0, 0, -1]), force), [0, 1, -1, -1])
-    np.testing.assert_array_equal(caught(jnp.array([1, 1, -1, -1, 0]), jnp.array([1e-9, -1e-9, -1e-9, 1e-9, 0.0])), [1, 0, -1, 0, 0])
+    np.testing.assert_array_equal(
+        friction.released(jnp.array([0, 0, 0, -1]), force), [0, 1, -1, -1]
+    )
+    np.testing.assert_array_equal(
+        caught(jnp.array([1, 1, -1, -1, 0]), jnp.array([1e-9, -1e-9, -1e-9, 1e-9, 0.0])),
+        [1, 0, -1, 0, 0],
+    )
 
 
 @pytest.mark.parametrize("name", ["coulomb", "stribeck", "stribeck_speed", "viscous"])

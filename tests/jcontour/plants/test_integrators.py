@@ -13,7 +13,9 @@ def pendulum(state):
 def swung(steps, span=2.0):
     """Angle and speed after `span` seconds from 1 rad at rest."""
     start = (jnp.asarray(1.0), jnp.asarray(0.0))
-    return np.array(jax.lax.fori_loop(0, steps, lambda _, x: runge_kutta(pendulum, x, span / steps), start))
+    return np.array(
+        jax.lax.fori_loop(0, steps, lambda _, x: runge_kutta(pendulum, x, span / steps), start)
+    )
 
 
 def test_one_step_is_the_exponential_to_fourth_order():

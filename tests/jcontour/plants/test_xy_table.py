@@ -19,26 +19,41 @@ def test_matrices_are_the_reference_ones(dt):
     plant, reference = xy_table(dt), DATA["plant"][f"zoh_{dt}"]
     np.testing.assert_allclose(plant.A, reference["A"], rtol=1e-10, atol=1e-13)
     np.testing.assert_allclose(plant.B, reference["B"], rtol=1e-10, atol=1e-13)
-    assert decoupled_axes(plant.pattern) == ((tuple(range(4)), (0,), (0,)), (tuple(range(4, 8)), (1,), (1,)))
+    assert decoupled_axes(plant.pattern) == (
+        (tuple(range(4)), (0,), (0,)),
+        (tuple(range(4, 8)), (1,), (1,)),
+    )
 
 
 @pytest.mark.parametrize("drive, axis", [(X_DRIVE, "x"), (Y_DRIVE, "y")])
 def test_viscous_friction_caps_the_speed(drive, axis):
     limits = DATA["limits"][axis]
     torque = 0.5 * drive.torque_constant * drive.pitch
-    np.testing.assert_allclose(torque / (drive.motor_viscous + drive.load_viscous), limits["max_steady_speed_m_s"], rtol=1e-12)
-    np.testing.assert_allclose(torque / (drive.motor_inertia + drive.load_inertia), limits["max_accel_m_s2"], rtol=1e-12)
+    np.testing.assert_allclose(
+        torque / (drive.motor_viscous + drive.load_viscous),
+        limits["max_steady_speed_m_s"],
+        rtol=1e-12,
+    )
+    np.testing.assert_allclose(
+        torque / (drive.motor_inertia + drive.load_inertia), limits["max_accel_m_s2"], rtol=1e-12
+    )
     plant, state = xy_table(0.004, (drive,)), np.zeros(4)
     for _ in range(500):
         before, state = state, np.asarray(plant.step(state, np.array([0.5])))
-    assert float((plant.output(state) - plant.output(before))[0]) / 0.004 == pytest.approx(limits["max_steady_speed_m_s"], rel=1e-9)
+    assert float((plant.output(state) - plant.output(before))[0]) / 0.004 == pytest.approx(
+        limits["max_steady_speed_m_s"], rel=1e-9
+    )
 
 
 def test_friction_plant_follows_the_reference_loop():
     loop = DATA["case_fast"]["closed_loop"]
     plant, xi, u = FrictionXYTable(0.004), np.array(loop["xi"]), np.array(loop["u_A"])
-    assert loop["plant"] == "friction" and xi.shape[0] == 12 and u.shape == (12, 2)  # rows are 10 apart: see test_contouring for the run
-    np.testing.assert_allclose(plant.initial_state(np.array([40e-3, 0.0]), np.zeros(2)), xi[0], atol=1e-9)
+    assert (
+        loop["plant"] == "friction" and xi.shape[0] == 12 and u.shape == (12, 2)
+    )  # rows are 10 apart: see test_contouring for the run
+    np.testing.assert_allclose(
+        plant.initial_state(np.array([40e-3, 0.0]), np.zeros(2)), xi[0], atol=1e-9
+    )
 
 
 def test_friction_plant_against_an_integrator():
@@ -50,17 +65,25 @@ def test_friction_plant_against_an_integrator():
         for i, (d, load) in enumerate(zip(DRIVES, (0.03, -0.01), strict=True)):
             psi, dpsi, phi, dphi = x[4 * i : 4 * i + 4]
             link = d.stiffness * (phi - psi) + d.damping * (dphi - dpsi)
-            motor = d.torque_constant * control[i] + link - d.motor_viscous * dpsi - 0.010 * np.tanh(dpsi / 0.5)
+            motor = (
+                d.torque_constant * control[i]
+                + link
+                - d.motor_viscous * dpsi
+                - 0.010 * np.tanh(dpsi / 0.5)
+            )
             out += [
                 dpsi,
                 motor / d.motor_inertia,
                 dphi,
-                (-link - d.load_viscous * dphi - 0.020 * np.tanh(dphi / 0.5) - load) / d.load_inertia,
+                (-link - d.load_viscous * dphi - 0.020 * np.tanh(dphi / 0.5) - load)
+                / d.load_inertia,
             ]
         return out
 
     exact = solve_ivp(rates, (0.0, 0.004), state, rtol=1e-10, atol=1e-12).y[:, -1]
-    np.testing.assert_allclose(plant.step(state, control), exact, rtol=0, atol=0.05)  # first order in the substep
+    np.testing.assert_allclose(
+        plant.step(state, control), exact, rtol=0, atol=0.05
+    )  # first order in the substep
     scale = np.abs(exact - state).max()
     assert np.abs(plant.step(state, control) - exact).max() < 1e-2 * scale
 

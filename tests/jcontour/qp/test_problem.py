@@ -3,30 +3,63 @@
 import numpy as np
 import pytest
 
-from jcontour.qp.problem import QP, Solution, Unsolved, check_limits, check_qp, check_shapes, check_weight, residuals
+from jcontour.qp.problem import (
+    QP,
+    Solution,
+    Unsolved,
+    check_limits,
+    check_qp,
+    check_shapes,
+    check_weight,
+    residuals,
+)
 
 
 def some_qp(n=4, r=3, seed=0):
     random = np.random.default_rng(seed)
     M = random.standard_normal((n, n))
-    return QP(M @ M.T, random.standard_normal(n), random.standard_normal((r, n)), -np.ones(r), np.ones(r), -np.ones(n), np.ones(n))
+    return QP(
+        M @ M.T,
+        random.standard_normal(n),
+        random.standard_normal((r, n)),
+        -np.ones(r),
+        np.ones(r),
+        -np.ones(n),
+        np.ones(n),
+    )
 
 
 def test_a_box_by_hand():
     """minimise (z - 2)^2 / 2 over z <= 1: z = 1, multiplier 1."""
-    qp = QP(np.eye(1), np.array([-2.0]), np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.array([-np.inf]), np.ones(1))
+    qp = QP(
+        np.eye(1),
+        np.array([-2.0]),
+        np.zeros((0, 1)),
+        np.zeros(0),
+        np.zeros(0),
+        np.array([-np.inf]),
+        np.ones(1),
+    )
     assert residuals(*qp, np.ones(1), np.ones(1)) == (0.0, 0.0, 0.0)
     assert residuals(*qp, np.array([1.5]), np.ones(1)) == pytest.approx((0.5, 0.25, 0.125))
-    assert residuals(*qp, np.ones(1), -np.ones(1))[1] == pytest.approx(1.0)  # a pull towards a limit at infinity, 2 / 2
+    assert residuals(*qp, np.ones(1), -np.ones(1))[1] == pytest.approx(
+        1.0
+    )  # a pull towards a limit at infinity, 2 / 2
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_residuals_are_their_definition(seed):
     qp, random = some_qp(seed=seed), np.random.default_rng(seed)
     z, forces = 2 * random.standard_normal(4), 5 * random.standard_normal(7)
-    rows, low, high = np.vstack([np.eye(4), qp.C]), np.append(qp.lower, qp.lower_rows), np.append(qp.upper, qp.upper_rows)
+    rows, low, high = (
+        np.vstack([np.eye(4), qp.C]),
+        np.append(qp.lower, qp.lower_rows),
+        np.append(qp.upper, qp.upper_rows),
+    )
     pull = rows.T @ forces
-    scale = max(min(1, np.abs(qp.H).max()), *(np.abs(part).max() for part in (qp.H @ z, qp.g, pull)))
+    scale = max(
+        min(1, np.abs(qp.H).max()), *(np.abs(part).max() for part in (qp.H @ z, qp.g, pull))
+    )
     primal = max(np.max(rows @ z - high), np.max(low - rows @ z), 0)
     dual = np.abs(qp.H @ z + qp.g + pull).max() / scale
     gap = abs(z @ qp.H @ z + qp.g @ z + np.where(forces > 0, high, low) @ forces) / scale
@@ -50,7 +83,10 @@ def test_nan_stays_nan():
 def test_unsolved_is_one_line_and_keeps_a_copy():
     qp = some_qp()
     error = Unsolved("daqp", "infeasible", qp, (1e-3, 2.0, 0.5))
-    assert str(error) == "daqp did not solve the QP (4 variables, 3 rows): infeasible; residuals primal 0.001, dual 2, gap 0.5"
+    assert (
+        str(error)
+        == "daqp did not solve the QP (4 variables, 3 rows): infeasible; residuals primal 0.001, dual 2, gap 0.5"
+    )
     error.step = 12
     assert str(error).startswith("step 12: daqp")
     qp.g[:] = 7.0
@@ -67,10 +103,16 @@ BAD = {
     r"upper: needs shape \(4,\), received \(2,\)": dict(upper=np.ones(2)),
     "g: every entry needs to be finite": dict(g=np.full(4, np.inf)),
     "C: every entry needs to be finite": dict(C=np.full((3, 4), np.nan)),
-    r"lower, upper: the limits need lower <= upper, received 2.0 and 1.0 in entry 0": dict(lower=np.full(4, 2.0)),
-    "lower_rows, upper_rows: the limits need lower <= upper, received nan": dict(lower_rows=np.full(3, np.nan)),
+    r"lower, upper: the limits need lower <= upper, received 2.0 and 1.0 in entry 0": dict(
+        lower=np.full(4, 2.0)
+    ),
+    "lower_rows, upper_rows: the limits need lower <= upper, received nan": dict(
+        lower_rows=np.full(3, np.nan)
+    ),
     "H: needs to be symmetric": dict(H=np.eye(4) + np.eye(4, k=1)),
-    "H: needs to be positive semidefinite, received an eigenvalue of -1": dict(H=np.diag([1.0, 1.0, 1.0, -1.0])),
+    "H: needs to be positive semidefinite, received an eigenvalue of -1": dict(
+        H=np.diag([1.0, 1.0, 1.0, -1.0])
+    ),
 }
 
 

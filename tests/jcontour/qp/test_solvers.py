@@ -43,7 +43,15 @@ def infeasible(random: np.random.Generator) -> QP:
     if random.random() < 0.5:  # one row asks for more than the box can give
         row = random.standard_normal(n)
         C, none = np.vstack([qp.C, row]), np.append(qp.upper_rows, np.inf)
-        return QP(qp.H, qp.g, C, np.append(qp.lower_rows, np.abs(row).sum() + margin), none, -np.ones(n), np.ones(n))
+        return QP(
+            qp.H,
+            qp.g,
+            C,
+            np.append(qp.lower_rows, np.abs(row).sum() + margin),
+            none,
+            -np.ones(n),
+            np.ones(n),
+        )
     r = max(len(qp.C), 3)  # C z <= b with y' C = 0, y >= 0, y' b < 0
     C, b, y = random.standard_normal((r, n)), random.standard_normal(r), 0.1 + random.random(r)
     C[-1], b[-1] = -(y[:-1] @ C[:-1]) / y[-1], -(y[:-1] @ b[:-1]) / y[-1] - margin
@@ -52,14 +60,25 @@ def infeasible(random: np.random.Generator) -> QP:
 
 def benign(random, n=21, r=7):
     M = random.standard_normal((n, n))
-    return QP(M @ M.T + np.eye(n), 5 * random.standard_normal(n), random.standard_normal((r, n)),
-              -np.ones(r), np.ones(r), np.full(n, -0.3), np.full(n, 0.3))  # fmt: skip
+    return QP(
+        M @ M.T + np.eye(n),
+        5 * random.standard_normal(n),
+        random.standard_normal((r, n)),
+        -np.ones(r),
+        np.ones(r),
+        np.full(n, -0.3),
+        np.full(n, 0.3),
+    )
 
 
 def brute_force(qp: QP) -> np.ndarray:
     """The minimiser among the solutions of all active sets."""
     n = qp.g.size
-    rows, low, high = np.vstack([np.eye(n), qp.C]), np.append(qp.lower, qp.lower_rows), np.append(qp.upper, qp.upper_rows)
+    rows, low, high = (
+        np.vstack([np.eye(n), qp.C]),
+        np.append(qp.lower, qp.lower_rows),
+        np.append(qp.upper, qp.upper_rows),
+    )
     best, answer = INF, np.full(n, np.nan)
     for sides in itertools.product((0, 1, 2), repeat=len(rows)):
         active = np.flatnonzero(sides)
@@ -76,15 +95,27 @@ def brute_force(qp: QP) -> np.ndarray:
     return answer
 
 
-@pytest.mark.parametrize("solver", [DAQP(), ProxQP(), Hildreth(), Named("daqp"), Named("proxqp")], ids=lambda s: type(s).__name__ + s.name)
+@pytest.mark.parametrize(
+    "solver",
+    [DAQP(), ProxQP(), Hildreth(), Named("daqp"), Named("proxqp")],
+    ids=lambda s: type(s).__name__ + s.name,
+)
 def test_against_all_active_sets(solver):
     random = np.random.default_rng(3)
     for _ in range(5):
         qp = benign(random, 3, 2)
         solution = solver.solve(qp)
         np.testing.assert_allclose(solution.z, brute_force(qp), rtol=0, atol=1e-7)
-        assert isinstance(solution, Solution) and solution.residual <= 1e-8 and solution.solver == solver.name
-        assert residuals(*qp, solution.z, solution.multipliers) == (solution.primal_residual, solution.dual_residual, solution.duality_gap)
+        assert (
+            isinstance(solution, Solution)
+            and solution.residual <= 1e-8
+            and solution.solver == solver.name
+        )
+        assert residuals(*qp, solution.z, solution.multipliers) == (
+            solution.primal_residual,
+            solution.dual_residual,
+            solution.duality_gap,
+        )
 
 
 def test_solvers_agree():
@@ -107,14 +138,34 @@ def counted(kind, problems):
             failures += 1
             continue
         z, n = found.z, qp.g.size
-        rows, low, high = np.vstack([np.eye(n), qp.C]), np.append(qp.lower, qp.lower_rows), np.append(qp.upper, qp.upper_rows)
-        scale = max(1.0, *(np.abs(part).max(initial=0.0) for part in (qp.H @ z, qp.g, rows.T @ found.multipliers)))
+        rows, low, high = (
+            np.vstack([np.eye(n), qp.C]),
+            np.append(qp.lower, qp.lower_rows),
+            np.append(qp.upper, qp.upper_rows),
+        )
+        scale = max(
+            1.0,
+            *(
+                np.abs(part).max(initial=0.0)
+                for part in (qp.H @ z, qp.g, rows.T @ found.multipliers)
+            ),
+        )
         forces = found.multipliers
         bound = np.where(forces > 0, high, low)
         finite = np.isfinite(bound)
         gap = abs(z @ qp.H @ z + qp.g @ z + bound[finite] @ forces[finite])
-        worst = max((rows @ z - high).max(), (low - rows @ z).max(), np.abs(qp.H @ z + qp.g + rows.T @ forces).max(), gap) / scale
-        assert worst <= 1.0001e-8 and np.abs(forces[~finite]).max(initial=0.0) <= 1.0001e-8 * scale, f"problem {k} of {kind.__name__}"
+        worst = (
+            max(
+                (rows @ z - high).max(),
+                (low - rows @ z).max(),
+                np.abs(qp.H @ z + qp.g + rows.T @ forces).max(),
+                gap,
+            )
+            / scale
+        )
+        assert (
+            worst <= 1.0001e-8 and np.abs(forces[~finite]).max(initial=0.0) <= 1.0001e-8 * scale
+        ), f"problem {k} of {kind.__name__}"
     return len(problems) - failures, failures
 
 
@@ -131,21 +182,60 @@ def test_no_answer_with_a_larger_residual_is_returned(kind, count):
     assert failures <= 0.005 * count  # all have answers: an honest failure is rare
 
 
-@pytest.mark.parametrize(("kind", "count"), [(DAQP, 1000), (ProxQP, 100), pytest.param(ProxQP, 1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [(DAQP, 1000), (ProxQP, 100), pytest.param(ProxQP, 1000, marks=pytest.mark.slow)],
+)
 def test_nothing_infeasible_is_solved(kind, count):
-    assert [counted(kind, lot)[0] for lot in in_lots(infeasible, count, 12)] == [0] * len(range(0, count, 1000))
+    assert [counted(kind, lot)[0] for lot in in_lots(infeasible, count, 12)] == [0] * len(
+        range(0, count, 1000)
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_degenerate_problems(kind):
     solver, none, wide = kind(), np.zeros(0), np.full(2, INF)
-    flat = QP(np.diag([1.0, 0.0]), np.array([-1.0, 1.0]), np.zeros((0, 2)), none, none, np.array([-INF, -3.0]), wide)
+    flat = QP(
+        np.diag([1.0, 0.0]),
+        np.array([-1.0, 1.0]),
+        np.zeros((0, 2)),
+        none,
+        none,
+        np.array([-INF, -3.0]),
+        wide,
+    )
     np.testing.assert_allclose(solver.solve(flat).z, [1.0, -3.0], atol=1e-7)
-    equal = QP(np.eye(2), np.zeros(2), np.array([[1.0, 1.0], [2.0, 2.0]]), np.array([1.0, 2.0]), np.array([1.0, 2.0]), -wide, wide)
-    np.testing.assert_allclose(solver.solve(equal).z, [0.5, 0.5], atol=1e-7)  # the same equation twice
-    fixed = QP(np.eye(2), np.ones(2), np.zeros((0, 2)), none, none, np.array([2.0, -INF]), np.array([2.0, INF]))
+    equal = QP(
+        np.eye(2),
+        np.zeros(2),
+        np.array([[1.0, 1.0], [2.0, 2.0]]),
+        np.array([1.0, 2.0]),
+        np.array([1.0, 2.0]),
+        -wide,
+        wide,
+    )
+    np.testing.assert_allclose(
+        solver.solve(equal).z, [0.5, 0.5], atol=1e-7
+    )  # the same equation twice
+    fixed = QP(
+        np.eye(2),
+        np.ones(2),
+        np.zeros((0, 2)),
+        none,
+        none,
+        np.array([2.0, -INF]),
+        np.array([2.0, INF]),
+    )
     np.testing.assert_allclose(solver.solve(fixed).z, [2.0, -1.0], atol=1e-7)
-    linear = QP(np.zeros((2, 2)), np.array([1.0, -1.0]), np.ones((1, 2)), np.array([-0.5]), np.array([0.5]), -np.ones(2), np.ones(2))
+    linear = QP(
+        np.zeros((2, 2)),
+        np.array([1.0, -1.0]),
+        np.ones((1, 2)),
+        np.array([-0.5]),
+        np.array([0.5]),
+        -np.ones(2),
+        np.ones(2),
+    )
     assert solver.solve(linear).z == pytest.approx([-1.0, 1.0], abs=1e-7)
 
 
@@ -159,15 +249,23 @@ def test_cost_of_any_size(kind, size):
         np.testing.assert_allclose(scaled.z, DAQP().solve(qp).z, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("solver", [DAQP(), ProxQP(), Hildreth(), Named("daqp")], ids=lambda s: type(s).__name__)
+@pytest.mark.parametrize(
+    "solver", [DAQP(), ProxQP(), Hildreth(), Named("daqp")], ids=lambda s: type(s).__name__
+)
 def test_what_cannot_be_solved_says_so(solver):
     qp = benign(np.random.default_rng(6), 5, 2)
     broken = qp._replace(H=np.where(np.eye(5) > 0, np.nan, qp.H))
-    for bad, words in ((broken, "not finite"), (qp._replace(g=qp.g * np.inf), "not finite"), (qp._replace(lower=qp.upper + 1), "crossed"),
-                       (qp._replace(upper_rows=qp.upper_rows * np.nan), "not finite")):  # fmt: skip
+    for bad, words in (
+        (broken, "not finite"),
+        (qp._replace(g=qp.g * np.inf), "not finite"),
+        (qp._replace(lower=qp.upper + 1), "crossed"),
+        (qp._replace(upper_rows=qp.upper_rows * np.nan), "not finite"),
+    ):
         with pytest.raises(Unsolved, match=words):
             solver.solve(bad)
-    with pytest.raises(Unsolved, match=f"^{solver.name} did not solve the QP \\(5 variables, 2 rows\\): "):
+    with pytest.raises(
+        Unsolved, match=f"^{solver.name} did not solve the QP \\(5 variables, 2 rows\\): "
+    ):
         solver.solve(qp._replace(lower_rows=np.full(2, 50.0), upper_rows=np.full(2, 60.0)))
     with pytest.raises(ValueError, match=r"^g|^H"):
         solver.solve(qp._replace(g=np.zeros(4)))
@@ -178,7 +276,17 @@ def test_what_cannot_be_solved_says_so(solver):
 def test_an_unbounded_problem(kind):
     none = np.zeros(0)
     with pytest.raises(Unsolved):
-        kind().solve(QP(np.diag([1.0, 0.0]), np.ones(2), np.zeros((0, 2)), none, none, np.full(2, -INF), np.full(2, INF)))
+        kind().solve(
+            QP(
+                np.diag([1.0, 0.0]),
+                np.ones(2),
+                np.zeros((0, 2)),
+                none,
+                none,
+                np.full(2, -INF),
+                np.full(2, INF),
+            )
+        )
 
 
 def test_shapes_may_change_between_problems():
@@ -192,7 +300,9 @@ def test_polish_recovers_an_inaccurate_answer():
     qp = benign(np.random.default_rng(8))
     exact = DAQP().solve(qp)
     noise = 1e-5 * np.random.default_rng(9).standard_normal(qp.g.size)
-    z, forces = polished(qp, exact.z + np.where(exact.multipliers[:21] == 0, noise, 0), exact.multipliers)
+    z, forces = polished(
+        qp, exact.z + np.where(exact.multipliers[:21] == 0, noise, 0), exact.multipliers
+    )
     np.testing.assert_allclose(z, exact.z, atol=1e-12)
     np.testing.assert_allclose(forces, exact.multipliers, atol=1e-11)
 
@@ -205,6 +315,14 @@ def test_names():
 
 
 def test_hildreth_needs_curvature():
-    flat = QP(np.zeros((1, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(0), np.zeros(0), -np.ones(1), np.ones(1))
+    flat = QP(
+        np.zeros((1, 1)),
+        np.ones(1),
+        np.zeros((0, 1)),
+        np.zeros(0),
+        np.zeros(0),
+        -np.ones(1),
+        np.ones(1),
+    )
     with pytest.raises(Unsolved, match="H is not positive definite"):
         Hildreth().solve(flat)

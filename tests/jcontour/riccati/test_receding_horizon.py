@@ -46,8 +46,13 @@ def test_gradient_of_dare_is_that_of_differences():
         change = random.standard_normal(slope.shape)
         change = change + change.T if index > 1 else change
         h = 1e-5
-        ahead, behind = ([m + s * h * change if i == index else m for i, m in enumerate((A, B, Q, R))] for s in (1, -1))
-        assert np.sum(np.asarray(slope) * change) == pytest.approx((wanted(*ahead) - wanted(*behind)) / (2 * h), rel=1e-6)
+        ahead, behind = (
+            [m + s * h * change if i == index else m for i, m in enumerate((A, B, Q, R))]
+            for s in (1, -1)
+        )
+        assert np.sum(np.asarray(slope) * change) == pytest.approx(
+            (wanted(*ahead) - wanted(*behind)) / (2 * h), rel=1e-6
+        )
 
 
 @pytest.mark.parametrize(
@@ -55,7 +60,11 @@ def test_gradient_of_dare_is_that_of_differences():
     [
         (np.diag([1.1, 0.5]), [[0.0], [1.0]], np.eye(2)),  # out of reach
         (np.diag([1.0, 0.5]), [[0.0], [1.0]], np.eye(2)),  # an integrator out of reach
-        (np.diag([1.0, 0.5]), [[1.0], [1.0]], np.diag([0.0, 1.0])),  # an integrator that costs nothing
+        (
+            np.diag([1.0, 0.5]),
+            [[1.0], [1.0]],
+            np.diag([0.0, 1.0]),
+        ),  # an integrator that costs nothing
         (np.diag([0.9, 0.5]), [[1.0], [1.0]], np.full((2, 2), np.nan)),
     ],
 )
@@ -71,7 +80,9 @@ def test_traced_values_pass_unchecked():
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
 def test_small_inverse(size):
     M = np.random.default_rng(size).standard_normal((6, size, size)) + 3 * np.eye(size)
-    np.testing.assert_allclose(small_inverse(jnp.asarray(M)), np.linalg.inv(M), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(
+        small_inverse(jnp.asarray(M)), np.linalg.inv(M), rtol=1e-12, atol=1e-14
+    )
 
 
 def test_gain_schedule_is_the_textbook_recursion_of_each_step():
@@ -83,7 +94,10 @@ def test_gain_schedule_is_the_textbook_recursion_of_each_step():
     Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3])
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    arrays, terminal = map(jnp.asarray, (Q, y_d, stage, R)), CostToGo(jnp.asarray(H_N), jnp.asarray(g_N))
+    arrays, terminal = (
+        map(jnp.asarray, (Q, y_d, stage, R)),
+        CostToGo(jnp.asarray(H_N), jnp.asarray(g_N)),
+    )
     plan = eqx.filter_jit(receding_horizon_plan)(LinearPlant(A, B, C, 1.0), *arrays, terminal)
     for k in range(T):
         H, g = H_N[k], g_N[k]
@@ -103,10 +117,17 @@ def test_scheduled_gains_take_the_model_of_each_sample():
     T, N, n, m, p = 4, 5, 4, 2, 3
     A, B, C = (random.standard_normal((T + N, *shape)) for shape in ((n, n), (n, p), (m, n)))
     root, y_d = random.standard_normal((T + N, m, m)), random.standard_normal((T + N, m))
-    Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3, 2.0])
+    Q, stage, R = (
+        root @ np.swapaxes(root, 1, 2),
+        random.uniform(0.5, 2, N),
+        np.diag([0.7, 1.3, 2.0]),
+    )
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    arrays, terminal = map(jnp.asarray, (Q, y_d, stage, R)), CostToGo(jnp.asarray(H_N), jnp.asarray(g_N))
+    arrays, terminal = (
+        map(jnp.asarray, (Q, y_d, stage, R)),
+        CostToGo(jnp.asarray(H_N), jnp.asarray(g_N)),
+    )
     models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))(A, B, C)
     plan = eqx.filter_jit(scheduled_plan)(models, *arrays, terminal)
     for k in range(T):

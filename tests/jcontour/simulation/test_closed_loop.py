@@ -41,21 +41,32 @@ def test_rows_are_those_of_a_plain_loop(two_axes, controller):
 
 def test_start_is_what_the_reference_says_or_what_is_given(two_axes, controller):
     at_rest = simulate(two_axes, controller, reference_of(at_rest=True))
-    np.testing.assert_allclose(two_axes.step(at_rest.state[0], jnp.zeros(2)), at_rest.state[0], rtol=0, atol=1e-18)
+    np.testing.assert_allclose(
+        two_axes.step(at_rest.state[0], jnp.zeros(2)), at_rest.state[0], rtol=0, atol=1e-18
+    )
     np.testing.assert_allclose(at_rest.output[0], [1e-3, 0.0], atol=1e-18)
     given = jnp.array([1e-3, 2e-3, 3e-3, 4e-3])
-    np.testing.assert_array_equal(simulate(two_axes, controller, reference_of(), given).state[0], given)
+    np.testing.assert_array_equal(
+        simulate(two_axes, controller, reference_of(), given).state[0], given
+    )
 
 
 def test_more_preview_than_needed_changes_nothing(two_axes, controller):
-    short, long = (simulate(two_axes, controller, reference_of(preview=n)) for n in (PREVIEW, PREVIEW + 4))
+    short, long = (
+        simulate(two_axes, controller, reference_of(preview=n)) for n in (PREVIEW, PREVIEW + 4)
+    )
     np.testing.assert_allclose(long.control, short.control, rtol=1e-13)
 
 
 def test_a_reference_that_does_not_suit_is_refused(two_axes, controller):
-    with pytest.raises(ValueError, match="preview: the controller looks 3 samples ahead, the reference was made with 2"):
+    with pytest.raises(
+        ValueError,
+        match="preview: the controller looks 3 samples ahead, the reference was made with 2",
+    ):
         simulate(two_axes, controller, reference_of(preview=2))
-    with pytest.raises(ValueError, match="dt: the plant is sampled every 0.001 s, the reference every 0.002 s"):
+    with pytest.raises(
+        ValueError, match="dt: the plant is sampled every 0.001 s, the reference every 0.002 s"
+    ):
         simulate(two_axes, controller, reference_of(dt=2e-3))
     check_run(two_axes, controller, reference_of())
 

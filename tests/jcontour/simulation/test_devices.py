@@ -17,35 +17,53 @@ TWO = Spread(device_mesh(2))
 def test_every_member_comes_back_in_its_place(members):
     """Also where the devices do not divide the batch; x + i for a tree of two leaves."""
     batch = jnp.arange(members * 3.0).reshape(members, 3), jnp.arange(members)
-    found = jax.jit(lambda b: TWO(lambda one: {"sum": one[0].sum() + one[1], "index": one[1]}, b))(batch)
+    found = jax.jit(lambda b: TWO(lambda one: {"sum": one[0].sum() + one[1], "index": one[1]}, b))(
+        batch
+    )
     np.testing.assert_array_equal(found["index"], np.arange(members))
     np.testing.assert_allclose(found["sum"], 10.0 * np.arange(members) + 3, rtol=1e-15)
 
 
 def test_both_devices_work():
-    shares = jax.jit(lambda x: TWO(lambda one: one * 2, x)).lower(jnp.arange(8.0)).compile().as_text()
+    shares = (
+        jax.jit(lambda x: TWO(lambda one: one * 2, x)).lower(jnp.arange(8.0)).compile().as_text()
+    )
     assert "f64[4]" in shares and "num_partitions=2" in shares
 
 
 def test_gradient_reaches_what_all_members_share():
     """f(w) = sum over i of sin(w x_i): its slope is sum of x_i cos(w x_i); a copy that fills the batch up adds nothing."""
     x = np.array([0.3, -1.0, 2.0, 0.7, 1.1])
-    slope = jax.jit(jax.grad(lambda w: jnp.sum(TWO(lambda one: jnp.sin(w * one), jnp.asarray(x)))))(0.8)
+    slope = jax.jit(jax.grad(lambda w: jnp.sum(TWO(lambda one: jnp.sin(w * one), jnp.asarray(x)))))(
+        0.8
+    )
     np.testing.assert_allclose(slope, np.sum(x * np.cos(0.8 * x)), rtol=1e-14)
 
 
 def test_contours_on_two_devices_are_contours_on_one(two_axes):
     plants = stack_plants([two_axes, with_input_gains(two_axes, 0.9)])
     contours = circle(1e-3), line([1e-3, 0], [2e-3, 1e-3]), circle(2e-3)
-    references = stack_references([along(contour, 1e-5 * np.arange(9 + k), 1e-3, 3, at_rest=False) for k, contour in enumerate(contours)])
+    references = stack_references(
+        [
+            along(contour, 1e-5 * np.arange(9 + k), 1e-3, 3, at_rest=False)
+            for k, contour in enumerate(contours)
+        ]
+    )
 
     def worst(log_weights, batching):
         alpha, beta = jnp.exp(log_weights)
-        metrics = evaluate(ContouringLQ(two_axes, LQWeights(alpha, beta, 1e-6), 3), plants, references, batching=batching)
+        metrics = evaluate(
+            ContouringLQ(two_axes, LQWeights(alpha, beta, 1e-6), 3),
+            plants,
+            references,
+            batching=batching,
+        )
         return jnp.sum(metrics.rms_contour_error), metrics
 
     differentiated = jax.jit(jax.value_and_grad(worst, has_aux=True), static_argnums=1)
-    (one, one_gradient), (two, two_gradient) = (differentiated(jnp.log(jnp.array([3.0, 5.0])), batching) for batching in (None, TWO))
+    (one, one_gradient), (two, two_gradient) = (
+        differentiated(jnp.log(jnp.array([3.0, 5.0])), batching) for batching in (None, TWO)
+    )
     for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-13)
     np.testing.assert_allclose(two_gradient, one_gradient, rtol=1e-11)
@@ -53,7 +71,9 @@ def test_contours_on_two_devices_are_contours_on_one(two_axes):
 
 def test_counts():
     assert device_mesh().size == 2 and device_mesh(1).size == 1
-    assert Spread(device_mesh(2)) == TWO and hash(Spread(device_mesh(2))) == hash(TWO)  # or every call compiles anew
+    assert Spread(device_mesh(2)) == TWO and hash(Spread(device_mesh(2))) == hash(
+        TWO
+    )  # or every call compiles anew
     for count in (0, 3):
         with pytest.raises(ValueError, match=f"devices: needs 1 to 2, .* received {count}"):
             device_mesh(count)

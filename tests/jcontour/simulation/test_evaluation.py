@@ -32,7 +32,10 @@ def controller(two_axes):
 
 @pytest.fixture(scope="module")
 def plants(two_axes):
-    return [Delayed(with_input_gains(two_axes, gains), jnp.asarray(d), 2, 2) for gains, d in ((1.0, 0), ((0.9, 1.1), 0), (1.0, 2))]
+    return [
+        Delayed(with_input_gains(two_axes, gains), jnp.asarray(d), 2, 2)
+        for gains, d in ((1.0, 0), ((0.9, 1.1), 0), (1.0, 2))
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -49,12 +52,20 @@ def references():
 @pytest.fixture(scope="module")
 def evaluated(controller, plants, references):
     batch = stack_plants(plants), stack_references(references)
-    return {b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(c, p, r, WINDOW, b))(controller, *batch) for b in (one_by_one, all_at_once)}
+    return {
+        b.__name__: jax.jit(lambda c, p, r, b=b: evaluate(c, p, r, WINDOW, b))(controller, *batch)
+        for b in (one_by_one, all_at_once)
+    }
 
 
 def test_flexible_axes_run_side_by_side_and_linear_plants_as_the_platform_likes(plants):
-    axes = stack_plants([Delayed(SmoothFlexibleAxis(thesis_axis(), 1e-3), jnp.asarray(d), 2, 1) for d in (0, 2)])
-    assert family_batching(axes) is all_at_once and family_batching(stack_plants(plants)) is platform_batching()
+    axes = stack_plants(
+        [Delayed(SmoothFlexibleAxis(thesis_axis(), 1e-3), jnp.asarray(d), 2, 1) for d in (0, 2)]
+    )
+    assert (
+        family_batching(axes) is all_at_once
+        and family_batching(stack_plants(plants)) is platform_batching()
+    )
 
 
 def test_metrics_are_those_of_single_runs(evaluated, controller, plants, references):
@@ -67,7 +78,9 @@ def test_metrics_are_those_of_single_runs(evaluated, controller, plants, referen
 
 
 def test_one_by_one_is_all_at_once(evaluated):
-    for a, b in zip(*(jax.tree.leaves(evaluated[name]) for name in ("one_by_one", "all_at_once")), strict=True):
+    for a, b in zip(
+        *(jax.tree.leaves(evaluated[name]) for name in ("one_by_one", "all_at_once")), strict=True
+    ):
         assert a.shape == (3, 3)
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-18)
 
@@ -85,7 +98,9 @@ def test_stacking_keeps_every_run(references):
         np.testing.assert_array_equal(one.position[:rows], reference.position)
         assert int(one.mask.sum()) == int(reference.mask.sum())
         arc = 0.7 * reference.arc[:5] + 1e-6
-        np.testing.assert_allclose(one.contour.position(arc), reference.contour.position(arc), atol=1e-18)
+        np.testing.assert_allclose(
+            one.contour.position(arc), reference.contour.position(arc), atol=1e-18
+        )
 
 
 def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
@@ -125,4 +140,6 @@ def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
     assert many.memory_analysis().temp_size_in_bytes <= 2 * few.memory_analysis().temp_size_in_bytes
     alone = [few(1.1, members[k : k + 1]) for k in range(0, 1024, 64)]
     np.testing.assert_allclose(compiled(16)[0](1.1, members[::64]), sum(alone), rtol=1e-12)
-    np.testing.assert_allclose(many(1.1, jnp.repeat(members[::64], 64, axis=0)), 64 * sum(alone), rtol=1e-11)
+    np.testing.assert_allclose(
+        many(1.1, jnp.repeat(members[::64], 64, axis=0)), 64 * sum(alone), rtol=1e-11
+    )

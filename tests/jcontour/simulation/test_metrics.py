@@ -50,14 +50,21 @@ def test_lag_and_radial_offset_on_a_circle(bent):
     angle = np.arange(T) * STEP / RADIUS - lag
     metrics = score(out * np.stack([np.cos(angle), np.sin(angle)], -1), NO_CONTROL, bent)
     assert float(metrics.peak_contour_error) == pytest.approx(5e-6, rel=1e-8)
-    assert float(metrics.rms_projected_error) == pytest.approx(abs(out * np.cos(lag) - RADIUS), rel=1e-8)
-    assert float(metrics.rms_tracking_error) == pytest.approx(np.hypot(out * np.cos(lag) - RADIUS, out * np.sin(lag)), rel=1e-8)
+    assert float(metrics.rms_projected_error) == pytest.approx(
+        abs(out * np.cos(lag) - RADIUS), rel=1e-8
+    )
+    assert float(metrics.rms_tracking_error) == pytest.approx(
+        np.hypot(out * np.cos(lag) - RADIUS, out * np.sin(lag)), rel=1e-8
+    )
 
 
 def test_control_and_increment(straight):
     control = np.random.default_rng(0).standard_normal((T, 2))
     metrics = score(desired(straight), control, straight)
-    size, increment = np.linalg.norm(control, axis=1), np.linalg.norm(np.diff(control, axis=0), axis=1)
+    size, increment = (
+        np.linalg.norm(control, axis=1),
+        np.linalg.norm(np.diff(control, axis=0), axis=1),
+    )
     assert float(metrics.rms_control) == pytest.approx(np.sqrt(np.mean(size**2)))
     assert float(metrics.peak_control) == pytest.approx(size.max())
     assert float(metrics.rms_increment) == pytest.approx(np.sqrt(np.mean(increment**2)))
@@ -87,9 +94,15 @@ def test_only_scored_samples_count_and_increments_do_not_cross_masks(bent, mask,
 
 def test_window_is_a_mask(bent):
     random = np.random.default_rng(1)
-    output, control = desired(bent) + 1e-6 * random.standard_normal((T, 2)), random.standard_normal((T, 2))
+    output, control = (
+        desired(bent) + 1e-6 * random.standard_normal((T, 2)),
+        random.standard_normal((T, 2)),
+    )
     inside = (np.arange(T) >= 3) & (np.arange(T) < 9)
-    by_window, by_mask = score(output, control, bent, (3, 9)), score(output, control, masked(bent, inside))
+    by_window, by_mask = (
+        score(output, control, bent, (3, 9)),
+        score(output, control, masked(bent, inside)),
+    )
     for found, wanted in zip(jax.tree.leaves(by_window), jax.tree.leaves(by_mask), strict=True):
         assert found == wanted
     for window in ((5, 5), (-1, 4), (0, T + 1), (6, 3)):
@@ -99,12 +112,17 @@ def test_window_is_a_mask(bent):
 
 def test_padding_changes_no_metric(bent):
     random = np.random.default_rng(2)
-    output, control = desired(bent) + 1e-6 * random.standard_normal((T, 2)), random.standard_normal((T, 2))
+    output, control = (
+        desired(bent) + 1e-6 * random.standard_normal((T, 2)),
+        random.standard_normal((T, 2)),
+    )
     longer = pad(bent, T + 5)
     for garbage in (1.0, np.nan, np.inf):
         extra = np.full((5, 2), garbage)
         padded = score(np.concatenate([output, extra]), np.concatenate([control, extra]), longer)
-        for found, wanted in zip(jax.tree.leaves(padded), jax.tree.leaves(score(output, control, bent)), strict=True):
+        for found, wanted in zip(
+            jax.tree.leaves(padded), jax.tree.leaves(score(output, control, bent)), strict=True
+        ):
             np.testing.assert_allclose(found, wanted, rtol=1e-14)
 
 
@@ -122,15 +140,22 @@ def test_divergence_is_told(what, bent):
     assert not score(near, NO_CONTROL, bent).diverged
 
 
-@pytest.mark.parametrize("mask", [np.ones(T, bool), np.arange(T) % 3 > 0, np.zeros(T, bool)], ids=["all", "some", "none"])
+@pytest.mark.parametrize(
+    "mask", [np.ones(T, bool), np.arange(T) % 3 > 0, np.zeros(T, bool)], ids=["all", "some", "none"]
+)
 def test_gradients_are_finite_at_zero_error(mask, bent):
     @eqx.filter_jit
     @jax.grad
     def slope(signals):
         metrics = score_signals(*signals, masked(bent, mask))
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(eqx.filter(metrics, eqx.is_inexact_array)))
+        return sum(
+            jnp.sum(leaf) for leaf in jax.tree.leaves(eqx.filter(metrics, eqx.is_inexact_array))
+        )
 
-    assert all(np.isfinite(leaf).all() for leaf in slope((jnp.asarray(desired(bent)), jnp.asarray(NO_CONTROL))))
+    assert all(
+        np.isfinite(leaf).all()
+        for leaf in slope((jnp.asarray(desired(bent)), jnp.asarray(NO_CONTROL)))
+    )
 
 
 def test_gradients_are_finite_when_padding_is_not(bent):
@@ -149,11 +174,16 @@ def test_gradients_are_finite_when_padding_is_not(bent):
 
 def test_gradient_of_the_contour_error_is_that_of_differences(bent):
     random = np.random.default_rng(3)
-    output, change = desired(bent) + 5e-6 * random.standard_normal((T, 2)), random.standard_normal((T, 2))
+    output, change = (
+        desired(bent) + 5e-6 * random.standard_normal((T, 2)),
+        random.standard_normal((T, 2)),
+    )
     rms = lambda y: score(y, NO_CONTROL, bent).rms_contour_error  # noqa: E731
     slope = np.sum(np.asarray(jax.jit(jax.grad(rms))(jnp.asarray(output))) * change)
     h = 1e-9
-    assert slope == pytest.approx(float(rms(output + h * change) - rms(output - h * change)) / (2 * h), rel=1e-5)
+    assert slope == pytest.approx(
+        float(rms(output + h * change) - rms(output - h * change)) / (2 * h), rel=1e-5
+    )
 
 
 def test_many_runs_at_once_are_each_scored(bent):

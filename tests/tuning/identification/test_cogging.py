@@ -18,7 +18,9 @@ def test_amplitudes_of_the_lines():
     found = spectrum(*scattered())
     assert found.travel == pytest.approx(0.4, rel=1e-3)
     for j, amplitude in ((1, 5.0), (3, 0.8)):
-        assert np.interp(j / PITCH, found.wavenumber, found.amplitude) == pytest.approx(amplitude, rel=0.03)
+        assert np.interp(j / PITCH, found.wavenumber, found.amplitude) == pytest.approx(
+            amplitude, rel=0.03
+        )
 
 
 def test_finds_pitch_and_harmonics():

@@ -14,7 +14,9 @@ def test_passes_there_and_back():
     time = np.arange(0, law.duration, 1e-3)
     place = law(time)
     speed = np.diff(place) / 1e-3
-    assert law.duration == pytest.approx(2 * (3 + 0.1 / ACCELERATION + 0.5) + 2 * (1.5 + 0.2 / ACCELERATION + 0.5), abs=1e-3)
+    assert law.duration == pytest.approx(
+        2 * (3 + 0.1 / ACCELERATION + 0.5) + 2 * (1.5 + 0.2 / ACCELERATION + 0.5), abs=1e-3
+    )
     assert place.min() == 0.0 and place.max() == 0.3 and place[-1] == 0.0
     assert speed.max() == pytest.approx(0.2) and speed.min() == pytest.approx(-0.2)
     assert np.abs(np.diff(speed)).max() <= ACCELERATION * 1e-3 * (1 + 1e-6)
@@ -33,9 +35,16 @@ def test_the_electrical_test_obeys_the_winding():
 def test_noise_is_as_stated_and_repeatable():
     law = Passes(0.01, (0.05,), pause=0.1)
     noisy = Instruments(resolution=1e-6, encoder_noise=0.0, current_noise=0.5)
-    first, again, other = (Commissioning(thesis_axis(), thesis_motor(), noisy, seed=seed).motion("short", law) for seed in (3, 3, 4))
-    exact = Commissioning(thesis_axis(), thesis_motor(), noisy._replace(current_noise=0.0)).motion("short", law)
+    first, again, other = (
+        Commissioning(thesis_axis(), thesis_motor(), noisy, seed=seed).motion("short", law)
+        for seed in (3, 3, 4)
+    )
+    exact = Commissioning(thesis_axis(), thesis_motor(), noisy._replace(current_noise=0.0)).motion(
+        "short", law
+    )
     np.testing.assert_array_equal(first.current, again.current)
     assert np.any(first.current != other.current)
     assert np.std(first.current - exact.current) == pytest.approx(0.5, rel=0.1)
-    np.testing.assert_array_equal(first.tool, exact.tool)  # the currents' noise is the recorder's alone
+    np.testing.assert_array_equal(
+        first.tool, exact.tool
+    )  # the currents' noise is the recorder's alone

@@ -27,7 +27,9 @@ def test_correlation_is_that_of_noise_through_the_link():
     rows, impulse = 4000, np.zeros(4000)
     impulse[0] = 1.0
     link = lti([C, K], [1, C, K]).to_ss()
-    response = dlsim(StateSpace(link.A, link.B, link.C, link.D).to_discrete(DT, method="bilinear"), impulse)[1][:, 0]
+    response = dlsim(
+        StateSpace(link.A, link.B, link.C, link.D).to_discrete(DT, method="bilinear"), impulse
+    )[1][:, 0]
     expected = np.array([response[: rows - lag] @ response[lag:] for lag in range(200)])
     found = noise_correlation(np.array([1.0, 0.0]), DT, np.array([K, C]), rows)[:200]
     np.testing.assert_allclose(found, expected, atol=0.01 * expected[0])

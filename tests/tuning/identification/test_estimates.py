@@ -2,7 +2,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.identification.estimates import Estimate, autocorrelation, coloured_covariance, joined, scaled_inverse
+from tuning.identification.estimates import (
+    Estimate,
+    autocorrelation,
+    coloured_covariance,
+    joined,
+    scaled_inverse,
+)
 
 COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
 
@@ -10,9 +16,15 @@ COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
 def test_interval_and_choice():
     one = Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE)
     assert one["b"] == 10.0 and one.deviation("b") == pytest.approx(0.3)
-    np.testing.assert_allclose(one.interval("a"), [2 - 0.2 * 1.959964, 2 + 0.2 * 1.959964], rtol=1e-6)
+    np.testing.assert_allclose(
+        one.interval("a"), [2 - 0.2 * 1.959964, 2 + 0.2 * 1.959964], rtol=1e-6
+    )
     swapped = one.chosen(("b", "a"))
-    assert swapped["a"] == 2.0 and swapped.covariance[0, 0] == 0.09 and swapped.covariance[0, 1] == 0.01
+    assert (
+        swapped["a"] == 2.0
+        and swapped.covariance[0, 0] == 0.09
+        and swapped.covariance[0, 1] == 0.01
+    )
 
 
 def test_derived_follows_the_rule_of_products():
@@ -25,7 +37,10 @@ def test_derived_follows_the_rule_of_products():
 
 
 def test_joined_estimates_are_independent():
-    both = joined(Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE), Estimate(("c",), np.array([1.0]), np.array([[0.25]])))
+    both = joined(
+        Estimate(("a", "b"), np.array([2.0, 10.0]), COVARIANCE),
+        Estimate(("c",), np.array([1.0]), np.array([[0.25]])),
+    )
     assert both.names == ("a", "b", "c") and both.deviation("c") == 0.5
     np.testing.assert_array_equal(both.covariance[:2, :2], COVARIANCE)
     np.testing.assert_array_equal(both.covariance[2, :2], 0)
@@ -34,7 +49,9 @@ def test_joined_estimates_are_independent():
 def test_covariance_of_a_mean_under_correlated_noise():
     """Var of the mean of n values with correlation rho^|k|, in closed form."""
     n, rho, variance = 400, 0.8, 3.0
-    expected = variance / n**2 * (n * (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (1 - rho) ** 2)
+    expected = (
+        variance / n**2 * (n * (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (1 - rho) ** 2)
+    )
     found = coloured_covariance([np.ones((n, 1))], [variance * rho ** np.arange(n)])
     np.testing.assert_allclose(found, [[expected]], rtol=1e-12)
 
@@ -50,7 +67,9 @@ def test_covariance_over_runs_is_that_of_the_whole_matrix():
                 dense[k, m] = correlation[abs(k - m)] if abs(k - m) < 8 else 0.0
     J = np.concatenate(slopes)
     gain = np.linalg.pinv(J)
-    np.testing.assert_allclose(coloured_covariance(slopes, [correlation] * 2), gain @ dense @ gain.T, rtol=1e-10)
+    np.testing.assert_allclose(
+        coloured_covariance(slopes, [correlation] * 2), gain @ dense @ gain.T, rtol=1e-10
+    )
 
 
 def test_autocorrelation_by_hand():
@@ -61,7 +80,10 @@ def test_autocorrelation_by_hand():
 
 
 def test_inverse_across_magnitudes_and_of_what_is_not_seen():
-    scale, inner = np.array([1e-12, 1.0, 1e12]), np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
+    scale, inner = (
+        np.array([1e-12, 1.0, 1e12]),
+        np.array([[2.0, 0.5, 0.1], [0.5, 1.0, 0.2], [0.1, 0.2, 3.0]]),
+    )
     inverse = scaled_inverse(inner * np.outer(scale, scale)) * np.outer(scale, scale)
     np.testing.assert_allclose(inverse @ inner, np.eye(3), atol=1e-12)
     blind = scaled_inverse(np.array([[1.0, 1.0], [1.0, 1.0]]))

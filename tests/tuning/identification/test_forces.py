@@ -23,21 +23,37 @@ def swung(distance, pace, noise=0.0, seed=0, tool=True, cogging=True, falling=Tr
     whip = -2e-3 * 3600 * np.sin(60 * middle)
     dry = COULOMB + STRIBECK / (1 + (v / STRIBECK_SPEED) ** 2) if falling else COULOMB + STRIBECK
     angle = 2 * np.pi / PITCH * x(middle)
-    waves = sum(S * np.sin(j * angle) + C * np.cos(j * angle) for j, (S, C) in enumerate(zip(SINE, COSINE, strict=True), 1))
+    waves = sum(
+        S * np.sin(j * angle) + C * np.cos(j * angle)
+        for j, (S, C) in enumerate(zip(SINE, COSINE, strict=True), 1)
+    )
     force = MASS * a + TOOL * whip * tool + np.sign(v) * dry + VISCOUS * v + PUSH + waves * cogging
     return Record(
-        "swing", DT, x(time), force / K_T + noise * random.normal(size=time.size), x(time) + wobble if tool else None
-    )  # fmt: skip
+        "swing",
+        DT,
+        x(time),
+        force / K_T + noise * random.normal(size=time.size),
+        x(time) + wobble if tool else None,
+    )
 
 
 SWINGS = [(0.1, 0.5), (0.1, 1.5), (0.15, 3.0), (0.1, 8.0)]  # [m], [rad/s]: up to 0.8 m/s
 
 
 TRUTH = {
-    "total_mass": MASS, "tool_mass": TOOL, "break_away": COULOMB + STRIBECK, "viscous": VISCOUS, "constant_force": PUSH,
-    "drop": STRIBECK / STRIBECK_SPEED**2, "curvature": STRIBECK_SPEED**-2, "pole_pitch": PITCH,
-    "sine_1": SINE[0], "sine_2": SINE[1], "cosine_1": COSINE[0], "cosine_2": COSINE[1],
-}  # fmt: skip
+    "total_mass": MASS,
+    "tool_mass": TOOL,
+    "break_away": COULOMB + STRIBECK,
+    "viscous": VISCOUS,
+    "constant_force": PUSH,
+    "drop": STRIBECK / STRIBECK_SPEED**2,
+    "curvature": STRIBECK_SPEED**-2,
+    "pole_pitch": PITCH,
+    "sine_1": SINE[0],
+    "sine_2": SINE[1],
+    "cosine_1": COSINE[0],
+    "cosine_2": COSINE[1],
+}
 
 
 def test_recovers_all_of_the_balance():
@@ -53,15 +69,24 @@ def test_intervals_under_noise():
     """8 realisations: the deviations are as large as promised, and the errors nowhere beyond four of them."""
     errors = []
     for seed in range(8):
-        fit = fit_forces([swung(*swing, noise=0.1, seed=10 * seed + k) for k, swing in enumerate(SWINGS)], K_T)
+        fit = fit_forces(
+            [swung(*swing, noise=0.1, seed=10 * seed + k) for k, swing in enumerate(SWINGS)], K_T
+        )
         assert "curvature" in fit.estimate.names
-        errors.append([(fit.estimate[name] - value) / fit.estimate.deviation(name) for name, value in TRUTH.items()])
+        errors.append(
+            [
+                (fit.estimate[name] - value) / fit.estimate.deviation(name)
+                for name, value in TRUTH.items()
+            ]
+        )
     assert np.abs(errors).max() < 4.5 and 0.8 < np.std(errors) < 1.2
 
 
 def test_friction_that_falls_within_the_speeds_of_a_sweep():
     """At four speeds a parabola fits such a curve to 0.1 N with half the drag; it is the curve that has to be found."""
-    fit = fit_forces([swung(*one, noise=0.1) for one in ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))], K_T)
+    fit = fit_forces(
+        [swung(*one, noise=0.1) for one in ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))], K_T
+    )
     low, high = fit.estimate.interval("viscous")
     assert low - (high - low) / 2 < VISCOUS < high + (high - low) / 2
     assert fit.estimate["curvature"] == pytest.approx(STRIBECK_SPEED**-2, rel=0.15)
@@ -75,7 +100,9 @@ def test_friction_that_does_not_fall_has_no_curvature():
 
 def test_known_pitch_no_end_effector_no_cogging():
     fit = fit_forces([swung(*swing, tool=False) for swing in SWINGS], K_T, PITCH)
-    assert fit.cogging.pole_pitch == PITCH and not {"pole_pitch", "tool_mass"} & set(fit.estimate.names)
+    assert fit.cogging.pole_pitch == PITCH and not {"pole_pitch", "tool_mass"} & set(
+        fit.estimate.names
+    )
     assert fit.estimate["cosine_1"] == pytest.approx(COSINE[0], rel=0.01)
     smooth = fit_forces([swung(*swing, noise=0.1, cogging=False) for swing in SWINGS], K_T)
     assert smooth.estimate["viscous"] == pytest.approx(VISCOUS, rel=0.03)
@@ -87,6 +114,13 @@ def test_needs_both_directions():
     record = swung(0.1, 1.5)
     half = slice(100, 1900)
     with pytest.raises(ValueError, match="needs to slide both ways, faster than 5 mm/s"):
-        fit_forces([record._replace(motor=record.motor[half], current=record.current[half], tool=record.tool[half])], K_T)
+        fit_forces(
+            [
+                record._replace(
+                    motor=record.motor[half], current=record.current[half], tool=record.tool[half]
+                )
+            ],
+            K_T,
+        )
     with pytest.raises(ValueError, match="needs to slide both ways"):
         fit_forces([record._replace(motor=0 * record.motor)], K_T)

@@ -8,21 +8,44 @@ from tuning.identification.gantry import NAMES, Sheet, antiresonance, first_gues
 from tuning.identification.gantry_commissioning import HEADS, RESOLUTION, commissioned
 
 ODD = GantryParameters(
-    drive_mass_1=17.0, drive_mass_2=24.0, beam_mass=60.0, head_mass=21.0, half_span=0.8, joint_length=0.05, half_width=0.1,
-    tool_offset=-0.15, joint_stiffness=5e6, lateral_stiffness=4e5, head_constant=45.0, drive_constant=70.0, head_viscous=120.0,
+    drive_mass_1=17.0,
+    drive_mass_2=24.0,
+    beam_mass=60.0,
+    head_mass=21.0,
+    half_span=0.8,
+    joint_length=0.05,
+    half_width=0.1,
+    tool_offset=-0.15,
+    joint_stiffness=5e6,
+    lateral_stiffness=4e5,
+    head_constant=45.0,
+    drive_constant=70.0,
+    head_viscous=120.0,
     drive_viscous=260.0,
-)  # fmt: skip
+)
 
 
 def truth(p):
     imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-    return np.array([p.total_mass, p.inertia(0.0), p.head_mass, imbalance, p.drive_viscous, p.head_viscous, p.joint_stiffness])
+    return np.array(
+        [
+            p.total_mass,
+            p.inertia(0.0),
+            p.head_mass,
+            imbalance,
+            p.drive_viscous,
+            p.head_viscous,
+            p.joint_stiffness,
+        ]
+    )
 
 
 def relative(estimate, parameters):
     """Errors over the values; that of M_d L over M_e L."""
     wanted = truth(parameters)
-    scale = np.where(np.array(NAMES) == "imbalance", float(parameters.head_mass * parameters.half_span), wanted)
+    scale = np.where(
+        np.array(NAMES) == "imbalance", float(parameters.head_mass * parameters.half_span), wanted
+    )
     return np.abs(np.asarray(estimate) - wanted) / scale
 
 
@@ -45,8 +68,14 @@ def test_antiresonances_are_those_of_the_machine(odd):
     p, (_, estimate) = ODD, odd
     for head in (0.0, -0.66, 0.4):
         for coupled in (False, True):
-            m = float(p.head_mass * head - (p.drive_mass_1 - p.drive_mass_2) * p.half_span) if coupled else 0.0
-            inertia = float(p.inertia(head) + p.half_span**2 * p.total_mass) + 2 * float(p.half_span) * m
+            m = (
+                float(p.head_mass * head - (p.drive_mass_1 - p.drive_mass_2) * p.half_span)
+                if coupled
+                else 0.0
+            )
+            inertia = (
+                float(p.inertia(head) + p.half_span**2 * p.total_mass) + 2 * float(p.half_span) * m
+            )
             wanted = np.sqrt(2 * float(p.joint_stiffness) / inertia) / (2 * np.pi)
             found = antiresonance(estimate, Sheet.of(p), head, coupled)
             assert found["antiresonance"] == pytest.approx(wanted, abs=0.02)
@@ -61,7 +90,10 @@ def test_fifty_seeds():
         estimate = identify_gantry(commissioned(p, seed), sheet)
         assert relative(estimate.values, p).max() < 0.02
         for head, wanted in zip(HEADS, (47.0, 45.0), strict=True):
-            assert abs(antiresonance(estimate, sheet, head, coupled=False)["antiresonance"] - wanted) < 0.2
+            assert (
+                abs(antiresonance(estimate, sheet, head, coupled=False)["antiresonance"] - wanted)
+                < 0.2
+            )
 
 
 @pytest.mark.slow
@@ -83,7 +115,10 @@ def test_bad_records_are_named(odd):
         ([first, second._replace(readings=second.readings * np.nan)], "finite|50 mm apart"),
         ([first, second._replace(readings=second.readings[:, :2])], "shape"),
         ([first, second._replace(currents=second.currents[:-1])], "as many currents as readings"),
-        ([first._replace(currents=-first.currents), second._replace(currents=-second.currents)], "check signs"),
+        (
+            [first._replace(currents=-first.currents), second._replace(currents=-second.currents)],
+            "check signs",
+        ),
     ):
         with pytest.raises(ValueError, match=says):
             identify_gantry(records, sheet)

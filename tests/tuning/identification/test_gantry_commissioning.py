@@ -1,7 +1,15 @@
 import numpy as np
 
 from jcontour.plants.gantry.parameters import thesis_gantry
-from tuning.identification.gantry_commissioning import HEADS, PEAK, RESOLUTION, SAMPLE, SWEEP, commissioned, excitation
+from tuning.identification.gantry_commissioning import (
+    HEADS,
+    PEAK,
+    RESOLUTION,
+    SAMPLE,
+    SWEEP,
+    commissioned,
+    excitation,
+)
 
 
 def test_the_sweep_is_in_the_band_and_fades():

@@ -12,8 +12,12 @@ def _residual(shared, own, time, recorded):
 def test_two_decays_with_offsets_of_their_own():
     """Against SciPy's curve_fit over both records in one function."""
     random, time = np.random.default_rng(4), np.linspace(0, 2, 80)
-    recorded = [3 * np.exp(-1.5 * time) + offset + 0.01 * random.normal(size=80) for offset in (0.2, -1.0)]
-    fit = output_error(_residual, [(time, r) for r in recorded], np.array([1.0, 1.0]), np.zeros((2, 1)))
+    recorded = [
+        3 * np.exp(-1.5 * time) + offset + 0.01 * random.normal(size=80) for offset in (0.2, -1.0)
+    ]
+    fit = output_error(
+        _residual, [(time, r) for r in recorded], np.array([1.0, 1.0]), np.zeros((2, 1))
+    )
 
     def both(_, a, b, first, second):
         return np.concatenate([a * np.exp(-b * time) + first, a * np.exp(-b * time) + second])
@@ -23,7 +27,9 @@ def test_two_decays_with_offsets_of_their_own():
     np.testing.assert_allclose(fit.shared, values[:2], rtol=1e-6)
     freedom = 160 / (160 - 4)  # curve_fit divides the squares by the degrees of freedom
     white = np.mean(np.concatenate(fit.residuals) ** 2) * freedom
-    np.testing.assert_allclose(fit.covariance([np.array([white])] * 2), covariance[:2, :2], rtol=1e-4)
+    np.testing.assert_allclose(
+        fit.covariance([np.array([white])] * 2), covariance[:2, :2], rtol=1e-4
+    )
 
 
 def test_a_record_of_another_length():

@@ -11,21 +11,32 @@ from tuning.identification.axis import identify
 from tuning.identification.commissioning import Commissioning, Passes
 from tuning.identification.estimates import Estimate
 from tuning.identification.instruments import Instruments
-from tuning.identification.separability import notes, separated, stribeck_separated, telling_speed, tool_separated, unseparated
+from tuning.identification.separability import (
+    notes,
+    separated,
+    stribeck_separated,
+    telling_speed,
+    tool_separated,
+    unseparated,
+)
 
 COARSE = Instruments(resolution=5e-6, encoder_noise=2e-6, current_noise=0.2)
 
 
 def test_what_counts_as_separated():
     one = Estimate(("a", "b"), np.array([-10.0, 10.0]), np.diag([1.2**2, 1.4**2]))
-    assert separated(one, "a") and not separated(one, "b")  # 1.96 x 1.2 is below a quarter of 10, 1.96 x 1.4 is not
+    assert separated(one, "a") and not separated(
+        one, "b"
+    )  # 1.96 x 1.2 is below a quarter of 10, 1.96 x 1.4 is not
 
 
 def test_normal_speeds_do_not_separate_the_parts_of_friction(found):
     assert not stribeck_separated(found.estimate) and tool_separated(found.estimate)
     assert unseparated(found.estimate) == {"coulomb", "stribeck", "stribeck_speed"}
     (note,) = found.notes
-    assert note.startswith("coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s")
+    assert note.startswith(
+        "coulomb, stribeck, stribeck_speed: not separated by speeds up to 0.36 m/s"
+    )
 
 
 def test_what_usual_data_tell_and_these_do_not(found):
@@ -35,16 +46,29 @@ def test_what_usual_data_tell_and_these_do_not(found):
         k = found.estimate.names.index(name)
         covariance[k, k] = (0.25 * found.estimate.values[k]) ** 2
     vague = replace(found.estimate, covariance=covariance)
-    assert unseparated(vague) == {"coulomb", "stribeck", "stribeck_speed", "damping_per_mass", "total_mass", "motor_mass"}
+    assert unseparated(vague) == {
+        "coulomb",
+        "stribeck",
+        "stribeck_speed",
+        "damping_per_mass",
+        "total_mass",
+        "motor_mass",
+    }
     said = list(notes(vague, found.forces))
-    assert "total_mass: not separated; runs up to speed at a higher acceleration would tell it" in said
+    assert (
+        "total_mass: not separated; runs up to speed at a higher acceleration would tell it" in said
+    )
     assert any(note.startswith("damping_per_mass: not separated; sharper moves") for note in said)
 
 
 def test_a_constant_push_is_mentioned(found):
     names = np.array(found.estimate.names)
-    pushed = replace(found.estimate, values=np.where(names == "constant_force", -5.0, found.estimate.values))
-    assert any(note.startswith("constant_force: -5 N help one way") for note in notes(pushed, found.forces))
+    pushed = replace(
+        found.estimate, values=np.where(names == "constant_force", -5.0, found.estimate.values)
+    )
+    assert any(
+        note.startswith("constant_force: -5 N help one way") for note in notes(pushed, found.forces)
+    )
 
 
 @pytest.mark.slow
@@ -67,8 +91,12 @@ def test_shaking_separates_the_end_effector():
     simulated = Commissioning(thesis_axis(), thesis_motor(), COARSE, seed=2)
     records = simulated.thesis_tests()
     moved = identify(records)
-    assert not tool_separated(moved.estimate) and any("near 13.9 Hz" in note for note in moved.notes)
+    assert not tool_separated(moved.estimate) and any(
+        "near 13.9 Hz" in note for note in moved.notes
+    )
     shaken = identify([*records, simulated.shake()])
-    assert tool_separated(shaken.estimate) and not any(note.startswith("tool_mass") for note in shaken.notes)
+    assert tool_separated(shaken.estimate) and not any(
+        note.startswith("tool_mass") for note in shaken.notes
+    )
     low, high = shaken.estimate.interval("tool_mass")
     assert low - (high - low) / 2 < 0.38 < high + (high - low) / 2

@@ -16,7 +16,9 @@ def parabola(tool=True, dt=DT):
 def test_windows_over_a_parabola():
     """Means of a polynomial under a symmetric window are known in closed form."""
     found = list(slides(parabola()))
-    assert [one.direction for one in found] == [-1.0, 1.0] and {one.record for one in found} == {"ramp"}
+    assert [one.direction for one in found] == [-1.0, 1.0] and {one.record for one in found} == {
+        "ramp"
+    }
     for one in found:
         np.testing.assert_allclose(one.inertia, 0.4, rtol=1e-8)
         np.testing.assert_allclose(one.whip, 0.5, rtol=1e-8)
@@ -24,7 +26,9 @@ def test_windows_over_a_parabola():
         np.testing.assert_allclose(one.current, 3.0 * one.time, atol=1e-12 + 3 * DT / 2)
         np.testing.assert_allclose(one.speed @ one.weights, one.drag, atol=1e-12)
         assert np.all(one.direction * one.speed > SLOWEST) and one.weights.sum() == 1.0
-        np.testing.assert_allclose(one.position[:, 30], -0.2 * one.time + 0.2 * one.time**2, atol=1e-12)
+        np.testing.assert_allclose(
+            one.position[:, 30], -0.2 * one.time + 0.2 * one.time**2, atol=1e-12
+        )
 
 
 def test_current_acts_from_row_to_row():

@@ -15,11 +15,22 @@ def electrical_test(noise=0.0, offset=0.0, seed=0, rows=1500):
     amplitude, pace = 0.01, 2 * np.pi * 5
     current = [0.7]
     for k, u in enumerate(voltage[:-1]):
-        step = solve_ivp(lambda t, i, u=u: (u - R * i - K_E * amplitude * pace * np.cos(pace * t)) / L, (k * DT, (k + 1) * DT),
-                         current[-1:], rtol=1e-10, atol=1e-12)  # fmt: skip
+        step = solve_ivp(
+            lambda t, i, u=u: (u - R * i - K_E * amplitude * pace * np.cos(pace * t)) / L,
+            (k * DT, (k + 1) * DT),
+            current[-1:],
+            rtol=1e-10,
+            atol=1e-12,
+        )
         current.append(step.y[0, -1])
     motor = amplitude * np.sin(pace * DT * np.arange(rows))
-    return Record("electrical", DT, motor, np.array(current) + noise * random.normal(size=rows), voltage=voltage + offset)
+    return Record(
+        "electrical",
+        DT,
+        motor,
+        np.array(current) + noise * random.normal(size=rows),
+        voltage=voltage + offset,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +42,22 @@ def test_recovers_the_winding(clean):
     """A speed that varies within a row is not its mean: 1e-5 of the back EMF at this rate."""
     fit = fit_winding([clean, clean])
     np.testing.assert_allclose(fit.estimate.values, [R, L, K_E], rtol=1e-5)
-    assert fit.estimate.names == ("resistance", "inductance", "back_emf") and max(abs(r).max() for r in fit.residuals) < 1e-3
+    assert (
+        fit.estimate.names == ("resistance", "inductance", "back_emf")
+        and max(abs(r).max() for r in fit.residuals) < 1e-3
+    )
 
 
 def test_noise_in_the_current_does_no_harm(clean):
     """12 realisations: no bias, and deviations as large as promised."""
     random, errors = np.random.default_rng(3), []
     for _ in range(12):
-        fit = fit_winding([clean._replace(current=clean.current + 0.05 * random.normal(size=clean.rows))])
-        errors.append((fit.estimate.values - [R, L, K_E]) / np.sqrt(np.diag(fit.estimate.covariance)))
+        fit = fit_winding(
+            [clean._replace(current=clean.current + 0.05 * random.normal(size=clean.rows))]
+        )
+        errors.append(
+            (fit.estimate.values - [R, L, K_E]) / np.sqrt(np.diag(fit.estimate.covariance))
+        )
     assert np.all(np.abs(np.mean(errors, axis=0)) < 3 / np.sqrt(12))
     assert np.all((np.std(errors, axis=0) > 0.4) & (np.std(errors, axis=0) < 1.6))
 

@@ -34,10 +34,16 @@ def test_steady_circle_of_equal_axes(table):
     response, R = position_response(table), table.radius
 
     def mismatch(eps):
-        return (abs(response * (R - GAIN * eps)) ** 2 - R**2) / (2 * R) - eps  # c'e of the tool is (|y|^2 - R^2) / 2R
+        return (abs(response * (R - GAIN * eps)) ** 2 - R**2) / (
+            2 * R
+        ) - eps  # c'e of the tool is (|y|^2 - R^2) / 2R
 
     expected = abs(response) * (R - GAIN * brentq(mismatch, -R / 4, R / 4, xtol=1e-16))
-    found = np.linalg.norm(np.asarray(simulate(table.equal, CommandShaped(table.cascade(), GAIN), table.on_circle()).output)[-1])
+    found = np.linalg.norm(
+        np.asarray(
+            simulate(table.equal, CommandShaped(table.cascade(), GAIN), table.on_circle()).output
+        )[-1]
+    )
     assert found == pytest.approx(expected, abs=1e-9)
     assert abs(found - R) < 0.5 * abs(abs(response) - 1) * R
 
@@ -45,7 +51,10 @@ def test_steady_circle_of_equal_axes(table):
 def test_steady_error_on_a_line_is_divided(table):
     """By 1 + k, with lag in both axes alike; here by 1 + k sum n_i^2, the mismatch kept: e = e0 - k eps n."""
     normal, cascade = np.array([-np.sin(0.6), np.cos(0.6)]), table.cascade((18.0, 35.0))
-    plain, found = (table.last_error(table.plant, c, table.on_line(0.6)) for c in (cascade, CommandShaped(cascade, GAIN)))
+    plain, found = (
+        table.last_error(table.plant, c, table.on_line(0.6))
+        for c in (cascade, CommandShaped(cascade, GAIN))
+    )
     assert normal @ found == pytest.approx(normal @ plain / (1 + GAIN), rel=1e-6)
 
 
@@ -53,7 +62,11 @@ def test_is_cross_coupling_by_the_position_gain(table):
     """With one k_pp for both axes, k on the position is k_pp k on the speed; the difference is kappa e / 2 in the direction."""
     reference = table.on_line(0.6, steps=300)
     shaped = simulate(table.plant, CommandShaped(table.cascade(), GAIN), reference)
-    coupled = simulate(table.plant, CrossCoupled(table.cascade(), CrossGains(25.0 * GAIN), VariableCoupling()), reference)
+    coupled = simulate(
+        table.plant,
+        CrossCoupled(table.cascade(), CrossGains(25.0 * GAIN), VariableCoupling()),
+        reference,
+    )
     np.testing.assert_allclose(shaped.control, coupled.control, rtol=0, atol=1e-9)
 
 

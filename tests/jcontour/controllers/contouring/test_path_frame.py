@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import ConstantCoupling, CrossCoupled, CrossGains, VariableCoupling
+from jcontour.controllers.contouring.cross_coupled import (
+    ConstantCoupling,
+    CrossCoupled,
+    CrossGains,
+    VariableCoupling,
+)
 from jcontour.controllers.contouring.path_frame import PathFrame
 from jcontour.controllers.contouring.precompensation import Precompensated
 from jcontour.controllers.contouring.task_frame import TaskFrame
@@ -20,9 +25,15 @@ from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import simulate
 
 SCHEMES = {
-    "cross-coupled": lambda cascade, k: CrossCoupled(cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), ConstantCoupling()),
-    "cross-coupled-variable": lambda cascade, k: CrossCoupled(cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), VariableCoupling()),
-    "task-frame": lambda cascade, k: TaskFrame(eqx.tree_at(lambda c: c.gains.position, cascade, jnp.array([30.0, 30.0 + 9.0 * k]))),
+    "cross-coupled": lambda cascade, k: CrossCoupled(
+        cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), ConstantCoupling()
+    ),
+    "cross-coupled-variable": lambda cascade, k: CrossCoupled(
+        cascade, CrossGains(5.0 * k, 20.0 * k, 0.05 * k), VariableCoupling()
+    ),
+    "task-frame": lambda cascade, k: TaskFrame(
+        eqx.tree_at(lambda c: c.gains.position, cascade, jnp.array([30.0, 30.0 + 9.0 * k]))
+    ),
     "precompensated": lambda cascade, k: Precompensated(cascade, 4.0 * k),
     "command-shaped": lambda cascade, k: CommandShaped(cascade, 0.7 * k),
 }
@@ -32,12 +43,26 @@ def flexible_pair():
     """Two different flexible axes, smooth, with cogging and friction."""
     friction = Friction([36.0, 20.0], [22.0, 10.0], [2.8, 1.0], [250.0, 150.0])
     cogging = [[4.0, 1.0], [2.0, 3.0]]
-    parameters = AxisParameters([40.0, 20.0], [0.4, 0.6], [2900.0, 5000.0], [2.0, 3.0], [80.0, 50.0], friction, cogging, cogging, 0.0875)
+    parameters = AxisParameters(
+        [40.0, 20.0],
+        [0.4, 0.6],
+        [2900.0, 5000.0],
+        [2.0, 3.0],
+        [80.0, 50.0],
+        friction,
+        cogging,
+        cogging,
+        0.0875,
+    )
     return SmoothFlexibleAxis(parameters, 1e-3, substeps=4)
 
 
 def flexible_cascade():
-    return Cascade(CascadeGains(jnp.array([30.0, 30.0]), jnp.array([55.0, 40.0]), 0.04, 0.3, 0.2, 1.0, 0.1), Sensors((0, 1), (2, 3)), 1e-3)
+    return Cascade(
+        CascadeGains(jnp.array([30.0, 30.0]), jnp.array([55.0, 40.0]), 0.04, 0.3, 0.2, 1.0, 0.1),
+        Sensors((0, 1), (2, 3)),
+        1e-3,
+    )
 
 
 @pytest.mark.parametrize("clockwise", [False, True])
@@ -47,10 +72,14 @@ def test_contour_error_of_a_circle(clockwise):
     for angle in random.uniform(0, 2 * np.pi, 5):
         sign, radius = -1.0 if clockwise else 1.0, 0.03
         radial = np.array([np.cos(angle), np.sin(angle)])
-        frame = PathFrame(jnp.asarray(sign * np.array([-radial[1], radial[0]])), jnp.asarray(sign / radius))
+        frame = PathFrame(
+            jnp.asarray(sign * np.array([-radial[1], radial[0]])), jnp.asarray(sign / radius)
+        )
         tool = radius * radial + random.normal(0, 1e-3, 2)
         expected = sign * (tool @ tool - radius**2) / (2 * radius)
-        assert float(frame.contour_error(radius * radial - tool)) == pytest.approx(expected, rel=1e-12)
+        assert float(frame.contour_error(radius * radial - tool)) == pytest.approx(
+            expected, rel=1e-12
+        )
 
 
 def test_frames_along_a_reference(table):
@@ -61,7 +90,9 @@ def test_frames_along_a_reference(table):
     np.testing.assert_allclose(left.curvature, 1 / table.radius, rtol=1e-12)
     np.testing.assert_allclose(right.curvature, -1 / table.radius, rtol=1e-12)
     np.testing.assert_allclose(straight.curvature, 0.0, atol=1e-12)
-    np.testing.assert_allclose(straight.normal, np.tile([-np.sin(0.7), np.cos(0.7)], (50, 1)), rtol=1e-12)
+    np.testing.assert_allclose(
+        straight.normal, np.tile([-np.sin(0.7), np.cos(0.7)], (50, 1)), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -70,7 +101,9 @@ def test_zero_gain_is_the_plain_cascade(name):
     reference = along(circle(0.02), 5e-5 * np.arange(150), 1e-3, 1, at_rest=False)
     plain = simulate(plant, cascade, reference)
     run = simulate(plant, SCHEMES[name](cascade, 0.0), reference)
-    np.testing.assert_allclose(run.control, plain.control, rtol=0, atol=1e-11 * np.abs(plain.control).max())
+    np.testing.assert_allclose(
+        run.control, plain.control, rtol=0, atol=1e-11 * np.abs(plain.control).max()
+    )
     moved = simulate(plant, SCHEMES[name](cascade, 1.0), reference)
     assert np.abs(moved.control - plain.control).max() > 1e-3 * np.abs(plain.control).max()
 
@@ -78,16 +111,29 @@ def test_zero_gain_is_the_plain_cascade(name):
 @pytest.mark.parametrize("name", SCHEMES)
 def test_gradients_of_all_gains_are_those_of_differences(name):
     plant = flexible_pair()
-    reference = along(polygon(0.01 * np.array([[0, 0], [1, 0.3], [0.2, 1.1]])), 1e-4 * np.arange(200), 1e-3, 1, at_rest=False)
+    reference = along(
+        polygon(0.01 * np.array([[0, 0], [1, 0.3], [0.2, 1.1]])),
+        1e-4 * np.arange(200),
+        1e-3,
+        1,
+        at_rest=False,
+    )
     moving, fixed = eqx.partition(SCHEMES[name](flexible_cascade(), 1.0), eqx.is_inexact_array)
-    moving, rest = eqx.partition(moving, lambda leaf: bool(jnp.all(jnp.isfinite(leaf))))  # the limit is infinite
+    moving, rest = eqx.partition(
+        moving, lambda leaf: bool(jnp.all(jnp.isfinite(leaf)))
+    )  # the limit is infinite
     leaves, structure = jax.tree.flatten(moving)
     sizes = np.cumsum([leaf.size for leaf in leaves])[:-1]
 
     @jax.jit
     def cost(factors):
-        scaled = [leaf * f.reshape(leaf.shape) for leaf, f in zip(leaves, jnp.split(factors, sizes), strict=True)]
-        run = simulate(plant, eqx.combine(jax.tree.unflatten(structure, scaled), rest, fixed), reference)
+        scaled = [
+            leaf * f.reshape(leaf.shape)
+            for leaf, f in zip(leaves, jnp.split(factors, sizes), strict=True)
+        ]
+        run = simulate(
+            plant, eqx.combine(jax.tree.unflatten(structure, scaled), rest, fixed), reference
+        )
         lag = run.output - reference.position[: reference.steps]
         return 1e6 * jnp.mean(lag**2) + 1e-4 * jnp.mean(jnp.diff(run.control, axis=0) ** 2)
 

@@ -14,8 +14,16 @@ def test_a_turned_path_turns_the_run_of_equal_axes(table):
     points = 0.01 * np.array([[0.0, 0.0], [1.0, 1.5], [3.0, -0.5], [4.5, 1.0]])
     outputs = []
     for path in (points, points @ turn.T):
-        reference = along(spline(path), table.feed * table.dt * np.arange(800), table.dt, 1, at_rest=False)
-        outputs.append(np.asarray(simulate(table.equal, TaskFrame(table.cascade((ALONG, ACROSS), 0.4)), reference).output))
+        reference = along(
+            spline(path), table.feed * table.dt * np.arange(800), table.dt, 1, at_rest=False
+        )
+        outputs.append(
+            np.asarray(
+                simulate(
+                    table.equal, TaskFrame(table.cascade((ALONG, ACROSS), 0.4)), reference
+                ).output
+            )
+        )
     np.testing.assert_allclose(outputs[1], outputs[0] @ turn.T, rtol=0, atol=1e-9)
 
 
@@ -23,5 +31,7 @@ def test_a_turned_path_turns_the_run_of_equal_axes(table):
 def test_steady_error_on_a_line_is_lag_alone(table, angle):
     """k_along (t'e) = v and n'e = 0 in steady motion, for any axes: the velocity loops integrate."""
     tangent = np.array([np.cos(angle), np.sin(angle)])
-    error = table.last_error(table.plant, TaskFrame(table.cascade((ALONG, ACROSS))), table.on_line(angle))
+    error = table.last_error(
+        table.plant, TaskFrame(table.cascade((ALONG, ACROSS))), table.on_line(angle)
+    )
     np.testing.assert_allclose(error, table.feed / ALONG * tangent, rtol=0, atol=1e-9)

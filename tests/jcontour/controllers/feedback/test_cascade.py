@@ -16,7 +16,9 @@ from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 
-DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
+DATA = json.loads(
+    (Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text()
+)["trajectories"]
 TABLE = Sensors((2, 6), (1, 5), 0.7958e-3)  # encoders on the loads, resolvers on the motors
 
 
@@ -24,7 +26,9 @@ def step_reference(target, dt, steps):
     """From rest at the origin straight to a point (m,) [m]."""
     samples = np.tile(np.asarray(target, float), (steps + 1, 1))
     samples[0] = 0.0
-    return from_samples(samples, np.tile(np.eye(len(target))[0], (steps + 1, 1)), dt, 1, in_motion=False)
+    return from_samples(
+        samples, np.tile(np.eye(len(target))[0], (steps + 1, 1)), dt, 1, in_motion=False
+    )
 
 
 THESIS = CascadeGains(30.0, 55.67, 0.04)  # section 3.4.2
@@ -37,17 +41,24 @@ def thesis_run(task, gains=THESIS):
 def test_reference_trajectory_of_the_flexible_axis():
     row = next(row for row in DATA if row["name"] == "B PI")
     run = thesis_run(thesis_task_b())
-    np.testing.assert_allclose(np.concatenate(run.state.motion, axis=1)[:: row["every"]], row["X"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.concatenate(run.state.motion, axis=1)[:: row["every"]], row["X"], rtol=0, atol=1e-9
+    )
     np.testing.assert_allclose(run.control[:-1, 0][:: row["every"]], row["U"], rtol=0, atol=1e-8)
 
 
 def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
     """Mass and drag alone, fed the exact inverse: the loop has nothing left to do but for the sampling."""
     none, rigid = Friction(0.0, 0.0, 1.0, 200.0), 1e7
-    axis = FlexibleAxis(AxisParameters(20.0, 20.0, rigid, 2e3, 80.0, none, [0.0], [0.0], 1.0), 1e-3, substeps=40)
+    axis = FlexibleAxis(
+        AxisParameters(20.0, 20.0, rigid, 2e3, 80.0, none, [0.0], [0.0], 1.0), 1e-3, substeps=40
+    )
     task = in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.2, 2.0, 40.0), 0.8, 1e-3)
     errors, shares = [], []
-    for gains in (CascadeGains(30.0, 55.67, 0.04), CascadeGains(30.0, 55.67, 0.04, 1.0, inertia=0.5, viscous=2.5)):
+    for gains in (
+        CascadeGains(30.0, 55.67, 0.04),
+        CascadeGains(30.0, 55.67, 0.04, 1.0, inertia=0.5, viscous=2.5),
+    ):
         controller = Cascade(gains, motors(1), 1e-3)
         run = simulate(axis, controller, task)
         errors.append(np.abs(np.asarray(run.output) - task.position[:-1]).max())
@@ -57,7 +68,10 @@ def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
 
 def test_friction_feedforward_halves_the_error_of_the_cosine():
     """Against the true axis: what velocity and acceleration feedforward leave is the reversal."""
-    fed = [CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504), CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504, 250.9 / 79.33, 58.4 / 79.33)]
+    fed = [
+        CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504),
+        CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504, 250.9 / 79.33, 58.4 / 79.33),
+    ]
     runs = [thesis_run(thesis_task_b(), gains) for gains in fed]
     errors = [np.abs(np.asarray(run.output) - thesis_task_b().position[:-1]).mean() for run in runs]
     assert errors[1] < 0.5 * errors[0]
@@ -72,7 +86,9 @@ def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated
     assert (np.abs(np.asarray(limited.control)) == 0.5).any()
 
     windup = simulate(Saturated(plant, np.array([0.5, 0.5])), Cascade(gains, TABLE, dt), reference)
-    overshoot = [float((np.asarray(run.output).max(axis=0) - target).max()) for run in (limited, windup)]
+    overshoot = [
+        float((np.asarray(run.output).max(axis=0) - target).max()) for run in (limited, windup)
+    ]
     assert overshoot[0] < 0.5 * overshoot[1]
     np.testing.assert_allclose(limited.output[-1], target, atol=1e-6)
 
@@ -110,7 +126,9 @@ def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
     gradient = jax.grad(cost)(values)
     for i, h in enumerate(1e-5 * values):
         step = h * np.eye(7)[i]
-        assert float(gradient[i]) == pytest.approx(float(cost(values + step) - cost(values - step)) / (2 * h), rel=1e-5, abs=1e-9)
+        assert float(gradient[i]) == pytest.approx(
+            float(cost(values + step) - cost(values - step)) / (2 * h), rel=1e-5, abs=1e-9
+        )
 
 
 @pytest.mark.parametrize(
@@ -119,11 +137,24 @@ def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
         (lambda: CascadeGains(-1.0, 1.0, 1.0), "position"),
         (lambda: CascadeGains(1.0, 1.0, 0.0), "integral_time"),
         (lambda: CascadeGains(1.0, 1.0, 1.0, coulomb=-0.1), "coulomb"),
-        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,)), 1e-3), "sensors: the velocity loop"),
+        (
+            lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,)), 1e-3),
+            "sensors: the velocity loop",
+        ),
         (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 0.0), "dt"),
         (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 1e-3, 0.0), "limit"),
-        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 2e-3).prepare(step_reference([1.0, 0.0], 1e-3, 5)), "dt"),
-        (lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,), (1,)), 1e-3).prepare(step_reference([1.0, 0.0], 1e-3, 5)), "sensors"),
+        (
+            lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), TABLE, 2e-3).prepare(
+                step_reference([1.0, 0.0], 1e-3, 5)
+            ),
+            "dt",
+        ),
+        (
+            lambda: Cascade(CascadeGains(1.0, 1.0, 1.0), Sensors((0,), (1,)), 1e-3).prepare(
+                step_reference([1.0, 0.0], 1e-3, 5)
+            ),
+            "sensors",
+        ),
     ],
 )
 def test_bad_input_is_one_line(make, words):

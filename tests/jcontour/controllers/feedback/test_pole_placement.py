@@ -21,25 +21,44 @@ def moved(model, K):
 def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control():
     K = placed_gain(MODEL, POLES)
     np.testing.assert_allclose(moved(MODEL, K), np.sort_complex(POLES), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(K, control.place(np.asarray(MODEL.A), np.asarray(MODEL.B), np.asarray(POLES)), rtol=1e-9)
+    np.testing.assert_allclose(
+        K, control.place(np.asarray(MODEL.A), np.asarray(MODEL.B), np.asarray(POLES)), rtol=1e-9
+    )
 
 
 def test_pairs_are_those_of_the_continuous_oscillator():
     s = np.roots([1.0, 2 * 0.3 * 95.0, 95.0**2])
-    np.testing.assert_allclose(np.sort_complex(damped_poles(95.0, 0.3, DT)), np.sort_complex(np.exp(s * DT)), rtol=1e-14)
+    np.testing.assert_allclose(
+        np.sort_complex(damped_poles(95.0, 0.3, DT)), np.sort_complex(np.exp(s * DT)), rtol=1e-14
+    )
 
 
 def test_equal_real_poles_make_a_dead_beat():
     K = placed_gain(MODEL, np.zeros(4))
-    assert np.abs(np.linalg.matrix_power(np.asarray(MODEL.A - MODEL.B @ K), 4)).max() < 1e-4 * np.abs(MODEL.B @ K).max()
+    assert (
+        np.abs(np.linalg.matrix_power(np.asarray(MODEL.A - MODEL.B @ K), 4)).max()
+        < 1e-4 * np.abs(MODEL.B @ K).max()
+    )
 
 
 def test_axes_side_by_side_each_have_their_own():
     drag = Friction(0.0, 0.0, 1.0, [250.9, 100.0])
-    pair = AxisParameters([39.62, 20.0], [0.38, 2.0], [2908.0, 9e3], [2.1, 30.0], [79.33, 60.0], drag, [[0.0]] * 2, [[0.0]] * 2, [0.1, 0.1])
+    pair = AxisParameters(
+        [39.62, 20.0],
+        [0.38, 2.0],
+        [2908.0, 9e3],
+        [2.1, 30.0],
+        [79.33, 60.0],
+        drag,
+        [[0.0]] * 2,
+        [[0.0]] * 2,
+        [0.1, 0.1],
+    )
     model, others = zoh_model(pair, DT), damped_poles([30.0, 60.0], [0.7, 0.7], DT)
     K = placed_gain(model, np.stack([POLES, others]))
-    np.testing.assert_allclose(moved(model, K), np.sort_complex(np.concatenate([POLES, others])), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        moved(model, K), np.sort_complex(np.concatenate([POLES, others])), rtol=0, atol=1e-9
+    )
     np.testing.assert_array_equal(K[0, 1::2], 0.0)
 
 
@@ -47,22 +66,40 @@ def test_gradient_with_respect_to_damping():
     at = np.array([0.9, 0.3])
 
     def size(damping):
-        return placed_gain(MODEL, damped_poles(np.array([40.0, 95.0]), damping, DT)) @ np.array([1.0, 100.0, 1.0, 100.0])
+        return placed_gain(MODEL, damped_poles(np.array([40.0, 95.0]), damping, DT)) @ np.array(
+            [1.0, 100.0, 1.0, 100.0]
+        )
 
     slope = jax.jacobian(size)(at)[0]
     for i in range(2):
         step = 1e-6 * np.eye(2)[i]
-        np.testing.assert_allclose(slope[i], (size(at + step) - size(at - step))[0] / 2e-6, rtol=1e-6)
+        np.testing.assert_allclose(
+            slope[i], (size(at + step) - size(at - step))[0] / 2e-6, rtol=1e-6
+        )
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda: placed_gain(MODEL, [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
-        (lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 1.01]), "poles: need to be inside the unit circle"),
-        (lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 0.5 + 0.1j]), "poles: complex ones need to come in pairs"),
-        (lambda: placed_gain(LinearPlant(MODEL.A, np.ones((4, 2)), MODEL.C, DT), [0.5] * 4), "one input"),
-        (lambda: placed_gain(LinearPlant(np.diag([0.5, 0.6]), [[1.0], [0.0]], [[1.0, 1.0]], DT), [0.5] * 2), "cannot be controlled"),
+        (
+            lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 1.01]),
+            "poles: need to be inside the unit circle",
+        ),
+        (
+            lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 0.5 + 0.1j]),
+            "poles: complex ones need to come in pairs",
+        ),
+        (
+            lambda: placed_gain(LinearPlant(MODEL.A, np.ones((4, 2)), MODEL.C, DT), [0.5] * 4),
+            "one input",
+        ),
+        (
+            lambda: placed_gain(
+                LinearPlant(np.diag([0.5, 0.6]), [[1.0], [0.0]], [[1.0, 1.0]], DT), [0.5] * 2
+            ),
+            "cannot be controlled",
+        ),
         (lambda: damped_poles(-1.0, 0.5, DT), "frequency"),
         (lambda: damped_poles(1.0, 1.5, DT), "damping"),
     ],

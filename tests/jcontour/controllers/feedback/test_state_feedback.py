@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target, quasi_steady_target
+from jcontour.controllers.feedback.state_feedback import (
+    StateFeedback,
+    lq_gain,
+    moving_target,
+    quasi_steady_target,
+)
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.point_to_point import PointToPoint
@@ -35,9 +40,13 @@ def test_targets_of_a_coupled_machine(coupled_plant):
     t = moving_target(model)
     x, u = t.state @ y + t.state_moving @ dy, t.control @ y + t.control_moving @ dy
     np.testing.assert_allclose(model.C @ x, y, rtol=1e-10)
-    np.testing.assert_allclose(model.step(x, u), t.state @ (y + dy) + t.state_moving @ dy, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        model.step(x, u), t.state @ (y + dy) + t.state_moving @ dy, rtol=1e-9, atol=1e-12
+    )
     rest = quasi_steady_target(model)
-    np.testing.assert_allclose(model.step(rest.state @ y, rest.control @ y), rest.state @ y, rtol=1e-10)
+    np.testing.assert_allclose(
+        model.step(rest.state @ y, rest.control @ y), rest.state @ y, rtol=1e-10
+    )
     assert not np.any(rest.state_moving) and not np.any(rest.control_moving)
 
 
@@ -45,13 +54,22 @@ def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags():
     reference = along(line([0.0], [0.1]), 1e-4 * np.arange(800), DT, 1, at_rest=False)
     K = lq_gain(MODEL, Q, R)
     lags = [
-        abs(float(simulate(MODEL, StateFeedback(K, target), reference).output[-1, 0] - reference.position[799, 0]))
+        abs(
+            float(
+                simulate(MODEL, StateFeedback(K, target), reference).output[-1, 0]
+                - reference.position[799, 0]
+            )
+        )
         for target in (moving_target(MODEL), quasi_steady_target(MODEL))
     ]
     A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
     rest, motion = quasi_steady_target(MODEL), moving_target(MODEL)
-    closed = A - B @ np.asarray(K)  # at rest relative to the ramp: x = closed x + B K x_d - motion of the frame
-    away = np.linalg.solve(np.eye(4) - closed, B @ (np.asarray(K) @ motion.state_moving + motion.control_moving) * 1e-4)
+    closed = A - B @ np.asarray(
+        K
+    )  # at rest relative to the ramp: x = closed x + B K x_d - motion of the frame
+    away = np.linalg.solve(
+        np.eye(4) - closed, B @ (np.asarray(K) @ motion.state_moving + motion.control_moving) * 1e-4
+    )
     assert lags[0] < 1e-9 and rest.state.shape == (4, 1)
     np.testing.assert_allclose(lags[1], abs(away[2, 0]), rtol=1e-6)
 
@@ -62,14 +80,23 @@ def test_gradient_reaches_the_weights():
 
     def cost(logarithms):
         weights = jnp.exp(logarithms)
-        controller = StateFeedback(lq_gain(MODEL, jnp.diag(weights[:4]), weights[4] * jnp.eye(1)), moving_target(MODEL))
-        return 1e6 * jnp.mean((simulate(MODEL, controller, reference, start).output - reference.position[:-1]) ** 2)
+        controller = StateFeedback(
+            lq_gain(MODEL, jnp.diag(weights[:4]), weights[4] * jnp.eye(1)), moving_target(MODEL)
+        )
+        return 1e6 * jnp.mean(
+            (simulate(MODEL, controller, reference, start).output - reference.position[:-1]) ** 2
+        )
 
     at = np.log([1e7, 1e3, 1e7, 10.0, 2.0])
     run, slope = jax.jit(cost), jax.jit(jax.grad(cost))(at)
     for i in range(5):
         step = 1e-5 * np.eye(5)[i]
-        np.testing.assert_allclose(slope[i], (run(at + step) - run(at - step)) / 2e-5, rtol=1e-5, atol=1e-8 * np.abs(slope).max())
+        np.testing.assert_allclose(
+            slope[i],
+            (run(at + step) - run(at - step)) / 2e-5,
+            rtol=1e-5,
+            atol=1e-8 * np.abs(slope).max(),
+        )
 
 
 def test_bad_input_is_named():

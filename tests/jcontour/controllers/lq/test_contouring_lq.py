@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, RiccatiTerminal, balanced, contour_weight
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+    balanced,
+    contour_weight,
+)
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate
@@ -17,7 +24,12 @@ def reference_of(seed, axes, preview, dt=1e-3):
     """Samples and directions that have nothing to do with one another: the law must not care."""
     random = np.random.default_rng(seed)
     tangent = random.standard_normal((T + preview, axes))
-    return from_samples(random.standard_normal((T + preview, axes)), tangent / np.linalg.norm(tangent, axis=1, keepdims=True), dt, preview)
+    return from_samples(
+        random.standard_normal((T + preview, axes)),
+        tangent / np.linalg.norm(tangent, axis=1, keepdims=True),
+        dt,
+        preview,
+    )
 
 
 def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
@@ -32,7 +44,10 @@ def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
         free, forced = A @ free, A @ forced
         forced[:, (j - 1) * p : j * p] += B
         if j < preview or H_N is None:
-            Q = stage[j - 1] * (float(weights.alpha + weights.beta) * np.eye(len(C)) - float(weights.beta) * np.outer(r[k + j], r[k + j]))
+            Q = stage[j - 1] * (
+                float(weights.alpha + weights.beta) * np.eye(len(C))
+                - float(weights.beta) * np.outer(r[k + j], r[k + j])
+            )
             values, vectors = np.linalg.eigh(Q)
             root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
             rows.append(root @ C @ forced)
@@ -52,7 +67,12 @@ CASES = {
     "three axes": (3, 9, 4, LQWeights(0.7, 3.0, 0.2)),
     "profile": (2, 5, 6, LQWeights(0.7, 3.0, 0.2, [0.5, 2.0, 1.0, 0.3, 4.0, 1.5])),
     "no tracking weight": (2, 5, 3, LQWeights(0.0, 3.0, 0.2)),
-    "a weight for every pair of controls": (3, 7, 4, LQWeights(0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0))),
+    "a weight for every pair of controls": (
+        3,
+        7,
+        4,
+        LQWeights(0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0)),
+    ),
     "one sample": (2, 4, 1, LQWeights(2.0, 1.0, 0.05, [3.0])),
 }
 
@@ -65,18 +85,35 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
     random = np.random.default_rng(1)
     Sy, Sv = random.standard_normal((2, states, axes))
     reference = reference_of(2, axes, preview)
-    end = OutputTerminal() if terminal == "output" else RiccatiTerminal(SteadyMotion(jnp.asarray(Sy), jnp.asarray(Sv)))
-    rollout = simulate(model, ContouringLQ(model, weights, preview, end), reference, jnp.asarray(random.standard_normal(states)))
+    end = (
+        OutputTerminal()
+        if terminal == "output"
+        else RiccatiTerminal(SteadyMotion(jnp.asarray(Sy), jnp.asarray(Sv)))
+    )
+    rollout = simulate(
+        model,
+        ContouringLQ(model, weights, preview, end),
+        reference,
+        jnp.asarray(random.standard_normal(states)),
+    )
     H_N = x_d = None
     if terminal == "riccati":
         A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
-        R = np.asarray(weights.rho) if np.ndim(weights.rho) else float(weights.rho) * np.eye(B.shape[1])
+        R = (
+            np.asarray(weights.rho)
+            if np.ndim(weights.rho)
+            else float(weights.rho) * np.eye(B.shape[1])
+        )
         H_N = solve_discrete_are(A, B, float(weights.alpha + weights.beta) * C.T @ C, R)
         y_d = np.asarray(reference.position)[preview - 1 :]
         x_d = y_d[1:] @ Sy.T + np.diff(y_d, axis=0) @ Sv.T
     for k in (0, 1, T - 1):
-        wanted = best_first_control(model, weights, preview, H_N, x_d, reference, k, np.asarray(rollout.state[k]))
-        np.testing.assert_allclose(rollout.control[k], wanted, rtol=1e-9, atol=1e-9 * np.abs(rollout.control).max())
+        wanted = best_first_control(
+            model, weights, preview, H_N, x_d, reference, k, np.asarray(rollout.state[k])
+        )
+        np.testing.assert_allclose(
+            rollout.control[k], wanted, rtol=1e-9, atol=1e-9 * np.abs(rollout.control).max()
+        )
 
 
 def test_only_ratios_of_the_weights_matter(two_axes):
@@ -84,9 +121,13 @@ def test_only_ratios_of_the_weights_matter(two_axes):
 
     @eqx.filter_jit
     def gains(scale):
-        return ContouringLQ(two_axes, LQWeights(3 * scale, 5 * scale, 0.1 * scale), 3, RiccatiTerminal()).prepare(reference)
+        return ContouringLQ(
+            two_axes, LQWeights(3 * scale, 5 * scale, 0.1 * scale), 3, RiccatiTerminal()
+        ).prepare(reference)
 
-    for found, wanted in zip(jax.tree.leaves(gains(1e-3)), jax.tree.leaves(gains(1.0)), strict=True):
+    for found, wanted in zip(
+        jax.tree.leaves(gains(1e-3)), jax.tree.leaves(gains(1.0)), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12)
 
 
@@ -95,19 +136,26 @@ def test_stage_profile_gradient_is_that_of_differences(two_axes):
 
     @jax.jit
     def size(stage):
-        plan = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 0.1, stage), 4, RiccatiTerminal()).prepare(reference)
+        plan = ContouringLQ(
+            two_axes, LQWeights(3.0, 5.0, 0.1, stage), 4, RiccatiTerminal()
+        ).prepare(reference)
         return jnp.sum(plan.F**2) + jnp.sum(plan.f**2)
 
     stage, h = np.array([0.5, 2.0, 1.0, 3.0]), 1e-5
     slopes = jax.jit(jax.grad(size))(stage)
     for slope, e in zip(slopes, np.eye(4), strict=True):
-        assert float(slope) == pytest.approx(float(size(stage + h * e) - size(stage - h * e)) / (2 * h), rel=1e-6)
+        assert float(slope) == pytest.approx(
+            float(size(stage + h * e) - size(stage - h * e)) / (2 * h), rel=1e-6
+        )
 
 
 def test_contour_weight_forgives_what_is_along():
     tangent = np.array([[0.6, 0.8], [1.0, 0.0]])
     Q = np.asarray(contour_weight(2.0, 5.0, jnp.asarray(tangent)))
-    along, across = np.einsum("tij,tj->ti", Q, tangent), np.einsum("tij,tj->ti", Q, tangent[:, ::-1] * [-1, 1])
+    along, across = (
+        np.einsum("tij,tj->ti", Q, tangent),
+        np.einsum("tij,tj->ti", Q, tangent[:, ::-1] * [-1, 1]),
+    )
     np.testing.assert_allclose(along, 2.0 * tangent)
     np.testing.assert_allclose(across, 7.0 * tangent[:, ::-1] * [-1, 1])
 
@@ -138,7 +186,9 @@ def test_bad_controllers_are_named(two_axes):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match=r"stage.*shape \(3,\), received \(2,\)"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1, [1.0, 1.0]), 3)
-    with pytest.raises(ValueError, match=r"rho: needs one number or shape \(2, 2\), received \(3, 3\)"):
+    with pytest.raises(
+        ValueError, match=r"rho: needs one number or shape \(2, 2\), received \(3, 3\)"
+    ):
         ContouringLQ(two_axes, LQWeights(1, 1, np.eye(3)), 3)
     out_of_reach = LinearPlant(np.diag([1.1, 0.5]), [[0.0], [1.0]], np.eye(2), 1.0)
     with pytest.raises(ValueError, match="no stabilising solution"):

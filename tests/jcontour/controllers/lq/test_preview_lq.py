@@ -22,22 +22,30 @@ def test_finite_preview_is_case_iii(preview):
     """McNab & Tsao: their law with beta = 0 and the Riccati terminal is Tomizuka & Whitney's."""
     plant = bridgeport()
     reference = reference_of(preview, plant.dt)
-    wanted = ContouringLQ(plant, LQWeights(ALPHA, 0.0, RHO), preview, RiccatiTerminal()).prepare(reference)
+    wanted = ContouringLQ(plant, LQWeights(ALPHA, 0.0, RHO), preview, RiccatiTerminal()).prepare(
+        reference
+    )
     found = PreviewLQ(plant, ALPHA, RHO, preview).prepare(reference)
     for name in ("F", "f"):
         gains = np.asarray(getattr(wanted, name))
-        np.testing.assert_allclose(getattr(found, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max())
+        np.testing.assert_allclose(
+            getattr(found, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max()
+        )
 
 
 def test_given_maps_serve_a_coupled_plant(coupled_plant):
     plant = coupled_plant(4, 5, 2)
     motion = SteadyMotion(*jnp.asarray(np.random.default_rng(0).standard_normal((2, 5, 2))))
     reference = reference_of(4, plant.dt)
-    wanted = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion)).prepare(reference)
+    wanted = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion)).prepare(
+        reference
+    )
     found = PreviewLQ(plant, 0.5, 0.1, 4, motion).prepare(reference)
     for name in ("F", "f"):
         gains = np.asarray(getattr(wanted, name))
-        np.testing.assert_allclose(getattr(found, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max())
+        np.testing.assert_allclose(
+            getattr(found, name), gains, rtol=0, atol=1e-9 * np.abs(gains).max()
+        )
 
 
 def test_bad_controllers_are_named(two_axes):

@@ -29,7 +29,9 @@ def schedule():
 
 @pytest.fixture(scope="module")
 def reference():
-    return along(circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False)  # fast, to meet many models
+    return along(
+        circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False
+    )  # fast, to meet many models
 
 
 def test_a_machine_that_does_not_change_needs_no_schedule(reference):
@@ -45,13 +47,27 @@ def test_a_machine_that_does_not_change_needs_no_schedule(reference):
 def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     """The first of N_p controls that minimise the cost written out over the models of the desired positions."""
     models, r = schedule.along(reference.position), np.asarray(reference.tangent)
-    y_d, stage, x = np.asarray(reference.position), np.asarray(WEIGHTS.stage), np.random.default_rng(k).normal(0, 0.01, 6)
+    y_d, stage, x = (
+        np.asarray(reference.position),
+        np.asarray(WEIGHTS.stage),
+        np.random.default_rng(k).normal(0, 0.01, 6),
+    )
     R, end = np.asarray(WEIGHTS.rho), k + PREVIEW
-    H = np.stack([
-        solve_discrete_are(*(np.asarray(m) for m in (one.A, one.B, float(WEIGHTS.alpha + WEIGHTS.beta) * one.C.T @ one.C)), R)
-        for one in map(schedule.model, range(3))
-    ])  # fmt: skip
-    H_end = np.array([[np.interp(y_d[end, 0], POINTS, H[:, i, j]) for j in range(6)] for i in range(6)])
+    H = np.stack(
+        [
+            solve_discrete_are(
+                *(
+                    np.asarray(m)
+                    for m in (one.A, one.B, float(WEIGHTS.alpha + WEIGHTS.beta) * one.C.T @ one.C)
+                ),
+                R,
+            )
+            for one in map(schedule.model, range(3))
+        ]
+    )
+    H_end = np.array(
+        [[np.interp(y_d[end, 0], POINTS, H[:, i, j]) for j in range(6)] for i in range(6)]
+    )
     speed = (y_d[end] - y_d[end - 1]) / DT
     x_d = np.array([y_d[end, 0], y_d[end, 1], y_d[end, 1], speed[0], speed[1], speed[1]])
 
@@ -68,7 +84,10 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
         return total + stage[-1] * (state - x_d) @ H_end @ (state - x_d)
 
     zero = jnp.zeros((PREVIEW, 3))
-    slope, curve = jax.grad(cost)(zero).ravel(), jax.hessian(cost)(zero).reshape(3 * PREVIEW, 3 * PREVIEW)
+    slope, curve = (
+        jax.grad(cost)(zero).ravel(),
+        jax.hessian(cost)(zero).reshape(3 * PREVIEW, 3 * PREVIEW),
+    )
     wanted = -np.linalg.solve(curve, slope)[:3]
     controller = ScheduledLQ(schedule, WEIGHTS, PREVIEW)
     plan = controller.prepare(reference)
@@ -82,7 +101,11 @@ def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
     schedule = motor_schedule(parameters, [-0.4, 0.0, 0.4], DT)
     reference = along(circle(0.2), 2e-4 * np.arange(500), DT, 20, at_rest=False)
     plant = Sensed(Gantry(parameters, DT), MotorEncoders(parameters))
-    run = simulate(plant, ScheduledLQ(schedule, LQWeights(1e7, 1e8, balanced(1.0, 3, 1, 2, 1.0)), 20), reference)
+    run = simulate(
+        plant,
+        ScheduledLQ(schedule, LQWeights(1e7, 1e8, balanced(1.0, 3, 1, 2, 1.0)), 20),
+        reference,
+    )
     late = np.asarray(run.output)[100:]
     assert np.abs(np.linalg.norm(late, axis=1) - 0.2).max() < 1e-4
 
@@ -90,14 +113,23 @@ def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
 def test_bad_controllers_are_named(schedule, reference):
     with pytest.raises(ValueError, match="preview: needs a whole number"):
         ScheduledLQ(schedule, WEIGHTS, 0)
-    with pytest.raises(ValueError, match=r"stage: needs one entry per preview sample, shape \(3,\), received \(6,\)"):
+    with pytest.raises(
+        ValueError,
+        match=r"stage: needs one entry per preview sample, shape \(3,\), received \(6,\)",
+    ):
         ScheduledLQ(schedule, WEIGHTS, 3)
     with pytest.raises(ValueError, match="rho: needs one number or shape"):
         ScheduledLQ(schedule, LQWeights(1.0, 1.0, np.eye(2)), PREVIEW)
     with pytest.raises(ValueError, match="looks 6 samples ahead, the reference was made with 5"):
-        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(along(circle(0.2), 1e-4 * np.arange(5), DT, 5, at_rest=False))
+        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(
+            along(circle(0.2), 1e-4 * np.arange(5), DT, 5, at_rest=False)
+        )
     with pytest.raises(ValueError, match=r"points: the models cover -0.3 to 0.4 m of output 0"):
-        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(along(circle(0.45), 1e-4 * np.arange(5), DT, PREVIEW, at_rest=False))
-    free = eqx.filter_vmap(lambda A: LinearPlant(A, [[0.0], [1.0]], np.eye(2), 1.0))(np.stack([np.diag([1.1, 0.5])] * 2))
+        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(
+            along(circle(0.45), 1e-4 * np.arange(5), DT, PREVIEW, at_rest=False)
+        )
+    free = eqx.filter_vmap(lambda A: LinearPlant(A, [[0.0], [1.0]], np.eye(2), 1.0))(
+        np.stack([np.diag([1.1, 0.5])] * 2)
+    )
     with pytest.raises(ValueError, match="no stabilising solution"):
         ScheduledLQ(ModelSchedule(free, [0.0, 1.0], 0), LQWeights(1.0, 1.0, 1.0), 3)

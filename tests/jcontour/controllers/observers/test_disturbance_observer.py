@@ -15,7 +15,9 @@ from jcontour.simulation.closed_loop import simulate
 DT, B0, W = 1e-3, 2.0, 300.0
 SENSORS = motors(1)
 CASCADE = Cascade(CascadeGains(30.0, 20.0, 0.1), SENSORS, DT)
-RIGID = LinearPlant(*zoh([[0.0, 1.0], [0.0, 0.0]], [[0.0], [B0]], DT), [[1.0, 0.0]], DT)  # the nominal model itself
+RIGID = LinearPlant(
+    *zoh([[0.0, 1.0], [0.0, 0.0]], [[0.0], [B0]], DT), [[1.0, 0.0]], DT
+)  # the nominal model itself
 TASK = thesis_task_a()
 
 
@@ -57,8 +59,12 @@ def test_q_is_a_low_pass_of_its_bandwidth():
 
 
 def test_a_constant_force_is_cancelled_without_an_integrator():
-    run = simulate(Disturbed(RIGID, jnp.ones((1, 1))), DisturbanceObserver(CASCADE, SENSORS, W, B0, DT), TASK)
-    np.testing.assert_allclose(run.memory.inner[-1], 0.0, atol=1e-4)  # the PI's integral has nothing to hold
+    run = simulate(
+        Disturbed(RIGID, jnp.ones((1, 1))), DisturbanceObserver(CASCADE, SENSORS, W, B0, DT), TASK
+    )
+    np.testing.assert_allclose(
+        run.memory.inner[-1], 0.0, atol=1e-4
+    )  # the PI's integral has nothing to hold
     np.testing.assert_allclose(run.output[-1], 0.1, atol=1e-6)
 
 
@@ -69,7 +75,10 @@ def test_a_constant_force_is_cancelled_without_an_integrator():
         (lambda: DisturbanceObserver(CASCADE, SENSORS, W, np.inf, DT), "input_gain"),
         (lambda: DisturbanceObserver(CASCADE, SENSORS, W, B0, DT, 1.2), "damping"),
         (lambda: DisturbanceObserver(CASCADE, SENSORS, W, B0, 2e-3).initial_memory(TASK), "dt"),
-        (lambda: DisturbanceObserver(CASCADE, Sensors((0, 1)), W, B0, DT).initial_memory(TASK), "sensors"),
+        (
+            lambda: DisturbanceObserver(CASCADE, Sensors((0, 1)), W, B0, DT).initial_memory(TASK),
+            "sensors",
+        ),
     ],
 )
 def test_bad_input_is_named(make, name):

@@ -8,7 +8,14 @@ import pytest
 from scipy.linalg import expm
 
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
-from jcontour.controllers.observers.extended_state_observers import NLESO, CurrentLESO, DisturbanceRejection, Estimate, EulerLESO, ExactLESO
+from jcontour.controllers.observers.extended_state_observers import (
+    NLESO,
+    CurrentLESO,
+    DisturbanceRejection,
+    Estimate,
+    EulerLESO,
+    ExactLESO,
+)
 from jcontour.motion.point_to_point import thesis_task_a, thesis_task_b
 from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
 from jcontour.plants.friction import Friction
@@ -16,7 +23,9 @@ from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 
-ROWS = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "metrics_only.json").read_text())
+ROWS = json.loads(
+    (Path(__file__).parents[3] / "data" / "single_axis" / "metrics_only.json").read_text()
+)
 DT, B0 = 1e-3, 79.33 / 39.62
 FORMS = {"exact": ExactLESO, "euler": EulerLESO, "current": CurrentLESO}
 MOTOR = motors(1)
@@ -31,16 +40,26 @@ def test_reference_numbers_of_the_thesis_loop(name):
     run = simulate(FlexibleAxis(thesis_axis(), DT), controller, reference)
     wanted, current = np.asarray(reference.position)[:-1], np.abs(run.control)[:-1]
     motor, tool = np.abs(run.state.motion.motor - wanted), np.abs(run.state.motion.tool - wanted)
-    found = {"em_max": motor.max(), "em_mean": motor.mean(), "ee_max": tool.max(), "ee_mean": tool.mean()}
+    found = {
+        "em_max": motor.max(),
+        "em_mean": motor.mean(),
+        "ee_max": tool.max(),
+        "ee_mean": tool.mean(),
+    }
     found["def_max"] = np.abs(run.state.motion.motor - run.state.motion.tool).max()
-    found = {key: 1e3 * value for key, value in found.items()} | {"u_mean": current.mean(), "u_max": current.max()}
+    found = {key: 1e3 * value for key, value in found.items()} | {
+        "u_mean": current.mean(),
+        "u_max": current.max(),
+    }
     for key, value in ROWS[name].items():
         np.testing.assert_allclose(found[key], value, rtol=1e-8, err_msg=key)
 
 
 def equation(w):
     """(2.10) with phi_i(e) = e: dz/dt = F z + G [u, y]."""
-    return np.array([[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]]), np.array([[0, 3 * w], [B0, 3 * w**2], [0, w**3]])
+    return np.array([[-3 * w, 1, 0], [-3 * w**2, 0, 1], [-(w**3), 0, 0]]), np.array(
+        [[0, 3 * w], [B0, 3 * w**2], [0, w**3]]
+    )
 
 
 def updated(observer, z, u, before, now):
@@ -53,20 +72,32 @@ def test_exact_and_euler_forms_are_those_of_the_equation():
     F, G = equation(w)
     held = expm(np.block([[F, G], [np.zeros((2, 5))]]) * DT)[:3] @ np.concatenate([z, [u, y]])
     np.testing.assert_allclose(updated(ExactLESO(w, B0, DT), z, u, y, 9.9), held, rtol=1e-12)
-    np.testing.assert_allclose(updated(EulerLESO(w, B0, DT), z, u, y, 9.9), z + DT * (F @ z + G @ [u, y]), rtol=1e-12)
+    np.testing.assert_allclose(
+        updated(EulerLESO(w, B0, DT), z, u, y, 9.9), z + DT * (F @ z + G @ [u, y]), rtol=1e-12
+    )
 
 
 def test_the_current_form_knows_a_constant_disturbance_after_three_samples_of_a_dead_beat():
     """Its error obeys (I - l C) Ad, with a triple pole at exp(-w T)."""
     w = 300.0
     observer = CurrentLESO(w, B0, DT)
-    jacobian = jax.jacfwd(lambda z: jnp.concatenate(observer.update(Estimate(*z[:, None]), jnp.zeros(1), jnp.zeros(1), jnp.zeros(1))))
+    jacobian = jax.jacfwd(
+        lambda z: jnp.concatenate(
+            observer.update(Estimate(*z[:, None]), jnp.zeros(1), jnp.zeros(1), jnp.zeros(1))
+        )
+    )
     polynomial = np.poly(np.asarray(jacobian(jnp.zeros(3))))
     np.testing.assert_allclose(polynomial, np.poly([np.exp(-w * DT)] * 3), atol=1e-9)
 
     fast, z, truth = CurrentLESO(1e5, B0, DT), np.zeros(3), np.array([1e-3, 0.1, 2.0])
     for _ in range(3):
-        truth = np.array([truth[0] + DT * truth[1] + DT**2 / 2 * (truth[2] + B0), truth[1] + DT * (truth[2] + B0), truth[2]])
+        truth = np.array(
+            [
+                truth[0] + DT * truth[1] + DT**2 / 2 * (truth[2] + B0),
+                truth[1] + DT * (truth[2] + B0),
+                truth[2],
+            ]
+        )
         z = updated(fast, z, 1.0, np.nan, truth[0])
     np.testing.assert_allclose(z, truth, rtol=1e-8)
 
@@ -75,17 +106,28 @@ def test_the_nonlinear_form_is_the_linear_one_for_small_errors_and_gentler_for_l
     linear, nonlinear = CurrentLESO(500.0, B0, DT), NLESO(500.0, B0, DT, 1e-5)
     z = np.array([0.0, 0.05, 1.0])
     ahead = z[0] + DT * z[1] + DT**2 / 2 * z[2]
-    np.testing.assert_allclose(updated(nonlinear, z, 0.0, 0.0, ahead - 0.9e-5), updated(linear, z, 0.0, 0.0, ahead - 0.9e-5), rtol=1e-12)
-    far = [updated(observer, z, 0.0, 0.0, ahead + 9e-5) - updated(observer, z, 0.0, 0.0, ahead) for observer in (linear, nonlinear)]
+    np.testing.assert_allclose(
+        updated(nonlinear, z, 0.0, 0.0, ahead - 0.9e-5),
+        updated(linear, z, 0.0, 0.0, ahead - 0.9e-5),
+        rtol=1e-12,
+    )
+    far = [
+        updated(observer, z, 0.0, 0.0, ahead + 9e-5) - updated(observer, z, 0.0, 0.0, ahead)
+        for observer in (linear, nonlinear)
+    ]
     np.testing.assert_allclose(far[1] / far[0], [1.0, 9**-0.5, 9**-0.75], rtol=1e-9)
 
 
-@pytest.mark.parametrize("observer", [ExactLESO(700.0, B0, DT), CurrentLESO(700.0, B0, DT), NLESO(700.0, B0, DT, 2e-6)])
+@pytest.mark.parametrize(
+    "observer", [ExactLESO(700.0, B0, DT), CurrentLESO(700.0, B0, DT), NLESO(700.0, B0, DT, 2e-6)]
+)
 def test_a_constant_force_is_found_and_cancelled(observer):
     """Without an integrator inside: the proportional loop alone would be left with an offset."""
     inside = Cascade(CascadeGains(30.0, 55.67, 1e9), MOTOR, DT)
     task = thesis_task_a()
-    smooth = AxisParameters(39.62, 0.38, 2908.0, 50.0, 79.33, Friction(0.0, 0.0, 1.0, 0.0), [0.0], [0.0], 0.0875)  # well damped
+    smooth = AxisParameters(
+        39.62, 0.38, 2908.0, 50.0, 79.33, Friction(0.0, 0.0, 1.0, 0.0), [0.0], [0.0], 0.0875
+    )  # well damped
     axis = Disturbed(FlexibleAxis(smooth, DT), jnp.ones((1, 1)))
     errors = []
     for controller in (inside, DisturbanceRejection(inside, observer, MOTOR)):
@@ -95,15 +137,28 @@ def test_a_constant_force_is_found_and_cancelled(observer):
 
 
 def test_bad_observers_are_named():
-    with pytest.raises(ValueError, match=r"bandwidth: needs to be below 2000 rad/s, with forward Euler all eigenvalues are -1.5"):
+    with pytest.raises(
+        ValueError,
+        match=r"bandwidth: needs to be below 2000 rad/s, with forward Euler all eigenvalues are -1.5",
+    ):
         EulerLESO(2500.0, B0, DT)
     for make, name in [
         (lambda: ExactLESO(-1.0, B0, DT), "bandwidth"),
         (lambda: CurrentLESO(1.0, np.nan, DT), "input_gain"),
         (lambda: NLESO(1.0, B0, DT, 0.0), "delta"),
         (lambda: NLESO(1.0, B0, DT, 1.0, (1.0, 0.5, 2.0)), "exponents"),
-        (lambda: DisturbanceRejection(CASCADE, ExactLESO(1.0, B0, 2e-3), MOTOR).initial_memory(thesis_task_a()), "dt"),
-        (lambda: DisturbanceRejection(CASCADE, ExactLESO(1.0, B0, DT), Sensors((0, 1))).initial_memory(thesis_task_a()), "sensors"),
+        (
+            lambda: DisturbanceRejection(CASCADE, ExactLESO(1.0, B0, 2e-3), MOTOR).initial_memory(
+                thesis_task_a()
+            ),
+            "dt",
+        ),
+        (
+            lambda: DisturbanceRejection(
+                CASCADE, ExactLESO(1.0, B0, DT), Sensors((0, 1))
+            ).initial_memory(thesis_task_a()),
+            "sensors",
+        ),
     ]:
         with pytest.raises(ValueError, match=f"^{name}: "):
             make()

@@ -6,7 +6,13 @@ from scipy.linalg import solve_discrete_are
 
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.controllers.observers.kalman import FilterObserver, OffsetFreeObserver, PredictorObserver, kalman_gain, offset_free_gain
+from jcontour.controllers.observers.kalman import (
+    FilterObserver,
+    OffsetFreeObserver,
+    PredictorObserver,
+    kalman_gain,
+    offset_free_gain,
+)
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import PointToPoint
@@ -77,12 +83,16 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
 
 
-@pytest.mark.parametrize("form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)]
+)
 def test_a_perfect_start_is_state_feedback(form, two_axes, law, reference):
     controller = form(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     found = simulate(Encoders(two_axes), controller, reference)
     wanted = simulate(two_axes, law, reference)
-    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-11 * np.abs(wanted.control).max())
+    np.testing.assert_allclose(
+        found.control, wanted.control, rtol=0, atol=1e-11 * np.abs(wanted.control).max()
+    )
     assert controller.preview == law.preview
 
 
@@ -92,34 +102,54 @@ def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, la
     for form, uses in ((FilterObserver, True), (PredictorObserver, False)):
         controller = form(law, two_axes, L)
         memory = controller.initial_memory(reference)
-        controls = [controller.step(memory, row, jnp.asarray(y))[1] for y in ([0.0, 0.0], [1e-6, 0.0])]
+        controls = [
+            controller.step(memory, row, jnp.asarray(y))[1] for y in ([0.0, 0.0], [1e-6, 0.0])
+        ]
         assert (np.abs(controls[0] - controls[1]).max() > 0) == uses
 
 
 MODEL = zoh_model(thesis_axis(), 1e-3)
 MOTOR = np.eye(4)[:2]
-FEEDBACK = StateFeedback(lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL))
+FEEDBACK = StateFeedback(
+    lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL)
+)
 NOISE = (0.05, [1e-6, 1e-3])
 
 
 def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
     A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
-    whole, seen = np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]), np.hstack([MOTOR, np.zeros((2, 1))])
+    whole, seen = (
+        np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]),
+        np.hstack([MOTOR, np.zeros((2, 1))]),
+    )
     scale = np.diag([1e6, 1e3])  # of the measurements, for SciPy's sake
-    W = np.block([[B @ B.T * 0.05**2, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 0.02**2)]])
+    W = np.block(
+        [[B @ B.T * 0.05**2, np.zeros((4, 1))], [np.zeros((1, 4)), np.full((1, 1), 0.02**2)]]
+    )
     P = solve_discrete_are(whole.T, (scale @ seen).T, W, np.eye(2))
-    wanted = P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
-    np.testing.assert_allclose(offset_free_gain(MODEL, MOTOR, 0.05, 0.02, [1e-6, 1e-3]), wanted, rtol=1e-7, atol=1e-9)
+    wanted = (
+        P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
+    )
+    np.testing.assert_allclose(
+        offset_free_gain(MODEL, MOTOR, 0.05, 0.02, [1e-6, 1e-3]), wanted, rtol=1e-7, atol=1e-9
+    )
 
 
 def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
     gain = kalman_gain(MODEL, *NOISE, MOTOR)
     plain = FilterObserver(FEEDBACK, MODEL, gain, measured=MOTOR)
-    integral = OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)
-    frictionless = AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1)
+    integral = OffsetFreeObserver(
+        FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR
+    )
+    frictionless = AxisParameters(
+        39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
+    )
     machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jnp.full((1, 1), 0.5))
-    errors = [abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01) for controller in (plain, integral)]
+    errors = [
+        abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01)
+        for controller in (plain, integral)
+    ]
     assert errors[0] > 5e-5 and errors[1] < 1e-9
 
 
@@ -128,18 +158,36 @@ def test_without_a_load_integral_action_is_state_feedback():
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
     wanted = simulate(MODEL, FEEDBACK, task)
     found = simulate(
-        MODEL, OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2), np.eye(4)), task
+        MODEL,
+        OffsetFreeObserver(
+            FEEDBACK,
+            MODEL,
+            offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
+            np.eye(4),
+        ),
+        task,
     )
-    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max())
+    np.testing.assert_allclose(
+        found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
+    )
 
 
 def test_at_a_limit_the_disturbance_is_not_mistaken():
     """Told of the limit, the observer finds but what is left of its wrong start; untold, it takes the missing control for a load."""
     rest = along(line([0.0], [0.1]), np.zeros(400), 1e-3, 1, at_rest=True)
-    start, gain = MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)), offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
+    start, gain = (
+        MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)),
+        offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+    )
     machine = Saturated(Sensed(MODEL, lambda x: x[:2]), jnp.array([2.0]))
-    found = [np.abs(simulate(machine, OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, limit), rest, start).memory.disturbance[50:]).max()
-             for limit in (np.inf, 2.0)]  # fmt: skip
+    found = [
+        np.abs(
+            simulate(
+                machine, OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, limit), rest, start
+            ).memory.disturbance[50:]
+        ).max()
+        for limit in (np.inf, 2.0)
+    ]
     assert found[0] > 10.0 and found[1] < 1.0
     with pytest.raises(ValueError, match="^limit: "):
         OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, -1.0)
@@ -154,9 +202,16 @@ def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
         with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
             make()
     slow = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3)
-    for observer in (FilterObserver(FEEDBACK, MODEL, kalman_gain(MODEL, *NOISE, MOTOR), measured=MOTOR),
-                     OffsetFreeObserver(FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR)):  # fmt: skip
-        with pytest.raises(ValueError, match="^dt: the controller is sampled every 0.001 s, the reference every 0.002 s"):
+    for observer in (
+        FilterObserver(FEEDBACK, MODEL, kalman_gain(MODEL, *NOISE, MOTOR), measured=MOTOR),
+        OffsetFreeObserver(
+            FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR
+        ),
+    ):
+        with pytest.raises(
+            ValueError,
+            match="^dt: the controller is sampled every 0.001 s, the reference every 0.002 s",
+        ):
             observer.initial_memory(slow)
     with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
         FilterObserver(FEEDBACK, MODEL, np.zeros((4, 1)), measured=MOTOR)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from jcontour.controller import Controller
-from jcontour.controllers.observers.reduced_observer import ReducedObserver, augmented_model, error_matrix, thesis_gain
+from jcontour.controllers.observers.reduced_observer import (
+    ReducedObserver,
+    augmented_model,
+    error_matrix,
+    thesis_gain,
+)
 from jcontour.linear.plant import AffinePlan
 from jcontour.motion.point_to_point import thesis_task_a
 from jcontour.plant import Plant
@@ -26,7 +31,9 @@ class Law(Controller):
     preview: int = 1
 
     def prepare(self, reference):
-        return AffinePlan(jnp.zeros((reference.steps, 1, 4)), 2.0 * jnp.sin(jnp.arange(reference.steps))[:, None])
+        return AffinePlan(
+            jnp.zeros((reference.steps, 1, 4)), 2.0 * jnp.sin(jnp.arange(reference.steps))[:, None]
+        )
 
     def initial_memory(self, reference):
         return jnp.zeros((0,))
@@ -46,9 +53,16 @@ def test_thesis_observer(name, make):
     np.testing.assert_allclose(moduli, wanted["abs_eig_Lambda"], rtol=0, atol=1e-12)
     if name == "euler":
         augmented = augmented_model(model, thesis_gain())
-        for found, key in ((augmented.A, "A_aug"), (augmented.B[:, 0], "B_aug"), (augmented.C, "C_aug")):
+        for found, key in (
+            (augmented.A, "A_aug"),
+            (augmented.B[:, 0], "B_aug"),
+            (augmented.C, "C_aug"),
+        ):
             np.testing.assert_allclose(found, wanted[key], rtol=0, atol=1e-12)
-        with pytest.raises(ValueError, match=r"gain: the observer is not stable: .* they are \[0\.99.*\+0\.0\d+j 0\.99.*\]"):
+        with pytest.raises(
+            ValueError,
+            match=r"gain: the observer is not stable: .* they are \[0\.99.*\+0\.0\d+j 0\.99.*\]",
+        ):
             ReducedObserver(LAW, model, thesis_gain())
 
 
@@ -73,21 +87,27 @@ class Measured(Plant):
 def test_estimation_error_obeys_lambda_under_any_control():
     plant, task = Measured(), thesis_task_a()
     off = np.array([1e-3, -0.02])
-    start = MODEL.initial_state(task.position[0], task.start_increment) + np.concatenate([[0, 0], off])
+    start = MODEL.initial_state(task.position[0], task.start_increment) + np.concatenate(
+        [[0, 0], off]
+    )
     run = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task, jnp.asarray(start))
     states = np.asarray(run.state)
     estimate = np.asarray(run.memory.z) + states[:, :2] @ thesis_gain().T
     assert np.abs(states).max() > 1e-2
     Lambda = np.asarray(error_matrix(MODEL, thesis_gain()))
     for k in (0, 1, 7, 400):
-        np.testing.assert_allclose(states[k, 2:] - estimate[k], np.linalg.matrix_power(Lambda, k) @ off, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            states[k, 2:] - estimate[k], np.linalg.matrix_power(Lambda, k) @ off, rtol=0, atol=1e-12
+        )
 
 
 def test_a_perfect_start_is_state_feedback():
     plant, task = Measured(), thesis_task_a()
     found = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task)
     wanted = simulate(MODEL, LAW, task)
-    np.testing.assert_allclose(found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max())
+    np.testing.assert_allclose(
+        found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max()
+    )
 
 
 def test_bad_gains_are_named():

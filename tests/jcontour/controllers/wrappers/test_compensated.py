@@ -68,7 +68,9 @@ def test_gradient_reaches_the_compensation():
 
     at, h = jnp.asarray(0.8 * STIFFNESS), 1e-2
     run = jax.jit(cost)
-    assert float(jax.jit(jax.grad(cost))(at)) == pytest.approx(float(run(at + h) - run(at - h)) / (2 * h), rel=1e-6)
+    assert float(jax.jit(jax.grad(cost))(at)) == pytest.approx(
+        float(run(at + h) - run(at - h)) / (2 * h), rel=1e-6
+    )
 
 
 def test_it_looks_as_far_ahead_as_the_one_inside():
@@ -78,5 +80,7 @@ def test_it_looks_as_far_ahead_as_the_one_inside():
 
 
 def test_a_compensation_of_another_size_is_refused():
-    with pytest.raises(ValueError, match=r"compensation: needs the control's shape \(1,\), received \(\)"):
+    with pytest.raises(
+        ValueError, match=r"compensation: needs the control's shape \(1,\), received \(\)"
+    ):
         simulate(Mass(0.0), Compensated(CASCADE, lambda measurement, control: control[0]), TASK)

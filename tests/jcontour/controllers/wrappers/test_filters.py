@@ -14,7 +14,9 @@ DT = 1e-3
 
 
 def run(filter, signal):
-    return np.asarray(jax.lax.scan(lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal))[1])
+    return np.asarray(
+        jax.lax.scan(lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal))[1]
+    )
 
 
 def coefficients(filter):
@@ -23,14 +25,18 @@ def coefficients(filter):
 
 def test_tustin_is_scipys_bilinear():
     analogue = ([0.3, 2.0, 50.0], [1.0, 30.0, 4e3])
-    for found, wanted in zip(coefficients(tustin(*analogue, DT)), bilinear(*analogue, fs=1 / DT), strict=True):
+    for found, wanted in zip(
+        coefficients(tustin(*analogue, DT)), bilinear(*analogue, fs=1 / DT), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, rtol=1e-12)
 
 
 def test_running_it_is_scipys_lfilter():
     signal = np.random.default_rng(0).standard_normal(200)
     filter = notch(87.0, 0.85, 0.05, DT)
-    np.testing.assert_allclose(run(filter, signal), lfilter(*coefficients(filter), signal), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        run(filter, signal), lfilter(*coefficients(filter), signal), rtol=1e-9, atol=1e-12
+    )
 
 
 def response(filter, frequency):
@@ -40,13 +46,17 @@ def response(filter, frequency):
 def test_notch_has_its_depth_at_its_frequency_when_prewarped():
     filter = notch(700.0, 0.2, 0.3, DT, prewarp=True)
     np.testing.assert_allclose(response(filter, 700.0), 0.2, rtol=1e-9)
-    np.testing.assert_allclose([response(filter, 1e-6), response(filter, np.pi / DT)], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(
+        [response(filter, 1e-6), response(filter, np.pi / DT)], 1.0, rtol=1e-9
+    )
     assert response(notch(700.0, 0.2, 0.3, DT), 700.0) > 0.2 + 1e-3  # Tustin alone moves it
 
 
 def test_low_pass_halves_the_power_at_its_corner():
     filter = low_pass(500.0, np.sqrt(0.5), DT)
-    np.testing.assert_allclose([response(filter, 1e-6), response(filter, 500.0)], [1.0, np.sqrt(0.5)], rtol=1e-9)
+    np.testing.assert_allclose(
+        [response(filter, 1e-6), response(filter, 500.0)], [1.0, np.sqrt(0.5)], rtol=1e-9
+    )
     assert response(filter, np.pi / DT) < 1e-9
 
 
@@ -56,8 +66,15 @@ def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     filter = low_pass(0.2 / two_axes.dt, 0.7, two_axes.dt)
     rollout = simulate(two_axes, Filtered(inside, filter, 2), reference)
     plan = inside.prepare(reference)
-    raw = np.stack([inside.step((), jax.tree.map(lambda leaf, k=k: leaf[k], plan), rollout.state[k])[1] for k in range(6)])
-    np.testing.assert_allclose(rollout.control, lfilter(*coefficients(filter), raw, axis=0), rtol=1e-9)
+    raw = np.stack(
+        [
+            inside.step((), jax.tree.map(lambda leaf, k=k: leaf[k], plan), rollout.state[k])[1]
+            for k in range(6)
+        ]
+    )
+    np.testing.assert_allclose(
+        rollout.control, lfilter(*coefficients(filter), raw, axis=0), rtol=1e-9
+    )
 
 
 def test_gradient_with_respect_to_the_notch_frequency():
@@ -65,7 +82,12 @@ def test_gradient_with_respect_to_the_notch_frequency():
 
     def power(frequency):
         filter = notch(frequency, 0.3, 0.1, DT)
-        return jnp.sum(jax.lax.scan(lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal))[1] ** 2)
+        return jnp.sum(
+            jax.lax.scan(
+                lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal)
+            )[1]
+            ** 2
+        )
 
     difference = (power(300.03) - power(299.97)) / 0.06
     np.testing.assert_allclose(jax.grad(power)(300.0), difference, rtol=1e-6)

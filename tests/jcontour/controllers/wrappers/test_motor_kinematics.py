@@ -37,7 +37,9 @@ def test_every_motor_gets_its_share_of_the_path(reference, cascade):
     wanted = cascade.prepare(from_samples(third, unit, DT, 1))
     found = OfMotors(cascade, BOTH_DRIVES).prepare(reference)
     for name in ("position", "velocity", "control"):
-        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(
+            getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13
+        )
 
 
 def test_a_cascade_of_its_motors_follows_on_the_gantry(reference, cascade):

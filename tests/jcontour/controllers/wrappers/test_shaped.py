@@ -19,7 +19,12 @@ from jcontour.simulation.closed_loop import simulate
 DT = 1e-3
 LAW = PointToPoint(0.02, 0.1, 4.0)
 TASK = in_time(line([0.0], [0.02]), LAW, 0.45, DT)
-AXIS = zoh_model(AxisParameters(39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1), DT)
+AXIS = zoh_model(
+    AxisParameters(
+        39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
+    ),
+    DT,
+)
 MACHINE = Sensed(AXIS, lambda x: x[:2])
 CASCADE = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), DT)
 
@@ -34,12 +39,20 @@ def test_a_ramp_is_late_by_the_mean_delay_from_its_first_sample_on():
     ramp = along(line([0.0, 0.0], [0.3, 0.4]), 1e-4 * np.arange(60), DT, 1, at_rest=False)
     shaper = zvd(87.0, 0.05)
     late = float(shaper.times @ shaper.amplitudes) / DT
-    np.testing.assert_allclose(shaped_positions(ramp, shaper), ramp.position - late * 1e-4 * np.array([0.6, 0.8]), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        shaped_positions(ramp, shaper),
+        ramp.position - late * 1e-4 * np.array([0.6, 0.8]),
+        rtol=0,
+        atol=1e-15,
+    )
 
 
 def flexible_mode():
     """Frequency and damping of the closed loop's least damped mode."""
-    error, integrated = np.array([[-30.0, -1.0, 0.0, 0.0]]), 55.67 * DT / 0.04  # of the speed; w+ = w + integrated e, u = k_pv e + w+
+    error, integrated = (
+        np.array([[-30.0, -1.0, 0.0, 0.0]]),
+        55.67 * DT / 0.04,
+    )  # of the speed; w+ = w + integrated e, u = k_pv e + w+
     A, B = np.asarray(AXIS.A), np.asarray(AXIS.B)
     loop = np.block([[A + B @ error * (55.67 + integrated), B], [integrated * error, np.eye(1)]])
     s = np.log(np.linalg.eigvals(loop).astype(complex)) / DT
@@ -50,8 +63,12 @@ def flexible_mode():
 
 def test_a_closed_loop_stops_without_vibration():
     shaper = zv(*flexible_mode())
-    plain, shaped = (simulate(MACHINE, controller, TASK) for controller in (CASCADE, Shaped(CASCADE, shaper)))
-    deformation = [np.ptp(np.diff(np.asarray(run.state)[380:] @ [1, 0, -1, 0])) for run in (plain, shaped)]
+    plain, shaped = (
+        simulate(MACHINE, controller, TASK) for controller in (CASCADE, Shaped(CASCADE, shaper))
+    )
+    deformation = [
+        np.ptp(np.diff(np.asarray(run.state)[380:] @ [1, 0, -1, 0])) for run in (plain, shaped)
+    ]
     assert deformation[1] < 0.02 * deformation[0]
     assert shaped.output[-1, 0] == pytest.approx(0.02, abs=2e-3)
 
@@ -63,7 +80,9 @@ def test_gradient_reaches_the_shaper():
 
     at, h = 85.0, 1e-4
     run = jax.jit(cost)
-    assert float(jax.jit(jax.grad(cost))(at)) == pytest.approx(float(run(at + h) - run(at - h)) / (2 * h), rel=1e-5)
+    assert float(jax.jit(jax.grad(cost))(at)) == pytest.approx(
+        float(run(at + h) - run(at - h)) / (2 * h), rel=1e-5
+    )
 
 
 def test_it_sees_as_far_as_the_controller_inside_and_starts_like_it():

@@ -13,12 +13,20 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import PointToPoint, ToAndFro, thesis_task_a
 from jcontour.motion.references import in_time
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, Motion, SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.axis import (
+    AxisParameters,
+    FlexibleAxis,
+    Motion,
+    SmoothFlexibleAxis,
+    thesis_axis,
+)
 from jcontour.plants.friction import Friction
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 
-DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text())["trajectories"]
+DATA = json.loads(
+    (Path(__file__).parents[3] / "data" / "single_axis" / "trajectories.json").read_text()
+)["trajectories"]
 DT = 1e-3
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04  # thesis, section 3.4.2
 
@@ -27,7 +35,11 @@ def task_a():
     """0.1 m at 0.1 m/s and 4 m/s^2 after 0.1 s."""
     time, ramp, cruise = np.clip(np.arange(2201) * DT - 0.1, 0, None), 0.025, 0.975
     stopping = 0.1 - 2 * np.clip(cruise + 2 * ramp - time, 0, None) ** 2
-    return np.where(time < ramp, 2 * time**2, np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping))
+    return np.where(
+        time < ramp,
+        2 * time**2,
+        np.where(time < ramp + cruise, 0.00125 + 0.1 * (time - ramp), stopping),
+    )
 
 
 def task_b():
@@ -38,8 +50,12 @@ def task_b():
 def notch():
     """(3.9) by Tustin's rule: numerator and denominator."""
     gain, damping, frequency, c = 0.85, 0.05, 87.0, 2 / DT
-    rows = [np.array([c**2 + d * c + frequency**2, 2 * (frequency**2 - c**2), c**2 - d * c + frequency**2])
-            for d in (2 * gain * damping * frequency, 2 * damping * frequency)]  # fmt: skip
+    rows = [
+        np.array(
+            [c**2 + d * c + frequency**2, 2 * (frequency**2 - c**2), c**2 - d * c + frequency**2]
+        )
+        for d in (2 * gain * damping * frequency, 2 * damping * frequency)
+    ]
     return rows[0] / rows[1][0], rows[1] / rows[1][0]
 
 
@@ -57,7 +73,10 @@ def cascade(axis, reference, gains=(K_PP, K_PV, T_IV), filtered=False):
         control = b0 * raw + f1
         filters = (b1 * raw - a1 * control + f2, b2 * raw - a2 * control)
         motion = getattr(state, "motion", state)
-        return (axis.step(state, control), integral, filters), (jnp.concatenate(list(motion)), control[0])
+        return (axis.step(state, control), integral, filters), (
+            jnp.concatenate(list(motion)),
+            control[0],
+        )
 
     none = jnp.zeros(1)
     start = axis.initial_state(reference[:1], none)
@@ -72,14 +91,25 @@ def test_reference_trajectories(row):
     )
     np.testing.assert_allclose(states[:: row["every"]], row["X"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(currents[:-1][:: row["every"]], row["U"], rtol=0, atol=1e-11)
-    np.testing.assert_allclose(1e3 * np.abs(states[:, 2] - reference).mean(), row["ee_mean_mm"], rtol=1e-10)
+    np.testing.assert_allclose(
+        1e3 * np.abs(states[:, 2] - reference).mean(), row["ee_mean_mm"], rtol=1e-10
+    )
 
 
 def ideal(**changes):
     """The thesis's axis without friction and cogging."""
-    named = {"motor_mass": 39.62, "tool_mass": 0.38, "stiffness": 2908.0, "damping": 2.1, "force_constant": 79.33, "pole_pitch": 0.0875}
+    named = {
+        "motor_mass": 39.62,
+        "tool_mass": 0.38,
+        "stiffness": 2908.0,
+        "damping": 2.1,
+        "force_constant": 79.33,
+        "pole_pitch": 0.0875,
+    }
     none = Friction(0.0, 0.0, 1.0, 0.0)
-    return AxisParameters(**{**named, "friction": none, "cogging_sine": [0.0], "cogging_cosine": [0.0], **changes})
+    return AxisParameters(
+        **{**named, "friction": none, "cogging_sine": [0.0], "cogging_cosine": [0.0], **changes}
+    )
 
 
 @pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
@@ -87,32 +117,58 @@ def test_without_friction_it_is_the_linear_equation(kind):
     """Against an adaptive integrator of higher order."""
     axis = kind(ideal(), DT)
     start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.001, -0.1)))
-    state = start if kind is SmoothFlexibleAxis else axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)
-    state = eqx.filter_jit(lambda state: jax.lax.fori_loop(0, 300, lambda _, s: axis.step(s, jnp.array([0.5])), state))(state)
+    state = (
+        start
+        if kind is SmoothFlexibleAxis
+        else axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)
+    )
+    state = eqx.filter_jit(
+        lambda state: jax.lax.fori_loop(0, 300, lambda _, s: axis.step(s, jnp.array([0.5])), state)
+    )(state)
 
     def rates(_, x):
         link = 2908.0 * (x[0] - x[2]) + 2.1 * (x[1] - x[3])
         return [x[1], (79.33 * 0.5 - link) / 39.62, x[3], link / 0.38]
 
-    exact = solve_ivp(rates, (0, 0.3), [0.0, 0.2, 0.001, -0.1], method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-    np.testing.assert_allclose(np.concatenate(getattr(state, "motion", state)), exact, rtol=1e-7, atol=1e-9)
+    exact = solve_ivp(
+        rates, (0, 0.3), [0.0, 0.2, 0.001, -0.1], method="DOP853", rtol=1e-12, atol=1e-14
+    ).y[:, -1]
+    np.testing.assert_allclose(
+        np.concatenate(getattr(state, "motion", state)), exact, rtol=1e-7, atol=1e-9
+    )
 
 
 def by_the_rules(p, dt, wanted, substep=5e-5):
     """States and currents under the thesis's cascade, one number at a time, as the reference description tells it."""
     M, m, k, c = (float(value[0]) for value in (p.motor_mass, p.tool_mass, p.stiffness, p.damping))
     k_t, tau = float(p.force_constant[0]), float(p.pole_pitch[0])
-    f_c, f_s, v_s, b_v = (float(v[0]) for v in (p.friction.coulomb, p.friction.stribeck, p.friction.stribeck_speed, p.friction.viscous))
+    f_c, f_s, v_s, b_v = (
+        float(v[0])
+        for v in (
+            p.friction.coulomb,
+            p.friction.stribeck,
+            p.friction.stribeck_speed,
+            p.friction.viscous,
+        )
+    )
     S, C = (np.asarray(rows)[0] for rows in (p.cogging_sine, p.cogging_cosine))
     angles = 2 * np.pi / tau * np.arange(1, S.size + 1)
 
     def drive(x, u):
-        return k_t * u - S @ np.sin(angles * x[0]) - C @ np.cos(angles * x[0]) - k * (x[0] - x[2]) - c * (x[1] - x[3])
+        return (
+            k_t * u
+            - S @ np.sin(angles * x[0])
+            - C @ np.cos(angles * x[0])
+            - k * (x[0] - x[2])
+            - c * (x[1] - x[3])
+        )
 
     def rates(x, u, mode):
         link = k * (x[0] - x[2]) + c * (x[1] - x[3])
         friction = mode * (f_c + f_s / (1 + (x[1] / v_s) ** 2)) + b_v * x[1]
-        return np.array([x[1], (drive(x, u) - friction) / M, x[3], link / m] if mode else [0, 0, x[3], link / m])
+        return np.array(
+            [x[1], (drive(x, u) - friction) / M, x[3], link / m] if mode else [0, 0, x[3], link / m]
+        )
 
     x, mode, integral, states, currents = np.array([wanted[0], 0, wanted[0], 0.0]), 0, 0.0, [], []
     for r in wanted:
@@ -138,20 +194,32 @@ OTHERS = {
     "s-curve at 4 kHz": (2.5e-4, {}, PointToPoint(0.01, 0.2, 6.0, 300.0)),
     "to and fro, all else different": (
         2.5e-4,
-        {"motor_mass": 12.0, "tool_mass": 1.5, "damping": 8.0, "force_constant": 30.0, "pole_pitch": 0.03, "cogging_sine": [5.0, -2.0],
-         "cogging_cosine": [1.0, 3.0], "friction": Friction(8.0, 5.0, 0.05, 40.0)},
+        {
+            "motor_mass": 12.0,
+            "tool_mass": 1.5,
+            "damping": 8.0,
+            "force_constant": 30.0,
+            "pole_pitch": 0.03,
+            "cogging_sine": [5.0, -2.0],
+            "cogging_cosine": [1.0, 3.0],
+            "friction": Friction(8.0, 5.0, 0.05, 40.0),
+        },
         ToAndFro(0.01, 25.0),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("dt", "changes", "law"), OTHERS.values(), ids=OTHERS)
 def test_other_axes_and_tasks_go_by_the_rules(dt, changes, law):
     """Stick, slip and reversal included: with the library's own cascade and references."""
     thesis = thesis_axis()
-    parameters = AxisParameters(**{field.name: getattr(thesis, field.name) for field in fields(thesis)} | changes)
+    parameters = AxisParameters(
+        **{field.name: getattr(thesis, field.name) for field in fields(thesis)} | changes
+    )
     task = in_time(line([0.0], [0.01]), law, 0.3, dt, dwell=0.01)
-    run = simulate(FlexibleAxis(parameters, dt), Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), dt), task)
+    run = simulate(
+        FlexibleAxis(parameters, dt), Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), dt), task
+    )
     states, currents = by_the_rules(parameters, dt, np.asarray(task.position)[:-1, 0])
     np.testing.assert_allclose(np.concatenate(run.state.motion, axis=1), states, rtol=0, atol=1e-11)
     np.testing.assert_allclose(run.control[:, 0], currents, rtol=0, atol=1e-9)
@@ -167,15 +235,28 @@ def substep_states(axis, start, currents):
         after = fine.step(state, control[None])
         return after, after
 
-    _, states = jax.jit(lambda start, u: jax.lax.scan(step, start, u))(start, jnp.repeat(jnp.asarray(currents), axis.substeps))
-    states = jax.tree.map(lambda first, rest: np.concatenate([np.asarray(first)[None], rest]), start, states)
-    motion, mode = (states.motion, states.mode[:, 0]) if hasattr(states, "motion") else (states, np.sign(states.motor_speed[:, 0]))
+    _, states = jax.jit(lambda start, u: jax.lax.scan(step, start, u))(
+        start, jnp.repeat(jnp.asarray(currents), axis.substeps)
+    )
+    states = jax.tree.map(
+        lambda first, rest: np.concatenate([np.asarray(first)[None], rest]), start, states
+    )
+    motion, mode = (
+        (states.motion, states.mode[:, 0])
+        if hasattr(states, "motion")
+        else (states, np.sign(states.motor_speed[:, 0]))
+    )
     return np.concatenate(motion, axis=1), mode
 
 
 def per_sample(power, axis):
     """Simpson's integral of a power over every sample, from its values at the substeps."""
-    windows = np.stack([power[k * axis.substeps : (k + 1) * axis.substeps + 1] for k in range((len(power) - 1) // axis.substeps)])
+    windows = np.stack(
+        [
+            power[k * axis.substeps : (k + 1) * axis.substeps + 1]
+            for k in range((len(power) - 1) // axis.substeps)
+        ]
+    )
     return simpson(windows, dx=axis.dt / axis.substeps, axis=1)
 
 
@@ -201,21 +282,42 @@ def test_with_friction_cogging_and_current_the_work_balances():
     run = simulate(axis, Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT), thesis_task_a())
     currents = np.asarray(run.control)[:500, 0]
     x, mode = substep_states(axis, jax.tree.map(lambda rows: rows[0], run.state), currents)
-    np.testing.assert_allclose(x[:: axis.substeps][:500], np.concatenate(run.state.motion, axis=1)[:500], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(
+        x[:: axis.substeps][:500],
+        np.concatenate(run.state.motion, axis=1)[:500],
+        rtol=0,
+        atol=1e-13,
+    )
     speed, closing = x[:, 1], x[:, 1] - x[:, 3]
     friction = mode * (36.36 + 22.04 / (1 + (speed / 2.82) ** 2)) + 250.9 * speed
     angle = 2 * np.pi / 0.0875 * x[:, 0]
-    rows = zip([1, 2, 3], np.asarray(p.cogging_sine)[0], np.asarray(p.cogging_cosine)[0], strict=True)
-    stored = sum(0.0875 / (2 * np.pi * j) * (c * np.sin(j * angle) - s * np.cos(j * angle)) for j, s, c in rows)  # of the cogging
-    energy = (39.62 * speed**2 + 0.38 * x[:, 3] ** 2 + 2908.0 * (x[:, 0] - x[:, 2]) ** 2) / 2 + stored
+    rows = zip(
+        [1, 2, 3], np.asarray(p.cogging_sine)[0], np.asarray(p.cogging_cosine)[0], strict=True
+    )
+    stored = sum(
+        0.0875 / (2 * np.pi * j) * (c * np.sin(j * angle) - s * np.cos(j * angle))
+        for j, s, c in rows
+    )  # of the cogging
+    energy = (
+        39.62 * speed**2 + 0.38 * x[:, 3] ** 2 + 2908.0 * (x[:, 0] - x[:, 2]) ** 2
+    ) / 2 + stored
     given = 79.33 * currents * np.diff(x[:: axis.substeps, 0])
-    balance = np.diff(energy[:: axis.substeps]) - given + per_sample(friction * speed + 2.1 * closing**2, axis)
+    balance = (
+        np.diff(energy[:: axis.substeps])
+        - given
+        + per_sample(friction * speed + 2.1 * closing**2, axis)
+    )
     assert given.sum() > 2.0
     assert abs(balance.sum()) < 1e-6 * given.sum() and np.abs(balance).max() < 1e-6
 
 
 def test_a_slider_below_break_away_does_not_move_and_above_does():
-    axis = FlexibleAxis(eqx.tree_at(lambda p: (p.cogging_sine, p.cogging_cosine), thesis_axis(), replace_fn=jnp.zeros_like), DT)
+    axis = FlexibleAxis(
+        eqx.tree_at(
+            lambda p: (p.cogging_sine, p.cogging_cosine), thesis_axis(), replace_fn=jnp.zeros_like
+        ),
+        DT,
+    )
     still = axis.initial_state(jnp.zeros(1), jnp.zeros(1))
     held = axis.step(still, jnp.array([58.39 / 79.33]))
     assert held.motion.motor == 0 and held.mode == 0
@@ -226,22 +328,37 @@ def test_a_slider_below_break_away_does_not_move_and_above_does():
 def test_it_comes_to_rest_and_sticks():
     axis = FlexibleAxis(thesis_axis(), DT)
     state = axis.initial_state(jnp.zeros(1), jnp.array([1e-4]))
-    state = eqx.filter_jit(lambda state: jax.lax.fori_loop(0, 400, lambda _, s: axis.step(s, jnp.zeros(1)), state))(state)
+    state = eqx.filter_jit(
+        lambda state: jax.lax.fori_loop(0, 400, lambda _, s: axis.step(s, jnp.zeros(1)), state)
+    )(state)
     assert state.mode == 0 and state.motion.motor_speed == 0
 
 
 def test_axes_side_by_side_are_single_axes():
-    plain = eqx.tree_at(lambda p: (p.cogging_sine, p.cogging_cosine), ideal(), replace_fn=lambda c: jnp.zeros((1, 3)))
+    plain = eqx.tree_at(
+        lambda p: (p.cogging_sine, p.cogging_cosine),
+        ideal(),
+        replace_fn=lambda c: jnp.zeros((1, 3)),
+    )
     single = [thesis_axis(), plain]
     pair = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *single)
     both = FlexibleAxis(pair, DT)
     control = jnp.array([1.5, -0.4])
     state = both.step(both.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, 0.0])), control)
-    for k, (parameters, position, increment) in enumerate([(single[0], 0.01, 1e-4), (single[1], 0.02, 0.0)]):
+    for k, (parameters, position, increment) in enumerate(
+        [(single[0], 0.01, 1e-4), (single[1], 0.02, 0.0)]
+    ):
         alone = FlexibleAxis(parameters, DT)
-        after = alone.step(alone.initial_state(jnp.array([position]), jnp.array([increment])), control[k : k + 1])
+        after = alone.step(
+            alone.initial_state(jnp.array([position]), jnp.array([increment])), control[k : k + 1]
+        )
         for name in Motion._fields:
-            np.testing.assert_allclose(getattr(state.motion, name)[k], getattr(after.motion, name)[0], rtol=1e-13, atol=1e-16)
+            np.testing.assert_allclose(
+                getattr(state.motion, name)[k],
+                getattr(after.motion, name)[0],
+                rtol=1e-13,
+                atol=1e-16,
+            )
 
 
 def mean_error(axis, reference, gains):
@@ -257,18 +374,25 @@ def test_gradient_of_the_smooth_twin():
     for k in range(3):
         away = gains * (1 + 1e-5 * np.eye(3)[k])
         back = gains * (1 - 1e-5 * np.eye(3)[k])
-        np.testing.assert_allclose(found[k], (measure(away) - measure(back)) / (2e-5 * gains[k]), rtol=1e-5)
+        np.testing.assert_allclose(
+            found[k], (measure(away) - measure(back)) / (2e-5 * gains[k]), rtol=1e-5
+        )
 
 
 def test_the_smooth_twin_comes_near_the_true_axis():
     reference, gains = jnp.asarray(task_a()), (K_PP, K_PV, T_IV)
     measure = jax.jit(mean_error)
     true = measure(FlexibleAxis(thesis_axis(), DT), reference, gains)
-    gaps = [abs(measure(SmoothFlexibleAxis(thesis_axis(), DT, sharpness), reference, gains) / true - 1) for sharpness in (50.0, 1e3)]
+    gaps = [
+        abs(measure(SmoothFlexibleAxis(thesis_axis(), DT, sharpness), reference, gains) / true - 1)
+        for sharpness in (50.0, 1e3)
+    ]
     assert gaps[1] < 0.03 and gaps[1] < gaps[0]
 
 
-@pytest.mark.parametrize("name", ["motor_mass", "tool_mass", "force_constant", "pole_pitch", "stiffness", "damping"])
+@pytest.mark.parametrize(
+    "name", ["motor_mass", "tool_mass", "force_constant", "pole_pitch", "stiffness", "damping"]
+)
 def test_bad_parameters_are_named(name):
     with pytest.raises(ValueError, match=f"^{name}:"):
         ideal(**{name: -1.0})
@@ -279,12 +403,16 @@ def test_bad_axes_are_named():
         ideal(cogging_cosine=[0.0, 1.0])
     with pytest.raises(ValueError, match="cogging_sine: every entry"):
         ideal(cogging_sine=[np.nan])
-    with pytest.raises(ValueError, match="stiffness: needs one value, or one for each of 1 axes, received 2"):
+    with pytest.raises(
+        ValueError, match="stiffness: needs one value, or one for each of 1 axes, received 2"
+    ):
         ideal(stiffness=[1e3, 2e3])
     with pytest.raises(ValueError, match="does not divide"):
         FlexibleAxis(ideal(), 1.3e-4)
     for count in (0, 2.5):
-        with pytest.raises(ValueError, match=f"substeps: needs a whole number, at least one, received {count}"):
+        with pytest.raises(
+            ValueError, match=f"substeps: needs a whole number, at least one, received {count}"
+        ):
             FlexibleAxis(ideal(), DT, count)
     with pytest.raises(ValueError, match="dt"):
         SmoothFlexibleAxis(ideal(), 0.0)

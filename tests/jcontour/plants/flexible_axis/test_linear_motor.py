@@ -17,11 +17,18 @@ R, L, K_E, TAU = 12.51, 10.7e-3, 52.89, 0.0875
 def frictionless():
     none = jnp.zeros((1, 3))
     replaced = (Friction(0.0, 0.0, 1.0, 0.0), none, none)
-    return eqx.tree_at(lambda p: (p.friction, p.cogging_sine, p.cogging_cosine), thesis_axis(), replaced)
+    return eqx.tree_at(
+        lambda p: (p.friction, p.cogging_sine, p.cogging_cosine), thesis_axis(), replaced
+    )
 
 
 def driven(axis=FlexibleAxis, parameters=None, period=PERIOD, dt=DT, **options):
-    return DrivenAxis(axis(thesis_axis() if parameters is None else parameters, period), thesis_motor(), dt, **options)
+    return DrivenAxis(
+        axis(thesis_axis() if parameters is None else parameters, period),
+        thesis_motor(),
+        dt,
+        **options,
+    )
 
 
 def test_the_winding_follows_its_equations():
@@ -31,11 +38,21 @@ def test_the_winding_follows_its_equations():
 
     def rates(_, x):
         d, q = x[:2]
-        return [(voltage[0] - R * d + w * L * q) / L, (voltage[1] - R * q - w * L * d - K_E * speed) / L, d, q]
+        return [
+            (voltage[0] - R * d + w * L * q) / L,
+            (voltage[1] - R * q - w * L * d - K_E * speed) / L,
+            d,
+            q,
+        ]
 
-    exact = solve_ivp(rates, (0, h), [*start, 0, 0], method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    exact = solve_ivp(rates, (0, h), [*start, 0, 0], method="DOP853", rtol=1e-12, atol=1e-14).y[
+        :, -1
+    ]
     after, mean = thesis_motor().advance(
-        jnp.array([start[0] + 1j * start[1]]), jnp.array([voltage[0] + 1j * voltage[1]]), jnp.array([speed]), h
+        jnp.array([start[0] + 1j * start[1]]),
+        jnp.array([voltage[0] + 1j * voltage[1]]),
+        jnp.array([speed]),
+        h,
     )
     np.testing.assert_allclose([after[0].real, after[0].imag], exact[:2], rtol=1e-10)
     np.testing.assert_allclose([mean[0].real, mean[0].imag], exact[2:] / h, rtol=1e-10)
@@ -45,7 +62,9 @@ def test_force_is_what_the_voltage_pays_for():
     """3/2 Re(u conj i) over a period: copper, field and k_t i_q v, nothing else."""
     motor, speed, h = thesis_motor(), jnp.array([0.4]), 1e-3
     rng = np.random.default_rng(1)
-    current, voltage = (jnp.array([a + 1j * b]) for a, b in rng.normal(size=(2, 2)) * np.array([[2.0], [30.0]]))
+    current, voltage = (
+        jnp.array([a + 1j * b]) for a, b in rng.normal(size=(2, 2)) * np.array([[2.0], [30.0]])
+    )
     parts, spent, copper, work, start = 100, 0.0, 0.0, 0.0, current
     for _ in range(parts):
         after, mean = motor.advance(current, voltage, speed, h / parts)
@@ -69,10 +88,17 @@ def test_the_current_follows_its_command_like_a_first_order_lag():
         start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
         return jax.lax.fori_loop(0, steps, lambda _, s: plant.step(s, jnp.array([0.4])), start)
 
-    for period, tolerance in ((5e-5, 0.02), (1e-5, 0.004)):  # the held voltage is a delay of half a period
-        plant = DrivenAxis(FlexibleAxis(blocked, period, substeps=1), thesis_motor(), period, bandwidth)
+    for period, tolerance in (
+        (5e-5, 0.02),
+        (1e-5, 0.004),
+    ):  # the held voltage is a delay of half a period
+        plant = DrivenAxis(
+            FlexibleAxis(blocked, period, substeps=1), thesis_motor(), period, bandwidth
+        )
         state = answer(plant, round(2e-3 / period))
-        np.testing.assert_allclose(state.current[0], [0, 0.4 * (1 - np.exp(-bandwidth * 2e-3))], rtol=tolerance, atol=1e-12)
+        np.testing.assert_allclose(
+            state.current[0], [0, 0.4 * (1 - np.exp(-bandwidth * 2e-3))], rtol=tolerance, atol=1e-12
+        )
     settled = answer(plant, 10_000)
     np.testing.assert_allclose(settled.current[0], [0, 0.4], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(settled.voltage[0], [0, 0.4 * R], rtol=1e-9, atol=1e-12)
@@ -84,7 +110,11 @@ def test_coupled_to_the_axis_against_an_adaptive_integrator(kind):
     plant = driven(kind, frictionless(), period=5e-5, dt=5e-5)
     start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
     moving = Motion(*(jnp.array([value]) for value in (0.0, 0.3, 1e-3, 0.25)))
-    axis = moving if kind is SmoothFlexibleAxis else start.axis._replace(motion=moving, mode=jnp.array([1]))
+    axis = (
+        moving
+        if kind is SmoothFlexibleAxis
+        else start.axis._replace(motion=moving, mode=jnp.array([1]))
+    )
     state, x = start._replace(axis=axis), np.array([0.0, 0.3, 1e-3, 0.25, 0.0, 0.0])
     step = eqx.filter_jit(plant.step)
     for _ in range(10):
@@ -94,9 +124,13 @@ def test_coupled_to_the_axis_against_an_adaptive_integrator(kind):
         def rates(_, x, u=u):
             w, link = np.pi * x[1] / TAU, 2908.0 * (x[0] - x[2]) + 2.1 * (x[1] - x[3])
             return [
-                x[1], (79.33 * x[5] - link) / 39.62, x[3], link / 0.38,
-                (u[0] - R * x[4] + w * L * x[5]) / L, (u[1] - R * x[5] - w * L * x[4] - K_E * x[1]) / L,
-            ]  # fmt: skip
+                x[1],
+                (79.33 * x[5] - link) / 39.62,
+                x[3],
+                link / 0.38,
+                (u[0] - R * x[4] + w * L * x[5]) / L,
+                (u[1] - R * x[5] - w * L * x[4] - K_E * x[1]) / L,
+            ]
 
         x = solve_ivp(rates, (0, 5e-5), x, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
     motion = state.axis if kind is SmoothFlexibleAxis else state.axis.motion
@@ -120,12 +154,19 @@ def test_a_fast_current_loop_is_nearly_ideal():
 
 def test_voltage_limit_and_its_windup():
     plant = driven(voltage_limit=20.0)
-    run = eqx.filter_jit(lambda state, u: jax.lax.fori_loop(0, 100, lambda _, s: plant.step(s, u), state))
+    run = eqx.filter_jit(
+        lambda state, u: jax.lax.fori_loop(0, 100, lambda _, s: plant.step(s, u), state)
+    )
     state = run(plant.initial_state(jnp.zeros(1), jnp.zeros(1)), jnp.array([5.0]))
     assert np.linalg.norm(state.voltage) == pytest.approx(20.0)
     assert np.abs(state.integral).max() < 5.0 * R
     free = driven()
-    assert eqx.filter_jit(free.step)(free.initial_state(jnp.zeros(1), jnp.zeros(1)), jnp.array([5.0])).voltage[0, 1] > 20.0
+    assert (
+        eqx.filter_jit(free.step)(
+            free.initial_state(jnp.zeros(1), jnp.zeros(1)), jnp.array([5.0])
+        ).voltage[0, 1]
+        > 20.0
+    )
 
 
 def test_derivatives_and_wrappers():
@@ -136,16 +177,28 @@ def test_derivatives_and_wrappers():
         inner = DrivenAxis(SmoothFlexibleAxis(thesis_axis(), PERIOD), motor, DT, voltage_limit=30.0)
         plant = Disturbed(inner, force=jnp.full((1, 1), 0.1))
         start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
-        return plant.output(jax.lax.fori_loop(0, 20, lambda _, s: plant.step(s, jnp.array([4.0])), start))[0]
+        return plant.output(
+            jax.lax.fori_loop(0, 20, lambda _, s: plant.step(s, jnp.array([4.0])), start)
+        )[0]
 
     value, at = jax.jit(tool), jnp.array([R])
     slope = jax.jit(jax.jacfwd(tool))(at)[0]
-    assert float(slope) == pytest.approx(float(value(at + 1e-3) - value(at - 1e-3)) / 2e-3, rel=1e-5)
+    assert float(slope) == pytest.approx(
+        float(value(at + 1e-3) - value(at - 1e-3)) / 2e-3, rel=1e-5
+    )
 
 
-@pytest.mark.parametrize("name", ["resistance", "inductance", "back_emf", "pole_pitch", "pole_pairs"])
+@pytest.mark.parametrize(
+    "name", ["resistance", "inductance", "back_emf", "pole_pitch", "pole_pairs"]
+)
 def test_bad_windings_are_named(name):
-    named = {"resistance": R, "inductance": L, "back_emf": K_E, "pole_pitch": TAU, "pole_pairs": 1.0}
+    named = {
+        "resistance": R,
+        "inductance": L,
+        "back_emf": K_E,
+        "pole_pitch": TAU,
+        "pole_pairs": 1.0,
+    }
     with pytest.raises(ValueError, match=f"^{name}:"):
         LinearMotor(**(named | {name: -1.0}))
 

@@ -18,7 +18,17 @@ DT = 1e-3
 def pair():
     """Two different axes without dry friction and cogging."""
     drag = Friction(0.0, 0.0, 1.0, [250.9, 100.0])
-    return AxisParameters([39.62, 20.0], [0.38, 2.0], [2908.0, 9e3], [2.1, 30.0], [79.33, 60.0], drag, [[0.0]] * 2, [[0.0]] * 2, [0.1, 0.1])
+    return AxisParameters(
+        [39.62, 20.0],
+        [0.38, 2.0],
+        [2908.0, 9e3],
+        [2.1, 30.0],
+        [79.33, 60.0],
+        drag,
+        [[0.0]] * 2,
+        [[0.0]] * 2,
+        [0.1, 0.1],
+    )
 
 
 @pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
@@ -26,17 +36,29 @@ def test_thesis_models(name, make):
     model, wanted = make(thesis_axis(), DT), DATA[name]
     np.testing.assert_allclose(model.A, wanted["A"], rtol=0, atol=1e-12)
     np.testing.assert_allclose(model.B[:, 0], wanted["B"], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(np.sort(np.abs(np.linalg.eigvals(model.A))), wanted["abs_eig_A"], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.sort(np.abs(np.linalg.eigvals(model.A))), wanted["abs_eig_A"], rtol=0, atol=1e-12
+    )
     np.testing.assert_array_equal(model.C, [[0, 0, 1, 0]])
 
 
 def test_two_axes_are_the_plant_without_dry_friction():
     model, axis = zoh_model(pair(), DT), FlexibleAxis(pair(), DT, substeps=200)
-    state, control = axis.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, -2e-4])), jnp.array([0.7, -0.3])
+    state, control = (
+        axis.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, -2e-4])),
+        jnp.array([0.7, -0.3]),
+    )
     after = axis.step(state, control)
-    np.testing.assert_allclose(model.step(jnp.concatenate(state.motion), control), np.concatenate(after.motion), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(
-        model.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, -2e-4])), np.concatenate(state.motion), atol=1e-9
+        model.step(jnp.concatenate(state.motion), control),
+        np.concatenate(after.motion),
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(
+        model.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, -2e-4])),
+        np.concatenate(state.motion),
+        atol=1e-9,
     )
 
 

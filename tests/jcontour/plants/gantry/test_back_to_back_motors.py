@@ -5,7 +5,12 @@ import pytest
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors, servo_bench
 
-VALUES = {"inertia": 2e-3, "radius": 0.03, "torque_constant": 0.7, "friction": Friction(0.05, 0.02, 1.5, 4e-3)}
+VALUES = {
+    "inertia": 2e-3,
+    "radius": 0.03,
+    "torque_constant": 0.7,
+    "friction": Friction(0.05, 0.02, 1.5, 4e-3),
+}
 
 
 def test_travel_is_the_shafts_equation_times_the_radius():
@@ -15,7 +20,9 @@ def test_travel_is_the_shafts_equation_times_the_radius():
     resisting = -(0.05 + 0.02 / (1 + (turning / 1.5) ** 2)) + 4e-3 * turning
     found = bench.acceleration(jnp.array([-1]), jnp.array([speed]), jnp.array([torque]))
     np.testing.assert_allclose(found, 0.03 * (torque - resisting) / 2e-3, rtol=1e-13)
-    np.testing.assert_allclose([bench.reduced_inertia[0], bench.reduced_viscous[0]], [2e-3 / 0.03, 4e-3 / 0.03], rtol=1e-15)
+    np.testing.assert_allclose(
+        [bench.reduced_inertia[0], bench.reduced_viscous[0]], [2e-3 / 0.03, 4e-3 / 0.03], rtol=1e-15
+    )
     assert bench.acceleration(jnp.array([0]), jnp.zeros(1), jnp.array([0.01])) == 0
 
 
@@ -27,7 +34,9 @@ def test_bad_values_are_named(name, bad):
 
 
 def test_one_shaft_has_one_friction():
-    with pytest.raises(ValueError, match="^friction: the bench has one shaft, received 2 values of stribeck"):
+    with pytest.raises(
+        ValueError, match="^friction: the bench has one shaft, received 2 values of stribeck"
+    ):
         BackToBackMotors(**{**VALUES, "friction": Friction(0.05, [0.02, 0.03], 1.5, 4e-3)})
 
 

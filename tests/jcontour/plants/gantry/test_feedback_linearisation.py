@@ -21,7 +21,17 @@ from jcontour.plants.integrators import runge_kutta
 
 HEAD = 0.25
 LOW = np.array([0.15, -0.1, -0.05, -0.5, -0.5, -0.6, -10, -10, -10])
-HIGH = -LOW * [-7 / 3, 1, 1, 1, 1, 1, 1, 1, 1]  # head from 0.15 to 0.35 m, angles and rates far beyond a machine's: terms stand out
+HIGH = -LOW * [
+    -7 / 3,
+    1,
+    1,
+    1,
+    1,
+    1,
+    1,
+    1,
+    1,
+]  # head from 0.15 to 0.35 m, angles and rates far beyond a machine's: terms stand out
 
 
 def drawn(seed):
@@ -39,7 +49,11 @@ def moved(p, state, control):
 
 def brackets(p, state, acceleration):
     """Those of (5.30), (5.32), (5.34) as the thesis prints them."""
-    (x, _, th), (dx, _, w), (ddx, ddy, ddth) = np.asarray(state[:3]), np.asarray(state[3:]), np.asarray(acceleration)
+    (x, _, th), (dx, _, w), (ddx, ddy, ddth) = (
+        np.asarray(state[:3]),
+        np.asarray(state[3:]),
+        np.asarray(acceleration),
+    )
     d, s, c = float(p.tool_offset), np.sin(th), np.cos(th)
     along = -x * w**2 + d * ddth + ddy * s
     across = s * ddx + d * s * ddth - x * s * w**2 + 2 * dx * c * w + d * w**2 * c
@@ -49,7 +63,11 @@ def brackets(p, state, acceleration):
 def dropped(p, state, control, acceleration):
     """What the linear model lacks beside the brackets, as forces on its right side; `control` is the whole current."""
     n, (x, _, th), (_, _, w) = numbers(p), np.asarray(state[:3]), np.asarray(state[3:])
-    less, imbalance, L = 1 - np.cos(th), (n["drive_mass_1"] - n["drive_mass_2"]) * n["half_span"], n["half_span"]
+    less, imbalance, L = (
+        1 - np.cos(th),
+        (n["drive_mass_1"] - n["drive_mass_2"]) * n["half_span"],
+        n["half_span"],
+    )
     m = n["head_mass"] * x - imbalance
     across = less * m * acceleration[2] - imbalance * np.sin(th) * w**2
     turning = less * m * acceleration[1] - 2 * n["lateral_stiffness"] * L**2 * np.sin(th) * less
@@ -60,11 +78,18 @@ def dropped(p, state, control, acceleration):
 
 def test_currents_are_those_of_the_thesis(odd_gantry):
     n = numbers(odd_gantry)
-    constants = np.array([n["head_constant"], n["drive_constant"], n["drive_constant"] * n["half_span"]])
+    constants = np.array(
+        [n["head_constant"], n["drive_constant"], n["drive_constant"] * n["half_span"]]
+    )
     for seed in range(5):
         state, acceleration = drawn(seed)
         found = coupling_currents(odd_gantry, state[:3], state[3:], tuple(acceleration))
-        np.testing.assert_allclose(found, n["head_mass"] * brackets(odd_gantry, state, acceleration) / constants, rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(
+            found,
+            n["head_mass"] * brackets(odd_gantry, state, acceleration) / constants,
+            rtol=1e-12,
+            atol=1e-13,
+        )
 
 
 def test_motors_share_sum_and_difference():
@@ -107,12 +132,16 @@ def test_the_sampled_plant_follows_the_linear_model():
     p = eqx.tree_at(lambda p: p.joint_stiffness, thesis_gantry(), jnp.array(1e5))
     dt, steps = 1e-4, 5000
     plant = Gantry(p, dt, substeps=1)
-    shaken = np.array([6.0, -7.0, 8.0]) * np.sin(2 * np.pi * dt * np.outer(np.arange(steps), [2.0, 5.0, 3.0]))
+    shaken = np.array([6.0, -7.0, 8.0]) * np.sin(
+        2 * np.pi * dt * np.outer(np.arange(steps), [2.0, 5.0, 3.0])
+    )
     start = plant.initial_state(jnp.array([0.4, 0.0]), jnp.zeros(2))
 
     def linear(state, control):
         def rates(x):
-            return jnp.concatenate([x[3:], jnp.stack(uncoupled_acceleration(p, x[:3], x[3:], control))])
+            return jnp.concatenate(
+                [x[3:], jnp.stack(uncoupled_acceleration(p, x[:3], x[3:], control))]
+            )
 
         return runge_kutta(rates, state, dt)
 
@@ -120,10 +149,18 @@ def test_the_sampled_plant_follows_the_linear_model():
         return plant.step(state, control + linearising_currents(p, state, control))
 
     def positions(step):
-        return np.asarray(jax.jit(lambda: jax.lax.scan(lambda x, u: (step(x, u), x[:3]), start, jnp.asarray(shaken))[1])())
+        return np.asarray(
+            jax.jit(
+                lambda: jax.lax.scan(lambda x, u: (step(x, u), x[:3]), start, jnp.asarray(shaken))[
+                    1
+                ]
+            )()
+        )
 
     wanted, compensated, plain = (positions(step) for step in (linear, linearised, plant.step))
-    off, uncompensated = (np.sqrt(np.mean((found - wanted) ** 2, axis=0)) for found in (compensated, plain))
+    off, uncompensated = (
+        np.sqrt(np.mean((found - wanted) ** 2, axis=0)) for found in (compensated, plain)
+    )
     assert np.abs(wanted[:, 2]).max() > 5e-3
     assert np.all(off < uncompensated / 80)
 
@@ -132,17 +169,36 @@ def test_the_sampled_plant_follows_the_linear_model():
 def test_residuals_are_the_thesiss_sums(odd_gantry, head):
     """Under Delta M_e, Delta k_x, Delta k_y: printed sums, what the model's accelerations add to them, and what is dropped."""
     factors = {"head_mass": 1.07, "head_constant": 0.96, "drive_constant": 1.03}
-    plant = eqx.tree_at(lambda p: [getattr(p, n) for n in factors], odd_gantry, [f * getattr(odd_gantry, n) for n, f in factors.items()])
+    plant = eqx.tree_at(
+        lambda p: [getattr(p, n) for n in factors],
+        odd_gantry,
+        [f * getattr(odd_gantry, n) for n, f in factors.items()],
+    )
     n, own = numbers(odd_gantry), numbers(plant)
-    M, share = own["head_mass"], np.array([own["head_constant"] / n["head_constant"], *2 * [own["drive_constant"] / n["drive_constant"]]])
+    M, share = (
+        own["head_mass"],
+        np.array(
+            [
+                own["head_constant"] / n["head_constant"],
+                *2 * [own["drive_constant"] / n["drive_constant"]],
+            ]
+        ),
+    )
     for seed in range(10):
         state, control = drawn(seed)
         whole = control + linearising_currents(odd_gantry, state, control)
-        real, model = moved(plant, state, whole), uncoupled_acceleration(odd_gantry, state[:3], state[3:], control)
+        real, model = (
+            moved(plant, state, whole),
+            uncoupled_acceleration(odd_gantry, state[:3], state[3:], control),
+        )
         off = float(state[0]) - head
         wanted = (share * n["head_mass"] - M) * brackets(plant, state, real)
-        wanted -= M * np.array([0.0, off * real[2], off * real[1] + (2 * head * off + off**2) * real[2]])
-        wanted += share * n["head_mass"] * (brackets(plant, state, model) - brackets(plant, state, real))
+        wanted -= M * np.array(
+            [0.0, off * real[2], off * real[1] + (2 * head * off + off**2) * real[2]]
+        )
+        wanted += (
+            share * n["head_mass"] * (brackets(plant, state, model) - brackets(plant, state, real))
+        )
         wanted += dropped(plant, state, np.asarray(whole), real)
         found = residuals(plant, odd_gantry, head, state, control)
         np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
@@ -158,14 +214,19 @@ def test_encoders_tell_as_much_as_the_state(odd_gantry):
 
 def test_bounds_over_a_point_are_the_residuals_there(odd_gantry):
     """The search over larger boxes is tested with the disturbances."""
-    plant, z = eqx.tree_at(lambda p: p.head_mass, odd_gantry, 1.1 * odd_gantry.head_mass), np.concatenate(drawn(3))
+    plant, z = (
+        eqx.tree_at(lambda p: p.head_mass, odd_gantry, 1.1 * odd_gantry.head_mass),
+        np.concatenate(drawn(3)),
+    )
     wanted = np.abs(residuals(plant, odd_gantry, HEAD, jnp.asarray(z[:6]), jnp.asarray(z[6:])))
     np.testing.assert_allclose(residual_bounds(plant, odd_gantry, HEAD, z, z), wanted, rtol=1e-9)
 
 
 def test_bad_input_is_named():
     p = thesis_gantry()
-    with pytest.raises(ValueError, match="head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"):
+    with pytest.raises(
+        ValueError, match="head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
+    ):
         residuals(p, p, 1.0, jnp.zeros(6), jnp.zeros(3))
     with pytest.raises(ValueError, match="low <= high"):
         residual_bounds(p, p, HEAD, HIGH, LOW)

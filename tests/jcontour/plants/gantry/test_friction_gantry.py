@@ -17,7 +17,12 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.simulation.evaluation import member, stack_plants
 
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
-RUBBING = Friction(coulomb=[12.0, 15.0, 19.0], stribeck=[6.0, 5.0, 8.0], stribeck_speed=[0.02, 0.03, 0.01], viscous=[0.0, 3.0, 5.0])
+RUBBING = Friction(
+    coulomb=[12.0, 15.0, 19.0],
+    stribeck=[6.0, 5.0, 8.0],
+    stribeck_speed=[0.02, 0.03, 0.01],
+    viscous=[0.0, 3.0, 5.0],
+)
 
 
 class ByEvents:
@@ -26,7 +31,13 @@ class ByEvents:
     def __init__(self, p, friction):
         self.span = float(p.half_span)
         self.coulomb, self.stribeck, self.speed, self.viscous = (
-            np.broadcast_to(np.asarray(v), 3) for v in (friction.coulomb, friction.stribeck, friction.stribeck_speed, friction.viscous)
+            np.broadcast_to(np.asarray(v), 3)
+            for v in (
+                friction.coulomb,
+                friction.stribeck,
+                friction.stribeck_speed,
+                friction.viscous,
+            )
         )
         self.p = SimpleNamespace(**{name: float(value) for name, value in vars(p).items()})
 
@@ -39,19 +50,42 @@ class ByEvents:
     def terms(self, q, v, u):
         """M and Q - h, (5.4)-(5.9)."""
         p, (x, _, theta), (dx, dy, omega) = self.p, q, v
-        M_e, d, L, sine, cosine = p.head_mass, p.tool_offset, p.half_span, np.sin(theta), np.cos(theta)
-        masses, imbalance = M_e + p.drive_mass_1 + p.drive_mass_2 + p.beam_mass, L * (p.drive_mass_1 - p.drive_mass_2)
-        inertia = L**2 * (p.drive_mass_1 + p.drive_mass_2) + p.beam_mass * (L**2 + p.half_width**2) / 3 + M_e * (d**2 + x**2)
+        M_e, d, L, sine, cosine = (
+            p.head_mass,
+            p.tool_offset,
+            p.half_span,
+            np.sin(theta),
+            np.cos(theta),
+        )
+        masses, imbalance = (
+            M_e + p.drive_mass_1 + p.drive_mass_2 + p.beam_mass,
+            L * (p.drive_mass_1 - p.drive_mass_2),
+        )
+        inertia = (
+            L**2 * (p.drive_mass_1 + p.drive_mass_2)
+            + p.beam_mass * (L**2 + p.half_width**2) / 3
+            + M_e * (d**2 + x**2)
+        )
         yaw = M_e * d * sine + (M_e * x - imbalance) * cosine
-        mass = np.array([[M_e, M_e * sine, M_e * d], [M_e * sine, masses, yaw], [M_e * d, yaw, inertia]])
+        mass = np.array(
+            [[M_e, M_e * sine, M_e * d], [M_e * sine, masses, yaw], [M_e * d, yaw, inertia]]
+        )
         lift = L * cosine * omega
         pushes = p.drive_constant * u[1:] - p.drive_viscous * np.array([dy - lift, dy + lift])
-        springs = 2 * p.joint_stiffness * theta + 2 * p.lateral_stiffness * L**2 * (1 - cosine) * sine
-        across = M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine)) + imbalance * omega**2 * sine
-        return mass, np.array([
-            p.head_constant * u[0] - p.head_viscous * dx + M_e * x * omega**2, pushes.sum() - across,
-            L * cosine * (pushes[1] - pushes[0]) - 2 * M_e * omega * dx * x - springs,
-        ])  # fmt: skip
+        springs = (
+            2 * p.joint_stiffness * theta + 2 * p.lateral_stiffness * L**2 * (1 - cosine) * sine
+        )
+        across = (
+            M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine))
+            + imbalance * omega**2 * sine
+        )
+        return mass, np.array(
+            [
+                p.head_constant * u[0] - p.head_viscous * dx + M_e * x * omega**2,
+                pushes.sum() - across,
+                L * cosine * (pushes[1] - pushes[0]) - 2 * M_e * omega * dx * x - springs,
+            ]
+        )
 
     def accelerations(self, x, u, mode):
         """q'', and what every guide way that holds its slider exerts."""
@@ -59,11 +93,16 @@ class ByEvents:
         mass, force = self.terms(q, v, u)
         J, turning = self.rows(q, v)
         speed = J @ v
-        push = -mode * (self.coulomb + self.stribeck / (1 + (speed / self.speed) ** 2)) - self.viscous * speed
+        push = (
+            -mode * (self.coulomb + self.stribeck / (1 + (speed / self.speed) ** 2))
+            - self.viscous * speed
+        )
         stuck = mode == 0
         held = J[stuck]
         system = np.block([[mass, -held.T], [held, np.zeros((len(held), len(held)))]])
-        solution = np.linalg.solve(system, np.concatenate([force + J[~stuck].T @ push[~stuck], -turning[stuck]]))
+        solution = np.linalg.solve(
+            system, np.concatenate([force + J[~stuck].T @ push[~stuck], -turning[stuck]])
+        )
         reaction = np.zeros(3)
         reaction[stuck] = solution[3:]
         return solution[:3], reaction
@@ -77,7 +116,10 @@ class ByEvents:
             acceleration, reaction = self.accelerations(x, u, tried)
             J, turning = self.rows(x[:3], x[3:])
             along = tried * (J @ acceleration + turning)
-            if all(along[i] > 0 if tried[i] else abs(reaction[i]) <= self.coulomb[i] + self.stribeck[i] for i in rest):
+            if all(
+                along[i] > 0 if tried[i] else abs(reaction[i]) <= self.coulomb[i] + self.stribeck[i]
+                for i in rest
+            ):
                 return tried
         raise AssertionError("no choice agrees")
 
@@ -90,9 +132,16 @@ class ByEvents:
         mode = self.modes(x, u, mode)
         while time < duration:
             run = solve_ivp(
-                self.rates, (time, duration), x, method="DOP853", rtol=1e-10, atol=1e-13, max_step=1e-4, args=(u, mode),
+                self.rates,
+                (time, duration),
+                x,
+                method="DOP853",
+                rtol=1e-10,
+                atol=1e-13,
+                max_step=1e-4,
+                args=(u, mode),
                 events=[_Change(self, i, mode[i]) for i in range(3)],
-            )  # fmt: skip
+            )
             time, x = run.t[-1], run.y[:, -1]
             if run.status == 1:
                 fired = next(i for i in range(3) if len(run.t_events[i]))
@@ -123,14 +172,18 @@ class _Change:
         program, i = self.program, self.i
         if mode[i]:
             return mode[i] * (program.rows(x[:3], x[3:])[0] @ x[3:])[i]
-        return abs(program.accelerations(x, u, mode)[1][i]) - program.coulomb[i] - program.stribeck[i]
+        return (
+            abs(program.accelerations(x, u, mode)[1][i]) - program.coulomb[i] - program.stribeck[i]
+        )
 
 
 def swinging(steps, seed, size):
     """Smooth random currents (T, 3), through which sliders stick, break loose and turn."""
     random = np.random.default_rng(seed)
     time = np.arange(steps)[:, None] * DT
-    return sum(size / k * np.sin(2 * np.pi * k * 8 * time + random.uniform(0, 7, 3)) for k in (1, 2, 3))
+    return sum(
+        size / k * np.sin(2 * np.pi * k * 8 * time + random.uniform(0, 7, 3)) for k in (1, 2, 3)
+    )
 
 
 @eqx.filter_jit
@@ -157,11 +210,18 @@ def test_it_is_the_machine_of_a_program_with_events(odd_gantry):
         x, mode = program.sample(x, mode.copy(), control, DT)
         wanted.append(x)
         modes.append(mode)
-    assert all(set(row) >= {0, 1} for row in np.array(modes)[:, 1:].T) and (np.array(modes) == -1).any()
+    assert (
+        all(set(row) >= {0, 1} for row in np.array(modes)[:, 1:].T)
+        and (np.array(modes) == -1).any()
+    )
     found, states = run(plant, at_rest(plant), currents)
     np.testing.assert_array_equal(states.mode[:40], modes)
-    np.testing.assert_allclose(found[:40, :3], np.array(wanted)[:, :3], rtol=0, atol=2e-8)  # of 1e-4 m
-    np.testing.assert_allclose(found[:40, 3:], np.array(wanted)[:, 3:], rtol=0, atol=2e-6)  # of 1e-2 m/s
+    np.testing.assert_allclose(
+        found[:40, :3], np.array(wanted)[:, :3], rtol=0, atol=2e-8
+    )  # of 1e-4 m
+    np.testing.assert_allclose(
+        found[:40, 3:], np.array(wanted)[:, 3:], rtol=0, atol=2e-6
+    )  # of 1e-2 m/s
 
 
 @pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
@@ -172,18 +232,25 @@ def test_sliders_break_loose_as_only_they_can(machine, request):
     step = eqx.filter_jit(plant.step)
     for _ in range(200):
         start = at_rest(plant, (random.uniform(-0.5, 0.5), 0.0))
-        speed, twist = random.uniform(-0.1, 0.1, 3) * random.integers(0, 2, 3), random.uniform(-4e-6, 4e-6)
+        speed, twist = (
+            random.uniform(-0.1, 0.1, 3) * random.integers(0, 2, 3),
+            random.uniform(-4e-6, 4e-6),
+        )
         sliders = start.sliders.at[3:].set(speed).at[1].add(-twist).at[2].add(twist)
         state = start._replace(sliders=sliders, mode=jnp.sign(speed).astype(start.mode.dtype))
         control = random.uniform(-1.5, 1.5, 3)
-        wanted = program.modes(np.asarray(plant.measure(state)), control, np.sign(speed).astype(int))
+        wanted = program.modes(
+            np.asarray(plant.measure(state)), control, np.sign(speed).astype(int)
+        )
         np.testing.assert_array_equal(step(state, jnp.asarray(control)).mode, wanted)
         choices.add(tuple(wanted))
     assert len(choices) > 20
 
 
 def only(**friction):
-    return Friction(**{"coulomb": 0.0, "stribeck": 0.0, "stribeck_speed": 1.0, "viscous": 0.0, **friction})
+    return Friction(
+        **{"coulomb": 0.0, "stribeck": 0.0, "stribeck_speed": 1.0, "viscous": 0.0, **friction}
+    )
 
 
 def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head():
@@ -193,7 +260,9 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     M_11 = float(p.total_mass) / 4 - yaw / (2 * L) + inertia / (4 * L**2)
     M_12, M_x1 = float(p.total_mass) / 4 - inertia / (4 * L**2), -40.0 * 0.2 / (2 * L)
     f_x, f_1, f_2 = 2.0, 18.0, 3.0
-    plant = StickSlipGantry(p, only(coulomb=[f_x - 0.5, f_1 - 4.0, f_2], stribeck=[0.5, 4.0, 0.0]), 1e-9, substeps=1)
+    plant = StickSlipGantry(
+        p, only(coulomb=[f_x - 0.5, f_1 - 4.0, f_2], stribeck=[0.5, 4.0, 0.0]), 1e-9, substeps=1
+    )
     rest, step = at_rest(plant, (head, 0.1)), eqx.filter_jit(plant.step)
     assert f_2 * M_11 / abs(M_12) < f_x * M_11 / abs(M_x1)
     second, third = f_1 + f_2 * M_11 / abs(M_12), None
@@ -208,18 +277,31 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     back = -int(np.sign(M_12))
     assert moved(f_1 * (1 - 1e-7)) == [0, 0, 0] and moved(f_1 * (1 + 1e-7)) == [0, 1, 0]
     assert moved(second * (1 - 1e-7)) == [0, 1, 0] and moved(second * (1 + 1e-7)) == [0, 1, back]
-    system = np.array([[M_11, M_12], [M_12, float(p.total_mass) / 4 + yaw / (2 * L) + inertia / (4 * L**2)]])
-    per_newton, offset = np.linalg.solve(system, [1.0, 0.0]), np.linalg.solve(system, [-f_1, -back * f_2])
-    pull = np.array([M_x1, -M_x1])  # M_x1, M_x2: the head's load is what it takes to keep it on the moving beam
+    system = np.array(
+        [[M_11, M_12], [M_12, float(p.total_mass) / 4 + yaw / (2 * L) + inertia / (4 * L**2)]]
+    )
+    per_newton, offset = (
+        np.linalg.solve(system, [1.0, 0.0]),
+        np.linalg.solve(system, [-f_1, -back * f_2]),
+    )
+    pull = np.array(
+        [M_x1, -M_x1]
+    )  # M_x1, M_x2: the head's load is what it takes to keep it on the moving beam
     third = max((s * f_x - pull @ offset) / (pull @ per_newton) for s in (-1, 1))
     assert moved(third * (1 - 1e-7)) == [0, 1, back]
-    assert moved(third * (1 + 1e-7)) == [int(np.sign(-pull @ (third * per_newton + offset))), 1, back]
+    assert moved(third * (1 + 1e-7)) == [
+        int(np.sign(-pull @ (third * per_newton + offset))),
+        1,
+        back,
+    ]
 
 
 def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
     """Both guide ways hold 2 k_r theta / (2 L cos theta) each, to the bit; beyond, the beam swings back."""
     p, held = thesis_gantry(), 20.0
-    plant = StickSlipGantry(p, only(coulomb=[1.0, 15.0, 15.0], stribeck=[0.0, 5.0, 5.0]), DT, SUBSTEPS)
+    plant = StickSlipGantry(
+        p, only(coulomb=[1.0, 15.0, 15.0], stribeck=[0.0, 5.0, 5.0]), DT, SUBSTEPS
+    )
     rest = at_rest(plant, (0.0, 0.0))
     furthest = held * 0.9 / float(p.joint_stiffness)  # theta, where sin and tan are theta
     for share, stays in ((0.999, True), (1.001, False)):
@@ -233,8 +315,9 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
     """M v' = k i - b v - f: head alone, then both drives with the head held; to rest, where they stay."""
     p, dry, force, half = thesis_gantry(), 40.0, 60.0, STEPS // 2
     for coordinate, guides, pushed, mass, viscous in (
-        (0, [40.0, 1e4, 1e4], [0], 40.0, 200.0), (1, [1e4, 20.0, 20.0], [1, 2], float(p.total_mass), 400.0),
-    ):  # fmt: skip
+        (0, [40.0, 1e4, 1e4], [0], 40.0, 200.0),
+        (1, [1e4, 20.0, 20.0], [1, 2], float(p.total_mass), 400.0),
+    ):
         plant = StickSlipGantry(p, only(coulomb=guides), DT, SUBSTEPS)
         currents = np.zeros((STEPS, 3))
         currents[:half, pushed] = force / 60.0 / len(pushed)
@@ -243,18 +326,29 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
         speed = top * (1 - np.exp(-rate * time))
         np.testing.assert_allclose(found[:half, 3 + coordinate], speed, rtol=1e-8)
         start = plant.measure(at_rest(plant, (0.0, 0.0)))[coordinate]
-        np.testing.assert_allclose(found[:half, coordinate] - start, top * time - speed / rate, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            found[:half, coordinate] - start, top * time - speed / rate, rtol=0, atol=1e-12
+        )
         last = np.log1p(viscous * speed[-1] / dry) / rate
         way = (speed[-1] - dry / viscous * rate * last) / rate
-        np.testing.assert_allclose(found[-1, coordinate] - found[half - 1, coordinate], way, rtol=1e-5)
+        np.testing.assert_allclose(
+            found[-1, coordinate] - found[half - 1, coordinate], way, rtol=1e-5
+        )
         stopped = half + int(last / DT) + 1
-        assert stopped < STEPS - 5 and np.all(states.mode[stopped:] == 0) and len(np.unique(found[stopped:], axis=0)) == 1
+        assert (
+            stopped < STEPS - 5
+            and np.all(states.mode[stopped:] == 0)
+            and len(np.unique(found[stopped:], axis=0)) == 1
+        )
 
 
 def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
     """Between changes of mode to 1e-9 of the work done; over all of them to what the instants' first order leaves."""
     fine, count = 1e-5, 100
-    plant, motion = StickSlipGantry(odd_gantry, RUBBING, fine, substeps=1), EquationOfMotion.of(odd_gantry)
+    plant, motion = (
+        StickSlipGantry(odd_gantry, RUBBING, fine, substeps=1),
+        EquationOfMotion.of(odd_gantry),
+    )
     currents = np.repeat(swinging(80, seed=1, size=0.6), count, axis=0)
     start = at_rest(plant)
     found, states = run(plant, start, currents)
@@ -265,11 +359,18 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
     work = np.diff(z[:, :3], axis=0) * currents * [35.0, 80.0, 80.0]
     assert (mode == 0).any(axis=0).all() and set(np.unique(mode)) == {-1, 0, 1}
     dry, drag = np.asarray(RUBBING.coulomb), np.asarray(RUBBING.viscous) + [90.0, 310.0, 310.0]
-    lorentz = dry + np.asarray(RUBBING.stribeck) / (1 + (speed / np.asarray(RUBBING.stribeck_speed)) ** 2)
+    lorentz = dry + np.asarray(RUBBING.stribeck) / (
+        1 + (speed / np.asarray(RUBBING.stribeck_speed)) ** 2
+    )
     lost = (np.abs(speed) * lorentz + drag * speed**2).sum(axis=1)
     windows = [slice(k, k + count + 1) for k in range(0, len(currents), count)]
     steady = [np.all(mode[w.start : w.stop - 1] == mode[w.start]) for w in windows]
-    balance = np.array([np.diff(energy[w]).sum() - work[w.start : w.stop - 1].sum() + simpson(lost[w], dx=fine) for w in windows])
+    balance = np.array(
+        [
+            np.diff(energy[w]).sum() - work[w.start : w.stop - 1].sum() + simpson(lost[w], dx=fine)
+            for w in windows
+        ]
+    )
     total = np.abs(work).sum()
     assert 10 < sum(steady) < len(windows)
     assert np.abs(balance[steady]).max() < 1e-9 * total
@@ -283,7 +384,11 @@ def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
     state = jnp.array([0.3, -0.2, 0.03, 0.2, -0.1, 0.5])
     start = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([1e-4, 1e-4]))
     sliders = odd_gantry.motors(state)
-    start = start._replace(sliders=sliders, mode=jnp.sign(sliders[3:]).astype(jnp.int32)) if kind is StickSlipGantry else sliders
+    start = (
+        start._replace(sliders=sliders, mode=jnp.sign(sliders[3:]).astype(jnp.int32))
+        if kind is StickSlipGantry
+        else sliders
+    )
     np.testing.assert_allclose(plant.measure(start), state, rtol=1e-13)
     np.testing.assert_allclose(plant.output(start), plain.output(state), rtol=1e-13)
     currents = swinging(STEPS, seed=2, size=5.0)
@@ -294,7 +399,12 @@ def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
 @pytest.mark.parametrize("kind", [StickSlipGantry, SmoothFrictionGantry])
 def test_equal_currents_never_twist_a_symmetric_machine(kind):
     """Head at the centre, equal guide ways: through start, turns and rest."""
-    plant = kind(thesis_gantry(), Friction([12.0, 15.0, 15.0], [6.0, 8.0, 8.0], 0.02, 0.0), DT, substeps=SUBSTEPS)
+    plant = kind(
+        thesis_gantry(),
+        Friction([12.0, 15.0, 15.0], [6.0, 8.0, 8.0], 0.02, 0.0),
+        DT,
+        substeps=SUBSTEPS,
+    )
     currents = swinging(STEPS, seed=3, size=1.0)[:, [1, 1, 1]] * [0, 1, 1]
     found, _ = run(plant, at_rest(plant, (0.0, 0.0)), currents)
     assert np.ptp(found[:, 1]) > 1e-4
@@ -318,16 +428,25 @@ def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
     currents = jnp.asarray(swinging(20, seed=1, size=1.0))
 
     def loss(change):
-        friction = Friction(RUBBING.coulomb * (1 + change[0]), RUBBING.stribeck * (1 + change[1]), RUBBING.stribeck_speed, RUBBING.viscous)
+        friction = Friction(
+            RUBBING.coulomb * (1 + change[0]),
+            RUBBING.stribeck * (1 + change[1]),
+            RUBBING.stribeck_speed,
+            RUBBING.viscous,
+        )
         twin = SmoothFrictionGantry(odd_gantry, friction, DT)
         start = at_rest(twin).at[3:].add(1e-3 * change[3])
-        _, states = jax.lax.scan(lambda s, u: (twin.step(s, u),) * 2, start, currents * (1 + change[2]))
+        _, states = jax.lax.scan(
+            lambda s, u: (twin.step(s, u),) * 2, start, currents * (1 + change[2])
+        )
         return jnp.log(jnp.mean((states[:, :3] - states[0, :3]) ** 2))
 
     none = jnp.zeros(4)
     value, slopes = jax.jit(loss), jax.jit(jax.grad(loss))(none)
     h = 1e-5
-    differences = [(value(none.at[k].set(h)) - value(none.at[k].set(-h))) / (2 * h) for k in range(4)]
+    differences = [
+        (value(none.at[k].set(h)) - value(none.at[k].set(-h))) / (2 * h) for k in range(4)
+    ]
     np.testing.assert_allclose(slopes, differences, rtol=1e-5)
 
 
@@ -344,7 +463,10 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
 
 def test_a_family_of_machines_is_a_batch(odd_gantry):
     family = stack_plants([StickSlipGantry(p, RUBBING, DT) for p in (thesis_gantry(), odd_gantry)])
-    start, control = at_rest(StickSlipGantry(odd_gantry, RUBBING, DT), (0.2, 0.0)), jnp.array([0.2, 0.5, 0.1])
+    start, control = (
+        at_rest(StickSlipGantry(odd_gantry, RUBBING, DT), (0.2, 0.0)),
+        jnp.array([0.2, 0.5, 0.1]),
+    )
     step = eqx.filter_jit(lambda plant: plant.step(start, control))
     found = eqx.filter_vmap(step)(family)
     for k in range(2):
@@ -356,18 +478,27 @@ def test_a_family_of_machines_is_a_batch(odd_gantry):
 def test_it_starts_stuck_or_in_steady_motion():
     plant = StickSlipGantry(thesis_gantry(), RUBBING, DT)
     moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
-    np.testing.assert_allclose(plant.measure(moving), [0.3, 0.3, 0.0, 0.2, -0.1, 0.0], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        plant.measure(moving), [0.3, 0.3, 0.0, 0.2, -0.1, 0.0], rtol=0, atol=1e-15
+    )
     np.testing.assert_array_equal(moving.mode, [1, -1, -1])
     np.testing.assert_array_equal(at_rest(plant).mode, [0, 0, 0])
 
 
 def test_bad_input_is_named():
     p = thesis_gantry()
-    with pytest.raises(ValueError, match="friction: coulomb needs one value, or one each for the head and the two drives, received 2"):
+    with pytest.raises(
+        ValueError,
+        match="friction: coulomb needs one value, or one each for the head and the two drives, received 2",
+    ):
         StickSlipGantry(p, only(coulomb=[1.0, 2.0]), DT)
     with pytest.raises(ValueError, match="does not divide the sample period"):
         StickSlipGantry(p, RUBBING, 1.1e-3)
-    with pytest.raises(ValueError, match="sharpness: needs to be finite and above zero, received 0"):
+    with pytest.raises(
+        ValueError, match="sharpness: needs to be finite and above zero, received 0"
+    ):
         SmoothFrictionGantry(p, RUBBING, DT, sharpness=0.0)
-    with pytest.raises(ValueError, match=r"position: the head runs from -0.9 to 0.9 m along the beam, received 1"):
+    with pytest.raises(
+        ValueError, match=r"position: the head runs from -0.9 to 0.9 m along the beam, received 1"
+    ):
         at_rest(StickSlipGantry(p, RUBBING, DT), (1.0, 0.0))

@@ -25,7 +25,12 @@ def test_reference_samples(gantry_data, reference_gantry):
     @jax.jit
     def quantities(q, v, u):
         state = jnp.concatenate([q, v])
-        equation = (motion.mass_matrix(q), motion.bias(q, v), motion.forces(q, v, u), motion.acceleration(q, v, u))
+        equation = (
+            motion.mass_matrix(q),
+            motion.bias(q, v),
+            motion.forces(q, v, u),
+            motion.acceleration(q, v, u),
+        )
         return *equation, motion.energy(q, v), plant.output(state), plant.step(state, u)
 
     for sample in gantry_data("samples")["samples"]:
@@ -41,13 +46,27 @@ def lagrangian(p, q, v):
     def parts(q):
         x, y, theta = q
         sine, cosine, L, d = jnp.sin(theta), jnp.cos(theta), p.half_span, p.tool_offset
-        first, second = jnp.stack([-L * cosine - p.joint_length, y - L * sine]), jnp.stack([L * cosine + p.joint_length, y + L * sine])
-        return first, second, jnp.stack([0 * y, y]), jnp.stack([x * cosine + d * sine, y + x * sine - d * cosine])
+        first, second = (
+            jnp.stack([-L * cosine - p.joint_length, y - L * sine]),
+            jnp.stack([L * cosine + p.joint_length, y + L * sine]),
+        )
+        return (
+            first,
+            second,
+            jnp.stack([0 * y, y]),
+            jnp.stack([x * cosine + d * sine, y + x * sine - d * cosine]),
+        )
 
     masses = (p.drive_mass_1, p.drive_mass_2, p.beam_mass, p.head_mass)
-    kinetic = sum(m * speed @ speed / 2 for m, speed in zip(masses, jax.jvp(parts, (q,), (v,))[1], strict=True))
+    kinetic = sum(
+        m * speed @ speed / 2
+        for m, speed in zip(masses, jax.jvp(parts, (q,), (v,))[1], strict=True)
+    )
     inertia = p.beam_mass * ((2 * p.half_span) ** 2 + (2 * p.half_width) ** 2) / 12
-    springs = p.joint_stiffness * q[2] ** 2 + p.lateral_stiffness * p.half_span**2 * (1 - jnp.cos(q[2])) ** 2
+    springs = (
+        p.joint_stiffness * q[2] ** 2
+        + p.lateral_stiffness * p.half_span**2 * (1 - jnp.cos(q[2])) ** 2
+    )
     return kinetic + inertia * v[2] ** 2 / 2, springs
 
 
@@ -67,19 +86,29 @@ def test_the_closed_form_is_that_of_the_energies(machine, request):
         bias = jax.jvp(momentum, (q,), (v,))[1] - gradient
         motors, speeds = jax.jvp(lambda q: p.motors(jnp.concatenate([q, v]))[:3], (q,), (v,))
         constants = jnp.stack([p.head_constant, p.drive_constant, p.drive_constant])
-        pushes = constants * u - jnp.stack([p.head_viscous, p.drive_viscous, p.drive_viscous]) * speeds
+        pushes = (
+            constants * u - jnp.stack([p.head_viscous, p.drive_viscous, p.drive_viscous]) * speeds
+        )
         work = jax.vjp(lambda q: p.motors(jnp.concatenate([q, v]))[:3], q)[1](pushes)[0]
         return mass, bias, work, sum(lagrangian(p, q, v))
 
     @jax.jit
     def closed_form(q, v, u):
-        return motion.mass_matrix(q), motion.bias(q, v), motion.forces(q, v, u), motion.energy(q, v), motion.acceleration(q, v, u)
+        return (
+            motion.mass_matrix(q),
+            motion.bias(q, v),
+            motion.forces(q, v, u),
+            motion.energy(q, v),
+            motion.acceleration(q, v, u),
+        )
 
     for seed in range(20):
         q, v, u = drawn(seed)
         mass, bias, work, energy = derived(q, v, u)
         found = closed_form(q, v, u)
-        for value, wanted in zip(found, (mass, bias, work, energy, np.linalg.solve(mass, work - bias)), strict=True):
+        for value, wanted in zip(
+            found, (mass, bias, work, energy, np.linalg.solve(mass, work - bias)), strict=True
+        ):
             np.testing.assert_allclose(value, wanted, rtol=1e-11)
 
 
@@ -90,7 +119,11 @@ def test_the_beam_alone_obeys_its_two_lines(odd_gantry):
         q, v, u = drawn(seed)
         along = float(np.random.default_rng(seed).normal())
         whole = jnp.stack([jnp.asarray(along), *motion.beam_acceleration(q, v, u, along)])
-        lines = motion.mass_matrix(q) @ whole + jnp.stack(motion.bias(q, v)) - jnp.stack(motion.forces(q, v, u))
+        lines = (
+            motion.mass_matrix(q) @ whole
+            + jnp.stack(motion.bias(q, v))
+            - jnp.stack(motion.forces(q, v, u))
+        )
         np.testing.assert_allclose(lines[1:], 0, atol=1e-10)
         free = motion.acceleration(q, v, u)
         np.testing.assert_allclose(motion.beam_acceleration(q, v, u, free[0]), free[1:], rtol=1e-10)
@@ -105,12 +138,16 @@ def test_energy_changes_by_the_work_of_the_motors_and_their_friction(odd_gantry)
     def sample(carry, u):
         def rates(extended):
             q, v = extended[:3], extended[3:6]
-            power = sum(force * speed for force, speed in zip(motion.forces(q, v, u), v, strict=True))
+            power = sum(
+                force * speed for force, speed in zip(motion.forces(q, v, u), v, strict=True)
+            )
             return jnp.stack([*v, *motion.acceleration(q, v, u), power])
 
         extended, alone = carry
         extended = jax.lax.fori_loop(0, 100, lambda _, x: runge_kutta(rates, x, 1e-5), extended)
-        return (extended, plant.step(alone, u)), motion.energy(extended[:3], extended[3:6]) - extended[6]
+        return (extended, plant.step(alone, u)), motion.energy(
+            extended[:3], extended[3:6]
+        ) - extended[6]
 
     begin = (jnp.append(start, 0.0), start)
     (extended, alone), balance = jax.jit(lambda: jax.lax.scan(sample, begin, currents))()
@@ -124,30 +161,44 @@ def test_reference_closed_loop(gantry_data, gantry_path, gantry_loop, reference_
     data, plant = gantry_data("closed_loop"), Gantry(reference_gantry, DT)
     position, velocity, on_circle = gantry_path
     start = plant.initial_state(jnp.asarray(position[0]), jnp.zeros(2))
-    final, states, controls, tools = jax.jit(lambda: gantry_loop(plant, data["controller"], position, velocity, start))()
+    final, states, controls, tools = jax.jit(
+        lambda: gantry_loop(plant, data["controller"], position, velocity, start)
+    )()
     for sample in data["closed_loop"]["samples"]:
         k = sample["k"]
         np.testing.assert_allclose(states[k], sample["x"], rtol=0, atol=1e-11)
         np.testing.assert_allclose(controls[k], sample["u"], rtol=0, atol=1e-8)
         np.testing.assert_allclose(tools[k], sample["tool"], rtol=0, atol=1e-11)
     np.testing.assert_allclose(final, data["closed_loop"]["final_state"], rtol=0, atol=1e-11)
-    error = np.where(on_circle, np.abs(np.linalg.norm(tools, axis=1) - 0.08), np.abs(tools[:, 0] - 0.08))
+    error = np.where(
+        on_circle, np.abs(np.linalg.norm(tools, axis=1) - 0.08), np.abs(tools[:, 0] - 0.08)
+    )
     np.testing.assert_allclose(error.max(), data["closed_loop"]["max_contour"], rtol=1e-9)
-    np.testing.assert_allclose(np.sqrt(np.mean(error**2)), data["closed_loop"]["rms_contour"], rtol=1e-9)
+    np.testing.assert_allclose(
+        np.sqrt(np.mean(error**2)), data["closed_loop"]["rms_contour"], rtol=1e-9
+    )
 
 
-def test_derivatives_of_a_closed_loop_are_those_of_differences(gantry_data, gantry_path, gantry_loop, odd_gantry):
+def test_derivatives_of_a_closed_loop_are_those_of_differences(
+    gantry_data, gantry_path, gantry_loop, odd_gantry
+):
     """Reverse and forward mode, to a gain, a mass and the joint's stiffness."""
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
     position, velocity = position[400:460], velocity[400:460]
     off = jnp.array([1e-4, -1e-4, 2e-3, 0.0, 0.0, 0.1])  # twisted, so that joints and drives matter
 
     def loss(change):
-        scaled = eqx.tree_at(lambda p: p.drive_mass_1, odd_gantry, odd_gantry.drive_mass_1 * (1 + change[1]))
-        scaled = eqx.tree_at(lambda p: p.joint_stiffness, scaled, scaled.joint_stiffness * (1 + change[2]))
+        scaled = eqx.tree_at(
+            lambda p: p.drive_mass_1, odd_gantry, odd_gantry.drive_mass_1 * (1 + change[1])
+        )
+        scaled = eqx.tree_at(
+            lambda p: p.joint_stiffness, scaled, scaled.joint_stiffness * (1 + change[2])
+        )
         plant = Gantry(scaled, DT)
         start = plant.initial_state(jnp.asarray(position[0]), jnp.asarray(velocity[0]) * DT) + off
-        tools = gantry_loop(plant, {**gains, "kpx": gains["kpx"] * (1 + change[0])}, position, velocity, start)[-1]
+        tools = gantry_loop(
+            plant, {**gains, "kpx": gains["kpx"] * (1 + change[0])}, position, velocity, start
+        )[-1]
         return jnp.log(jnp.mean((tools - position) ** 2))
 
     at = jnp.zeros(3)
@@ -155,7 +206,9 @@ def test_derivatives_of_a_closed_loop_are_those_of_differences(gantry_data, gant
     slopes = reverse(at)[1]
     np.testing.assert_allclose(slopes, forward, rtol=1e-9)
     h = 1e-4
-    differences = [(reverse(at.at[k].set(h))[0] - reverse(at.at[k].set(-h))[0]) / (2 * h) for k in range(3)]
+    differences = [
+        (reverse(at.at[k].set(h))[0] - reverse(at.at[k].set(-h))[0]) / (2 * h) for k in range(3)
+    ]
     np.testing.assert_allclose(slopes, differences, rtol=1e-6)
 
 
@@ -165,9 +218,13 @@ def test_it_starts_in_steady_motion():
     plant, increment = Gantry(p, DT), jnp.array([2e-4, -1e-4])
     state = plant.initial_state(jnp.array([0.3, 0.1]), increment)
     np.testing.assert_allclose(plant.output(state), [0.3, 0.1], rtol=1e-15)
-    along, across = (float(b * v / (DT * k)) for b, v, k in zip((200, 200), increment, (60, 60), strict=True))
+    along, across = (
+        float(b * v / (DT * k)) for b, v, k in zip((200, 200), increment, (60, 60), strict=True)
+    )
     after = plant.step(state, jnp.array([along, across, across]))
-    np.testing.assert_allclose(plant.output(after), plant.output(state) + increment, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        plant.output(after), plant.output(state) + increment, rtol=0, atol=1e-12
+    )
     assert abs(after[2]) < 1e-15
 
 

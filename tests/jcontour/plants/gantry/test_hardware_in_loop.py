@@ -18,7 +18,9 @@ RADIUS = 0.02
 
 def bench(coulomb=F_C, stribeck=F_S, viscous=B_A):
     friction = Friction(coulomb, stribeck, V_S, viscous * RADIUS)
-    return BackToBackMotors(inertia=M_A * RADIUS, radius=RADIUS, torque_constant=K_A, friction=friction)
+    return BackToBackMotors(
+        inertia=M_A * RADIUS, radius=RADIUS, torque_constant=K_A, friction=friction
+    )
 
 
 def accelerations(p, x, u):
@@ -48,10 +50,19 @@ def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, 
         gantry = Gantry(odd_gantry, dt, substeps=2)
         plant = HardwareInLoop(gantry, bench(0.0, 0.0), delay)
         exact = advance(gantry, gantry.initial_state(position, start * dt), currents)
-        errors.append(np.asarray(advance(plant, plant.initial_state(position, start * dt), currents).gantry[-1] - exact[-1]))
+        errors.append(
+            np.asarray(
+                advance(plant, plant.initial_state(position, start * dt), currents).gantry[-1]
+                - exact[-1]
+            )
+        )
     assert np.min(exact[:, 3]) < 0 < np.max(exact[:, 3])
     sizes = [np.abs(error[[0, 3]]).max() for error in errors]
-    assert sizes[0] < 0.2 and sizes[0] / sizes[1] == pytest.approx(2, abs=0.2) and sizes[1] / sizes[2] == pytest.approx(2, abs=0.1)
+    assert (
+        sizes[0] < 0.2
+        and sizes[0] / sizes[1] == pytest.approx(2, abs=0.2)
+        and sizes[1] / sizes[2] == pytest.approx(2, abs=0.1)
+    )
     assert np.abs(2 * errors[2] - errors[1])[[0, 3]].max() < 0.05 * sizes[2]
 
 
@@ -59,18 +70,24 @@ def test_one_step_by_hand(odd_gantry):
     """(5.48) with the bench's exact response in place of forward Euler, and the printed sum within what that is off by."""
     plant, p = HardwareInLoop(Gantry(odd_gantry, DT, substeps=20), bench(0.0, 0.0)), odd_gantry
     k_M, b_M = float(p.head_constant / p.head_mass), float(p.head_viscous / p.head_mass)
-    first = Emulated(jnp.array([0.2, -0.1, 2e-3, 0.15, 0.3, -0.04]), jnp.array([1]), jnp.array([[0.4, 0.1]]))
+    first = Emulated(
+        jnp.array([0.2, -0.1, 2e-3, 0.15, 0.3, -0.04]), jnp.array([1]), jnp.array([[0.4, 0.1]])
+    )
     before, now = jnp.array([3.0, -1.0, 2.0]), jnp.array([-5.0, 1.0, 1.0])
     second = plant.step(first, before)
     third = plant.step(second, now)
     x, v = np.asarray(first.gantry), [float(state.gantry[3]) for state in (first, second, third)]
     _, beam, turn = accelerations(p, first.gantry, before)
-    d_x = x[0] * x[5] ** 2 - np.sin(x[2]) * beam - float(p.tool_offset) * turn  # d_x of section 5.3.1
+    d_x = (
+        x[0] * x[5] ** 2 - np.sin(x[2]) * beam - float(p.tool_offset) * turn
+    )  # d_x of section 5.3.1
     pushed = k_M * float(before[0]) + (B_A / M_A - b_M) * v[0] + d_x
     kept = np.exp(-B_A / M_A * DT)
     assert v[2] == pytest.approx(kept * v[1] + (1 - kept) * M_A / B_A * pushed, rel=1e-11)
     euler = (1 - DT * B_A / M_A) * v[1] + DT * pushed
-    assert abs(v[2] - euler) < 1.01 * (DT * B_A / M_A) ** 2 / 2 * (abs(v[1]) + abs(pushed) * M_A / B_A)
+    assert abs(v[2] - euler) < 1.01 * (DT * B_A / M_A) ** 2 / 2 * (
+        abs(v[1]) + abs(pushed) * M_A / B_A
+    )
     np.testing.assert_allclose(second.sent[0, 0], 3.0)
     torque = K_A * (0.4 - 0.1)
     assert v[1] == pytest.approx(kept * v[0] + (1 - kept) * torque / B_A, rel=1e-11)
@@ -81,12 +98,21 @@ def test_the_bench_is_the_head_but_for_its_dry_friction(odd_gantry):
     plant = HardwareInLoop(Gantry(odd_gantry, DT), bench(), 0)
     random = np.random.default_rng(0)
     for mode in (-1, 1) * 5:
-        x = random.uniform([-0.5, -1, -0.1, 0, -1, -1], [0.5, 1, 0.1, 1, 1, 1]) * [1, 1, 1, mode, 1, 1]
+        x = random.uniform([-0.5, -1, -0.1, 0, -1, -1], [0.5, 1, 0.1, 1, 1, 1]) * [
+            1,
+            1,
+            1,
+            mode,
+            1,
+            1,
+        ]
         u = random.uniform(-10, 10, 3)
         torque = K_A * (u[0] - plant.load_current(jnp.asarray(x), jnp.asarray(u)))
         found = plant.bench.acceleration(jnp.array([mode]), jnp.asarray(x[3:4]), torque)
         dry = mode * (F_C + F_S / (1 + (x[3] / RADIUS / V_S) ** 2))
-        np.testing.assert_allclose(found, accelerations(odd_gantry, x, u)[0] - dry / M_A, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(
+            found, accelerations(odd_gantry, x, u)[0] - dry / M_A, rtol=1e-11, atol=1e-11
+        )
 
 
 def test_the_shaft_sticks_until_the_head_would_pull_harder():
@@ -109,16 +135,26 @@ def test_it_comes_to_rest_and_the_beam_goes_on():
 
 def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
     """Where the load follows from the current alone, the head does exactly the same one sample later."""
-    p = eqx.tree_at(lambda p: (p.tool_offset, p.head_viscous), thesis_gantry(), (jnp.array(0.0), thesis_gantry().head_mass * B_A / M_A))
+    p = eqx.tree_at(
+        lambda p: (p.tool_offset, p.head_viscous),
+        thesis_gantry(),
+        (jnp.array(0.0), thesis_gantry().head_mass * B_A / M_A),
+    )
     gantry, none = Gantry(p, DT), jnp.zeros(2)
     currents = np.random.default_rng(1).uniform(-8, 8, (30, 1)) * [1, 0, 0]
     at_once, late = (HardwareInLoop(gantry, bench(0.0, 0.0), delay) for delay in (0, 1))
-    now, later = (advance(plant, plant.initial_state(none, none), currents) for plant in (at_once, late))
+    now, later = (
+        advance(plant, plant.initial_state(none, none), currents) for plant in (at_once, late)
+    )
     np.testing.assert_array_equal(later.gantry[0], late.initial_state(none, none).gantry)
     np.testing.assert_allclose(later.gantry[1:], now.gantry[:-1], rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(later.sent[:, 0, 0], currents[:, 0])
     driven = late.step(late.initial_state(none, none), jnp.array([5.0, 2.0, 2.0]))
-    np.testing.assert_allclose(driven.gantry, gantry.step(gantry.initial_state(none, none), jnp.array([0, 2.0, 2.0])), rtol=1e-12)
+    np.testing.assert_allclose(
+        driven.gantry,
+        gantry.step(gantry.initial_state(none, none), jnp.array([0, 2.0, 2.0])),
+        rtol=1e-12,
+    )
 
 
 def test_it_starts_under_the_load_of_a_coasting_head():
@@ -128,9 +164,14 @@ def test_it_starts_under_the_load_of_a_coasting_head():
         plant = HardwareInLoop(Gantry(p, 2.5e-4), bench(0.0, 0.0), delay)
         start = plant.initial_state(jnp.array([0.1, 0.2]), jnp.array([5e-5, -1e-5]))
         np.testing.assert_allclose(plant.output(start), [0.1, 0.2], rtol=1e-14)
-        np.testing.assert_array_equal(plant.measure(start), plant.gantry.initial_state(jnp.array([0.1, 0.2]), jnp.array([5e-5, -1e-5])))
+        np.testing.assert_array_equal(
+            plant.measure(start),
+            plant.gantry.initial_state(jnp.array([0.1, 0.2]), jnp.array([5e-5, -1e-5])),
+        )
         slower = (plant.step(start, jnp.zeros(3)).gantry[3] - 0.2) / 2.5e-4
-        np.testing.assert_allclose(slower, accelerations(p, start.gantry, jnp.zeros(3))[0], rtol=2e-3)
+        np.testing.assert_allclose(
+            slower, accelerations(p, start.gantry, jnp.zeros(3))[0], rtol=2e-3
+        )
 
 
 @pytest.mark.parametrize("bad", [-1, 0.5, np.nan])

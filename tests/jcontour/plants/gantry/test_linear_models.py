@@ -43,11 +43,22 @@ def test_reference_resonances(gantry_data, reference_gantry):
     for head, wanted in gantry_data("linear")["linear"].items():
         if head == "x_axis":
             continue
-        for name, coupling in (("as_printed_5.12", 0.0), ("full", reference_gantry.head_mass * float(head))):
-            numerator, denominator = (np.roots(row) for row in drive_response(reference_gantry, float(head), coupling))
+        for name, coupling in (
+            ("as_printed_5.12", 0.0),
+            ("full", reference_gantry.head_mass * float(head)),
+        ):
+            numerator, denominator = (
+                np.roots(row) for row in drive_response(reference_gantry, float(head), coupling)
+            )
             swinging = denominator[np.abs(denominator.imag) > 0]
-            np.testing.assert_allclose(np.abs(numerator) / (2 * np.pi), wanted["i1_to_y1dot"][name]["antires_Hz"], rtol=1e-12)
-            np.testing.assert_allclose(np.abs(swinging) / (2 * np.pi), wanted["i1_to_y1dot"][name]["res_Hz"], rtol=1e-12)
+            np.testing.assert_allclose(
+                np.abs(numerator) / (2 * np.pi),
+                wanted["i1_to_y1dot"][name]["antires_Hz"],
+                rtol=1e-12,
+            )
+            np.testing.assert_allclose(
+                np.abs(swinging) / (2 * np.pi), wanted["i1_to_y1dot"][name]["res_Hz"], rtol=1e-12
+            )
 
 
 def test_the_response_is_that_of_the_model(odd_gantry):
@@ -57,27 +68,37 @@ def test_the_response_is_that_of_the_model(odd_gantry):
     speed = [[0, 1, 0, -0.6]]
     numerator, denominator = ss2tf(A[np.ix_(Y, Y)], B[np.ix_(Y, (1,))], speed, [[0.0]])
     s = 2j * np.pi * np.array([1.0, 10.0, 40.0, 90.0])
-    ours = np.polyval(drive_response(odd_gantry, head, coupling)[0], s) / np.polyval(drive_response(odd_gantry, head, coupling)[1], s)
-    np.testing.assert_allclose(ours, np.polyval(numerator[0], s) / np.polyval(denominator, s), rtol=1e-9)
+    ours = np.polyval(drive_response(odd_gantry, head, coupling)[0], s) / np.polyval(
+        drive_response(odd_gantry, head, coupling)[1], s
+    )
+    np.testing.assert_allclose(
+        ours, np.polyval(numerator[0], s) / np.polyval(denominator, s), rtol=1e-9
+    )
 
 
 def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
     motion, head = EquationOfMotion.of(odd_gantry), 0.25
 
     def rates(state, control):
-        return jnp.concatenate([state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))])
+        return jnp.concatenate(
+            [state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))]
+        )
 
     A, B = jax.jacfwd(rates, argnums=(0, 1))(jnp.array([head, 0.1, 0, 0, 0, 0]), jnp.zeros(3))
     found = tangent(odd_gantry, head)
     np.testing.assert_allclose(found.A, A, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(found.B, B, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(found.E[3:], np.linalg.inv(motion.mass_matrix(jnp.array([head, 0, 0]))), rtol=1e-12)
+    np.testing.assert_allclose(
+        found.E[3:], np.linalg.inv(motion.mass_matrix(jnp.array([head, 0, 0]))), rtol=1e-12
+    )
 
 
 def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     p, head = thesis_gantry(), 0.4
     plant, model = Gantry(p, DT, substeps=40), tool_plant(p, head, DT)
-    A, B, _, _, _ = cont2discrete((*(np.asarray(m) for m in tangent(p, head)[:2]), np.eye(6), np.zeros((6, 3))), DT)
+    A, B, _, _, _ = cont2discrete(
+        (*(np.asarray(m) for m in tangent(p, head)[:2]), np.eye(6), np.zeros((6, 3))), DT
+    )
     np.testing.assert_allclose(model.A, A, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(model.B, B, rtol=1e-9, atol=1e-15)
     off, control = 1e-6 * jnp.array([1.0, 2, 0.1, 3, -2, 1]), 1e-4 * jnp.array([1.0, -2, 3])
@@ -87,7 +108,10 @@ def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     np.testing.assert_allclose(tool, moved, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize("make", [lambda p: SwitchedGantry(p, POINTS, 0.025, DT), lambda p: ScheduledGantry(p, POINTS, DT)])
+@pytest.mark.parametrize(
+    "make",
+    [lambda p: SwitchedGantry(p, POINTS, 0.025, DT), lambda p: ScheduledGantry(p, POINTS, DT)],
+)
 def test_at_a_point_both_are_the_model_of_that_point(make):
     p = thesis_gantry()
     model = make(p)
@@ -103,10 +127,17 @@ def test_at_a_point_both_are_the_model_of_that_point(make):
 def test_between_points_one_switches_and_the_other_interpolates():
     p = thesis_gantry()
     switched, scheduled = SwitchedGantry(p, POINTS, 0.025, DT), ScheduledGantry(p, POINTS, DT)
-    np.testing.assert_array_equal(switched.region(jnp.array([-0.5, -0.0501, -0.0499, 0.0, 0.049, 0.051, 0.5])), [0, 0, 1, 1, 2, 3, 3])
+    np.testing.assert_array_equal(
+        switched.region(jnp.array([-0.5, -0.0501, -0.0499, 0.0, 0.049, 0.051, 0.5])),
+        [0, 0, 1, 1, 2, 3, 3],
+    )
     ahead, behind = control_oriented(p, 0.025).sampled(DT), control_oriented(p, 0.075).sampled(DT)
-    np.testing.assert_allclose(scheduled.model(0.05).A, (ahead.A + behind.A) / 2, rtol=1e-12, atol=1e-18)
-    between = [ScheduledGantry(p, [0.05 - gap, 0.05 + gap], DT).model(0.05).A for gap in (0.1, 0.05)]
+    np.testing.assert_allclose(
+        scheduled.model(0.05).A, (ahead.A + behind.A) / 2, rtol=1e-12, atol=1e-18
+    )
+    between = [
+        ScheduledGantry(p, [0.05 - gap, 0.05 + gap], DT).model(0.05).A for gap in (0.1, 0.05)
+    ]
     errors = [np.abs(found - control_oriented(p, 0.05).sampled(DT).A).max() for found in between]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
 
@@ -117,12 +148,16 @@ def test_a_family_of_models_has_derivatives():
         return ScheduledGantry(p, [0.05], DT).models.A[0, 4, 2]
 
     found, h = jax.jit(jax.value_and_grad(coupling)), 1e-3
-    np.testing.assert_allclose(found(40.0)[1], (found(40 + h)[0] - found(40 - h)[0]) / (2 * h), rtol=1e-6)
+    np.testing.assert_allclose(
+        found(40.0)[1], (found(40 + h)[0] - found(40 - h)[0]) / (2 * h), rtol=1e-6
+    )
 
 
 def test_bad_grids_are_named():
     p = thesis_gantry()
-    with pytest.raises(ValueError, match=r"^head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"):
+    with pytest.raises(
+        ValueError, match=r"^head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
+    ):
         control_oriented(p, 1.0)
     with pytest.raises(ValueError, match="^points: the head runs"):
         ScheduledGantry(p, [0.0, 1.0], DT)
@@ -132,8 +167,13 @@ def test_bad_grids_are_named():
         SwitchedGantry(p, POINTS, 0.02, DT)
     with pytest.raises(ValueError, match="^dt:"):
         SwitchedGantry(p, POINTS, 0.025, -1.0)
-    with pytest.raises(ValueError, match=r"^points: the models cover -0.1 to 0.1 m, the path goes from -0.08 to 0.12 m"):
+    with pytest.raises(
+        ValueError,
+        match=r"^points: the models cover -0.1 to 0.1 m, the path goes from -0.08 to 0.12 m",
+    ):
         SwitchedGantry(p, POINTS, 0.025, DT).check_covers(np.array([-0.08, 0.12]))
-    with pytest.raises(ValueError, match=r"^points: the models cover -0.075 to 0.075 m, the path goes from -0.08"):
+    with pytest.raises(
+        ValueError, match=r"^points: the models cover -0.075 to 0.075 m, the path goes from -0.08"
+    ):
         ScheduledGantry(p, POINTS, DT).check_covers(np.array([-0.08, 0.05]))
     SwitchedGantry(p, POINTS, 0.025, DT).check_covers(np.linspace(-0.1, 0.1, 9))

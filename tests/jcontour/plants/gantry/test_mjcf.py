@@ -25,8 +25,12 @@ def test_mass_matrix_accelerations_and_tool(machine, request):
         wanted = np.asarray(motion.mass_matrix(q))[np.ix_(ENGINE_ORDER, ENGINE_ORDER)]
         np.testing.assert_allclose(mass, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
         acceleration = np.array(motion.acceleration(q, v, u))[ENGINE_ORDER]
-        np.testing.assert_allclose(data.qacc, acceleration, rtol=0, atol=1e-11 * np.abs(acceleration).max())
-        np.testing.assert_allclose(data.site("tool").xpos[:2], ours.output(np.append(q, v)), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            data.qacc, acceleration, rtol=0, atol=1e-11 * np.abs(acceleration).max()
+        )
+        np.testing.assert_allclose(
+            data.site("tool").xpos[:2], ours.output(np.append(q, v)), rtol=0, atol=1e-14
+        )
 
 
 def test_a_family_has_no_single_model():

@@ -15,16 +15,26 @@ def test_mass_matrix_and_accelerations(machine, request):
     parameters = request.getfixturevalue(machine)
     plant, motion = GantryMJX(parameters, 2.5e-4), EquationOfMotion.of(parameters)
     random = np.random.default_rng(6)
-    q, v = random.uniform([-0.5, -1, -0.1], [0.5, 1, 0.1], (200, 3)), random.uniform(-1, 1, (200, 3))
+    q, v = (
+        random.uniform([-0.5, -1, -0.1], [0.5, 1, 0.1], (200, 3)),
+        random.uniform(-1, 1, (200, 3)),
+    )
     u = random.uniform(-10, 10, (200, 3))
 
     def engine(q, v, u):
         blank = mjx.make_data(plant.model)
-        data = mjx.forward(plant.model, blank.replace(qpos=q[ENGINE_ORDER], qvel=v[ENGINE_ORDER], ctrl=blank.ctrl.at[:3].set(u)))
+        data = mjx.forward(
+            plant.model,
+            blank.replace(
+                qpos=q[ENGINE_ORDER], qvel=v[ENGINE_ORDER], ctrl=blank.ctrl.at[:3].set(u)
+            ),
+        )
         return mjx.full_m(plant.model, data)[jnp.ix_(OUR_ORDER, OUR_ORDER)], data.qacc[OUR_ORDER]
 
     mass, acceleration = jax.jit(jax.vmap(engine))(q, v, u)
-    wanted, fast = jax.vmap(lambda q, v, u: (motion.mass_matrix(q), jnp.stack(motion.acceleration(q, v, u))))(q, v, u)
+    wanted, fast = jax.vmap(
+        lambda q, v, u: (motion.mass_matrix(q), jnp.stack(motion.acceleration(q, v, u)))
+    )(q, v, u)
     np.testing.assert_allclose(mass, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
     assert np.max(np.abs(acceleration - fast) / np.abs(fast).max(axis=1, keepdims=True)) < 1e-11
 
@@ -33,23 +43,43 @@ def test_a_closed_loop_is_ours(gantry_data, gantry_path, gantry_loop, reference_
     """3,365 samples of line, circle, line."""
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
     engine, ours = (
-        jax.jit(lambda p=plant: gantry_loop(p, gains, position, velocity, p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)))[-1])()
+        jax.jit(
+            lambda p=plant: gantry_loop(
+                p,
+                gains,
+                position,
+                velocity,
+                p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)),
+            )[-1]
+        )()
         for plant in (GantryMJX(reference_gantry, DT), Gantry(reference_gantry, DT))
     )
     np.testing.assert_allclose(engine, ours, rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow  # the engine takes long to compile backwards
-def test_derivatives_of_a_closed_loop_are_those_of_differences(gantry_data, gantry_path, gantry_loop, odd_gantry):
+def test_derivatives_of_a_closed_loop_are_those_of_differences(
+    gantry_data, gantry_path, gantry_loop, odd_gantry
+):
     """Reverse and forward mode through the engine, to gains and to the twist it starts with."""
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
-    position, velocity, plant = position[400:420], velocity[400:420], GantryMJX(odd_gantry, DT, substeps=2)
+    position, velocity, plant = (
+        position[400:420],
+        velocity[400:420],
+        GantryMJX(odd_gantry, DT, substeps=2),
+    )
 
     def loss(change):
         qpos, qvel = plant.initial_state(jnp.asarray(position[0]), jnp.asarray(velocity[0]) * DT)
         start = qpos + jnp.array([1e-4, 2e-3 * (1 + change[2]), 1e-4]), qvel
-        scaled = {**gains, "kpx": gains["kpx"] * (1 + change[0]), "kdy": gains["kdy"] * (1 + change[1])}
-        return jnp.log(jnp.mean((gantry_loop(plant, scaled, position, velocity, start)[-1] - position) ** 2))
+        scaled = {
+            **gains,
+            "kpx": gains["kpx"] * (1 + change[0]),
+            "kdy": gains["kdy"] * (1 + change[1]),
+        }
+        return jnp.log(
+            jnp.mean((gantry_loop(plant, scaled, position, velocity, start)[-1] - position) ** 2)
+        )
 
     at = jnp.zeros(3)
     value = jax.jit(loss)

@@ -18,14 +18,18 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
     motion = EquationOfMotion.of(odd_gantry)
 
     def rates(state, control) -> jax.Array:
-        return jnp.concatenate([state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))])
+        return jnp.concatenate(
+            [state[3:], jnp.stack(motion.acceleration(state[:3], state[3:], control))]
+        )
 
     T = np.asarray(jax.jacfwd(MotorEncoders(odd_gantry))(rest))
     A, B = (np.asarray(jax.jacfwd(rates, argument)(rest, still)) for argument in (0, 1))
     discrete = expm(DT * np.block([[A, B], [np.zeros((3, 9))]]))
     C = np.pad(np.asarray(jax.jacfwd(odd_gantry.tool)(rest[:3])), ((0, 0), (0, 3)))
     model = motor_model(odd_gantry, HEAD, DT)
-    np.testing.assert_allclose(model.A, T @ discrete[:6, :6] @ np.linalg.inv(T), rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(
+        model.A, T @ discrete[:6, :6] @ np.linalg.inv(T), rtol=1e-9, atol=1e-11
+    )
     np.testing.assert_allclose(model.B, T @ discrete[:6, 6:], rtol=1e-9, atol=1e-14)
     np.testing.assert_allclose(model.C, C @ np.linalg.inv(T), rtol=1e-12, atol=1e-14)
 
@@ -34,19 +38,27 @@ def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     position, increment = jnp.array([0.2, -0.05]), jnp.array([3e-4, -5e-4])
     read = MotorEncoders(odd_gantry)(untwisted(odd_gantry, position, increment / DT))
     model = motor_model(odd_gantry, 0.2, DT)
-    np.testing.assert_allclose(steady_motion(model).state(position, increment), read, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        steady_motion(model).state(position, increment), read, rtol=0, atol=1e-15
+    )
     np.testing.assert_allclose(model.output(read), position, rtol=0, atol=1e-15)
 
 
 def test_schedule_has_the_model_of_every_point(odd_gantry):
     schedule = motor_schedule(odd_gantry, [-0.4, 0.0, HEAD + 0.7], DT)
     wanted = motor_model(odd_gantry, 0.0, DT)
-    for found, one in zip((schedule.model(1).A, schedule.model(1).B, schedule.model(1).C), (wanted.A, wanted.B, wanted.C), strict=True):
+    for found, one in zip(
+        (schedule.model(1).A, schedule.model(1).B, schedule.model(1).C),
+        (wanted.A, wanted.B, wanted.C),
+        strict=True,
+    ):
         np.testing.assert_allclose(found, one, rtol=1e-13, atol=1e-15)
 
 
 def test_points_outside_the_beam_are_refused(odd_gantry):
-    with pytest.raises(ValueError, match=r"points: the head runs from -0.6 to 0.6 m along the beam, received 0.7 m"):
+    with pytest.raises(
+        ValueError, match=r"points: the head runs from -0.6 to 0.6 m along the beam, received 0.7 m"
+    ):
         motor_schedule(odd_gantry, [0.0, 0.7], DT)
     with pytest.raises(ValueError, match="head: the head runs"):
         motor_model(odd_gantry, -0.61, DT)

@@ -14,7 +14,15 @@ def test_a_closed_loop_is_ours(gantry_data, gantry_path, gantry_loop, reference_
     """3,365 samples of line, circle, line."""
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
     engine, ours = (
-        jax.jit(lambda p=plant: gantry_loop(p, gains, position, velocity, p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)))[-1])()
+        jax.jit(
+            lambda p=plant: gantry_loop(
+                p,
+                gains,
+                position,
+                velocity,
+                p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)),
+            )[-1]
+        )()
         for plant in (GantryMuJoCo(reference_gantry, DT), Gantry(reference_gantry, DT))
     )
     assert len(ours) == 3365
@@ -23,12 +31,23 @@ def test_a_closed_loop_is_ours(gantry_data, gantry_path, gantry_loop, reference_
 
 def test_steady_start_and_batches(odd_gantry):
     plant, ours = GantryMuJoCo(odd_gantry, DT), Gantry(odd_gantry, DT)
-    places, increments = jnp.array([[0.3, 0.1], [-0.2, 0.4]]), jnp.array([[2e-4, -1e-4], [0.0, 3e-4]])
+    places, increments = (
+        jnp.array([[0.3, 0.1], [-0.2, 0.4]]),
+        jnp.array([[2e-4, -1e-4], [0.0, 3e-4]]),
+    )
     control = jnp.array([1.0, -2.0, 3.0])
-    found = jax.jit(jax.vmap(lambda place, move: plant.measure(plant.step(plant.initial_state(place, move), control))))(places, increments)
-    wanted = jax.vmap(lambda place, move: ours.step(ours.initial_state(place, move), control))(places, increments)
+    found = jax.jit(
+        jax.vmap(
+            lambda place, move: plant.measure(plant.step(plant.initial_state(place, move), control))
+        )
+    )(places, increments)
+    wanted = jax.vmap(lambda place, move: ours.step(ours.initial_state(place, move), control))(
+        places, increments
+    )
     np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-13)
-    np.testing.assert_allclose(plant.output(plant.initial_state(places[0], increments[0])), places[0], rtol=1e-15)
+    np.testing.assert_allclose(
+        plant.output(plant.initial_state(places[0], increments[0])), places[0], rtol=1e-15
+    )
     with pytest.raises(ValueError, match="outside the beam|head runs"):
         plant.initial_state(jnp.array([0.7, 0.0]), jnp.zeros(2))
     with pytest.raises(ValueError, match="does not divide the sample period"):
@@ -44,5 +63,8 @@ def test_other_versions_are_named(monkeypatch, name, found):
 
     monkeypatch.setattr(gantry_mujoco, "version", version)
     wanted = mujoco_engine.WANTED[name]
-    with pytest.raises(ImportError, match=f"^{name}: the gantry in MuJoCo needs version {wanted}, found {found or 'none'}"):
+    with pytest.raises(
+        ImportError,
+        match=f"^{name}: the gantry in MuJoCo needs version {wanted}, found {found or 'none'}",
+    ):
         mujoco_engine.check_versions()

@@ -9,7 +9,9 @@ from jcontour.plants.wrappers.encoders import Sensed
 
 
 def test_the_thesis_gantry_is_that_of_the_reference_data(reference_gantry):
-    for found, wanted in zip(jax.tree.leaves(thesis_gantry()), jax.tree.leaves(reference_gantry), strict=True):
+    for found, wanted in zip(
+        jax.tree.leaves(thesis_gantry()), jax.tree.leaves(reference_gantry), strict=True
+    ):
         np.testing.assert_allclose(found, wanted, rtol=1e-14)
 
 
@@ -17,7 +19,13 @@ def test_the_printed_anti_resonances():
     """|zero| of (5.12) at both head positions."""
     p = thesis_gantry()
     for head, hertz in ((0.0, 47.0), (-0.66, 45.0)):
-        zeros = np.roots([p.inertia(head) + p.half_span**2 * p.total_mass, 4 * p.half_span**2 * p.drive_viscous, 2 * p.joint_stiffness])
+        zeros = np.roots(
+            [
+                p.inertia(head) + p.half_span**2 * p.total_mass,
+                4 * p.half_span**2 * p.drive_viscous,
+                2 * p.joint_stiffness,
+            ]
+        )
         np.testing.assert_allclose(np.abs(zeros) / (2 * np.pi), hertz, rtol=1e-12)
 
 
@@ -36,7 +44,16 @@ def test_motors_stand_where_the_joints_are(odd_gantry):
 
 
 @pytest.mark.parametrize(
-    "name", ["drive_mass_1", "beam_mass", "head_mass", "half_span", "drive_constant", "head_viscous", "joint_stiffness"]
+    "name",
+    [
+        "drive_mass_1",
+        "beam_mass",
+        "head_mass",
+        "half_span",
+        "drive_constant",
+        "head_viscous",
+        "joint_stiffness",
+    ],
 )
 def test_parameters_that_no_machine_has_are_named(name):
     numbers = {key: float(value) for key, value in vars(thesis_gantry()).items()}
@@ -48,7 +65,10 @@ def test_parameters_that_no_machine_has_are_named(name):
 
 
 def test_a_head_outside_the_beam_is_refused():
-    with pytest.raises(ValueError, match=r"^position: the head runs from -0.9 to 0.9 m along the beam, received 1.1 m"):
+    with pytest.raises(
+        ValueError,
+        match=r"^position: the head runs from -0.9 to 0.9 m along the beam, received 1.1 m",
+    ):
         Gantry(thesis_gantry(), 2e-3).initial_state(jnp.array([1.1, 0.0]), jnp.zeros(2))
     with pytest.raises(ValueError, match="^path: .* -1"):
         check_on_beam("path", np.array([0.1, -1.0, 0.2]), thesis_gantry())

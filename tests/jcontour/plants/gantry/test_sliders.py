@@ -11,15 +11,20 @@ from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.sliders import SliderEquation, SliderMasses
 
 STATES = (  # q, q': straight at rest, twisted far at speed, both sides of the beam
-    [0.0, 0.3, 0.0, 0.0, 0.0, 0.0], [0.41, -0.2, 0.3, 0.5, -0.7, 1.3], [-0.55, 0.1, -0.2, -0.4, 0.2, -2.1],
-)  # fmt: skip
+    [0.0, 0.3, 0.0, 0.0, 0.0, 0.0],
+    [0.41, -0.2, 0.3, 0.5, -0.7, 1.3],
+    [-0.55, 0.1, -0.2, -0.4, 0.2, -2.1],
+)
 
 
 def full(masses: SliderMasses):
-    return np.array([
-        [masses.head, masses.head_1, masses.head_2], [masses.head_1, masses.drive_1, masses.drives],
-        [masses.head_2, masses.drives, masses.drive_2],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [masses.head, masses.head_1, masses.head_2],
+            [masses.head_1, masses.drive_1, masses.drives],
+            [masses.head_2, masses.drives, masses.drive_2],
+        ]
+    )
 
 
 def in_the_motors_coordinates(p, state, control):
@@ -42,14 +47,19 @@ def in_the_motors_coordinates(p, state, control):
 def test_masses_and_forces_are_those_of_the_chain_rule(odd_gantry, state):
     control = jnp.array([1.5, -2.0, 3.0])
     z, v, wanted, force = in_the_motors_coordinates(odd_gantry, jnp.array(state), control)
-    masses, found = SliderEquation.of(odd_gantry).masses_and_forces(jnp.asarray(z), jnp.asarray(v), control)
+    masses, found = SliderEquation.of(odd_gantry).masses_and_forces(
+        jnp.asarray(z), jnp.asarray(v), control
+    )
     np.testing.assert_allclose(full(masses), wanted, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(found, force, rtol=1e-11, atol=1e-9 * np.abs(force).max())
 
 
 def test_products_and_solutions_are_those_of_numpy():
     """Where some sliders are held the equation has only the rows and columns of the others."""
-    masses, force = SliderMasses(*map(jnp.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0))), np.array([5.0, -7.0, 11.0])
+    masses, force = (
+        SliderMasses(*map(jnp.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0))),
+        np.array([5.0, -7.0, 11.0]),
+    )
     matrix = full(masses)
     np.testing.assert_allclose(masses.times(force), matrix @ force, rtol=1e-14)
     np.testing.assert_allclose(masses.solved(force), np.linalg.solve(matrix, force), rtol=1e-13)

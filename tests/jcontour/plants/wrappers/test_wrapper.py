@@ -69,7 +69,9 @@ def test_counting_encoders_count_and_difference(two_axes, start, controls, plain
     wanted = count * np.round(plain[1][:, [0, 2]] / count)
     before = count * np.round((np.array([[1e-3, 2e-3]]) - [[1e-5, 0.0]]) / count)
     np.testing.assert_allclose(position, wanted, rtol=1e-13)
-    np.testing.assert_allclose(speed, np.diff(np.concatenate([before, wanted]), axis=0) / two_axes.dt, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        speed, np.diff(np.concatenate([before, wanted]), axis=0) / two_axes.dt, rtol=0, atol=1e-12
+    )
     with pytest.raises(ValueError, match="^resolution"):
         CountingEncoders(two_axes, Sensors((0, 2)), 0.0)
 
@@ -84,7 +86,9 @@ def test_late_sensors_show_what_was(samples):
     _, late, _ = run_any(plant, plant.initial_state(at, increment), push)
     for k in range(2):
         np.testing.assert_array_equal(late[k][samples:], now[k][: 6 - samples])
-    np.testing.assert_allclose(late[0][:samples, 0], [0.01 - 1e-4 * (samples - k) for k in range(samples)], rtol=1e-13)
+    np.testing.assert_allclose(
+        late[0][:samples, 0], [0.01 - 1e-4 * (samples - k) for k in range(samples)], rtol=1e-13
+    )
 
 
 def test_noise_is_there_before_the_counts_of_a_late_motor():
@@ -102,7 +106,9 @@ def test_fine_encoders_are_counting_ones_with_tiny_counts(two_axes, start, contr
     sensors = Sensors(position=(0, 2))
     begin = (jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
     fine, counting = FineEncoders(two_axes, sensors), CountingEncoders(two_axes, sensors, 1e-13)
-    found, wanted = (run_any(plant, plant.initial_state(*begin), controls) for plant in (fine, counting))
+    found, wanted = (
+        run_any(plant, plant.initial_state(*begin), controls) for plant in (fine, counting)
+    )
     np.testing.assert_array_equal(found[0], plain[0])
     for a, b in zip(found[1], wanted[1], strict=True):
         np.testing.assert_allclose(a, b, rtol=0, atol=2e-10)
@@ -171,7 +177,9 @@ def test_wrappers_nest(two_axes, start, controls):
 
 def test_unwrapped_is_the_machine_and_its_own_state(two_axes, start):
     delayed = Delayed(Saturated(two_axes, jnp.ones(2)), jnp.asarray(1), 2, 2)
-    wrapped = LateSensors(CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2)
+    wrapped = LateSensors(
+        CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2
+    )
     state = wrapped.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
     machine, own = unwrapped(wrapped, state)
     assert machine is two_axes
