@@ -1,5 +1,6 @@
 """Shared by all tests: warnings are errors, a CPU is two devices, and the machines that many tests drive."""
 
+import os
 from functools import cache
 
 import hypothesis
@@ -11,6 +12,7 @@ from jcontour.linear.plant import LinearPlant
 
 
 def pytest_configure(config):
+    _keep_compiled_programs(config)
     jax.config.update("jax_num_cpu_devices", 2)
     jax.devices()  # from here on they stay
     hypothesis.settings.register_profile("untimed", deadline=None)
@@ -24,6 +26,16 @@ def pytest_configure(config):
     config.addinivalue_line(
         "filterwarnings", "ignore:The Pallas Triton backend is deprecated"
     )  # the other one has no float64
+
+
+def _keep_compiled_programs(config):
+    """Compile each program once: both workers and the next run of the tests read it from disk."""
+    folder = os.environ.setdefault(
+        "JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax"))
+    )  # commands run as subprocesses read it too
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:

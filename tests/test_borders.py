@@ -1,4 +1,4 @@
-"""Who imports whom: jcontour <- tuning <- experiments, and which third parties each may use."""
+"""Who imports whom: jcontour <- tuning <- experiments, floor by floor, and which third parties each may use."""
 
 import ast
 import sys
@@ -8,30 +8,53 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("jcontour", "tuning", "experiments")
-ALLOWED = {
-    "jcontour": {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"},
-    "tuning": {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"},
-    "experiments": {
-        "jax",
-        "equinox",
-        "jaxtyping",
-        "optax",
-        "numpy",
-        "scipy",
-        "matplotlib",
-        "tyro",
-        "rich",
-        "xarray",
-        "h5netcdf",
-        "h5py",
-        "PIL",
-    },
+BELOW = {
+    "jcontour": {"jcontour"},
+    "tuning": {"jcontour", "tuning"},
+    "experiments": set(PACKAGES),
 }
-SOLVERS = {"qpsolvers", "proxsuite", "daqp", "numba"}  # on the host, in jcontour.mpc alone
-COMPILED = "experiments.benchmarks.plain_loops"  # the loop that `jcontour bench` compares with
-ENGINES = {"mujoco"}  # in jcontour.plants.gantry_mujoco and gantry_mjx alone
-ENCODED = "experiments.video.gantry_video"  # to MP4, where the user has installed what that needs
-BELOW = {"jcontour": {"jcontour"}, "tuning": {"jcontour", "tuning"}, "experiments": set(PACKAGES)}
+
+LIBRARY = {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
+APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py", "PIL"}
+ALLOWED = {"jcontour": LIBRARY, "tuning": LIBRARY, "experiments": LIBRARY | APPLICATION}
+ALONE = {  # third parties that a few rooms or files alone may import
+    "jcontour.qp": {"qpsolvers", "proxsuite", "daqp", "numba"},
+    "jcontour.mpc": {"numba"},  # compiled builders of the QP
+    "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
+    "jcontour.plants.gantry.mjx_engine": {"mujoco"},
+    "experiments.benchmarks.plain_loops": {"numba"},  # the loop that `jcontour bench` compares with
+    "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it
+}
+
+FLOORS = {  # top to bottom: a room imports its own floor and those below
+    "jcontour": (
+        ("mpc", "export"),
+        ("analysis", "host", "controllers"),
+        ("simulation", "riccati"),
+        ("plants", "kernels", "sets", "controller"),
+        ("linear", "motion"),
+        ("geometry", "qp", "plant", "sensors", "tracing"),
+    ),
+    "experiments": (
+        ("cli",),
+        ("commands", "papers"),
+        ("runs",),
+        ("catalogue", "benchmarks"),
+        ("designs", "reports"),
+        ("jobs",),
+        ("machines",),
+        ("video",),
+        ("files", "options"),
+    ),
+}
+
+
+def floor_of(name):
+    """(package, height) of a module, 0 at the bottom; None for the front doors and what has no floors."""
+    package, _, rest = name.partition(".")
+    room = rest.split(".")[0]
+    floors = FLOORS.get(package, ())
+    return next(((package, -height) for height, rooms in enumerate(floors) if room in rooms), None)
 
 
 def module_name(path):
@@ -82,18 +105,31 @@ def reached(name):
 @pytest.mark.parametrize("name", MODULES)
 def test_third_parties_and_the_order_of_packages(name):
     package = name.split(".")[0]
-    tops = {found.split(".")[0] for found in IMPORTS[name]}
-    allowed = ALLOWED[package] | (
-        SOLVERS if name.startswith("jcontour.mpc") else {"numba"} if name == COMPILED else set()
-    )
-    allowed |= (
-        ENGINES
-        if name in ("jcontour.plants.gantry.mujoco_engine", "jcontour.plants.gantry.mjx_engine")
-        else set()
-    )
-    allowed |= {"imageio_ffmpeg"} if name == ENCODED else set()
-    unknown = tops - sys.stdlib_module_names - allowed - BELOW[package]
+    allowed = ALLOWED[package] | BELOW[package] | sys.stdlib_module_names
+    for room, own in ALONE.items():
+        if f"{name}.".startswith(f"{room}."):
+            allowed = allowed | own
+    unknown = {found.split(".")[0] for found in IMPORTS[name]} - allowed
     assert not unknown, f"{name} imports {unknown}"
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_go_down(name):
+    here = floor_of(name)
+    if here is None:
+        return
+    upward = []
+    for found in IMPORTS[name]:
+        there = floor_of(found)
+        if there is not None and there[0] == here[0] and there[1] > here[1]:
+            upward.append(found)
+    assert not upward, f"{name} imports from a floor above: {upward}"
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_every_room_has_a_floor(package):
+    rooms = {name.split(".")[1] for name in MODULES if name.startswith(f"{package}.")}
+    assert not [room for room in rooms if floor_of(f"{package}.{room}") is None]
 
 
 @pytest.mark.parametrize(("one", "other"), [("plants", "controllers"), ("controllers", "plants")])

@@ -372,10 +372,10 @@ def test_files_that_cannot_be_read(tmp_path):
 
 
 def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
-    monkeypatch.setattr("jcontour.gcode.MOST_MOVES", 3)
+    monkeypatch.setattr("jcontour.geometry.gcode.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
-    monkeypatch.setattr("jcontour.toolpaths.MOST_BYTES", 2**20)
+    monkeypatch.setattr("jcontour.geometry.toolpaths.MOST_BYTES", 2**20)
     (tmp_path / "long.ngc").write_bytes(b"\n" * (2**20 + 1))
     with pytest.raises(ToolpathError, match="larger than 1 MiB"):
         read_gcode(tmp_path / "long.ngc")
