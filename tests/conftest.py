@@ -10,6 +10,8 @@ import pytest
 
 from jcontour.linear.plant import LinearPlant
 
+CACHE_FOLDER = "JAX_COMPILATION_CACHE_DIR"
+
 
 def pytest_configure(config):
     _keep_compiled_programs(config)
@@ -29,10 +31,16 @@ def pytest_configure(config):
 
 
 def _keep_compiled_programs(config):
-    """Compile each program once: both workers and the next run of the tests read it from disk."""
-    folder = os.environ.setdefault(
-        "JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax"))
-    )  # commands run as subprocesses read it too
+    """Compile each program once: both workers and the next run of the tests read it from disk.
+
+    JAX_COMPILATION_CACHE_DIR says where, else it is pytest's cache, which a fresh clone lacks.
+    """
+    folder = os.environ.get(CACHE_FOLDER)
+    if not folder:
+        if not config.pluginmanager.has_plugin("cacheprovider"):
+            return
+        folder = str(config.cache.mkdir("jax"))
+        os.environ[CACHE_FOLDER] = folder  # commands run as subprocesses read it too
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
