@@ -1,21 +1,24 @@
 """The trade-off front: the best value of the objective for each of several budgets.
 
-Each budget is a tuning problem of its own; the search goes from one to the next, begins where the
-last one ended, and every point ever evaluated counts for every budget that it satisfies, so that a
-larger budget is never worse.
+Each budget is a tuning problem of its own. The search goes from one budget to the next and begins
+where the last one ended. Every point ever evaluated counts for every budget that it satisfies, so
+that a larger budget is never worse.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jcontour.simulation.metrics import Metrics
+from tuning.objectives import Limits
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, Evaluated, Settings, TuneState, advance
+from tuning.tune import FEASIBLE, THOROUGH, Effort, Evaluated, TuneState, advance
 
 
 class FrontPoint(NamedTuple):
@@ -29,19 +32,33 @@ class FrontPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class FrontState:
-    """Where the search stands: finished histories, the run in progress, and the start of all coordinates."""
+    """Complete state of a search.
+
+    Attributes:
+        histories: one for every budget that is finished.
+        run: the run in progress.
+        begin: coordinates at which the run in progress began; None before its first step, and where
+            it begins at the weights given.
+    """
 
     histories: list[list[Evaluated]] = field(default_factory=list)
     run: TuneState = field(default_factory=TuneState)
+    begin: np.ndarray | None = None
 
 
 def trade_off_front(
     problems: Sequence[Problem],
     start: Weights,
-    settings: Settings = Settings(),
+    effort: Effort = THOROUGH,
     on_step: Callable[[FrontState], None] = lambda state: None,
 ) -> list[FrontPoint]:
-    """One point per problem; the problems differ in their limits only (`AtMost` with growing budgets).
+    """One point per problem; the problems differ in their limits only.
+
+    Args:
+        problems: one for every budget, best from the smallest to the largest (`AtMost`).
+        start: first weights.
+        effort: of every budget.
+        on_step: receives the state after every step, for progress and saving.
 
     Raises:
         ValueError: as `tune`, or no problem is given.
@@ -50,7 +67,7 @@ def trade_off_front(
         raise ValueError("problems: needs at least one budget, received none")
     state = FrontState()
     while not done(problems, state):
-        state = advance_front(problems, start, settings, state)
+        state = advance_front(problems, start, effort, state)
         on_step(state)
     return front_points(problems, start, state)
 
@@ -61,15 +78,19 @@ def done(problems: Sequence[Problem], state: FrontState) -> bool:
 
 
 def advance_front(
-    problems: Sequence[Problem], start: Weights, settings: Settings, state: FrontState
+    problems: Sequence[Problem], start: Weights, effort: Effort, state: FrontState
 ) -> FrontState:
     """One step of the budget in progress, or the move to the next one."""
     problem = problems[len(state.histories)]
     if state.run.done:
         return FrontState([*state.histories, state.run.history])
-    begin = _best(problem, state.histories[-1:]) if state.histories else None
-    weights = start if begin is None else Chart(problem.space, start).weights(jnp.asarray(begin.z))
-    return replace(state, run=advance(problem, weights, settings, state.run))
+    if state.begin is None and state.histories:  # once a budget: it reads a whole history
+        best = _best(problem, state.histories[-1])
+        state = replace(state, begin=None if best is None else best.z)
+    weights = start
+    if state.begin is not None:
+        weights = Chart(problem.space, start).weights(jnp.asarray(state.begin))
+    return replace(state, run=advance(problem, weights, effort, state.run))
 
 
 def front_points(
@@ -80,28 +101,39 @@ def front_points(
     Raises:
         ValueError: every point diverged.
     """
+    evaluated = [row for history in state.histories for row in history]
     points = []
     for problem in problems[: len(state.histories)]:
-        best = _best(problem, state.histories)
+        best = _best(problem, evaluated)
         if best is None:
             raise ValueError(
-                "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
+                "every start diverges: begin with a stabilising controller "
+                "(see frozen_spectral_radius)"
             )
         weights = Chart(problem.space, start).weights(jnp.asarray(best.z))
+        (violation,) = _violations(problem, [best])
         points.append(
-            FrontPoint(weights, best.metrics, best.objective, _violation(problem, best) <= FEASIBLE)
+            FrontPoint(weights, best.metrics, best.objective, bool(violation <= FEASIBLE))
         )
     return points
 
 
-def _best(problem: Problem, histories: Sequence[list[Evaluated]]) -> Evaluated | None:
-    sound = [row for history in histories for row in history if not row.diverged]
-    return min(
-        sound,
-        key=lambda row: (max(_violation(problem, row), FEASIBLE), row.objective),
-        default=None,
-    )
+def _best(problem: Problem, evaluated: Sequence[Evaluated]) -> Evaluated | None:
+    """The least violating of all points that did not diverge; of the feasible ones the best."""
+    sound = [row for row in evaluated if not row.diverged]
+    if not sound:
+        return None
+    violations = np.maximum(_violations(problem, sound), FEASIBLE)
+    objectives = np.array([row.objective for row in sound])
+    return sound[np.lexsort((objectives, violations))[0]]
 
 
-def _violation(problem: Problem, row: Evaluated) -> float:
-    return float(np.max(problem.limits(row.metrics), initial=-np.inf))
+def _violations(problem: Problem, evaluated: Sequence[Evaluated]) -> Float[np.ndarray, " n"]:
+    """Largest limit of every point under the limits of this problem."""
+    metrics = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(row.metrics for row in evaluated))
+    return np.asarray(_largest(problem.limits, metrics))
+
+
+def _largest(limits: Limits, metrics: Metrics) -> Float[Array, " n"]:
+    """Largest entry of the limits of stacked metrics."""
+    return jax.vmap(lambda one: jnp.max(limits(one), initial=-jnp.inf))(metrics)

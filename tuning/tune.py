@@ -1,16 +1,19 @@
-"""The tuner: multi-start, L-BFGS directions from optax, hard limits by an augmented Lagrangian, the best feasible point kept.
+"""The tuner: scattered starts, L-BFGS descents, and hard limits by an augmented Lagrangian.
 
-A run is a sequence of `advance` calls on a `TuneState`, which holds everything: saved after any of
-them and loaded again, a run ends with the same bits. First scattered points are looked at; then the
-start that was given and the most promising of those points are descended from:
-    inner: minimise L(z; lambda, mu) along L-BFGS directions, steps cut back until L falls and no
-    run diverges
-    outer: lambda <- max(0, lambda + mu c);  mu grows when the violation does not shrink to a
-    quarter;
-           of several values to make small, those near the largest earn shares in the smooth
-           maximum;
-           near the limits the objective is scaled by its last value: L then means the same for
-           coarse and fine optima
+A run is a sequence of `advance` calls on a `TuneState`. The state holds everything: a run that is
+saved after any call and loaded again ends with the same bits.
+
+First, scattered points are evaluated. Then the run descends from the given start and from the most
+promising scattered points. The best feasible point of all is the result. One descent has two loops:
+
+    inner   minimise L(z; lambda, mu) along L-BFGS directions (from optax);
+            a step is cut back until L falls and no member of the family diverges
+    outer   lambda <- max(0, lambda + mu c);
+            mu grows when the violation does not shrink to a quarter;
+            of several objective values, those near the largest gain shares in the smooth maximum
+
+Near the limits the objective is divided by its last value, so that one tolerance on L suits large
+and small optima.
 """
 
 from collections.abc import Callable
@@ -36,60 +39,72 @@ from tuning.problem import (
 
 FEASIBLE = 1e-6  # a limit may be exceeded by this relative amount
 NEARLY_FEASIBLE = 0.02  # violation below which the objective tells its size at the optimum
-PROMISE_LOST = (
-    5.0  # a point 10 % above a limit is as promising as a feasible one with a 65 % larger objective
-)
+# a point 10 % above a limit is as promising as a feasible one with a 65 % larger objective
+PROMISE_LOST = 5.0
 LARGEST_MOVE = 2.0  # in z: no weight changes by more than e^2 in one step
 LEAST_FALL = 1e-4  # Armijo: part of the predicted fall that a step must reach
-HOPELESS = (
-    1.2  # times the best objective so far: a nearly feasible descent this far above it is given up
-)
+# times the best objective so far: a nearly feasible descent this far above it is given up
+HOPELESS = 1.2
 # distance in ln(error, error, increment) from every descent so far that makes a start worth while
 NEW_BEHAVIOUR = 0.5
 TRIALS = 8  # shortenings before a direction is given up
-FIRST_PENALTY = (
-    4.0  # low, so that a descent may cross what the limits forbid on its way to a better valley
-)
+# low, so that a descent may cross what the limits forbid on its way to a better valley
+FIRST_PENALTY = 4.0
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How much a run may try.
+class Effort:
+    """How much a run may try: `QUICK`, `THOROUGH`, or numbers of your own.
+
+    Attributes:
+        starts: descents, from the given weights first, then from promising scattered points;
+            hopeless ones are given up early.
+        scatter: points evaluated before the first descent, a Sobol sequence around the start.
+        inner_steps: L-BFGS steps per outer step.
+        outer_steps: multiplier updates.
+        tolerance: relative change of objective and weights at which a descent ends.
+        spread: half width in ln(weight) of the box that the scattered points fill.
+        seed: of the Sobol sequence.
 
     Raises:
         ValueError: a number is below its least sensible value.
     """
 
-    # descents: one from the weights given, the others from promising points; hopeless ones are
-    # given up early
-    starts: int = 5
-    scatter: int = 24  # points looked at before descending: a Sobol sequence around the start
-    spread: float = 7.0  # half width of the box they fill, in ln(weight): three decades up and down
-    inner_steps: int = 15  # L-BFGS steps per outer step; two to thirteen weights need no more
-    outer_steps: int = 12  # multiplier updates
-    tolerance: float = 1e-5  # relative change of objective and weights at which a descent ends
+    starts: int
+    scatter: int
+    inner_steps: int
+    outer_steps: int
+    tolerance: float
+    spread: float = 7.0  # three decades up and down
     seed: int = 0
 
     def __post_init__(self):
         """Check the ranges."""
-        for name, least in (
-            ("starts", 1),
-            ("scatter", 0),
-            ("spread", 0),
-            ("inner_steps", 1),
-            ("outer_steps", 1),
-            ("seed", 0),
-        ):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name}: needs at least {least}, received {getattr(self, name)}")
+        least = {
+            "starts": 1,
+            "scatter": 0,
+            "spread": 0,
+            "inner_steps": 1,
+            "outer_steps": 1,
+            "seed": 0,
+        }
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise ValueError(f"{name}: needs at least {bound}, received {getattr(self, name)}")
         if not self.tolerance > 0:
             raise ValueError(f"tolerance: needs to be above zero, received {self.tolerance}")
 
 
-class Evaluated(NamedTuple):
-    """One row of the history: what was tried and what came of it."""
+# a tenth of a per cent within a minute: less than a plant model is good for
+QUICK = Effort(starts=2, scatter=6, inner_steps=12, outer_steps=4, tolerance=1e-3)
+# for publication; two to thirteen weights need no more steps than these
+THOROUGH = Effort(starts=5, scatter=24, inner_steps=15, outer_steps=12, tolerance=1e-5)
 
-    start: int  # which descent; -1 for a scattered point
+
+class Evaluated(NamedTuple):
+    """One row of the history: a point that was tried, and its outcome."""
+
+    start: int  # number of the descent; -1 for a scattered point
     z: np.ndarray
     objective: float
     violation: float  # largest limit, ln(value / limit); -inf without limits
@@ -99,7 +114,7 @@ class Evaluated(NamedTuple):
 
 @dataclass(frozen=True)
 class TuneState:
-    """Where a run stands, whole: enough to go on with the same bits."""
+    """Complete state of a run: enough to go on with the same bits."""
 
     history: list[Evaluated] = field(default_factory=list)
     start: int = -1  # -1 while scattered points are looked at
@@ -116,15 +131,15 @@ class TuneState:
 
 
 class Tuned(NamedTuple):
-    """What a run found.
+    """Result of a run.
 
     Attributes:
-        weights: the best feasible weights; of the least violation when none is feasible.
-        metrics: theirs, (contour, plant).
+        weights: the best feasible weights; those of least violation when none is feasible.
+        metrics: metrics of these weights (contour, plant).
         feasible: whether every limit holds to `FEASIBLE`.
-        violation: largest ln(value / limit) of them.
-        diverged_points: how many evaluated points had a diverging member; they were rejected.
-        diverged_starts: how many descents could not begin because their start diverged.
+        violation: largest ln(value / limit).
+        diverged_points: number of evaluated points with a diverging member; they were rejected.
+        diverged_starts: number of descents that could not begin because their start diverged.
         history: every point evaluated.
     """
 
@@ -140,23 +155,23 @@ class Tuned(NamedTuple):
 def tune(
     problem: Problem,
     start: Weights,
-    settings: Settings = Settings(),
+    effort: Effort = THOROUGH,
     on_step: Callable[[TuneState], None] = lambda state: None,
 ) -> Tuned:
     """Weights that make the objective small within the limits.
 
     Args:
-        problem: what is tuned.
+        problem: the tuning problem.
         start: first weights.
-        settings: effort and seed.
-        on_step: told the state after every step, for progress and saving.
+        effort: how much is tried, and the seed.
+        on_step: receives the state after every step, for progress and saving.
 
     Raises:
         ValueError: the start does not fit the space, or every start diverges.
     """
     state = TuneState()
     while not state.done:
-        state = advance(problem, start, settings, state)
+        state = advance(problem, start, effort, state)
         on_step(state)
     return result(problem, start, state)
 
@@ -173,47 +188,50 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
             "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
         )
     best = min(sound, key=_rank)
-    began = [
-        next((row for row in state.history if row.start == s), None) for s in range(state.start + 1)
-    ]
+    first_points: dict[int, Evaluated] = {}
+    for row in state.history:
+        first_points.setdefault(row.start, row)
+    descents = [s for s in first_points if 0 <= s <= state.start]
     return Tuned(
-        Chart(problem.space, start).weights(jnp.asarray(best.z)),
-        best.metrics,
-        best.violation <= FEASIBLE,
-        best.violation,
-        sum(row.diverged for row in state.history),
-        sum(row is not None and row.diverged for row in began),
-        state.history,
+        weights=Chart(problem.space, start).weights(jnp.asarray(best.z)),
+        metrics=best.metrics,
+        feasible=best.violation <= FEASIBLE,
+        violation=best.violation,
+        diverged_points=sum(row.diverged for row in state.history),
+        diverged_starts=sum(first_points[s].diverged for s in descents),
+        history=state.history,
     )
 
 
-def advance(problem: Problem, start: Weights, settings: Settings, state: TuneState) -> TuneState:
-    """One step: a scattered point, the first point of a descent, an L-BFGS step, or a multiplier update."""
+def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) -> TuneState:
+    """One step of a run.
+
+    It evaluates a scattered point or the first point of a descent, makes an L-BFGS step, or updates
+    the multipliers.
+    """
     if state.start < 0:
-        if len(state.history) < settings.scatter:
-            z = _scattered_point(problem, start, settings, len(state.history))
+        if len(state.history) < effort.scatter:
+            z = _scattered_point(problem, start, effort, len(state.history))
             point = _point(problem, start, z)
             return replace(state, history=[*state.history, _row(-1, z, point)])
-        return _begin(problem, start, settings, state, 0)
-    if state.inner >= settings.inner_steps:
-        return _update_multipliers(problem, start, settings, state)
-    return _descend(problem, start, settings, state)
+        return _begin(problem, start, effort, state, 0)
+    if state.inner >= effort.inner_steps:
+        return _update_multipliers(problem, start, effort, state)
+    return _descend(problem, start, effort, state)
 
 
-def _begin(problem, start, settings, state: TuneState, index: int) -> TuneState:
-    if index >= settings.starts:
+def _begin(problem, start, effort, state: TuneState, index: int) -> TuneState:
+    if index >= effort.starts:
         return replace(state, done=True)
-    z = (
-        np.asarray(Chart(problem.space, start).coordinates())
-        if index == 0
-        else _next_start(state.history)
-    )
+    if index == 0:
+        z = np.asarray(Chart(problem.space, start).coordinates())
+    else:
+        z = _next_start(state.history)
     if z is None:
         return replace(state, done=True)
     point = _point(problem, start, z)
-    merit = _first_merit(point.limits.size, point.objective.size)._replace(
-        scale=np.max(point.objective)
-    )
+    merit = _first_merit(point.limits.size, point.objective.size)
+    merit = merit._replace(scale=np.max(point.objective))
     state = replace(
         state,
         history=[*state.history, _row(index, z, point)],
@@ -227,14 +245,14 @@ def _begin(problem, start, settings, state: TuneState, index: int) -> TuneState:
         objective=np.inf,
     )
     state = _weighed(problem, start, state)
-    return _begin(problem, start, settings, state, index + 1) if bool(point.diverged) else state
+    return _begin(problem, start, effort, state, index + 1) if bool(point.diverged) else state
 
 
-def _descend(problem, start, settings, state: TuneState) -> TuneState:
+def _descend(problem, start, effort, state: TuneState) -> TuneState:
     step, memory = _direction(state.z, state.gradient, state.memory)
     fall = float(step @ state.gradient)
-    if -fall < settings.tolerance**2:  # of a Lagrangian of order one
-        return replace(state, inner=settings.inner_steps)
+    if -fall < effort.tolerance**2:  # of a Lagrangian of order one
+        return replace(state, inner=effort.inner_steps)
     history, length = state.history, 1.0
     for _ in range(TRIALS):
         z = state.z + length * step
@@ -244,45 +262,37 @@ def _descend(problem, start, settings, state: TuneState) -> TuneState:
         if change <= LEAST_FALL * fall * length:
             reached = replace(state, history=history, z=z, memory=memory, inner=state.inner + 1)
             return replace(reached, lagrangian=float(there.lagrangian), gradient=there.gradient)
-        parabola = (
-            -fall * length**2 / (2 * (change - fall * length))
-        )  # its lowest point through here, slope and there
+        # lowest point of the parabola through the value and slope here and the value there
+        parabola = -fall * length**2 / (2 * (change - fall * length))
         length = np.clip(parabola, 0.1 * length, 0.5 * length)
-    gave_up = (
-        int(state.memory.count) == 0
-    )  # steepest descent found nothing either: this is the bottom
-    return replace(
-        state,
-        history=history,
-        memory=_fresh(state.z),
-        inner=settings.inner_steps if gave_up else state.inner + 1,
-    )
+    steepest = int(state.memory.count) == 0  # the last direction: nothing else is left to try
+    inner = effort.inner_steps if steepest else state.inner + 1
+    return replace(state, history=history, memory=_fresh(state.z), inner=inner)
 
 
-def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState:
+def _update_multipliers(problem, start, effort, state: TuneState) -> TuneState:
     assert state.merit is not None  # a descent has begun
     here = _point(problem, start, state.z, state.merit)
     multipliers, penalty, scale, shares = state.merit
     limits = here.limits + LIMIT_MARGIN
-    violation = float(
-        np.max(np.abs(np.maximum(limits, -multipliers / penalty)), initial=0.0)
-    )  # of limits and complementarity
+    slack = -multipliers / penalty
+    violation = float(np.max(np.abs(np.maximum(limits, slack)), initial=0.0))  # and complementarity
+    nearly_feasible = violation < NEARLY_FEASIBLE
     objective = float(np.max(here.objective))
     overstated = 1 - float(smooth_maximum(here.objective, shares)) / objective
-    settled = (
-        abs(objective - state.objective) < settings.tolerance * objective
-        and abs(overstated) < 10 * settings.tolerance
-    )
+    still = abs(objective - state.objective) < effort.tolerance * objective
+    settled = still and abs(overstated) < 10 * effort.tolerance
     converged = violation < LIMIT_MARGIN and settled
-    hopeless = violation < NEARLY_FEASIBLE and objective > HOPELESS * _best_so_far(state.history)
-    if converged or hopeless or state.outer + 1 >= settings.outer_steps:
-        return _begin(problem, start, settings, state, state.start + 1)
-    new_scale = np.asarray(objective) if violation < NEARLY_FEASIBLE else scale
+    hopeless = nearly_feasible and objective > HOPELESS * _best_so_far(state.history)
+    if converged or hopeless or state.outer + 1 >= effort.outer_steps:
+        return _begin(problem, start, effort, state, state.start + 1)
+    new_scale = np.asarray(objective) if nearly_feasible else scale
+    shrunk = violation <= max(state.violation / 4, LIMIT_MARGIN / 2)
     merit = Merit(
-        np.maximum(0.0, multipliers + penalty * limits) * scale / new_scale,
-        penalty if violation <= max(state.violation / 4, LIMIT_MARGIN / 2) else 4 * penalty,
-        new_scale,
-        earned_shares(here.objective, shares),
+        multipliers=np.maximum(0.0, multipliers + penalty * limits) * scale / new_scale,
+        penalty=penalty if shrunk else 4 * penalty,
+        scale=new_scale,
+        shares=earned_shares(here.objective, shares),
     )
     state = replace(
         state,
@@ -297,10 +307,8 @@ def _update_multipliers(problem, start, settings, state: TuneState) -> TuneState
 
 
 def _best_so_far(history: list[Evaluated]) -> float:
-    return min(
-        (row.objective for row in history if not row.diverged and row.violation <= FEASIBLE),
-        default=np.inf,
-    )
+    sound = [row for row in history if not row.diverged]
+    return min((row.objective for row in sound if row.violation <= FEASIBLE), default=np.inf)
 
 
 def _weighed(problem, start, state: TuneState) -> TuneState:
@@ -325,51 +333,49 @@ def _direction(z: np.ndarray, gradient, memory) -> tuple[np.ndarray, Any]:
 
 
 def _point(problem, start, z, merit: Merit | None = None) -> Point:
-    merit = (
-        _first_merit(*problem.counts()) if merit is None else merit
-    )  # a first look is for the numbers only
-    return jax.device_get(
-        evaluate_point(problem, start, jnp.asarray(z), jax.tree.map(jnp.asarray, merit))
-    )
+    if merit is None:  # a first look is for the numbers only
+        merit = _first_merit(*problem.counts())
+    traced = jax.tree.map(jnp.asarray, merit)
+    return jax.device_get(evaluate_point(problem, start, jnp.asarray(z), traced))
 
 
 def _first_merit(limits: int, values: int) -> Merit:
     return Merit(
-        np.zeros(limits), np.asarray(FIRST_PENALTY), np.asarray(1.0), np.full(values, 1 / values)
+        multipliers=np.zeros(limits),
+        penalty=np.asarray(FIRST_PENALTY),
+        scale=np.asarray(1.0),
+        shares=np.full(values, 1 / values),
     )
 
 
-def _scattered_point(problem, start, settings: Settings, index: int) -> np.ndarray:
-    from scipy.stats.qmc import (
-        Sobol,
-    )  # here, because it takes longer to import than the rest of the tuner
+def _scattered_point(problem, start, effort: Effort, index: int) -> np.ndarray:
+    from scipy.stats.qmc import Sobol  # takes longer to import than the rest of the tuner
 
     z = np.asarray(Chart(problem.space, start).coordinates())
-    points = Sobol(z.size, rng=settings.seed).random(2 ** int(np.ceil(np.log2(settings.scatter))))
-    return z + settings.spread * (2 * points[index] - 1)
+    count = 2 ** int(np.ceil(np.log2(effort.scatter)))
+    points = Sobol(z.size, rng=effort.seed).random(count)
+    return z + effort.spread * (2 * points[index] - 1)
 
 
 def _row(start: int, z: np.ndarray, point: Point) -> Evaluated:
-    objective, violation = (
-        float(np.max(point.objective)),
-        float(np.max(point.limits, initial=-np.inf)),
-    )
+    objective = float(np.max(point.objective))
+    violation = float(np.max(point.limits, initial=-np.inf))
     return Evaluated(start, z, objective, violation, point.metrics, bool(point.diverged))
 
 
 def _next_start(history: list[Evaluated]) -> np.ndarray | None:
-    """The most promising scattered point that behaves like no point of the descents so far; None when there is none."""
-    seen = np.array([_behaviour(row) for row in history if row.start >= 0 and not row.diverged])
-    new = [
-        row
-        for row in history
-        if row.start < 0 and not row.diverged and _apart(_behaviour(row), seen)
-    ]
+    """The most promising scattered point whose loop behaves unlike all descents so far, or None."""
+    sound = [row for row in history if not row.diverged]
+    seen = np.array([_behaviour(row) for row in sound if row.start >= 0])
+    new = [row for row in sound if row.start < 0 and _apart(_behaviour(row), seen)]
     return min(new, key=_promise).z if new else None
 
 
 def _behaviour(row: Evaluated) -> np.ndarray:
-    """Logarithms of what the loop does: weights that look different may do the same, as a tiny beta does."""
+    """Logarithms of the mean errors and increment of the loop.
+
+    Weights that look different may behave alike, as all tiny betas do.
+    """
     metrics = row.metrics
     measures = (metrics.rms_contour_error, metrics.rms_tracking_error, metrics.rms_increment)
     return np.log([max(float(np.mean(measure)), 1e-300) for measure in measures])

@@ -7,14 +7,14 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from tuning.tune import Settings, TuneState
+from tuning.tune import Effort, TuneState
 
 PACE = 0.85  # part of a descent that is left after a step: nobody knows how many it takes
 
 
 @contextmanager
 def progress_of(
-    console: Console, settings: Settings, error: str
+    console: Console, settings: Effort, error: str
 ) -> Iterator[Callable[[TuneState], None]]:
     """A bar to tell the state of a run to, step by step."""
     columns = (
@@ -30,7 +30,7 @@ def progress_of(
         )
 
 
-def progress(state: TuneState, settings: Settings) -> float:
+def progress(state: TuneState, settings: Effort) -> float:
     """Part of the run that is done, from 0 to 1; never less than before."""
     if state.done:
         return 1.0
@@ -41,7 +41,7 @@ def progress(state: TuneState, settings: Settings) -> float:
     return (1 + state.start + 1 - PACE**steps) / parts
 
 
-def _words(state: TuneState, settings: Settings, error: str) -> str:
+def _words(state: TuneState, settings: Effort, error: str) -> str:
     phase = (
         "random points"
         if state.start < 0

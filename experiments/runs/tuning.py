@@ -28,7 +28,7 @@ from tuning.objectives import (
 )
 from tuning.parameters import Weights
 from tuning.problem import Problem
-from tuning.tune import Settings
+from tuning.tune import Effort
 
 F = TypeVar("F", bound=Spreading)
 
@@ -65,7 +65,7 @@ class TuningRun:
     machine: Machine
     design: Design
     problem: Problem
-    settings: Settings
+    settings: Effort
     course: Course
     limits: dict[str, float]
 
@@ -122,9 +122,9 @@ def tuning_run(flags: Tune) -> TuningRun:
     )
 
 
-def tuner_settings(flags: Any) -> Settings:
+def tuner_settings(flags: Any) -> Effort:
     """Effort of the tuner."""
-    return Settings(
+    return Effort(
         starts=flags.starts,
         scatter=flags.scatter,
         inner_steps=flags.inner_steps,

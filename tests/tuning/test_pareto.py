@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -7,10 +8,10 @@ import pytest
 
 from tuning.objectives import AtMost
 from tuning.pareto import FrontState, advance_front, done, front_points, trade_off_front
-from tuning.tune import Settings
+from tuning.tune import THOROUGH
 
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
-SETTINGS = Settings(starts=1, scatter=2, spread=1.0, inner_steps=6, outer_steps=8)
+SETTINGS = replace(THOROUGH, starts=1, scatter=2, spread=1.0, inner_steps=6, outer_steps=8)
 BUDGETS = [1.2e-5, 2e-5, 2.8e-5]
 
 
@@ -68,4 +69,4 @@ def test_no_budget_is_refused():
 def test_every_point_diverging_is_an_error(problems):
     far = {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)}
     with pytest.raises(ValueError, match="every start diverges"):
-        trade_off_front(problems[:1], far, Settings(starts=1, scatter=2, spread=0.1))
+        trade_off_front(problems[:1], far, replace(THOROUGH, starts=1, scatter=2, spread=0.1))

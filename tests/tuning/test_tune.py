@@ -1,5 +1,6 @@
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -18,11 +19,11 @@ from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.objectives import AtMost, mean_contour_error, worst_contour_error
 from tuning.parameters import Chart, LQSpace
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, Settings, TuneState, advance, result, tune
+from tuning.tune import FEASIBLE, THOROUGH, TuneState, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
-QUICK = Settings(starts=2, scatter=4, spread=1.0, inner_steps=8, outer_steps=8)
+QUICK = replace(THOROUGH, starts=2, scatter=4, spread=1.0, inner_steps=8, outer_steps=8)
 
 
 def run(problem, start, settings, state=None, save=False):
@@ -97,7 +98,9 @@ def test_progress_is_told_after_every_step(limited, states):
 
 def test_limits_out_of_reach_give_the_least_violating_point(proportional_problem):
     problem = proportional_problem(AtMost(rms_tracking_error=1e-7))
-    tuned = tune(problem, START, Settings(starts=1, scatter=0, inner_steps=4, outer_steps=3))
+    tuned = tune(
+        problem, START, replace(THOROUGH, starts=1, scatter=0, inner_steps=4, outer_steps=3)
+    )
     assert not tuned.feasible and tuned.violation > 1
     assert tuned.violation == min(row.violation for row in tuned.history if not row.diverged)
 
@@ -107,7 +110,7 @@ def test_every_start_diverging_is_an_error(limited):
         tune(
             limited,
             {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)},
-            Settings(starts=3, scatter=2, spread=0.1),
+            replace(THOROUGH, starts=3, scatter=2, spread=0.1),
         )
 
 
@@ -117,7 +120,8 @@ def outcome_from(problem, gain, reach=1.0):
     return tune(
         problem,
         start,
-        Settings(
+        replace(
+            THOROUGH,
             starts=2,
             scatter=16,
             spread=reach * float(np.log(gain)) + 1.0,
@@ -153,7 +157,7 @@ def test_a_start_that_is_not_finite_does_not_end_the_search(proportional_problem
 )
 def test_bad_settings_are_named(bad):
     with pytest.raises(ValueError, match=next(iter(bad))):
-        Settings(**bad)
+        replace(THOROUGH, **bad)
 
 
 def test_a_start_outside_the_space_is_refused(limited):
@@ -192,7 +196,7 @@ def test_square_front(row, start):
 def test_square_front_from_near():
     """The middle row within one short descent; the whole search is slow."""
     wanted = DATA["front"]["rows"][1]
-    settings = Settings(starts=1, scatter=0, inner_steps=8, outer_steps=6)
+    settings = replace(THOROUGH, starts=1, scatter=0, inner_steps=8, outer_steps=6)
     tuned = tune(square_problem(wanted["du_budget"]), LQWeights(6.0, 15.0, 2e-9), settings)
     assert tuned.violation <= 1e-6
     assert 1e6 * float(tuned.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]

@@ -1,6 +1,7 @@
 """The runs behind the comparison of contouring schemes: the same tuning for every scheme, and its numbers on the true machines."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -36,7 +37,7 @@ from jcontour.simulation.metrics import Metrics, score_signals
 from tuning.objectives import AtMost, mean_contour_error
 from tuning.parameters import Fixed, Interval, Parameter, Positive
 from tuning.problem import Problem
-from tuning.tune import Evaluated, Settings, Tuned, TuneState, advance, result
+from tuning.tune import THOROUGH, Evaluated, Tuned, TuneState, advance, result
 
 ARRIVED = 50e-6  # [m] from the end: there the contour counts as done
 CURRENT, INCREMENT = (
@@ -45,7 +46,7 @@ CURRENT, INCREMENT = (
     # limits, times what the thesis's gains with feedforward need of RMS current and of RMS increments
 )
 STRONG = 10.0  # times the small gains of a scheme where its cascade is not tuned yet
-ONE_DESCENT = Settings(starts=1, scatter=0)  # ended by the budget
+ONE_DESCENT = replace(THOROUGH, starts=1, scatter=0)  # ended by the budget
 
 
 class Loops(NamedTuple):
