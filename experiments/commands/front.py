@@ -22,7 +22,8 @@ from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.options import Front, Spreading, Tune
 from experiments.reports import figures, tables
 from experiments.reports.progress import progress_of
-from experiments.runs.tuning import TuningRun, flag_paths, resumed, start_metrics, tuning_run
+from experiments.runs.lifecycle import inputs, resumed
+from experiments.runs.tuning import TuningRun, start_metrics, tuning_run
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 
@@ -52,7 +53,7 @@ def command(flags: Front) -> int:
             flags.out or run_folder.default_folder("front"),
             "front",
             replace(flags, json=False, out=None),
-            flag_paths(flags),
+            inputs(flags),
         )
     console = tables.console_of(quiet=flags.json)
     with run_folder.locked(folder), run_folder.resumable("front", folder):

@@ -19,8 +19,8 @@ from experiments.jobs.replays import Course
 from experiments.machines.machine import Machine
 from experiments.options import Sweep
 from experiments.reports import tables
+from experiments.runs.lifecycle import inputs, resumed
 from experiments.runs.spreading import batching_of
-from experiments.runs.tuning import flag_paths, resumed
 from jcontour.simulation.devices import Spread
 from jcontour.simulation.evaluation import Batching
 from tuning.sweep import grid, random_sample, sweep
@@ -45,7 +45,7 @@ def command(flags: Sweep) -> int:
             flags.out or run_folder.default_folder("sweep"),
             "sweep",
             replace(flags, json=False, out=None),
-            flag_paths(flags),
+            inputs(flags),
         )
     with run_folder.locked(folder), run_folder.resumable("sweep", folder):
         dataset = _swept(flags, machine, jobs, values, folder)

@@ -3,7 +3,6 @@
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,8 @@ from experiments.options import Tune
 from experiments.reports import figures, tables
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import rollouts
-from experiments.runs.tuning import PLENTY, TuningRun, flag_paths, resumed, tuning_run
+from experiments.runs.lifecycle import finished, opened
+from experiments.runs.tuning import PLENTY, TuningRun, tuning_run
 from experiments.runs.tuning_results import confirmed, history_of, proved, summarise
 from tuning.tune import Tuned, TuneState, advance, result
 
@@ -28,25 +28,9 @@ def run(flags: Tune, console: Console) -> tuple[dict[str, Any], Path]:
     Raises:
         ValueError: bad input; nothing has been written then.
     """
-    folder, flags, job = _resumed(flags) if flags.resume else _created(flags)
-    with run_folder.locked(folder), run_folder.resumable("tune", folder):
+    with opened(flags, "tune", tuning_run) as (folder, job):
         describe(job, console)
         return _tuned(job, folder, console), folder
-
-
-def _created(flags: Tune) -> tuple[Path, Tune, TuningRun]:
-    job = tuning_run(flags)
-    folder = run_folder.default_folder("tune") if flags.out is None else flags.out
-    return (
-        run_folder.create(folder, "tune", replace(flags, json=False, out=None), flag_paths(flags)),
-        flags,
-        job,
-    )
-
-
-def _resumed(flags: Tune) -> tuple[Path, Tune, TuningRun]:
-    folder, flags = resumed(flags, "tune")
-    return folder, flags, tuning_run(flags)
 
 
 def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
@@ -129,8 +113,4 @@ def command(flags: Tune) -> int:
     except RuntimeError as error:
         print(f"jcontour: {error}", file=sys.stderr)
         return 1
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
-    else:
-        tables.show_tuned(summary, str(folder), console)
-    return 0
+    return finished(folder, summary, flags, tables.show_tuned)

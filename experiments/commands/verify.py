@@ -13,7 +13,8 @@ from experiments.files.netcdf import save_dataset
 from experiments.machines.machine import Machine
 from experiments.options import Tune, Verify
 from experiments.reports import tables
-from experiments.runs.tuning import TuningRun, resumed, tuning_run
+from experiments.runs.lifecycle import resumed
+from experiments.runs.tuning import TuningRun, tuning_run
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver
 from jcontour.mpc.limits import Limits

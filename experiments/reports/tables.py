@@ -137,11 +137,11 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else value * factor
 
 
-def show_tuned(result: dict[str, Any], folder: str, console: Console) -> None:
+def show_tuned(result: dict[str, Any], console: Console) -> None:
     """Everything a tuning run found."""
     for table in design_tables(result):
         console.print(table)
-    say(console, *values_block(result), "", f"Run folder: {folder}")
+    say(console, *values_block(result), "")
 
 
 def values_block(result: dict[str, Any]) -> list[str]:

@@ -1,19 +1,17 @@
 """From flags to a tuning problem: machine, design, jobs, family, limits."""
 
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import Any, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any
 
 import equinox as eqx
 import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
-from experiments.files.run_folder import RunError, opened
 from experiments.jobs.job import Pace, Run
 from experiments.jobs.replays import Course
 from experiments.machines.machine import Machine, Usual
-from experiments.options import Limited, Spreading, Tune
+from experiments.options import Limited, Tune
 from experiments.runs.spreading import batching_of
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants, stack_references
@@ -29,8 +27,6 @@ from tuning.objectives import (
 from tuning.parameters import Weights
 from tuning.problem import Problem
 from tuning.tune import Effort
-
-F = TypeVar("F", bound=Spreading)
 
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
     ("worst", "contour"): worst_contour_error,
@@ -175,48 +171,6 @@ def _effort_limit(
     if effort is None or flags.max_rms_control is not None:
         return {}
     return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
-
-
-def flag_paths(flags: Any) -> list[Path]:
-    """Files that the flags name."""
-    return [Path(name) for name in (flags.plant, *flags.parts) if Path(name).suffix]
-
-
-def resumed(flags: F, command: str) -> tuple[Path, F]:
-    """Folder and flags of the run that `--resume` names; it reads its own copies of its input files, on the devices named now.
-
-    Raises:
-        ValueError: other flags are given as well, or the folder does not hold a run of this
-            command.
-    """
-    folder = flags.resume
-    assert folder is not None
-    new = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
-    given = [
-        f.name
-        for f in fields(flags)
-        if f.name not in ("resume", *new) and getattr(flags, f.name) != f.default
-    ]
-    if given:
-        raise ValueError(
-            f"resume: the run keeps its own settings; leave out --{given[0].replace('_', '-')}"
-        )
-    stored = opened(folder, command)
-    copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
-    try:
-        known = {
-            key: tuple(value) if isinstance(value, list) else value
-            for key, value in stored["flags"].items()
-        }
-        known |= {
-            "plant": copies.get(known["plant"], known["plant"]),
-            "parts": tuple(copies.get(name, name) for name in known["parts"]),
-        }
-        return folder, type(flags)(**{**known, **new, "out": None, "resume": None})
-    except (TypeError, KeyError):
-        raise RunError(
-            f"{folder}: its settings are not those of this version's {command}"
-        ) from None
 
 
 def _distinct(jobs: list[Run]) -> list[Run]:

@@ -1,0 +1,118 @@
+"""First and last lines of every command: a run folder is made or found again; a result is told."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rich.console import Console
+
+from experiments.files import run_folder
+from experiments.files.results import to_json
+from experiments.options import Spreading
+from experiments.reports import tables
+
+F = TypeVar("F", bound=Spreading)
+Asked = TypeVar("Asked")
+Result = TypeVar("Result")
+
+
+@contextmanager
+def opened(
+    flags: F, command: str, read: Callable[[F], Asked]
+) -> Iterator[tuple[Path, Asked]]:
+    """Folder of a new run or of the one to go on with, and what `read` makes of its flags.
+
+    `read` comes first: bad input is told before anything is written. The folder is held until the
+    run ends, and whoever interrupts it is told how it goes on.
+
+    Raises:
+        ValueError: bad input; RunError where the folder cannot be used.
+    """
+    if flags.resume:
+        folder, flags = resumed(flags, command)
+        asked = read(flags)
+    else:
+        asked = read(flags)
+        folder = created(flags, command)
+    with run_folder.locked(folder), run_folder.resumable(command, folder):
+        yield folder, asked
+
+
+def created(flags: Any, command: str) -> Path:
+    """New run folder where the flags say, with their values and copies of the files they name.
+
+    Raises:
+        RunError: the folder holds something already, or cannot be made.
+    """
+    folder = flags.out or run_folder.default_folder(command)
+    return run_folder.create(folder, command, replace(flags, json=False, out=None), inputs(flags))
+
+
+def inputs(flags: Any) -> list[Path]:
+    """Files that the flags name as machine, contour or parts."""
+    names = [getattr(flags, name, None) for name in ("plant", "contour")]
+    names += getattr(flags, "parts", ())
+    return [Path(name) for name in names if name and Path(name).suffix]
+
+
+def resumed(flags: F, command: str) -> tuple[Path, F]:
+    """Folder and flags of the run that `--resume` names.
+
+    It reads its own copies of its input files, on the devices named now.
+
+    Raises:
+        ValueError: other flags are given as well, or the folder does not hold a run of this
+            command.
+    """
+    folder = flags.resume
+    assert folder is not None
+    now = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
+    for one in fields(flags):
+        if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
+            flag = one.name.replace("_", "-")
+            raise ValueError(f"resume: the run keeps its own settings; leave out --{flag}")
+    stored = run_folder.opened(folder, command)
+    try:
+        known = _with_copies(stored, folder)
+        return folder, type(flags)(**{**known, **now, "out": None, "resume": None})
+    except (TypeError, KeyError):
+        raise run_folder.RunError(
+            f"{folder}: its settings are not those of this version's {command}"
+        ) from None
+
+
+def _with_copies(stored: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Flags of a stored run, with the folder's copies in place of the files they name."""
+    copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
+    known = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in stored["flags"].items()
+    }
+    plant = copies.get(known["plant"], known["plant"])
+    parts = tuple(copies.get(name, name) for name in known["parts"])
+    return {**known, "plant": plant, "parts": parts}
+
+
+def finished(
+    folder: Path,
+    result: Result,
+    flags: Any,
+    show: Callable[[Result, Console], None],
+    then: Sequence[str] = (),
+) -> int:
+    """Tell a result that is stored, and exit code 0.
+
+    With `--json` one JSON object; else what `show` prints, the figures in the folder, the lines
+    `then` (what to do next) and the folder.
+    """
+    if flags.json:
+        print(run_folder.json_text({"run": str(folder), **to_json(result)}))
+        return 0
+    console = tables.console_of()
+    show(result, console)
+    drawn = sorted(path.name for path in folder.glob("*.png"))
+    lines = [f"Drawn: {', '.join(drawn)}"] if drawn else []
+    tables.say(console, *lines, *then, f"Run folder: {folder}")
+    return 0
