@@ -19,9 +19,7 @@ Result = TypeVar("Result")
 
 
 @contextmanager
-def opened(
-    flags: F, command: str, read: Callable[[F], Asked]
-) -> Iterator[tuple[Path, Asked]]:
+def opened(flags: F, command: str, read: Callable[[F], Asked]) -> Iterator[tuple[Path, Asked]]:
     """Folder of a new run or of the one to go on with, and what `read` makes of its flags.
 
     `read` comes first: bad input is told before anything is written. The folder is held until the
