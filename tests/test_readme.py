@@ -1,13 +1,39 @@
-"""The examples of the README and of the library guide run and say what they promise."""
+"""The pages are true: their examples run, their links lead somewhere, their commands exist."""
 
 import re
+from dataclasses import fields
 from pathlib import Path
 
+import pytest
+
+from experiments.cli import COMMANDS
+from experiments.commands.reproduce import experiments_found
+
 ROOT = Path(__file__).parents[1]
+ROOMS = ("jcontour", "tuning", "experiments")
+PAGES = ["README.md"] + [
+    path.relative_to(ROOT).as_posix()
+    for room in ROOMS
+    for path in sorted((ROOT / room).rglob("README.md"))
+]
+OWN_TEST = ("README.md", "jcontour/README.md")  # what their examples print is looked at, too
+FLAGS = {name: kind for kind, (name, _) in COMMANDS.items()}
+COMMAND = re.compile(r"\bjcontour ([a-z]+)([^&#\n]*)")
+
+
+def text_of(page):
+    return (ROOT / page).read_text()
 
 
 def python_blocks(page):
-    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+    return re.findall(r"```python\n(.*?)```", text_of(page), re.DOTALL)
+
+
+def shell_code(page):
+    """Shell blocks and what stands between backticks in the text."""
+    blocks = re.findall(r"```sh\n(.*?)```", text_of(page), re.DOTALL)
+    text = re.sub(r"```.*?```", "", text_of(page), flags=re.DOTALL)
+    return "\n".join([*blocks, *re.findall(r"`([^`\n]+)`", text)])
 
 
 def run_blocks(page):
@@ -41,3 +67,50 @@ def test_the_examples_of_the_library_guide_run(capsys):
 
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_bytes()) <= 9000
+
+
+OTHERS = [page for page in PAGES if page not in OWN_TEST and python_blocks(page)]
+
+
+@pytest.mark.parametrize("page", OTHERS)
+def test_other_examples_run(page):
+    run_blocks(page)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page):
+    """Files and folders that a page links to exist, and so do the headings."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        if target.startswith(("http://", "https://")):
+            continue
+        file, _, heading = target.partition("#")
+        linked = (ROOT / page).parent / file if file else ROOT / page
+        assert linked.exists(), f"{page} links to {target}"
+        if heading:
+            assert heading in anchors(linked.read_text()), f"{page} links to {target}"
+
+
+def anchors(text):
+    """Names that a heading is linked by: lower case, without punctuation, hyphens for blanks."""
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_exist(page):
+    """Commands that a page names, with their flags, and the papers to reproduce."""
+    for name, arguments in COMMAND.findall(shell_code(page)):
+        assert name in FLAGS, f"{page}: there is no jcontour {name}"
+        words = arguments.split()
+        if name == "reproduce":
+            papers = [word for word in words if re.fullmatch(r"[a-z][a-z-]+", word)][:1]
+            assert set(papers) <= set(experiments_found()), f"{page}: {arguments}"
+            continue
+        known = {field.name for field in fields(FLAGS[name])} | {"help"}
+        given = {flag.replace("-", "_") for flag in re.findall(r"--([a-z][a-z-]*)", arguments)}
+        assert given <= known, f"{page}: jcontour {name} has no flag {given - known}"
+
+
+def test_the_commands_of_the_readme_are_all_of_them():
+    table = re.findall(r"^\| `jcontour ([a-z]+)", text_of("README.md"), re.MULTILINE)
+    assert sorted(table) == sorted(FLAGS)
