@@ -60,8 +60,30 @@ class Pace(NamedTuple):
         return cls(machine, feed, flags.acceleration)
 
 
+class Program(NamedTuple):
+    """G-code that a contour comes from.
+
+    Attributes:
+        line: (P,) line of the program that every piece is from.
+        ignored: its words that mean nothing for the path.
+    """
+
+    line: np.ndarray
+    ignored: tuple[str, ...]
+
+
 class Job(NamedTuple):
-    """One run along a contour: arc length and whether it is scored at every sample; `at_rest` is from rest to rest."""
+    """One run along a contour, from the first to the last sample.
+
+    Attributes:
+        name: for tables and files.
+        contour: the path.
+        arc: arc length at every sample [m].
+        scored: whether every sample counts in the metrics.
+        at_rest: from rest to rest.
+        feed_law: in words.
+        program: G-code behind it; None where there is none.
+    """
 
     name: str
     contour: Contour
@@ -69,11 +91,18 @@ class Job(NamedTuple):
     scored: np.ndarray
     at_rest: bool
     feed_law: str
+    program: Program | None = None
 
     @property
     def samples(self) -> int:
         """Control steps of the run."""
         return self.arc.size
+
+    def line_at(self, sample: int) -> int | None:
+        """Line of the program that the run is on; None where there is no program."""
+        if self.program is None:
+            return None
+        return int(self.program.line[_piece_at(self.contour, self.arc[sample])])
 
     def reference(self, dt: float, preview: int) -> Reference:
         """Samples of the run, with `preview` more appended.
@@ -157,14 +186,13 @@ def _read(path: Path, pace: Pace) -> Job:
         contour = _lifted(read_csv(path), machine.model.axes)
         if contour.axes != machine.model.axes:
             raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
-        feed, rapid = (
-            np.full(contour.rate.shape, pace.feed_or_default),
-            np.zeros(contour.rate.shape, bool),
-        )
+        feed = np.full(contour.rate.shape, pace.feed_or_default)
+        rapid = np.zeros(contour.rate.shape, bool)
+        program = None
     else:
-        contour, feed, rapid = read_gcode(
-            path, "XY" if machine.model.axes == 2 else "XYZ", pace.feed
-        )
+        axes = "XY" if machine.model.axes == 2 else "XYZ"
+        contour, feed, rapid, line, ignored = read_gcode(path, axes, pace.feed)
+        program = Program(line, ignored)
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
@@ -176,17 +204,15 @@ def _read(path: Path, pace: Pace) -> Job:
         speed,
         machine.limits.acceleration,
     )
-    piece = np.clip(
-        np.searchsorted(np.asarray(contour.start), arc, side="right") - 1, 0, rapid.size - 1
-    )
-    return Job(
-        path.stem,
-        contour,
-        arc,
-        ~rapid[piece],
-        True,
-        f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min",
-    )
+    scored = ~rapid[_piece_at(contour, arc)]
+    feed_law = f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min"
+    return Job(path.stem, contour, arc, scored, True, feed_law, program)
+
+
+def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
+    """Number of the piece that the contour is on at every arc length [m]."""
+    started = np.searchsorted(np.asarray(contour.start), arc, side="right")
+    return np.clip(started - 1, 0, contour.rate.size - 1)
 
 
 def _lifted(contour: Contour, axes: int) -> Contour:

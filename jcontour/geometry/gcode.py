@@ -1,4 +1,7 @@
-"""The G-code of mills (RS-274), interpreted line by line: modal state and moves. `toolpaths` says what may be in a program."""
+"""The G-code of mills (RS-274), interpreted line by line: modal state and moves.
+
+`toolpaths` says what may be in a program.
+"""
 
 import math
 import re
@@ -22,7 +25,9 @@ MODES = {"motion": (0, 1, 2, 3, 80), "plane": (17, 18, 19), "units": (20, 21), "
 MODE_OF = {float(code): mode for mode, codes in MODES.items() for code in codes}
 NO_MOTION_IN = frozenset({40, 49, 54, 61, 64, 91.1, 94})
 MACHINE_CODES = frozenset({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30})
+END = frozenset({2, 30})  # M codes that end the program
 WORDS = frozenset("FIJKNRSTXYZ")
+NO_MOTION_BY = frozenset("PST")
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 WORD = re.compile(rf"\s*([A-Za-z])\s*({NUMBER})")
@@ -41,6 +46,7 @@ class Move(NamedTuple):
     normal: int
     feed: float
     rapid: bool
+    line: int  # of the program
 
 
 @dataclass
@@ -55,18 +61,24 @@ class Interpreter:
     incremental: bool = False
     at: Point = (0.0, 0.0, 0.0)
     ended: bool = False
+    line: int = 0  # that was executed last, from 1
     moves: list[Move] = field(default_factory=list)
+    ignored: set[str] = field(default_factory=set)  # words without meaning for the path
 
     def execute(self, line: str) -> None:
-        """Carries out one line.
+        """Carries out the next line.
 
         Raises:
             ToolpathError: what cannot be read or traced.
         """
+        self.line += 1
         line = COMMENT.sub(" ", line).strip()
         if line in ("", "%") or line.startswith("/"):
             return
-        modes, machine_codes, values = _words(line)
+        modes, without_motion, machine_codes, values = _words(line)
+        self.ignored |= {f"G{code:g}" for code in without_motion}
+        self.ignored |= {f"M{code:g}" for code in machine_codes - END}
+        self.ignored |= values.keys() & NO_MOTION_BY
         self.unit = {20: INCH, 21: MM}.get(modes.get("units", 0), self.unit)
         self.plane = modes.get("plane", self.plane)
         self.incremental = {90: False, 91: True}.get(modes.get("distance", 0), self.incremental)
@@ -78,7 +90,7 @@ class Interpreter:
             self._move(values)
         if len(self.moves) > MOST_MOVES:
             raise ToolpathError(f"more than {MOST_MOVES} moves")
-        self.ended = bool(machine_codes & {2, 30})
+        self.ended = bool(machine_codes & END)
 
     def _set_feed(self, word: float) -> None:
         feed = word * self.unit / 60.0
@@ -156,12 +168,13 @@ class Interpreter:
             return
         rapid = self.motion == 0
         feed = math.nan if rapid or self.feed is None else self.feed
-        self.moves.append(Move(self.at, end, centre, angle, PLANES[self.plane][2], feed, rapid))
+        normal = PLANES[self.plane][2]
+        self.moves.append(Move(self.at, end, centre, angle, normal, feed, rapid, self.line))
         self.at = end
 
 
-def _words(line: str) -> tuple[dict[str, int], set[float], dict[str, float]]:
-    """Modal G codes by their group, M codes, and the values of the other words of a line."""
+def _words(line: str) -> tuple[dict[str, int], set[float], set[float], dict[str, float]]:
+    """Modal G codes by their group, G codes without motion, M codes, values of the other words."""
     modes, others, machine_codes, values = {}, set(), set(), {}
     position = 0
     while position < len(line):
@@ -196,7 +209,7 @@ def _words(line: str) -> tuple[dict[str, int], set[float], dict[str, float]]:
             raise ToolpathError(
                 f"{shown(word)}: {letter} needs a whole number that is not negative"
             )
-    return modes, machine_codes, values
+    return modes, others, machine_codes, values
 
 
 def _in_space(plane: int, point: complex, level: float) -> Point:

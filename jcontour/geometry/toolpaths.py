@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
 from jcontour.geometry.arcs import MM, SHORTEST, ToolpathError
@@ -46,11 +46,15 @@ class Toolpath(NamedTuple):
         contour: what the tool traces, rapid moves in between included.
         feed: (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none.
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
+        line: (P,) line of the program that every piece is from.
+        ignored: words of the program that mean nothing for the path, as S or M3.
     """
 
     contour: Contour
     feed: Float[np.ndarray, " P"]
     rapid: Bool[np.ndarray, " P"]
+    line: Int[np.ndarray, " P"]
+    ignored: tuple[str, ...]
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -100,7 +104,8 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
         raise ToolpathError(
             f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
         )
-    return _toolpath(moves[cutting[0] : cutting[-1] + 1], len(axes), feed)
+    traced = moves[cutting[0] : cutting[-1] + 1]
+    return _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)))
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
@@ -143,9 +148,11 @@ def read_csv(path: str | PathLike[str]) -> Contour:
     return contours.polyline(points)
 
 
-def _toolpath(moves: list[Move], axes: int, feed_given: float | None) -> Toolpath:
+def _toolpath(
+    moves: list[Move], axes: int, feed_given: float | None, ignored: tuple[str, ...]
+) -> Toolpath:
     """All pieces at once: chaining a Contour per move would take minutes."""
-    start, end, centre, angle, normal, feed, rapid = (
+    start, end, centre, angle, normal, feed, rapid, line = (
         np.array(column) for column in zip(*moves, strict=True)
     )
     pieces = _pieces(start, end, centre, angle, np.eye(3)[normal])
@@ -164,11 +171,9 @@ def _toolpath(moves: list[Move], axes: int, feed_given: float | None) -> Toolpat
     if feed_given is not None:
         feed = np.where(rapid, np.nan, feed_given)
     helical = (pieces.rate > 0) & pieces.polynomial[:, 1].any(axis=-1)
-    return Toolpath(
-        contours.from_pieces(pieces, newton_steps=contours.NEWTON_STEPS if helical.any() else 0),
-        feed,
-        rapid,
-    )
+    newton_steps = contours.NEWTON_STEPS if helical.any() else 0
+    contour = contours.from_pieces(pieces, newton_steps=newton_steps)
+    return Toolpath(contour, feed, rapid, line, ignored)
 
 
 def _pieces(start, end, centre, angle, normal) -> Piece:

@@ -52,6 +52,19 @@ def test_lines_and_rapids():
     np.testing.assert_allclose(points(toolpath)[0], [[1, 1], [2.5, 3], [4, 5]], rtol=1e-14)
 
 
+def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
+    program = "G90 G21 G94\n(a comment) N7 T2 M6\nS9000 M3\nG0 X1\nG1 X4 F600\n\nG3 X1 I-1.5 Y0\n"
+    toolpath = parse_gcode(program + "G2 X0 Y1 R1 M8\nG64 P0.01 G1 X-1\nM5\nM30\nG1 X90")
+    np.testing.assert_array_equal(toolpath.line, [5, 7, 8, 9])
+    assert toolpath.ignored == ("G64", "G94", "M3", "M5", "M6", "M8", "P", "S", "T")
+
+
+def test_an_arc_in_two_pieces_is_one_line():
+    toolpath = parse_gcode(HEAD + "G0 X10\nG3 X10.004 Y0 I-10.001 J0\nG1 Y-3")
+    assert len(toolpath.line) == 3
+    np.testing.assert_array_equal(toolpath.line, [3, 3, 4])
+
+
 def test_machine_starts_at_the_origin():
     np.testing.assert_allclose(points(parse_gcode(HEAD + "G1 X3 Y4"))[0, 0], [0, 0], atol=0)
 
