@@ -164,7 +164,8 @@ def _store(
     folder: Path,
     summary: dict[str, Any],
 ) -> None:
-    from experiments.reports.identification_figures import FIGURES, save_figures
+    from experiments.reports.identification_figures import FIGURES
+    from experiments.reports.png import save_figures
 
     if flags.demo:
         save_records(records, folder / DATA)

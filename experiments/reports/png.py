@@ -1,22 +1,24 @@
-"""Figures of a paper as PNG files."""
+"""Figures as PNG files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from matplotlib.figure import Figure
 
 from experiments.files.run_folder import write
 
 DOTS = 150  # per inch
+Data = TypeVar("Data")
 
 
 def save_figures(
-    figures: dict[str, Callable[[dict[str, Any]], Figure]], summary: dict[str, Any], folder: Path
+    figures: Mapping[str, Callable[[Data], Figure]], data: Data, folder: Path
 ) -> list[Path]:
-    """Draw every figure from the numbers of a run; the names are those of the files."""
-    return [_saved(folder / f"{name}.png", make(summary)) for name, make in figures.items()]
+    """Draw every figure from the same data; the names are those of the files."""
+    return [save_figure(make(data), folder / f"{name}.png") for name, make in figures.items()]
 
 
-def _saved(path: Path, figure: Figure) -> Path:
+def save_figure(figure: Figure, path: Path) -> Path:
+    """Write one figure; the file appears whole."""
     return write(path, lambda temporary: figure.savefig(temporary, dpi=DOTS))

@@ -1,0 +1,95 @@
+"""Parts that the results of several commands have: metrics of a run, the machine, a contour."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from experiments.files.results import stored_as
+
+
+@dataclass(frozen=True)
+class RunMetrics:
+    """Metrics of one run in SI units, as `jcontour.simulation.metrics.Metrics` names them."""
+
+    rms_contour_error: float
+    peak_contour_error: float
+    rms_projected_error: float
+    peak_projected_error: float
+    rms_tracking_error: float
+    peak_tracking_error: float
+    rms_control: float
+    peak_control: float
+    rms_increment: float
+    peak_increment: float
+    duration: float
+    diverged: bool
+
+    @classmethod
+    def of(cls, metrics: Any, pick: Callable[[np.ndarray], Any]) -> "RunMetrics":
+        """One number of every metric: `pick` chooses it from an array of runs."""
+        return cls(
+            **{one.name: pick(np.asarray(getattr(metrics, one.name))) for one in fields(cls)}
+        )
+
+
+@dataclass(frozen=True)
+class FamilyMetrics:
+    """Metrics of the nominal plant, and the worst of the family metric by metric."""
+
+    nominal: RunMetrics
+    worst: RunMetrics
+
+
+@dataclass(frozen=True)
+class MachineSummary:
+    """What tables and figures say of a machine.
+
+    Attributes:
+        nonsmooth_effects: what the simulated machine has and the one that is tuned on has not.
+    """
+
+    name: str
+    control_unit: str
+    axes: tuple[str, ...]
+    nonsmooth_effects: str = stored_as("truth")
+
+
+@dataclass(frozen=True)
+class ContourRead:
+    """What was read of a contour, SI units.
+
+    Attributes:
+        pieces: lines, arcs and polynomials of the path; moves of a program.
+        length: of the path [m].
+        duration: of the whole run [s].
+        low, high: corners of the box around the reference [m], one number per axis.
+        ignored: words of the program that mean nothing for the path.
+    """
+
+    pieces: int
+    length: float
+    duration: float
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    ignored: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PeakPlace:
+    """Where the largest error of a contour is, over the whole family of plants.
+
+    Attributes:
+        plant: of the family.
+        error: its size [m].
+        time: from the start of the run [s].
+        position: of the reference [m], one number per axis.
+        line: of the program; None where there is no program.
+    """
+
+    plant: str
+    error: float
+    time: float
+    position: tuple[float, ...]
+    line: int | None = None

@@ -1,0 +1,196 @@
+"""Result of `jcontour tune`: what `result.json` and `history.json` of its run folder hold."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.files.results import Weight, stored_as
+from experiments.files.run_metrics import (
+    ContourRead,
+    FamilyMetrics,
+    MachineSummary,
+    PeakPlace,
+    RunMetrics,
+)
+
+WITHIN = 1e-6  # of a limit's violation: a point counts as feasible
+
+
+@dataclass(frozen=True)
+class LostFirst:
+    """Place where the loop is lost first as its gain grows or falls.
+
+    Attributes:
+        contour: name of the training contour.
+        position: of the reference there [m].
+        input: whose gain it is, from 1.
+    """
+
+    contour: str
+    position: tuple[float, ...]
+    input: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathMargins:
+    """Stability margins over the training paths.
+
+    At up to `probes_per_contour` samples of each path the gains are held at their value there: a
+    linear loop that does not change with time.
+
+    Attributes:
+        spectral_radius: the largest of these loops; stable below one.
+        gain_range: factors on the gain of every input that all loops bear, low and high.
+        gain_search: factors between which they were sought.
+        delay_samples: extra delay that all loops bear; -1 where one is unstable as it is.
+        delay_search: largest delay that was tried.
+        probes_per_contour: samples probed on each path.
+        probes_left_out: samples where the loop is open: a control at its limit, or a zero gain.
+        contours_without_margins: paths on which every probed loop is open.
+        lost_first: where the smallest gain margin is; None where no place stands out.
+    """
+
+    spectral_radius: float = stored_as("largest_frozen_spectral_radius")
+    gain_range: tuple[tuple[float, float], ...]
+    gain_search: tuple[float, float]
+    delay_samples: int
+    delay_search: int
+    probes_per_contour: int
+    probes_left_out: int
+    contours_without_margins: tuple[str, ...]
+    lost_first: LostFirst | None
+
+    @property
+    def stable(self) -> bool:
+        """Whether every loop is closed on some sample of each path, and none is unstable."""
+        return not self.contours_without_margins and self.spectral_radius < 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapRow:
+    """RMS error of a training contour [m] on the smooth machine and on the one with all effects."""
+
+    contour: str
+    plant: str
+    smooth: float
+    nonsmooth: float = stored_as("true")
+    relative: float
+
+
+@dataclass(frozen=True)
+class EngineRow:
+    """Nominal run in an independent engine: both RMS errors and the distance of both tools [m]."""
+
+    engine: str
+    contour: str
+    ours: float
+    theirs: float
+    apart: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TunedContour:
+    """One contour of a tuning run, for training or held out.
+
+    Attributes:
+        samples: control steps of the run.
+        metrics: of the start weights and of the tuned ones.
+        read: what the contour is; None in folders of older versions, as `peak`.
+        peak: where the tuned weights leave the largest error.
+    """
+
+    name: str
+    training: bool
+    samples: int
+    metrics: dict[str, FamilyMetrics]
+    read: ContourRead | None = None
+    peak: PeakPlace | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TunedResult:
+    """Everything that a tuning run found.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        terminal: cost at the end of an LQ controller's horizon; None for other controllers.
+        start, weights: before and after tuning.
+        weight_lines: the tuned weights with their units, for people.
+        violation: logarithm of how far a limit is exceeded; None where nothing could be run.
+        usable: feasible, nothing diverged, stable along the training paths.
+        limits: metric and bound, SI units.
+        margins, start_margins: of the tuned weights and of the start.
+        gap: what smoothing hides.
+        confirmed: the same runs in another engine, where there is one.
+        seconds: that the run took.
+    """
+
+    machine: MachineSummary
+    controller: str
+    error: str
+    preview: int
+    terminal: str | None = None
+    start: dict[str, Weight]
+    weights: dict[str, Weight]
+    weight_lines: list[str] = stored_as("values")
+    feasible: bool
+    violation: float | None
+    usable: bool
+    limits: dict[str, float]
+    evaluated_points: int
+    diverged_points: int
+    diverged_starts: int
+    descents: int
+    plants: list[str]
+    margins: PathMargins = stored_as("safety")
+    start_margins: PathMargins = stored_as("safety_of_start")
+    warnings: list[str]
+    contours: list[TunedContour]
+    gap: list[GapRow]
+    training_samples: int
+    confirmed: list[EngineRow]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class HistoryPoint:
+    """One point that the tuner evaluated.
+
+    Attributes:
+        descent: its number from 0; negative for the random points.
+        weights: by name.
+        objective: what is made small; NaN or infinite where it diverged.
+        violation: logarithm of how far a limit is exceeded.
+        diverged: a plant diverged on a contour; the point was rejected.
+        rms_error: the worst of training contours and plants [m].
+        rms_increment: likewise, of the control increment.
+    """
+
+    descent: int
+    weights: dict[str, Weight]
+    objective: float
+    violation: float
+    diverged: bool
+    rms_error: float
+    rms_increment: float
+
+    @property
+    def feasible(self) -> bool:
+        """Whether it ran, within all limits."""
+        return not self.diverged and not self.violation > WITHIN
+
+    def to_json(self, error: str) -> dict[str, Any]:
+        """Row of `history.json`; `error` is the one that counts."""
+        return {
+            "descent": self.descent,
+            **self.weights,
+            "objective": self.objective,
+            "violation": self.violation,
+            "diverged": self.diverged,
+            f"rms_{error}_error": self.rms_error,
+            "rms_increment": self.rms_increment,
+        }
+
+
+def rms_error(metrics: RunMetrics, error: str) -> float:
+    """RMS of the error that counts [m]."""
+    return getattr(metrics, f"rms_{error}_error")

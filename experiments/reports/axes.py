@@ -1,0 +1,54 @@
+"""Colours, axes and legends that all figures of the commands share."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+START, TUNED, DESIRED, OTHER = "tab:orange", "tab:blue", "0.25", "0.7"
+COLOURS = {"start": START, "tuned": TUNED}
+CYCLE = (TUNED, START, "tab:green", "tab:red", "tab:purple", "tab:brown")  # of other labels
+
+
+def colours_of(labels: Sequence[str]) -> dict[str, str]:
+    """Colour of every label; start and tuned weights always have their own."""
+    others = [label for label in labels if label not in COLOURS]
+    return COLOURS | {label: CYCLE[k % len(CYCLE)] for k, label in enumerate(others)}
+
+
+def grid(axes: Axes, title: str = "", x: str = "", y: str = "") -> None:
+    """Titles, and a grid behind the curves."""
+    axes.set_title(title, fontsize=10)
+    axes.set(xlabel=x, ylabel=y)
+    axes.set_axisbelow(True)
+    axes.grid(color="0.9", which="both")
+
+
+def logarithmic(axes: Axes) -> None:
+    """Both scales logarithmic, with numbers that are read at once."""
+    axes.set(xscale="log", yscale="log")
+    plain_ticks(axes.xaxis)
+    plain_ticks(axes.yaxis)
+
+
+def plain_ticks(axis: Axis) -> None:
+    """1, 2, 5, 10 instead of powers; closer within a decade."""
+    low, high = axis.get_view_interval()
+    steps = (1.0, 2.0, 5.0) if high > 4 * low else tuple(np.arange(10, 100) / 10)
+    axis.set_major_locator(LogLocator(subs=steps, numticks=8))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter("")
+
+
+def legend_below(figure: Figure, axes: Axes | None = None, columns: int = 3) -> None:
+    """One legend under all axes, of the curves of `axes` or of all, every name once."""
+    named = {}
+    for one in figure.axes if axes is None else [axes]:
+        handles, labels = one.get_legend_handles_labels()
+        named |= {label: handle for handle, label in zip(handles, labels, strict=True)}
+    figure.legend(
+        named.values(), named.keys(), loc="outside lower center", ncols=columns, frameon=False
+    )
