@@ -87,7 +87,7 @@ def _closed_loop(name: str):
     design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
     plants = (
         [machine.model] * 2
-        if design.measured == "state"
+        if design.fed == "state"
         else [machine.smooth_family()[0], machine.true_family()[0]]
     )
     contour = line([0.0], [1e-2]) if len(machine.axes) == 1 else circle(1e-3)

@@ -7,7 +7,7 @@ from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.machines import MACHINES, NEEDS
 from experiments.designs.design import Design, changed
-from experiments.jobs.job import Pace, Run, from_file
+from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
 from experiments.machines.machine import Machine
 from experiments.options import Controlled
@@ -28,7 +28,7 @@ def machine_named(name: str) -> Machine:
     return load_machine(name)
 
 
-def job_named(name: str, pace: Pace) -> Run:
+def job_named(name: str, pace: Pace) -> Task:
     """Job of a catalogue name or a toolpath file.
 
     Raises:

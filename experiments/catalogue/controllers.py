@@ -43,7 +43,7 @@ CONTROLLERS = {
         contouring_lq(observer=PredictorObserver),
         "the same with the predictor form of the observer",
     ),
-    "contouring-lq-state": Entry(contouring_lq(measured="state"), "the same fed the true state"),
+    "contouring-lq-state": Entry(contouring_lq(fed="state"), "the same fed the true state"),
     "contouring-lq-riccati-state": Entry(
         contouring_lq("riccati", "state"), "Riccati terminal, fed the true state"
     ),

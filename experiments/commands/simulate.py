@@ -9,7 +9,7 @@ from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design, plain_weights
 from experiments.files import run_folder
 from experiments.jobs.job import Pace
-from experiments.jobs.replays import Course, Replay, desired, replay, scored
+from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
 from experiments.reports import tables
@@ -26,17 +26,17 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
     maker = _film_maker(machine) if flags.video else None
     design = design_for(machine, flags)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
-    course = Course.of([job], [False], machine, design.measured, design.preview)
-    found = replay(design.build(design.start), course, maker and maker.watch)
+    scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+    found = replay(design.build(design.start), scenarios, maker and maker.watch)
     inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
     folder = run_folder.create(
         flags.out or run_folder.default_folder("simulate"), "simulate", flags, inputs
     )
-    summary = run_folder.plain(_summary(design, course, found))
-    _store(machine, course, found, folder, summary)
+    summary = run_folder.plain(_summary(design, scenarios, found))
+    _store(machine, scenarios, found, folder, summary)
     if maker:
         summary["video"] = _filmed(
-            maker, course, found, folder, f"{design.name} on {summary['contour']}"
+            maker, scenarios, found, folder, f"{design.name} on {summary['contour']}"
         )
         run_folder.write_json(folder / run_folder.RESULT, summary)
     return summary, folder
@@ -58,7 +58,7 @@ def command(flags: Simulate) -> int:
     return 0
 
 
-def film_of(course: Course, found: Replay, title: str) -> Film:
+def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:
     """The first contour on the nominal plant, from its first scored sample to its last.
 
     Raises:
@@ -66,15 +66,15 @@ def film_of(course: Course, found: Replay, title: str) -> Film:
     """
     if np.asarray(found.metrics.diverged)[0, 0]:
         raise VideoError(
-            f"video: the run on the {course.plants[0]} plant diverged, there is nothing to show"
+            f"video: the run on the {scenarios.plants[0]} plant diverged, there is nothing to show"
         )
-    first, last = np.flatnonzero(scored(course)[0])[[0, -1]]
+    first, last = np.flatnonzero(scored(scenarios)[0])[[0, -1]]
     shown = slice(first, last + 1)
-    time = course.references.dt * np.arange(first, last + 1)
+    time = scenarios.references.dt * np.arange(first, last + 1)
     watched, tool, error = (
         np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error)
     )
-    return Film(time, watched, tool, error, desired(course)[0, shown], title)
+    return Film(time, watched, tool, error, desired(scenarios)[0, shown], title)
 
 
 def _film_maker(machine: Machine) -> FilmMaker:
@@ -87,27 +87,27 @@ def _film_maker(machine: Machine) -> FilmMaker:
 
 
 def _filmed(
-    maker: FilmMaker, course: Course, found: Replay, folder: Path, title: str
+    maker: FilmMaker, scenarios: Scenarios, found: Replay, folder: Path, title: str
 ) -> dict[str, Any]:
     """What is known of the video; its failure, where there is none: the run itself is good."""
     try:
-        return run_folder.plain(maker.record(film_of(course, found, title), folder))
+        return run_folder.plain(maker.record(film_of(scenarios, found, title), folder))
     except VideoError as error:
         return {"failure": str(error)}
 
 
-def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:
+def _summary(design: Design, scenarios: Scenarios, found: Replay) -> dict[str, Any]:
     metrics = {
         plant: {name: np.asarray(values)[0, k] for name, values in vars(found.metrics).items()}
-        for k, plant in enumerate(course.plants)
+        for k, plant in enumerate(scenarios.plants)
     }
-    machine, job = design.machine, course.jobs[0]
+    machine, job = design.machine, scenarios.jobs[0]
     return {
         "machine": {
             "name": machine.name,
             "control_unit": machine.control_unit,
             "axes": machine.axes,
-            "truth": machine.truth,
+            "truth": machine.nonsmooth_effects,
         },
         "controller": design.name,
         "weights": plain_weights(design.start),
@@ -121,7 +121,7 @@ def _summary(design: Design, course: Course, found: Replay) -> dict[str, Any]:
 
 
 def _store(
-    machine: Machine, course: Course, found: Replay, folder: Path, summary: dict[str, Any]
+    machine: Machine, scenarios: Scenarios, found: Replay, folder: Path, summary: dict[str, Any]
 ) -> None:
     from experiments.files.netcdf import save_dataset
     from experiments.reports.figures import draw_runs
@@ -132,7 +132,7 @@ def _store(
         **run_folder.versions(),
     }
     dataset = rollouts(
-        {summary["controller"]: found}, course, machine.axes, machine.control_unit, attributes
+        {summary["controller"]: found}, scenarios, machine.axes, machine.control_unit, attributes
     )
     save_dataset(dataset, folder / "rollouts.nc")
     draw_runs(dataset, folder)

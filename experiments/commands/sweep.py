@@ -14,8 +14,8 @@ from experiments.designs.design import Design, by_name, plain_weights, with_valu
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.files.swept_parts import SweptParts
-from experiments.jobs.job import Pace, Run
-from experiments.jobs.replays import Course
+from experiments.jobs.job import Pace, Task
+from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
 from experiments.options import Sweep
 from experiments.reports import tables
@@ -133,7 +133,7 @@ def _listed(words: str) -> tuple[str, tuple[float, ...]]:
 
 
 def _check(
-    flags: Sweep, machine: Machine, jobs: list[Run], values: dict[str, Float[Array, " D"]]
+    flags: Sweep, machine: Machine, jobs: list[Task], values: dict[str, Float[Array, " D"]]
 ) -> None:
     for preview in flags.previews:
         design = _design(flags, machine, preview)
@@ -156,7 +156,7 @@ def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
 def _swept(
     flags: Sweep,
     machine: Machine,
-    jobs: list[Run],
+    jobs: list[Task],
     values: dict[str, Float[Array, " D"]],
     folder: Path,
 ) -> xr.Dataset:
@@ -169,10 +169,12 @@ def _swept(
         if parts.rows >= (number + 1) * count:
             continue
         design = _design(flags, machine, preview)
-        course = Course.of(jobs, [False] * len(jobs), machine, design.measured, design.preview)
+        scenarios = Scenarios.of(jobs, [False] * len(jobs), machine, design.fed, design.preview)
         at_once = min(
             count,
-            designs_at_once(len(jobs) * len(course.plants) * course.references.steps, batching),
+            designs_at_once(
+                len(jobs) * len(scenarios.plants) * scenarios.references.steps, batching
+            ),
         )
 
         def make(varied, design=design):
@@ -183,7 +185,7 @@ def _swept(
                 np.arange(first, first + at_once), count - 1
             )  # always as many: one program
             chunk = {name: column[rows] for name, column in values.items()}
-            found = sweep(make, chunk, course.family, course.references, batching=batching)
+            found = sweep(make, chunk, scenarios.family, scenarios.references, batching=batching)
             parts.add({name: np.asarray(row)[: count - first] for name, row in vars(found).items()})
     return _dataset(flags, machine, jobs, values, parts.whole())
 
@@ -199,7 +201,7 @@ def designs_at_once(steps: int, batching: Batching | None) -> int:
 def _dataset(
     flags: Sweep,
     machine: Machine,
-    jobs: list[Run],
+    jobs: list[Task],
     values: dict[str, Float[Array, " D"]],
     found: dict[str, Any],
 ) -> xr.Dataset:
@@ -238,7 +240,11 @@ def _dataset(
     return xr.Dataset(
         data,
         coordinates,
-        {"title": f"jcontour sweep: machine with {machine.truth}", **kept, **run_folder.versions()},
+        {
+            "title": f"jcontour sweep: machine with {machine.nonsmooth_effects}",
+            **kept,
+            **run_folder.versions(),
+        },
     )
 
 

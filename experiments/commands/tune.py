@@ -64,24 +64,25 @@ def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, T
 
 def describe(job: TuningRun, console: Console) -> None:
     """Say what is tuned."""
-    machine, flags, course = job.machine, job.flags, job.course
+    machine, flags, scenarios = job.machine, job.flags, job.scenarios
     limits = ", ".join(f"{name} <= {value:.6g}" for name, value in job.limits.items()) or "none"
-    facts = machine.facts() | {
-        "Family": "; ".join(course.plants)
+    facts = machine.description() | {
+        "Family": "; ".join(scenarios.plants)
         + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
         "Training": "; ".join(
-            f"{one.name} ({one.samples} samples, {one.feed_law})" for one in course.jobs_seen(True)
+            f"{one.name} ({one.samples} samples, {one.feed_law})"
+            for one in scenarios.jobs_seen(True)
         ),
         "Held out": "; ".join(
-            f"{one.name} ({one.samples} samples)" for one in course.jobs_seen(False)
+            f"{one.name} ({one.samples} samples)" for one in scenarios.jobs_seen(False)
         ),
-        **job.design.facts(),
+        **job.design.description(),
         "Objective": f"{flags.objective} RMS {machine.error} error over training contours and "
         f"{'the plant' if flags.nominal_only else 'family'}; limits: {limits}",
     }
     lines = [f"{heading:<11} {fact}" for heading, fact in facts.items()]
     lines.append(
-        f"Tuned without {machine.truth} (they have no slope); the tables below are with them."
+        f"Tuned without {machine.nonsmooth_effects} (they have no slope); the tables below are with them."
     )
     if job.training_samples > PLENTY:
         lines.append(f"{job.training_samples} training samples: this takes longer than a minute.")
@@ -93,12 +94,14 @@ def store(
 ) -> None:
     """Write everything but the settings and the state, which are there; the result comes last."""
     attributes = {
-        "title": f"jcontour tune: start against tuned weights, machine with {job.machine.truth}",
+        "title": f"jcontour tune: start against tuned weights, machine with {job.machine.nonsmooth_effects}",
         **run_folder.versions(),
     }
-    dataset = rollouts(replays, job.course, job.machine.axes, job.machine.control_unit, attributes)
+    dataset = rollouts(
+        replays, job.scenarios, job.machine.axes, job.machine.control_unit, attributes
+    )
     save_dataset(dataset, folder / "rollouts.nc")
-    job.design.save(job.controller(tuned.weights), job.course, folder)
+    job.design.save(job.controller(tuned.weights), job.scenarios, folder)
     points = history_of(job, tuned)
     run_folder.write_json(folder / "history.json", points)
     figures.draw_tuned(dataset, points, summary, folder)

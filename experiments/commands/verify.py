@@ -107,12 +107,13 @@ def limits_of(flags: Verify, machine: Machine) -> Limits:
 
 def _references(job: TuningRun) -> dict[str, Any]:
     return {
-        one.name: one.reference(job.machine.model.dt, job.design.preview) for one in job.course.jobs
+        one.name: one.reference(job.machine.model.dt, job.design.preview)
+        for one in job.scenarios.jobs
     }
 
 
 def _plants(job: TuningRun) -> dict[str, Any]:
-    return {name: member(job.course.family, k) for k, name in enumerate(job.course.plants)}
+    return {name: member(job.scenarios.family, k) for k, name in enumerate(job.scenarios.plants)}
 
 
 def _row(gap: Gap) -> dict[str, Any]:

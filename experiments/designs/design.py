@@ -9,8 +9,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.jobs.replays import Course
-from experiments.machines.machine import Machine, Measured
+from experiments.jobs.replays import Scenarios
+from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from tuning.parameters import Fixed, Interval, Parameter, Weights
 
@@ -25,7 +25,7 @@ class Design(abc.ABC):
         start: first weights by name, a dict or a module.
         space: one parameter for each, see `tuning.parameters`.
         preview: samples of the future it needs.
-        measured: what it is fed.
+        fed: what it is fed, the sensors or the whole state.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Design(abc.ABC):
     start: Weights
     space: Any
     preview: int
-    measured: Measured
+    fed: Fed
 
     @abc.abstractmethod
     def build(self, weights: Weights) -> Controller:
@@ -48,15 +48,15 @@ class Design(abc.ABC):
         """What is chosen and not tuned, for the stored result."""
 
     @abc.abstractmethod
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """What it is, heading by heading, for people."""
 
     @abc.abstractmethod
-    def values(self, weights: dict[str, Any]) -> list[str]:
+    def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Named weights with their units, one line each, as an engineer types them into a drive."""
 
     @abc.abstractmethod
-    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+    def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Files of a tuned controller beside its weights."""
 
     def free(self) -> list[str]:

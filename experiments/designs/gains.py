@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.designs.design import Design
 from experiments.files import run_folder
-from experiments.jobs.replays import Course
+from experiments.jobs.replays import Scenarios
 from jcontour.controller import Controller
 from tuning.parameters import Parameter, Positive
 
@@ -52,12 +52,12 @@ class GainDesign(Design):
         """Preview."""
         return {"preview": self.preview}
 
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """Law, and where its gains start."""
         start = ", ".join(f"{name} {_words(self.start[name])}" for name in self.free())
         return {"Controller": self.line, "Free": f"start {start}"}
 
-    def values(self, weights: dict[str, Any]) -> list[str]:
+    def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Every gain with its unit."""
         width = max(map(len, weights))
         return [
@@ -65,7 +65,7 @@ class GainDesign(Design):
             for name, value in weights.items()
         ]
 
-    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+    def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """All numbers of the controller, whatever is inside, by their place."""
         run_folder.write_json(
             folder / "controller.json",

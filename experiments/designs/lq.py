@@ -11,9 +11,9 @@ import numpy as np
 from experiments.designs.design import Design
 from experiments.files import run_folder
 from experiments.files.netcdf import save_gains
-from experiments.jobs.replays import Course
+from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import LinearMachine
-from experiments.machines.machine import Machine, Measured
+from experiments.machines.machine import Fed, Machine
 from experiments.options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import (
@@ -59,14 +59,14 @@ class LQDesign(Design):
         inner = self.law(self.machine, weights, self.preview)
         return (
             inner
-            if self.measured == "state"
+            if self.fed == "state"
             else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
         )
 
     @property
     def fed_gain(self) -> np.ndarray | None:
         """Gain of the filter; None where the law is fed the state."""
-        return self.gain if self.measured == "outputs" else None
+        return self.gain if self.fed == "outputs" else None
 
     def units(self) -> dict[str, str]:
         """Those of alpha, beta, rho."""
@@ -76,7 +76,7 @@ class LQDesign(Design):
         """Preview and terminal."""
         return {"preview": self.preview, "terminal": self.terminal}
 
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """Law, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(
@@ -87,7 +87,7 @@ class LQDesign(Design):
             "Free": f"{free}; start {start} (fixed)",
         }
 
-    def values(self, weights: dict[str, Any]) -> list[str]:
+    def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Weights, the two ratios that matter, and what they belong to."""
         unit = self.machine.control_unit
         lines = [
@@ -102,18 +102,18 @@ class LQDesign(Design):
             else []
         )
 
-    def save(self, controller: Controller, course: Course, folder: Path) -> None:
+    def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Gain schedules of the training contours as CSV, and the Kalman filter as a drive would load it."""
-        for k, (job, trained) in enumerate(zip(course.jobs, course.training, strict=True)):
+        for k, (job, trained) in enumerate(zip(scenarios.jobs, scenarios.training, strict=True)):
             if trained:
-                plan = prepared(controller, member(course.references, k))
+                plan = prepared(controller, member(scenarios.references, k))
                 save_gains(
                     plan,
                     job.samples,
                     self.machine.model.dt,
                     folder / ("gains.csv" if k == 0 else f"gains-{job.name}.csv"),
                 )
-        if self.measured == "outputs":
+        if self.fed == "outputs":
             run_folder.write_json(folder / "observer.json", self._filter())
 
     def _filter(self) -> dict[str, Any]:
@@ -134,7 +134,7 @@ class LQDesign(Design):
 
 
 def contouring_lq(
-    terminal: str | None = None, measured: Measured = "outputs", observer: Observer = FilterObserver
+    terminal: str | None = None, fed: Fed = "outputs", observer: Observer = FilterObserver
 ) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
     """Maker of a contouring LQ design; the flags choose the terminal when none is given here."""
 
@@ -151,7 +151,7 @@ def contouring_lq(
             law,
             "receding-horizon LQ contouring",
             chosen,
-            measured,
+            fed,
             observer,
             LQSpace(),
         )
@@ -160,7 +160,7 @@ def contouring_lq(
 
 
 def preview_lq(
-    measured: Measured = "outputs",
+    fed: Fed = "outputs",
 ) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
     """Maker of a preview LQ design: alpha alone is tuned, there is no contour weight."""
 
@@ -176,7 +176,7 @@ def preview_lq(
             law,
             "finite-preview LQ tracking",
             "riccati",
-            measured,
+            fed,
             FilterObserver,
             space,
         )
@@ -191,7 +191,7 @@ def _design(
     law: Law,
     line: str,
     terminal: str,
-    measured,
+    fed,
     observer,
     space,
 ) -> LQDesign:
@@ -209,5 +209,5 @@ def _design(
     gain = np.asarray(kalman_gain(machine.model, machine.control_noise, machine.measurement_noise))
     space = space._replace(stage=Positive()) if profiled else space
     return LQDesign(
-        name, machine, start, space, flags.preview, measured, law, line, terminal, observer, gain
+        name, machine, start, space, flags.preview, fed, law, line, terminal, observer, gain
     )

@@ -117,7 +117,7 @@ class Job(NamedTuple):
         return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
 
 
-class Motion(NamedTuple):
+class AxisMove(NamedTuple):
     """A run of a single axis from one end of a line to the other, by a law of time."""
 
     name: str
@@ -142,7 +142,7 @@ class Motion(NamedTuple):
         return in_time(self.contour, self.law, self.duration, dt, preview, self.dwell)
 
 
-Run = Job | Motion
+Task = Job | AxisMove
 
 
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:

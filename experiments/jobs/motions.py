@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from experiments.jobs.job import Motion, Pace
+from experiments.jobs.job import AxisMove, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import PointToPoint, ToAndFro
@@ -14,17 +14,17 @@ DWELL = 0.1  # [s] of rest before every motion of the thesis
 SETTLING = 1.075  # [s] of rest after its task A
 
 
-def task_a(pace: Pace) -> Motion:
+def task_a(pace: Pace) -> AxisMove:
     """Yuan, section 3.4.1: 0.1 m at 0.1 m/s and 4 m/s^2 unless another pace is given; a second of rest at its end."""
     return _point_to_point("task-a", pace, 0.1, 0.1, 4.0)
 
 
-def s_curve(pace: Pace) -> Motion:
+def s_curve(pace: Pace) -> AxisMove:
     """Half the way at twice the speed, with limited jerk."""
     return _point_to_point("s-curve", pace, 0.05, 0.2, 4.0, jerk=100.0)
 
 
-def task_b(pace: Pace) -> Motion:
+def task_b(pace: Pace) -> AxisMove:
     """Yuan, section 3.4.1: 0.05 cos(2 t) + 0.05 m."""
     if pace.feed is not None or pace.acceleration is not None:
         raise ValueError(
@@ -35,7 +35,7 @@ def task_b(pace: Pace) -> Motion:
 
 def _point_to_point(
     name: str, pace: Pace, distance: float, feed: float, acceleration: float, jerk: float = np.inf
-) -> Motion:
+) -> AxisMove:
     feed, acceleration = pace.feed or feed, pace.acceleration or acceleration
     law = PointToPoint(distance, feed, acceleration, jerk)
     words = (
@@ -46,10 +46,10 @@ def _point_to_point(
 
 def _motion(
     name: str, pace: Pace, contour: Contour, law: Law, duration: float, words: str
-) -> Motion:
+) -> AxisMove:
     dt = pace.machine.model.dt
     if len(pace.machine.axes) != 1:
         raise ValueError(
             f"contour: {name} is a motion of a single axis, {pace.machine.name} has {len(pace.machine.axes)}"
         )
-    return Motion(name, contour, law, dt * math.ceil(duration / dt - 1e-6), DWELL, dt, words)
+    return AxisMove(name, contour, law, dt * math.ceil(duration / dt - 1e-6), DWELL, dt, words)

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.jobs.job import Run
-from experiments.machines.machine import Machine, Measured
+from experiments.jobs.job import Task
+from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
@@ -39,7 +39,7 @@ class Replay(NamedTuple):
     watched: Any = None
 
 
-class Course(NamedTuple):
+class Scenarios(NamedTuple):
     """Jobs and plants of a replay, stacked once.
 
     Attributes:
@@ -50,7 +50,7 @@ class Course(NamedTuple):
         family: (plant,) stacked.
     """
 
-    jobs: tuple[Run, ...]
+    jobs: tuple[Task, ...]
     training: tuple[bool, ...]
     plants: tuple[str, ...]
     references: Reference
@@ -59,30 +59,32 @@ class Course(NamedTuple):
     @classmethod
     def of(
         cls,
-        jobs: Sequence[Run],
+        jobs: Sequence[Task],
         training: Sequence[bool],
         machine: Machine,
-        measured: Measured,
+        fed: Fed,
         preview: int,
-    ) -> "Course":
-        """Course over the true machines of the family."""
+    ) -> "Scenarios":
+        """Scenarios over the true machines of the family."""
         references = stack_references([job.reference(machine.model.dt, preview) for job in jobs])
-        family = stack_plants(machine.true_family(measured))
+        family = stack_plants(machine.true_family(fed))
         return cls(tuple(jobs), tuple(training), tuple(machine.family_names), references, family)
 
-    def jobs_seen(self, trained: bool) -> list[Run]:
+    def jobs_seen(self, trained: bool) -> list[Task]:
         """The jobs that the tuner has seen, or those that it has not."""
         return [job for job, seen in zip(self.jobs, self.training, strict=True) if seen is trained]
 
 
-def replay(controller: Controller, course: Course, watch: Watch | None = None) -> Replay:
-    """Run the controller over the whole course, and keep what `watch` sees at every sample.
+def replay(controller: Controller, scenarios: Scenarios, watch: Watch | None = None) -> Replay:
+    """Run the controller over all scenarios, and keep what `watch` sees at every sample.
 
     Raises:
         ValueError: the preview or the sample period does not fit.
     """
-    check_run(course.family, controller, course.references)
-    return Replay(*jax.device_get(_replay(controller, course.family, course.references, watch)))
+    check_run(scenarios.family, controller, scenarios.references)
+    return Replay(
+        *jax.device_get(_replay(controller, scenarios.family, scenarios.references, watch))
+    )
 
 
 @eqx.filter_jit
@@ -120,11 +122,11 @@ def measured_speeds(output: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarr
     return speed, np.diff(speed, axis=-2) / dt
 
 
-def scored(course: Course) -> np.ndarray:
+def scored(scenarios: Scenarios) -> np.ndarray:
     """(contour, time) which samples count."""
-    return np.asarray(course.references.mask)[:, : course.references.steps]
+    return np.asarray(scenarios.references.mask)[:, : scenarios.references.steps]
 
 
-def desired(course: Course) -> np.ndarray:
+def desired(scenarios: Scenarios) -> np.ndarray:
     """(contour, time, axis) where the tool should be [m]."""
-    return np.asarray(jnp.asarray(course.references.position)[:, : course.references.steps])
+    return np.asarray(jnp.asarray(scenarios.references.position)[:, : scenarios.references.steps])

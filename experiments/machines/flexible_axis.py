@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
 from experiments.machines.families import LATE, members
-from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
+from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
@@ -67,7 +67,7 @@ class FlexibleMachine(Machine):
     encoder_resolution: float
 
     @property
-    def truth(self) -> str:
+    def nonsmooth_effects(self) -> str:
         """Encoder counts, and what dry friction has of its own."""
         return "stick, slip and encoder counts"
 
@@ -86,31 +86,31 @@ class FlexibleMachine(Machine):
         """That of a drive's bus."""
         return LATE
 
-    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
         family = [
-            self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, measured)
+            self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, fed)
             for p, late in self._varied()
         ]
         return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
 
-    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Stick and slip, behind encoders that count; the drives take speeds from their difference."""
         family = [
-            self._late(FlexibleAxis(p, self.model.dt), late, measured) for p, late in self._varied()
+            self._late(FlexibleAxis(p, self.model.dt), late, fed) for p, late in self._varied()
         ]
         return [
             CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution)
             for plant in family
         ]
 
-    def nominal(self, measured: Measured = "outputs") -> Plant:
+    def nominal(self, fed: Fed = "outputs") -> Plant:
         """The linear model: where the axis rests, its smooth twin has a friction so steep that it hides the loop."""
-        self._check_measured(measured)
+        self._check_fed(fed)
         return FineEncoders(self.model, Sensors(range(len(self.axes))))
 
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """Masses, link, sensors."""
         p = self.parameters
         masses = "; ".join(
@@ -127,12 +127,12 @@ class FlexibleMachine(Machine):
             (scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS
         ]
 
-    def _late(self, plant: Plant, samples: int, measured: Measured) -> Plant:
-        self._check_measured(measured)
+    def _late(self, plant: Plant, samples: int, fed: Fed) -> Plant:
+        self._check_fed(fed)
         return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
 
-    def _check_measured(self, measured: Measured) -> None:
-        if measured == "state":
+    def _check_fed(self, fed: Fed) -> None:
+        if fed == "state":
             raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
 
 

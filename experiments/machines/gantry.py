@@ -11,7 +11,7 @@ from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from experiments.machines.families import LATE, Member, members
-from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
+from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
 from experiments.video.film import FilmMaker
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.plant import Plant
@@ -56,7 +56,7 @@ class GantryMachine(Machine):
     friction: Friction | None = None
 
     @property
-    def truth(self) -> str:
+    def nonsmooth_effects(self) -> str:
         """Encoder counts, and what dry friction has of its own."""
         return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
 
@@ -99,21 +99,21 @@ class GantryMachine(Machine):
         """That of a drive's bus."""
         return LATE
 
-    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Encoders read with the noise that counts make, and dry friction turns within a millimetre per second.
 
         Without noise a loop that rings as soon as something excites it would pass for a good one.
         """
-        self._check_measured(measured)
+        self._check_fed(fed)
         noise = _rounding_noise()
         return [
             _flat(FineEncoders(Disturbed(plant, noise=noise), motors(3)))
             for plant in self._family(SmoothFrictionGantry)
         ]
 
-    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Encoders that count; the drives take speeds from their difference."""
-        self._check_measured(measured)
+        self._check_fed(fed)
         return [
             _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
             for plant in self._family(StickSlipGantry)
@@ -134,14 +134,14 @@ class GantryMachine(Machine):
 
         return FilmMaker(pose, partial(record, self.parameters))
 
-    def nominal(self, measured: Measured = "outputs") -> Plant:
+    def nominal(self, fed: Fed = "outputs") -> Plant:
         """With its limits; without dry friction, whose smooth twin is so steep where an axis turns that it hides the loop."""
-        self._check_measured(measured)
+        self._check_fed(fed)
         return _flat(
             FineEncoders(self._driven(Gantry(self.parameters, self.model.dt), 0), motors(3))
         )
 
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """Masses, beam, sensors."""
         p = self.parameters
         masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
@@ -182,8 +182,8 @@ class GantryMachine(Machine):
         limited = Saturated(plant, jnp.asarray(self.limits.control))
         return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
 
-    def _check_measured(self, measured: Measured) -> None:
-        if measured == "state":
+    def _check_fed(self, fed: Fed) -> None:
+        if fed == "state":
             raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
 
 

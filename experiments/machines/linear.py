@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.machine import Machine, MachineLimits, Measured, Usual
+from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
 from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
@@ -47,7 +47,7 @@ class LinearMachine(Machine):
     control_noise: float
 
     @property
-    def truth(self) -> str:
+    def nonsmooth_effects(self) -> str:
         """Encoder counts."""
         return "quantised encoders"
 
@@ -87,7 +87,7 @@ class LinearMachine(Machine):
         """As given."""
         return self.delay
 
-    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders without quantisation, or with their whole state measured."""
         depth = max(self.delay, 1)
         late = [
@@ -96,22 +96,22 @@ class LinearMachine(Machine):
             )
             for _, gains, delay in self.members
         ]
-        return late if measured == "state" else [Encoders(plant) for plant in late]
+        return late if fed == "state" else [Encoders(plant) for plant in late]
 
-    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders that round to whole counts; a state is measured as it is."""
-        smooth = self.smooth_family(measured)
+        smooth = self.smooth_family(fed)
         return (
             smooth
-            if measured == "state"
+            if fed == "state"
             else [Quantised(plant, self.encoder_resolution) for plant in smooth]
         )
 
-    def nominal(self, measured: Measured = "outputs") -> Plant:
+    def nominal(self, fed: Fed = "outputs") -> Plant:
         """The model, its positions or its state measured."""
-        return self.model if measured == "state" else Encoders(self.model)
+        return self.model if fed == "state" else Encoders(self.model)
 
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """States, delay, axes, sensors."""
         return {
             "Machine": f"{self.name}: {self.model.states} states (known delay {self.known_delay}), axes {', '.join(self.axes)}, "

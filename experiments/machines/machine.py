@@ -11,7 +11,7 @@ from experiments.video.film import FilmMaker
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
-Measured = Literal[
+Fed = Literal[
     "outputs", "state"
 ]  # what a controller is fed: the machine's own sensors, or the whole state
 
@@ -68,7 +68,7 @@ class Machine(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def truth(self) -> str:
+    def nonsmooth_effects(self) -> str:
         """What the true family has and the smooth one has not, in a few words."""
 
     @property
@@ -97,7 +97,7 @@ class Machine(abc.ABC):
         """Most samples by which a control is late in the family and not in the model."""
 
     @abc.abstractmethod
-    def smooth_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Every plant of the family, all of one structure, with derivatives: what is tuned on.
 
         Raises:
@@ -105,7 +105,7 @@ class Machine(abc.ABC):
         """
 
     @abc.abstractmethod
-    def true_family(self, measured: Measured = "outputs") -> Sequence[Plant]:
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The same plants with what has no derivative: what is confirmed on.
 
         Raises:
@@ -121,7 +121,7 @@ class Machine(abc.ABC):
         return None
 
     @abc.abstractmethod
-    def nominal(self, measured: Measured = "outputs") -> Plant:
+    def nominal(self, fed: Fed = "outputs") -> Plant:
         """What margins are found on: the nominal plant behind its sensors, smooth.
 
         Raises:
@@ -129,5 +129,5 @@ class Machine(abc.ABC):
         """
 
     @abc.abstractmethod
-    def facts(self) -> dict[str, str]:
+    def description(self) -> dict[str, str]:
         """What is known about it, heading by heading, for people."""

@@ -6,17 +6,17 @@ import numpy as np
 import xarray as xr
 
 from experiments.files.netcdf import metric_unit
-from experiments.jobs.replays import Course, Replay, desired, scored
+from experiments.jobs.replays import Replay, Scenarios, desired, scored
 
 
 def rollouts(
     designs: dict[str, Replay],
-    course: Course,
+    scenarios: Scenarios,
     axes: Sequence[str],
     control_unit: str,
     attributes: dict[str, str],
 ) -> xr.Dataset:
-    """Signals and metrics of several designs over one course."""
+    """Signals and metrics of several designs over the same scenarios."""
     dims = ("design", "contour", "plant")
     runs = list(designs.values())
     steps, inputs = runs[0].output.shape[2], runs[0].control.shape[-1]
@@ -42,17 +42,17 @@ def rollouts(
         ),
         "reference": (
             ("contour", "time", "axis"),
-            desired(course),
+            desired(scenarios),
             {"units": "m", "long_name": "where the tool should be"},
         ),
         "scored": (
             ("contour", "time"),
-            scored(course).astype("i1"),
+            scored(scenarios).astype("i1"),
             {"long_name": "1 where the sample counts in the metrics"},
         ),
         "training": (
             ("contour",),
-            np.array(course.training).astype("i1"),
+            np.array(scenarios.training).astype("i1"),
             {"long_name": "1 where the tuner has seen the contour"},
         ),
     }
@@ -62,9 +62,9 @@ def rollouts(
         data[name] = (dims, kind, {"units": metric_unit(name, control_unit)})
     coordinates = {
         "design": list(designs),
-        "contour": [job.name for job in course.jobs],
-        "plant": list(course.plants),
-        "time": ("time", np.arange(steps) * course.references.dt, {"units": "s"}),
+        "contour": [job.name for job in scenarios.jobs],
+        "plant": list(scenarios.plants),
+        "time": ("time", np.arange(steps) * scenarios.references.dt, {"units": "s"}),
         "axis": list(axes),
         "input": [f"u{k + 1}" for k in range(inputs)],
     }

@@ -5,8 +5,8 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from experiments.jobs.replays import Course
-from experiments.machines.machine import Machine, Measured
+from experiments.jobs.replays import Scenarios
+from experiments.machines.machine import Fed, Machine
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
@@ -17,18 +17,16 @@ from jcontour.simulation.evaluation import member
 PROBES = 48
 
 
-def path_margins(
-    controller: Controller, machine: Machine, course: Course, measured: Measured
-) -> dict:
+def path_margins(controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed) -> dict:
     """Spectral radius, gain and delay margins over the training paths, every path frozen at up to `PROBES` of its scored samples."""
-    plant = machine.nominal(measured)
+    plant = machine.nominal(fed)
     paths = [
-        _thinned(member(course.references, k))
-        for k, trained in enumerate(course.training)
+        _thinned(member(scenarios.references, k))
+        for k, trained in enumerate(scenarios.training)
         if trained
     ]
     found = [margins(plant, controller, path) for path in paths]
-    names = [job.name for job in course.jobs_seen(True)]
+    names = [job.name for job in scenarios.jobs_seen(True)]
     without = [one.saturated == np.sum(path.mask) for one, path in zip(found, paths, strict=True)]
     gains = np.stack([one.gain for one in found])
     return {

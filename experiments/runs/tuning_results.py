@@ -26,8 +26,8 @@ class Proof(NamedTuple):
 def proved(job: TuningRun, weights: Weights) -> Proof:
     controller = job.controller(weights)
     return Proof(
-        replay(controller, job.course),
-        path_margins(controller, job.machine, job.course, job.design.measured),
+        replay(controller, job.scenarios),
+        path_margins(controller, job.machine, job.scenarios, job.design.fed),
     )
 
 
@@ -47,14 +47,14 @@ def summarise(
                 "name": job.machine.name,
                 "control_unit": job.machine.control_unit,
                 "axes": job.machine.axes,
-                "truth": job.machine.truth,
+                "truth": job.machine.nonsmooth_effects,
             },
             "controller": job.design.name,
             "error": job.machine.error,
             **job.design.settings(),
             "start": plain_weights(job.start),
             "weights": weights,
-            "values": job.design.values(weights),
+            "values": job.design.weight_lines(weights),
             "feasible": tuned.feasible,
             "violation": tuned.violation if np.isfinite(tuned.violation) else None,
             "usable": bool(
@@ -68,7 +68,7 @@ def summarise(
             "diverged_points": tuned.diverged_points,
             "diverged_starts": tuned.diverged_starts,
             "descents": state.start + 1,
-            "plants": job.course.plants,
+            "plants": job.scenarios.plants,
             "safety": safety,
             "safety_of_start": proofs["start"].safety,
             "warnings": run_warnings(job, tuned, safety, replays),
@@ -87,7 +87,7 @@ def gap(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
         np.asarray(getattr(found.metrics, name)),
     )
     rows = []
-    for c, one in enumerate(job.course.jobs_seen(True)):
+    for c, one in enumerate(job.scenarios.jobs_seen(True)):
         members = true[c, : smooth.shape[1]]
         for plant, pair in (
             ("nominal", (smooth[c, 0], members[0])),
@@ -113,9 +113,9 @@ def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any
     engine, plant = independent
     other = replay(
         job.controller(tuned.weights),
-        job.course._replace(plants=("nominal",), family=stack_plants([plant])),
+        job.scenarios._replace(plants=("nominal",), family=stack_plants([plant])),
     )
-    name, counts = f"rms_{job.machine.error}_error", scored(job.course)
+    name, counts = f"rms_{job.machine.error}_error", scored(job.scenarios)
     apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
     return run_folder.plain(
         [
@@ -126,7 +126,7 @@ def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any
                 "theirs": getattr(other.metrics, name)[c, 0],
                 "apart": apart[c][counts[c]].max(),
             }
-            for c, one in enumerate(job.course.jobs)
+            for c, one in enumerate(job.scenarios.jobs)
         ]
     )
 
@@ -134,7 +134,9 @@ def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any
 def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str, Any]]:
     """Per contour and design: metrics of the nominal plant, and the worst of the family metric by metric."""
     rows = []
-    for c, (one, trained) in enumerate(zip(job.course.jobs, job.course.training, strict=True)):
+    for c, (one, trained) in enumerate(
+        zip(job.scenarios.jobs, job.scenarios.training, strict=True)
+    ):
         metrics = {
             design: {
                 "nominal": {

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.jobs.replays import Course, Replay, measured_speeds, scored
+from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
 from experiments.machines.machine import Machine
 from experiments.runs.tuning import TuningRun
 from tuning.tune import Tuned
@@ -20,14 +20,14 @@ def run_warnings(
     """All of them; `safety` is the `path_margins` of what was found, `replays` are those of start and tuned weights."""
     found = replays["tuned"]
     diverged = [
-        f"a run of the machine with {job.machine.truth} diverges with the tuned weights"
+        f"a run of the machine with {job.machine.nonsmooth_effects} diverges with the tuned weights"
     ] * bool(np.any(found.metrics.diverged))
     return [
         *diverged,
         *search_warnings(tuned),
         *margin_warnings(safety, job.machine.unknown_delay),
-        *limit_warnings(found, job.course, job.machine),
-        *lag_warnings(replays, job.course),
+        *limit_warnings(found, job.scenarios, job.machine),
+        *lag_warnings(replays, job.scenarios),
     ]
 
 
@@ -72,10 +72,10 @@ def margin_warnings(safety: dict[str, Any], unknown_delay: int) -> list[str]:
     return lines
 
 
-def limit_warnings(replay: Replay, course: Course, machine: Machine) -> list[str]:
+def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that the nominal run or the worst of the family exceeds, or meets to within 10 %."""
     lines = []
-    for axis_or_input, quantity, unit, peak, at, limit in _peaks(replay, course, machine):
+    for axis_or_input, quantity, unit, peak, at, limit in _peaks(replay, scenarios, machine):
         if peak >= NEAR * limit:
             state = "EXCEEDS" if peak > limit else "is near"
             lines.append(
@@ -84,7 +84,7 @@ def limit_warnings(replay: Replay, course: Course, machine: Machine) -> list[str
     return lines
 
 
-def lag_warnings(replays: dict[str, Replay], course: Course) -> list[str]:
+def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:
     """Contour error alone is also small for a tool that hardly moves: say so where the tuned tool lags far more than before."""
     before, after = (
         1e6 * np.asarray(replays[name].metrics.rms_tracking_error).max(axis=1)
@@ -94,16 +94,16 @@ def lag_warnings(replays: dict[str, Replay], course: Course) -> list[str]:
     if after[worst] < MUCH_LAG * before[worst]:
         return []
     return [
-        f"the tool lags {after[worst]:.4g} um behind on {course.jobs[worst].name} (start: {before[worst]:.4g} um): contour error alone "
+        f"the tool lags {after[worst]:.4g} um behind on {scenarios.jobs[worst].name} (start: {before[worst]:.4g} um): contour error alone "
         "does not mind; limit it with --max-tracking-error-um"
     ]
 
 
 def _peaks(
-    replay: Replay, course: Course, machine: Machine
+    replay: Replay, scenarios: Scenarios, machine: Machine
 ) -> Iterator[tuple[str, str, str, float, str, float]]:
     """Peak of every limited quantity of every axis, with contour and plant where it occurred."""
-    counts = scored(course)
+    counts = scored(scenarios)
     increment = np.diff(replay.control, axis=-2)
     speed, acceleration = measured_speeds(replay.output, machine.model.dt)
     unit = machine.control_unit
@@ -123,5 +123,5 @@ def _peaks(
         peaks = np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2)
         for k, name in enumerate(of):
             contour, plant = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
-            at = f"{course.jobs[contour].name}, {course.plants[plant]}"
+            at = f"{scenarios.jobs[contour].name}, {scenarios.plants[plant]}"
             yield name, quantity, shown, float(peaks[contour, plant, k]), at, float(limit[k])

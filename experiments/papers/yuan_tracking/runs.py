@@ -13,7 +13,7 @@ import numpy as np
 from experiments.catalogue.choices import design_for, job_named
 from experiments.catalogue.controllers import CONTROLLERS
 from experiments.jobs.job import Pace
-from experiments.jobs.replays import Course, replay
+from experiments.jobs.replays import Scenarios, replay
 from experiments.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
 from experiments.options import Simulate, Tune
 from experiments.runs.tuning import start_metrics, tuning_run
@@ -64,9 +64,9 @@ class Bench:
         """A controller with its own first gains: the thesis's where it gives them."""
         return design_for(self.machine, Simulate(controller=name))
 
-    def course(self, preview: int) -> Course:
+    def scenarios(self, preview: int) -> Scenarios:
         """Both tasks on the whole true family, behind encoders that count."""
-        return Course.of(self.jobs, [True, False], self.machine, "outputs", preview)
+        return Scenarios.of(self.jobs, [True, False], self.machine, "outputs", preview)
 
     def references(self, preview: int) -> Reference:
         """Both tasks, stacked."""
@@ -153,11 +153,11 @@ def tuned_weights(name: str) -> dict[str, Any]:
 
 def on_the_family(bench: Bench, controller: Controller) -> list[dict[str, Any]]:
     """Mean end-effector error [mm] and RMS current [A] of every task on every true member, and whether it diverges."""
-    course = bench.course(controller.preview)
-    found, rows = replay(controller, course), []
+    scenarios = bench.scenarios(controller.preview)
+    found, rows = replay(controller, scenarios), []
     for k, (task, job) in enumerate(zip(TASKS, bench.jobs, strict=True)):
-        wanted = np.asarray(course.references.position)[k, : job.samples]
-        for p, plant in enumerate(course.plants):
+        wanted = np.asarray(scenarios.references.position)[k, : job.samples]
+        for p, plant in enumerate(scenarios.plants):
             error = 1e3 * np.abs(found.output[k, p, : job.samples] - wanted)
             current, lost = (
                 found.control[k, p, : job.samples - 1],

@@ -60,7 +60,7 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
         design = design_for(machine, Simulate(controller=name))
         design.check_start()
         assert set(design.units()) == set(design.start) == set(design.free())
-        assert len(design.values(design.start)) == len(design.start)
+        assert len(design.weight_lines(design.start)) == len(design.start)
 
 
 def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
@@ -102,7 +102,7 @@ def test_what_is_kept_of_a_design(machine, tmp_path):
     kept = json.loads((tmp_path / "controller.json").read_text())
     assert kept["dt"] == 1e-3 and kept["numbers"]["controller.gains.position"] == 40.0
     assert kept["numbers"]["observer.bandwidth"] == 700.0
-    assert "position" in design.facts()["Free"] and design.settings() == {"preview": 1}
+    assert "position" in design.description()["Free"] and design.settings() == {"preview": 1}
 
 
 def test_other_machines_are_refused(machine):

@@ -44,7 +44,7 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
         == (1 if name == "gantry-cascade" else 7)
         == design.build(design.start).preview
     )
-    assert len(design.values(design.start)) == len(design.start)
+    assert len(design.weight_lines(design.start)) == len(design.start)
 
 
 def test_both_drives_of_y_have_the_same_gains(machine):

@@ -1,12 +1,14 @@
 """Flexible axes as machines: their family, what they measure, and the motions they make."""
 
 import json
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import experiments.machines
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.jobs.job import TOOLPATHS, Pace
 from experiments.machines.flexible_axis import biaxial_axes, biaxial_machine, thesis_machine
@@ -14,6 +16,8 @@ from experiments.machines.from_file import load_machine
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.point_to_point import thesis_task_a, thesis_task_b
 from jcontour.plants.flexible_axis.axis import thesis_axis
+
+THESIS_AXIS = Path(experiments.machines.__file__).parent / "thesis-axis.json"
 
 
 @pytest.fixture(scope="module")
@@ -71,13 +75,13 @@ def test_biaxial_axes_differ():
 
 
 def test_a_file_is_the_built_in_machine(machine, tmp_path):
-    found = load_machine(TOOLPATHS.parent / "machines" / "thesis-axis.json")
+    found = load_machine(THESIS_AXIS)
     assert found.error == "tracking" and found.axes == ("X",)
     np.testing.assert_array_equal(found.model.A, machine.model.A)
     np.testing.assert_array_equal(
         found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0]
     )
-    fields = json.loads((TOOLPATHS.parent / "machines" / "thesis-axis.json").read_text())
+    fields = json.loads((MACHINE_FILES / "thesis-axis.json").read_text())
     path = tmp_path / "mine.json"
     path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
     mine = machine_named(str(path))
@@ -88,7 +92,7 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
 
 
 def test_machine_says_what_it_is(machine):
-    facts = machine.facts()
+    facts = machine.description()
     assert "39.62 + 0.38 kg" in facts["Machine"] and "1 um" in facts["Measured"]
     assert machine.usual.controller == "cascade"
 

@@ -144,8 +144,8 @@ def test_models_cover_the_beam(machine):
 
 def test_machine_says_what_it_is(machine):
     assert (
-        "20, 20, 85.48, 40 kg" in machine.facts()["Machine"]
-        and "neither tool nor twist" in machine.facts()["Measured"]
+        "20, 20, 85.48, 40 kg" in machine.description()["Machine"]
+        and "neither tool nor twist" in machine.description()["Measured"]
     )
     assert machine.error == "contour"
 
@@ -153,15 +153,18 @@ def test_machine_says_what_it_is(machine):
 def test_with_friction_the_true_family_sticks_and_nobody_else_confirms_it(machine):
     """The same machine otherwise, member by member, and what its motors measure."""
     rubbing = friction_gantry_machine()
-    assert (machine.truth, rubbing.truth) == ("encoder counts", "stick, slip and encoder counts")
+    assert (machine.nonsmooth_effects, rubbing.nonsmooth_effects) == (
+        "encoder counts",
+        "stick, slip and encoder counts",
+    )
     assert (
         rubbing.name == "gantry-friction"
         and rubbing.family_names == machine.family_names
         and rubbing.independent() is None
     )
     assert (
-        "14, 20, 24 N to break loose" in rubbing.facts()["Friction"]
-        and "Friction" not in machine.facts()
+        "14, 20, 24 N to break loose" in rubbing.description()["Friction"]
+        and "Friction" not in machine.description()
     )
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
     for family, kind in (

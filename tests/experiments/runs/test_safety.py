@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.jobs.replays import Course
+from experiments.jobs.replays import Scenarios
 from experiments.reports.tables import _lost_first_line
 from experiments.runs.safety import _lost_first, path_margins
 from jcontour.analysis.stability import Margins
@@ -59,13 +59,15 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
         along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs
     ]
     jobs = tuple(SimpleNamespace(name=name) for name in ("still", "hasty", "other"))
-    course = Course(jobs, (True, True, False), ("nominal",), stack_references(references), two_axes)  # type: ignore[arg-type]
+    scenarios = Scenarios(
+        jobs, (True, True, False), ("nominal",), stack_references(references), two_axes
+    )  # type: ignore[arg-type]
     plant = Delayed(Saturated(two_axes, jnp.full(2, 1e-3)), jnp.asarray(0), 1, 2)
     machine, law = (
         SimpleNamespace(nominal=lambda measured: plant),
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
     )
-    found = path_margins(law, machine, course, "state")  # type: ignore[arg-type]
+    found = path_margins(law, machine, scenarios, "state")  # type: ignore[arg-type]
     assert found["contours_without_margins"] == ["hasty"] and found["probes_left_out"] == 0
-    calm = path_margins(law, machine, course._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]
+    calm = path_margins(law, machine, scenarios._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]
     assert calm["contours_without_margins"] == [] and calm["largest_frozen_spectral_radius"] < 1

@@ -47,9 +47,9 @@ def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
 
 def test_rollouts_round_trip(job, tmp_path):
     controller = job.controller(job.start)
-    run = replay(controller, job.course, lambda plant, state: plant.output(state))
+    run = replay(controller, job.scenarios, lambda plant, state: plant.output(state))
     np.testing.assert_array_equal(run.watched, run.output)
-    dataset = rollouts({"start": run}, job.course, job.machine.axes, "mm/s", {"title": "test"})
+    dataset = rollouts({"start": run}, job.scenarios, job.machine.axes, "mm/s", {"title": "test"})
     found = load_dataset(save_dataset(dataset, tmp_path / "rollouts.nc"))
     assert (
         found.output.dims == ("design", "contour", "plant", "time", "axis")
@@ -74,8 +74,8 @@ def test_rollouts_round_trip(job, tmp_path):
 
 
 def test_gains_round_trip(job, tmp_path):
-    plan = job.controller(job.start).prepare(member(job.course.references, 0))
-    steps = job.course.jobs[0].arc.size
+    plan = job.controller(job.start).prepare(member(job.scenarios.references, 0))
+    steps = job.scenarios.jobs[0].arc.size
     path = save_gains(plan, steps, job.machine.model.dt, tmp_path / "gains.csv")
     names = path.read_text().split("\n")[0].split(",")
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
@@ -88,5 +88,5 @@ def test_gains_round_trip(job, tmp_path):
 
 
 def test_parts_are_for_training_and_others_held_out(job):
-    assert [one.name for one in job.course.jobs] == ["part", "circle", "ellipse", "lemniscate"]
-    assert job.course.training == (True, False, False, False)
+    assert [one.name for one in job.scenarios.jobs] == ["part", "circle", "ellipse", "lemniscate"]
+    assert job.scenarios.training == (True, False, False, False)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.jobs.replays import Course, Replay
+from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.warnings import (
     lag_warnings,
     limit_warnings,
@@ -28,7 +28,7 @@ MACHINE = SimpleNamespace(
     limits=LIMITS,
     model=SimpleNamespace(dt=1e-3, inputs=2),
     unknown_delay=1,
-    truth="counts",
+    nonsmooth_effects="counts",
 )
 
 
@@ -41,11 +41,11 @@ def margins(radius=0.99, delay=2, left_out=0, without=()):
     }
 
 
-def course(samples=20):
+def scenarios(samples=20):
     mask = np.ones((2, samples), bool)
     mask[:, :5] = False  # the approach
     references = SimpleNamespace(mask=mask, steps=samples)
-    return Course(JOBS, (True, False), ("nominal", "late"), references, None)  # type: ignore[arg-type]
+    return Scenarios(JOBS, (True, False), ("nominal", "late"), references, None)  # type: ignore[arg-type]
 
 
 def run(lag=1e-5, diverged=False, samples=20):
@@ -100,8 +100,8 @@ def test_what_the_search_missed_is_named():
 
 
 def test_a_tool_left_behind_is_told():
-    assert lag_warnings({"start": run(), "tuned": run(lag=4.9e-5)}, course()) == []
-    [line] = lag_warnings({"start": run(), "tuned": run(lag=1e-3)}, course())
+    assert lag_warnings({"start": run(), "tuned": run(lag=4.9e-5)}, scenarios()) == []
+    [line] = lag_warnings({"start": run(), "tuned": run(lag=1e-3)}, scenarios())
     assert "1000 um" in line and "on eight" in line
 
 
@@ -110,17 +110,17 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
     seen.control[1, 0, 7, 1] = -9.1
     seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
-    assert limit_warnings(seen, course(), MACHINE) == [  # type: ignore[arg-type]
+    assert limit_warnings(seen, scenarios(), MACHINE) == [  # type: ignore[arg-type]
         "speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)",
         "control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)",
     ]
     seen.control[1, 0, 7, 1] = -8.9
     seen.output[0, 1, 10:, 0] = 1.7e-4
-    assert limit_warnings(seen, course(), MACHINE) == []  # type: ignore[arg-type]
+    assert limit_warnings(seen, scenarios(), MACHINE) == []  # type: ignore[arg-type]
 
 
 def test_a_run_that_diverges_comes_first():
-    job = SimpleNamespace(machine=MACHINE, course=course())
+    job = SimpleNamespace(machine=MACHINE, scenarios=scenarios())
     lines = run_warnings(
         job, FOUND, margins(delay=0), {"start": run(), "tuned": run(diverged=True)}
     )  # type: ignore[arg-type]

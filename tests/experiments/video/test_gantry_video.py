@@ -16,7 +16,7 @@ from experiments.catalogue.choices import job_named
 from experiments.cli import main
 from experiments.commands.simulate import film_of
 from experiments.jobs.job import Pace as PathPace
-from experiments.jobs.replays import Course, Replay
+from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.gantry import gantry_machine
 from experiments.video import gantry_video
 from experiments.video.film import Film, VideoError, lines
@@ -147,14 +147,14 @@ def test_film_is_the_scored_part_of_the_stored_run():
     """The second lap of the nominal plant, in the run's own numbers."""
     machine = gantry_machine()
     job = job_named("ring-left", PathPace(machine, None, None))
-    course = Course.of([job], [False], machine, "outputs", 1)
+    scenarios = Scenarios.of([job], [False], machine, "outputs", 1)
     rows = np.arange(job.samples, dtype=float)
     signals = {
         name: k * 1e4 + rows[None, None, :, None]
         for k, name in enumerate(("watched", "output", "control", "contour_error"))
     }
     found = Replay(metrics=SimpleNamespace(diverged=np.array([[False, True]])), **signals)
-    shown, first = film_of(course, found, "x"), int(np.flatnonzero(job.scored)[0])
+    shown, first = film_of(scenarios, found, "x"), int(np.flatnonzero(job.scored)[0])
     assert (
         0 < first
         and shown.time[0] == pytest.approx(1e-3 * first)
@@ -167,7 +167,7 @@ def test_film_is_the_scored_part_of_the_stored_run():
     )
     lost = found._replace(metrics=SimpleNamespace(diverged=np.array([[True, False]])))
     with pytest.raises(VideoError, match="nominal plant diverged"):
-        film_of(course, lost, "x")
+        film_of(scenarios, lost, "x")
 
 
 @pytest.mark.parametrize(
