@@ -8,8 +8,8 @@ import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
-from experiments.jobs.job import Pace, Run
-from experiments.jobs.replays import Course
+from experiments.jobs.job import Pace, Task
+from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
 from experiments.runs.spreading import batching_of
@@ -53,7 +53,7 @@ class TuningRun:
     Attributes:
         design: of the controller; its start is where the run begins.
         problem: on the smooth machines; the tuner sees nothing else.
-        course: training and held-out contours, on the true machines.
+        scenarios: training and held-out contours, on the true machines.
         limits: metric and bound in SI.
     """
 
@@ -62,7 +62,7 @@ class TuningRun:
     design: Design
     problem: Problem
     settings: Effort
-    course: Course
+    scenarios: Scenarios
     limits: dict[str, float]
 
     @property
@@ -79,7 +79,7 @@ class TuningRun:
         """Samples of all training contours."""
         return sum(
             job.samples
-            for job, trained in zip(self.course.jobs, self.course.training, strict=True)
+            for job, trained in zip(self.scenarios.jobs, self.scenarios.training, strict=True)
             if trained
         )
 
@@ -102,8 +102,8 @@ def tuning_run(flags: Tune) -> TuningRun:
     ]
     training = _distinct(training)
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
-    course = Course.of(_distinct(jobs), seen, machine, design.measured, design.preview)
-    family = machine.smooth_family(design.measured)
+    scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
+    family = machine.smooth_family(design.fed)
     problem = Problem(
         design.build,
         stack_plants(family[:1] if flags.nominal_only else family),
@@ -114,7 +114,13 @@ def tuning_run(flags: Tune) -> TuningRun:
     )
     limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
     return TuningRun(
-        flags, machine, design, replace(problem, limits=AtMost(**limits)), settings, course, limits
+        flags,
+        machine,
+        design,
+        replace(problem, limits=AtMost(**limits)),
+        settings,
+        scenarios,
+        limits,
     )
 
 
@@ -173,9 +179,9 @@ def _effort_limit(
     return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
 
 
-def _distinct(jobs: list[Run]) -> list[Run]:
+def _distinct(jobs: list[Task]) -> list[Task]:
     """Names are coordinates in the netCDF file: parts of the same name are numbered."""
-    named: list[Run] = []
+    named: list[Task] = []
     for job in jobs:
         names = {one.name for one in named}
         name = next(
