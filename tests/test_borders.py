@@ -37,7 +37,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("geometry", "qp", "plant", "sensors", "tracing"),
     ),
     "experiments": (
-        ("cli",),
+        ("cli", "examples"),
         ("commands", "papers"),
         ("runs",),
         ("catalogue", "benchmarks"),

@@ -58,6 +58,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/machines/linear.py": "experiments/machines/test_from_file.py",
     "experiments/machines/machine.py": "experiments/machines/test_from_file.py",
     "experiments/video": "experiments/video/test_gantry_video.py",
+    "experiments/examples": "experiments/examples/test_examples.py",
     # a paper is tested as a whole
     "experiments/papers/verdicts.py": "experiments/papers/test_mcnab_tsao.py",
     "experiments/papers/contouring_schemes": "experiments/papers/test_contouring_schemes.py",

@@ -1,0 +1,1 @@
+"""Scripts of one page, one idea each: copy one and change it."""

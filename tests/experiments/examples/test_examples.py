@@ -1,0 +1,146 @@
+"""The examples run, fit on a page, and print numbers that something else confirms."""
+
+import runpy
+from pathlib import Path
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.metrics import score
+
+FOLDER = Path(__file__).parents[3] / "experiments" / "examples"
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem != "__init__")
+LONGEST = 60  # lines of a page
+
+
+@pytest.fixture
+def run(capsys):
+    """Name of a script -> (its variables, what it printed)."""
+
+    def of(name):
+        variables = runpy.run_path(str(FOLDER / f"{name}.py"))
+        return variables, capsys.readouterr().out
+
+    return of
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_fits_on_a_page_and_is_listed(name):
+    assert len((FOLDER / f"{name}.py").read_text().splitlines()) <= LONGEST
+    assert f"[`{name}.py`]({name}.py)" in (FOLDER / "README.md").read_text()
+
+
+def test_every_script_is_tested():
+    text = Path(__file__).read_text()
+    assert [name for name in SCRIPTS if f'run("{name}")' not in text] == []
+
+
+def test_own_plant(run):
+    """A velocity loop with an integral follows a ramp: the lag is feed over position gain."""
+    found, printed = run("own_plant")
+    assert found["lags"]["line"] == pytest.approx(0.1 / 40, rel=1e-3)
+    assert 0 < found["errors"]["circle"] < 0.02 / 10
+    assert "2.50 mm behind" in printed
+
+
+def test_own_controller(run):
+    """The tuned weights lie in a valley: no weight moved by 3 % is better and within the limit."""
+    found, printed = run("own_controller")
+    assert found["tuned"].feasible and "to" in printed
+    assert found["worst_after"] < 0.7 * found["worst_before"]
+    metrics = eqx.filter_jit(found["problem"].metrics)
+    for name in ("gain", "feedforward"):
+        for factor in (0.97, 1.03):
+            weights = dict(found["tuned"].weights)
+            weights[name] = weights[name] * factor
+            moved = metrics(weights)
+            worse = moved.rms_contour_error.max() > found["worst_after"] * (1 - 1e-3)
+            assert worse or moved.rms_increment.max() > 0.5
+
+
+def test_gradient(run):
+    """Each slope is that of central differences."""
+    found, printed = run("gradient")
+    step = 1e-4
+    for k in range(3):
+        moved = np.zeros(3)
+        moved[k] = step
+        ahead, behind = (found["contour_error"](jnp.asarray(sign * moved))[0] for sign in (1, -1))
+        assert float(found["slope"][k]) == pytest.approx(float(ahead - behind) / (2 * step), 1e-5)
+    assert f"{1e6 * float(found['error']):.3f} um" in printed
+
+
+def test_family(run):
+    """The nominal and the worst machine, each simulated by itself."""
+    found, _ = run("family")
+    reference = found["runs"][0]
+    for k in (found["nominal"], found["worst"]):
+        alone = score(simulate(found["members"][k], found["controller"], reference), reference)
+        together = float(found["errors"][0, k])
+        assert float(alone.rms_contour_error) == pytest.approx(together, rel=1e-9)
+    assert found["errors"][0, found["worst"]] > found["errors"][0, found["nominal"]]
+
+
+def test_weight_sweep(run):
+    """The best design, built and simulated by itself."""
+    found, printed = run("weight_sweep")
+    best, reference = found["best"], found["reference"]
+    weights = type(found["designs"])(found["alphas"][best // 3], found["betas"][best % 3], 2e-9)
+    rollout = simulate(found["model"], found["build"](weights), reference)
+    error = 1e6 * float(score(rollout, reference).rms_contour_error)
+    assert error == pytest.approx(float(found["table"].min()), rel=1e-9)
+    assert len(printed.splitlines()) == 6
+
+
+def test_constrained_replay(run):
+    """The limit holds at every sample where the free run breaks it, and it costs accuracy."""
+    found, _ = run("constrained_replay")
+    changes = np.abs(np.diff(np.asarray(found["within"].control), axis=0))
+    assert changes.max() <= 0.5 * found["largest"] * (1 + 1e-9)
+    gap = found["gap"]
+    assert 0 < gap.acting_fraction < 1 and gap.residual < 1e-8
+    assert gap.within.rms_contour_error > gap.without.rms_contour_error
+
+
+def test_identify_motor(run):
+    """Every interval holds the thesis's value, and is narrower than a per cent."""
+    found, _ = run("identify_motor")
+    printed_in_thesis = {"resistance": 12.51, "inductance": 10.7e-3, "back_emf": 52.89}
+    for name, value in printed_in_thesis.items():
+        low, high = found["estimate"].interval(name)
+        assert low < value < high and high - low < 0.01 * value, name
+    assert found["force_constant"] == pytest.approx(79.33, rel=2e-3)
+
+
+def test_observer_stack(run):
+    """The estimated load is the one that acts; without it the error is several times as large."""
+    found, _ = run("observer_stack")
+    np.testing.assert_allclose(found["found"], [0.2, -0.1], atol=0.005)
+    assert found["errors"]["Kalman filter"] > 2 * found["errors"]["with load"]
+
+
+def test_gantry_ring(run):
+    """The twist is that of joints which bear the head's acceleration at its arm."""
+    found, _ = run("gantry_ring")
+    p, (speed, radius) = found["parameters"], (0.3, 0.05)
+    static = p.head_mass * 0.6 * (speed**2 / radius) / (2 * p.joint_stiffness)
+    assert found["twist"] == pytest.approx(float(static), rel=0.5)
+    assert 0 < found["error"] < 1e-3
+
+
+def test_gcode_part(run):
+    """Length and time of a slot by hand: the arcs are passed at sqrt(a r)."""
+    found, _ = run("gcode_part")
+    line, radius, feed, acceleration = 10e-3, 2e-3, 0.05, 1.0
+    assert found["length"] == pytest.approx(2 * line + 2 * np.pi * radius, rel=1e-9)
+    slow = np.sqrt(acceleration * radius)
+    change = (feed - slow) / acceleration
+    way = (feed**2 - slow**2) / (2 * acceleration)
+    first = feed / acceleration + change + (line - feed**2 / (2 * acceleration) - way) / feed
+    second = 2 * change + (line - 2 * way) / feed
+    arcs = 2 * np.pi * radius / slow
+    stop = slow / (2 * acceleration)  # the last millimetre takes that much longer
+    assert found["duration"] == pytest.approx(first + second + arcs + stop, abs=4e-3)
