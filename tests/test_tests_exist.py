@@ -43,6 +43,10 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/checkpoints.py": "experiments/runs/test_tuning.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",
     "experiments/files/netcdf.py": "experiments/runs/test_tuning.py",
+    "experiments/files/run_metrics.py": "experiments/test_cli.py",
+    "experiments/files/simulated_result.py": "experiments/test_cli.py",
+    "experiments/files/tuned_result.py": "experiments/test_cli.py",
+    "experiments/runs/lifecycle.py": "experiments/test_cli.py",
     # what the commands drive, through the catalogue
     "experiments/benchmarks/gantry.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_lq.py",

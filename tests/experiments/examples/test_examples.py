@@ -123,11 +123,13 @@ def test_observer_stack(run):
 
 
 def test_gantry_ring(run):
-    """The twist is that of joints which bear the head's acceleration at its arm."""
+    """The twist is that of joints which bear the head's acceleration at its arm, and a little more."""
     found, _ = run("gantry_ring")
-    p, (speed, radius) = found["parameters"], (0.3, 0.05)
-    static = p.head_mass * 0.6 * (speed**2 / radius) / (2 * p.joint_stiffness)
-    assert found["twist"] == pytest.approx(float(static), rel=0.5)
+    parameters, position = found["parameters"], np.asarray(found["reference"].position)
+    acceleration = np.diff(position[:, 1], 2) / found["dt"] ** 2
+    torque = float(parameters.head_mass) * np.abs(position[1:-1, 0] * acceleration).max()
+    static = torque / (2 * float(parameters.joint_stiffness))
+    assert static < found["twist"] < 1.5 * static
     assert 0 < found["error"] < 1e-3
 
 
