@@ -3,7 +3,7 @@
 from experiments.catalogue.entries import Entry
 from experiments.machines.flexible_axis import biaxial_axes
 from experiments.machines.gantry import guide_ways
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.bridgeport import exact_bridgeport
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.gantry.back_to_back_motors import servo_bench
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
@@ -15,21 +15,23 @@ from jcontour.plants.wrappers.encoders import Encoders, Quantised
 
 
 def _late(samples: int):
-    return Delayed(bridgeport(), samples, 2, 2)
+    return Delayed(exact_bridgeport(), samples, 2, 2)
 
 
 PLANTS = {
     "bridgeport": Entry(
-        bridgeport, "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)", stable=False
+        exact_bridgeport,
+        "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)",
+        stable=False,
     ),
     "bridgeport-encoders": Entry(
-        lambda: Encoders(bridgeport()), "the same, only its positions measured", stable=False
+        lambda: Encoders(exact_bridgeport()), "the same, only its positions measured", stable=False
     ),
     "bridgeport-late": Entry(
         lambda: _late(1), "the same under one sample of unmodelled delay", stable=False
     ),
     "bridgeport-quantised": Entry(
-        lambda: Quantised(Encoders(bridgeport()), 0.8e-6),
+        lambda: Quantised(Encoders(exact_bridgeport()), 0.8e-6),
         "the same with encoder counts of 0.8 um",
         smooth=False,
         stable=False,

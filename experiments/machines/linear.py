@@ -9,7 +9,7 @@ import numpy as np
 from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
 from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
-from jcontour.plants.bridgeport import ENCODER_RESOLUTION, bridgeport
+from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
 
@@ -127,10 +127,10 @@ class LinearMachine(Machine):
 
 
 def bridgeport_machine() -> LinearMachine:
-    """The paper's X-Y table; it states no limits, and of its uncertainty only that models are never exact."""
+    """The paper's X-Y table, its integrators exact; no limits and no uncertainty are stated there."""
     return LinearMachine(
         "bridgeport",
-        bridgeport(),
+        exact_bridgeport(),
         ("X", "Y"),
         "control unit",
         MachineLimits(),

@@ -1,6 +1,6 @@
 """Machines, one a file, and what stands between a controller and an ideal machine."""
 
-from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.bridgeport import bridgeport, exact_bridgeport
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
@@ -37,6 +37,7 @@ __all__ = [
     "SmoothFrictionGantry",
     "StickSlipGantry",
     "bridgeport",
+    "exact_bridgeport",
     "euler_model",
     "servo_bench",
     "thesis_axis",

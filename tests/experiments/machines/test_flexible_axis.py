@@ -81,7 +81,7 @@ def test_a_file_is_the_built_in_machine(machine, tmp_path):
     np.testing.assert_array_equal(
         found.true_family()[2].plant.plant.parameters.stiffness, [1.2 * 2908.0]
     )
-    fields = json.loads((MACHINE_FILES / "thesis-axis.json").read_text())
+    fields = json.loads(THESIS_AXIS.read_text())
     path = tmp_path / "mine.json"
     path.write_text(json.dumps({**fields, "current_limit": 3.0, "name": "mine"}))
     mine = machine_named(str(path))
