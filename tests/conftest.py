@@ -1,4 +1,4 @@
-"""Shared by all tests: warnings are errors, a CPU is two devices, and the machines that many tests drive."""
+"""Shared by all tests: strict settings, two devices on a CPU, machines that many tests drive."""
 
 import os
 from functools import cache
@@ -11,6 +11,12 @@ import pytest
 from jcontour.linear.plant import LinearPlant
 
 CACHE_FOLDER = "JAX_COMPILATION_CACHE_DIR"
+IGNORED_WARNINGS = (
+    ":DeprecationWarning:tyro",
+    ".*os.fork.*:RuntimeWarning",  # commands in processes of their own
+    ":ResourceWarning",
+    "The Pallas Triton backend is deprecated",  # the other one has no float64
+)
 
 
 def pytest_configure(config):
@@ -20,14 +26,8 @@ def pytest_configure(config):
     hypothesis.settings.register_profile("untimed", deadline=None)
     hypothesis.settings.load_profile("untimed")
     config.addinivalue_line("filterwarnings", "error")
-    config.addinivalue_line("filterwarnings", "ignore::DeprecationWarning:tyro")
-    config.addinivalue_line(
-        "filterwarnings", "ignore:.*os.fork.*:RuntimeWarning"
-    )  # subprocess of the command-line tests
-    config.addinivalue_line("filterwarnings", "ignore::ResourceWarning")
-    config.addinivalue_line(
-        "filterwarnings", "ignore:The Pallas Triton backend is deprecated"
-    )  # the other one has no float64
+    for ignored in IGNORED_WARNINGS:
+        config.addinivalue_line("filterwarnings", f"ignore:{ignored}")
 
 
 def _keep_compiled_programs(config):
@@ -75,7 +75,7 @@ def two_axes():
 
 @cache
 def _closed_loop(name: str):
-    """Nominal smooth plant and the true one, controller with its own start weights, short references in motion, of a catalogued name."""
+    """Smooth and true nominal plant, controller and references of a name in the catalogue."""
     from experiments.catalogue.choices import design_for
     from experiments.catalogue.controllers import CONTROLLERS
     from experiments.catalogue.machines import MACHINES
@@ -102,5 +102,8 @@ def _closed_loop(name: str):
 
 @pytest.fixture(scope="session")
 def closed_loop():
-    """Name of a controller in the catalogue -> ((smooth plant, true plant), controller, steps -> reference)."""
+    """Name of a controller -> ((smooth plant, true plant), controller, steps -> reference).
+
+    The controller has its start weights; the reference is short and in motion.
+    """
     return _closed_loop

@@ -1,4 +1,4 @@
-"""Who imports whom: jcontour <- tuning <- experiments, floor by floor, and which third parties each may use."""
+"""Who imports whom, floor by floor: jcontour <- tuning <- experiments; third parties of each."""
 
 import ast
 import sys
@@ -51,11 +51,13 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
 
 
 def floor_of(name):
-    """(package, height) of a module, 0 at the bottom; None for the front doors and what has no floors."""
+    """(package, height) of a module, 0 on top and negative below; None for the front doors."""
     package, _, rest = name.partition(".")
     room = rest.split(".")[0]
-    floors = FLOORS.get(package, ())
-    return next(((package, -height) for height, rooms in enumerate(floors) if room in rooms), None)
+    for depth, rooms in enumerate(FLOORS.get(package, ())):
+        if room in rooms:
+            return package, -depth
+    return None
 
 
 def module_name(path):
@@ -71,7 +73,10 @@ MODULES = {
 
 
 def imported_names(path):
-    """Modules named in import statements anywhere in the file, functions included; `from a import b` gives a.b where that is a module."""
+    """Modules in the import statements of a file, those inside functions included.
+
+    `from a import b` gives a.b where that is a module, else a.
+    """
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -85,21 +90,24 @@ def imported_names(path):
 IMPORTS = {name: set(imported_names(path)) for name, path in MODULES.items()}
 
 
+def enclosing(name):
+    """The name itself and the packages around it, without the outermost."""
+    parts = name.split(".")
+    return {".".join(parts[:k]) for k in range(2, len(parts) + 1)}
+
+
 def reached(name):
-    """All modules of this project that a module names, directly or not; the front doors of its own packages do not count."""
-    seen, pending, own = (
-        set(),
-        [name],
-        {name.rsplit(".", k)[0] for k in range(1, name.count(".") + 1)},
-    )
+    """All modules of this project that a module imports, directly or not.
+
+    The front doors of its own packages do not count.
+    """
+    ignored = enclosing(name) - {name} | {name.split(".")[0]}
+    seen, pending = set(), [name]
     while pending:
         for found in IMPORTS.get(pending.pop(), ()):
-            parts = found.split(".")
-            for inner in {
-                ".".join(parts[:k]) for k in range(2, len(parts) + 1)
-            } & MODULES.keys() - seen - own:
-                seen.add(inner)
-                pending.append(inner)
+            new = (enclosing(found) & MODULES.keys()) - seen - ignored
+            seen |= new
+            pending += new
     return seen
 
 
@@ -107,9 +115,9 @@ def reached(name):
 def test_third_parties_and_the_order_of_packages(name):
     package = name.split(".")[0]
     allowed = ALLOWED[package] | BELOW[package] | sys.stdlib_module_names
-    for room, own in ALONE.items():
+    for room, third_parties in ALONE.items():
         if f"{name}.".startswith(f"{room}."):
-            allowed = allowed | own
+            allowed = allowed | third_parties
     unknown = {found.split(".")[0] for found in IMPORTS[name]} - allowed
     assert not unknown, f"{name} imports {unknown}"
 

@@ -1,4 +1,4 @@
-"""Tests mirror the tree: every module of the library, the tuner and the application has a test file."""
+"""Tests mirror the tree: every module of the three packages has a test file."""
 
 from pathlib import Path
 

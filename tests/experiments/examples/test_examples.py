@@ -123,7 +123,7 @@ def test_observer_stack(run):
 
 
 def test_gantry_ring(run):
-    """The twist is that of joints which bear the head's acceleration at its arm, and a little more."""
+    """The joints bear the head's acceleration at its arm; the beam swings a little beyond."""
     found, _ = run("gantry_ring")
     parameters, position = found["parameters"], np.asarray(found["reference"].position)
     acceleration = np.diff(position[:, 1], 2) / found["dt"] ** 2
