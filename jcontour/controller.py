@@ -1,7 +1,7 @@
 """What a controller is to the rest of the library: a plan made from the future, a memory and a step."""
 
 import abc
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,6 +13,22 @@ from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
 Plan = Any  # any pytree of arrays with a leading axis of T steps
+
+
+@runtime_checkable
+class Sampled(Protocol):
+    """A sampled controller, traceable (`Controller`) or on the host (`HostController`)."""
+
+    @property
+    def preview(self) -> int:
+        """Samples of the future that it needs."""
+        ...
+
+    def prepare(self, reference: Reference) -> Plan:
+        """Everything that depends on the future only."""
+
+    def initial_memory(self, reference: Reference) -> Memory:
+        """Memory before the first step."""
 
 
 class Controller(eqx.Module):
@@ -59,7 +75,7 @@ def whole_preview(preview: int) -> int:
     return int(preview)
 
 
-def check_preview(controller: Controller, reference: Reference) -> None:
+def check_preview(controller: Sampled, reference: Reference) -> None:
     """Raise ValueError unless the reference looks as far ahead as the controller does."""
     if reference.preview < controller.preview:
         raise ValueError(

@@ -12,7 +12,7 @@ from jaxtyping import ArrayLike, Bool, Float
 
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, OutputTerminal, Terminal
 from jcontour.controllers.observers.kalman import FilterObserver
-from jcontour.host.loop import Fallback, Run, Stopped, reported_loop
+from jcontour.host.loop import Fallback, HostRun, Stopped, reported_loop
 from jcontour.host.observed import ObservedHost
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
@@ -94,7 +94,7 @@ class Gap(NamedTuple):
     fallbacks: int
     stopped: int | None
     failure: str
-    run: Run
+    run: HostRun
 
 
 def verify(
@@ -128,7 +128,7 @@ def verify(
 
 def _constrained(
     plant: Plant, controller, reference: Reference, fallback
-) -> tuple[Run, Stopped | None]:
+) -> tuple[HostRun, Stopped | None]:
     try:
         return reported_loop(plant, controller, reference, fallback=fallback), None
     except Stopped as stopped:
@@ -139,7 +139,7 @@ def _gap(
     contour: str,
     plant: str,
     without: Metrics,
-    run: Run,
+    run: HostRun,
     stopped: Stopped | None,
     reference: Reference,
     limits: Limits,

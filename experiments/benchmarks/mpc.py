@@ -15,7 +15,6 @@ from jcontour.motion.references import along
 from jcontour.mpc.contouring import MPCC, growing_blocks
 from jcontour.plants.xy_table import xy_table
 from jcontour.qp.hildreth import Hildreth
-from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP, Solver
 
 HORIZONS = (7, 14, 20, 30)
@@ -71,11 +70,10 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
     state = np.asarray(reported_loop(xy_table(period), controller, reference).rollout.state)
     memories, problems = [controller.initial_memory(reference)], []
     for x in state:
-        controller.write_qp(memories[-1], x)
-        problems.append(QP(*(np.array(field) for field in controller.qp)))
+        problems.append(controller.problem(memories[-1], x))
         memories.append(controller.step(memories[-1], None, x)[0])
     build, _ = _times(
-        [lambda m=m, x=x: controller.write_qp(m, x) for m, x in zip(memories, state, strict=False)]
+        [lambda m=m, x=x: controller.problem(m, x) for m, x in zip(memories, state, strict=False)]
     )
     step, step_99 = _times(
         [

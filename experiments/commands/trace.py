@@ -18,10 +18,11 @@ from experiments.reports.png import save_figures
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.held import Held
-from jcontour.host.loop import Run, Stopped, reported_loop
+from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
-from jcontour.mpc.contouring import MPCC, ContouringWeights
+from jcontour.mpc.contouring import MPCC
+from jcontour.mpc.contouring_weights import ContouringWeights
 from jcontour.plant import Plant
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.solvers import solver_named
@@ -159,7 +160,7 @@ def _controller(flags: Trace, setup: Setup, contour: Contour) -> MPCC:
         raise ValueError(f"{flag.replace('_', '-')}:{fault}") from None
 
 
-def _ran(plant: Plant, controller: Held, reference, fallback) -> tuple[Run, str]:
+def _ran(plant: Plant, controller: Held, reference, fallback) -> tuple[HostRun, str]:
     try:
         return reported_loop(plant, controller, reference, fallback=fallback), ""
     except Stopped as stopped:
@@ -167,7 +168,7 @@ def _ran(plant: Plant, controller: Held, reference, fallback) -> tuple[Run, str]
 
 
 def _summary(
-    flags: Trace, setup: Setup, contour: Contour, controller: MPCC, run: Run, failure: str
+    flags: Trace, setup: Setup, contour: Contour, controller: MPCC, run: HostRun, failure: str
 ) -> dict[str, Any]:
     common = {
         "plant": flags.plant,

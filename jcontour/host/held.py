@@ -1,33 +1,42 @@
-"""A controller that is slower than the loop it runs in: it acts at every n-th sample and holds its control in between."""
+"""A controller that is slower than its loop: it acts at every n-th sample and holds in between."""
 
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.host.loop import HostController, StepReport
+from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 
 
 class HeldMemory(NamedTuple):
-    """Memory of the controller inside, its last control, and the samples since that began to act."""
+    """State of a held controller.
+
+    Attributes:
+        inner: memory of the wrapped controller.
+        control: its last control.
+        age: samples for which that has acted.
+        report: of the step that found it.
+    """
 
     inner: Any
     control: Float[np.ndarray, " p"]
     age: int
+    report: StepReport
 
 
 class Held(HostController):
     """`controller`, made for the sample period n dt, in a loop of the sample period dt.
 
-    It is given every n-th sample of the reference, so that machine and errors can be looked at
-    between its samples.
+    It is given every n-th sample of the reference. Machine and errors can then be looked at
+    between its samples. A sample in between repeats the report of the step before it.
 
     Args:
         controller: on the host.
         every: n.
-        inputs: how many controls there are, p.
+        inputs: number of controls p.
 
     Raises:
         ValueError: `every` is not a whole number of at least one.
@@ -42,45 +51,66 @@ class Held(HostController):
         self.preview = controller.preview * self.every
 
     def prepare(self, reference: Reference) -> Any:
-        """The plan of the controller inside, each row for n samples."""
+        """Plan of the wrapped controller, each row for n samples."""
         plan = self.controller.prepare(thinned(reference, self.every))
-        return jax.tree.map(
-            lambda rows: np.repeat(np.asarray(rows), self.every, axis=0)[: reference.steps], plan
-        )
+
+        def repeated(rows):
+            return np.repeat(np.asarray(rows), self.every, axis=0)[: reference.steps]
+
+        return jax.tree.map(repeated, plan)
 
     def initial_memory(self, reference: Reference) -> HeldMemory:
-        """That of the controller inside, which acts in the first sample."""
-        return HeldMemory(
-            self.controller.initial_memory(thinned(reference, self.every)), np.zeros(self.inputs), 0
-        )
+        """Memory of the wrapped controller, which acts in the first sample."""
+        inner = self.controller.initial_memory(thinned(reference, self.every))
+        return HeldMemory(inner, np.zeros(self.inputs), 0, StepReport())
 
-    def step(
-        self, memory: HeldMemory, plan, measurement
-    ) -> tuple[HeldMemory, Float[np.ndarray, " p"]]:
+    def step(self, memory: HeldMemory, plan: Any, measurement: Any) -> Stepped:
         """The controller's own step at every n-th sample, its last control otherwise."""
-        inner, control = memory.inner, memory.control
-        if memory.age == 0:
-            inner, control = self.controller.step(inner, plan, measurement)
-        return HeldMemory(inner, control, (memory.age + 1) % self.every), control
+        if memory.age > 0:
+            older = memory._replace(age=(memory.age + 1) % self.every)
+            return older, memory.control, memory.report
+        return self._begun(self.controller.step(memory.inner, plan, measurement))
+
+    def soft_step(self, memory: HeldMemory, plan: Any, measurement: Any) -> Stepped | None:
+        """The controller's own softened step; None where it has none."""
+        answer = self.controller.soft_step(memory.inner, plan, measurement)
+        return None if answer is None else self._begun(answer)
+
+    def held(
+        self, memory: HeldMemory, measurement: Any, control: Float[np.ndarray, " p"]
+    ) -> HeldMemory:
+        """Memory after the fallback: the repeated control is held for n samples too."""
+        inner = self.controller.held(memory.inner, measurement, control)
+        return HeldMemory(inner, control, 1 % self.every, StepReport())
 
     def finished(self, memory: HeldMemory) -> bool:
-        """Where the controller inside is, between its samples only."""
+        """Whether the wrapped controller has finished, asked at its own samples only."""
         return memory.age == 0 and self.controller.finished(memory.inner)
 
-    def report(self) -> StepReport:
-        """Of the step made last."""
-        return self.controller.report()
+    def _begun(self, answer: Stepped) -> Stepped:
+        inner, control, report = answer
+        return HeldMemory(inner, control, 1 % self.every, report), control, report
 
 
 def thinned(reference: Reference, every: int) -> Reference:
-    """Every n-th sample of a reference, at n times its sample period; a last step that is cut off counts as a step."""
+    """Every n-th sample of a reference, at n times its sample period.
+
+    A last step that is cut off counts as a step.
+    """
     steps = -(-reference.steps // every)
     samples = steps + reference.preview // every
     index = np.minimum(every * np.arange(samples), len(reference.position) - 1)
-    rows = [
-        np.asarray(values)[index]
+    position, tangent, arc, mask = (
+        jnp.asarray(np.asarray(values)[index])
         for values in (reference.position, reference.tangent, reference.arc, reference.mask)
-    ]
+    )
     return Reference(
-        *rows, reference.start_increment * every, reference.contour, reference.dt * every, steps
-    )  # type: ignore
+        position,
+        tangent,
+        arc,
+        mask,
+        reference.start_increment * every,
+        reference.contour,
+        reference.dt * every,
+        steps,
+    )

@@ -6,7 +6,6 @@ The same loop as `simulate` and the same `Rollout`; it drives traceable controll
 compiled call a step.
 """
 
-import abc
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
@@ -19,28 +18,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.controller import Controller
+from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
 from jcontour.qp.problem import Unsolved
 from jcontour.simulation.closed_loop import Rollout, check_run, prepared, start_state
 
 Fallback = Literal["hold", "soft"]
-
-
-class StepReport(NamedTuple):
-    """What a controller tells of the step it has just made.
-
-    Attributes:
-        active: how many limits were active.
-        residual: the largest scaled KKT residual of the QP.
-        iterations: of the solver.
-        slack: the largest violation of a soft limit, in that limit's unit.
-    """
-
-    active: int = 0
-    residual: float = 0.0
-    iterations: int = 0
-    slack: float = 0.0
+FALLBACKS = (None, "hold", "soft")
 
 
 class LoopReport(NamedTuple):
@@ -54,7 +39,7 @@ class LoopReport(NamedTuple):
 
     @property
     def fallbacks(self) -> int:
-        """How many steps were the fallback's."""
+        """Number of steps that the fallback made."""
         return int(self.fallback.sum())
 
     @property
@@ -68,51 +53,11 @@ class LoopReport(NamedTuple):
         return float(self.residual.max(initial=0.0))
 
 
-class Run(NamedTuple):
-    """A run on the host and what its controller told of it."""
+class HostRun(NamedTuple):
+    """A run on the host and the report of its steps."""
 
     rollout: Rollout
     report: LoopReport
-
-
-class HostController(abc.ABC):
-    """A sampled controller in plain Python: measurements, plans, memories and controls are NumPy arrays, or pytrees of them."""
-
-    preview: int
-
-    @abc.abstractmethod
-    def prepare(self, reference: Reference) -> Any:
-        """Everything that depends on the future only: a pytree of NumPy arrays with a leading axis of T steps, or None."""
-
-    @abc.abstractmethod
-    def initial_memory(self, reference: Reference) -> Any:
-        """Memory before the first step: a pytree of NumPy arrays and numbers whose shapes never change; each step makes a new one."""
-
-    @abc.abstractmethod
-    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[np.ndarray, " p"]]:
-        """Next memory and the control, from one row of the plan and what the sensors give now.
-
-        Raises:
-            Unsolved: the QP of this step has no answer.
-        """
-
-    def soft_step(
-        self, memory: Any, plan: Any, measurement: Any
-    ) -> tuple[Any, Float[np.ndarray, " p"]] | None:
-        """The step again with softened limits, for the fallback "soft"; None where the controller has no such thing."""
-        return None
-
-    def held(self, memory: Any, measurement: Any, control: Float[np.ndarray, " p"]) -> Any:
-        """Memory after a step in which the fallback repeated the last control."""
-        return memory
-
-    def finished(self, memory: Any) -> bool:
-        """Whether the run is over: for controllers that choose their own speed."""
-        return False
-
-    def report(self) -> StepReport:
-        """Of the step made last."""
-        return StepReport()
 
 
 class Stopped(RuntimeError):
@@ -125,7 +70,7 @@ class Stopped(RuntimeError):
         cause: the `Unsolved`.
     """
 
-    def __init__(self, step: int, run: Run, cause: Unsolved):
+    def __init__(self, step: int, run: HostRun, cause: Unsolved):
         self.step, self.run, self.cause = step, run, cause
         super().__init__(str(cause))
 
@@ -148,10 +93,11 @@ def loop(
         ValueError, Stopped: as `reported_loop`.
     """
     run = reported_loop(plant, controller, reference, state, fallback)
-    if run.report.fallbacks:
-        first = int(np.argmax(run.report.fallback))
+    acted = run.report.fallback
+    if acted.any():
         warnings.warn(
-            f"fallback {fallback!r} acted in {run.report.fallbacks} of {run.report.fallback.size} steps, first in step {first}",
+            f"fallback {fallback!r} acted in {acted.sum()} of {acted.size} steps, "
+            f"first in step {np.argmax(acted)}",
             stacklevel=2,
         )
     return run.rollout
@@ -163,8 +109,8 @@ def reported_loop(
     reference: Reference,
     state: State | None = None,
     fallback: Fallback | None = None,
-) -> Run:
-    """Run `controller` on `plant` along `reference`, for its T steps or until the controller has finished.
+) -> HostRun:
+    """Run `controller` on `plant` along `reference`, for T steps or until it has finished.
 
     Args:
         plant: any.
@@ -178,9 +124,10 @@ def reported_loop(
         ValueError: preview or sample period do not fit, or there is no such fallback.
         Stopped: a step had no answer and no fallback.
     """
-    if fallback not in (None, "hold", "soft"):
+    if fallback not in FALLBACKS:
         raise ValueError(f"fallback: there are hold and soft, received {fallback!r}")
-    check_run(plant, controller, reference)  # type: ignore  # reads `preview` alone
+    check_run(plant, controller, reference)
+    state = start_state(plant, reference) if state is None else state
     if isinstance(controller, Controller):
         return _traced(plant, controller, reference, state)
     return _hosted(plant, controller, reference, state, fallback)
@@ -190,39 +137,55 @@ class _Rows:
     """The rows of a rollout and of its report while they come in."""
 
     def __init__(self):
-        self.rows, self.reports, self.fallback = [], [], []
+        self.signals: list[tuple] = []
+        self.reports: list[StepReport] = []
+        self.fallback: list[bool] = []
 
-    def add(self, state, output, measurement, control, memory, report, fallback):
-        self.rows.append((state, output, measurement, control, memory))
+    def add(self, signals: tuple, report: StepReport, fallback: bool) -> None:
+        """One step: (state, output, measurement, control, memory), its report, who made it."""
+        self.signals.append(signals)
         self.reports.append(report)
         self.fallback.append(fallback)
 
-    def run(self, state, memory) -> Run:
+    def run(self, state: Any, memory: Any) -> HostRun:
         """Everything up to here; an empty run has no rows to stack, its signals are None."""
-        columns = [_stacked([row[i] for row in self.rows]) for i in range(5)]
-        told = [np.array(column) for column in zip(*self.reports, strict=True)] or [np.zeros(0)] * 4
-        return Run(
-            Rollout(*columns, state, memory), LoopReport(*told, np.array(self.fallback, bool))
+        columns = [_stacked([row[i] for row in self.signals]) for i in range(5)]
+        reports = StepReport(*zip(*self.reports, strict=True)) if self.reports else ([],) * 4
+        active, residual, iterations, slack = reports
+        report = LoopReport(
+            np.array(active, int),
+            np.array(residual, float),
+            np.array(iterations, int),
+            np.array(slack, float),
+            np.array(self.fallback, bool),
         )
+        return HostRun(Rollout(*columns, state, memory), report)
 
 
-def _traced(plant: Plant, controller: Controller, reference: Reference, state) -> Run:
+def _traced(plant: Plant, controller: Controller, reference: Reference, state: State) -> HostRun:
     """One compiled call a step: measure, control, advance."""
-    state = start_state(plant, reference) if state is None else state
-    memory, plan = controller.initial_memory(reference), _Plan(prepared(controller, reference))
+    memory = controller.initial_memory(reference)
+    plan = _Plan(prepared(controller, reference))
     numbers, step = _with_numbers(_whole_step, (plant, controller))
     rows = _Rows()
     for k in range(reference.steps):
-        before = state, memory
-        state, memory, output, measurement, control = step(numbers, *before, plan.row(k))
-        rows.add(before[0], output, measurement, control, before[1], StepReport(), False)
+        after = step(numbers, state, memory, plan.row(k))
+        next_state, next_memory, output, measurement, control = after
+        rows.add((state, output, measurement, control, memory), StepReport(), False)
+        state, memory = next_state, next_memory
     return rows.run(state, memory)
 
 
-def _hosted(plant: Plant, controller: HostController, reference: Reference, state, fallback) -> Run:
+def _hosted(
+    plant: Plant,
+    controller: HostController,
+    reference: Reference,
+    state: State,
+    fallback: Fallback | None,
+) -> HostRun:
     """One compiled call a step: advance, and see; the controller in between is the host's."""
-    state = start_state(plant, reference) if state is None else state
-    memory, plan = controller.initial_memory(reference), _Plan(controller.prepare(reference))
+    memory = controller.initial_memory(reference)
+    plan = _Plan(controller.prepare(reference))
     numbers, see = _with_numbers(_seen, (plant,))
     _, advance = _with_numbers(_advanced, (plant,))
     output, measurement = see(numbers, state)
@@ -230,23 +193,32 @@ def _hosted(plant: Plant, controller: HostController, reference: Reference, stat
     for k in range(reference.steps):
         if controller.finished(memory):
             break
-        sensed, fell_back = jax.tree.map(np.asarray, measurement), False
+        sensed = jax.tree.map(np.asarray, measurement)
+        failure = None
         try:
-            next_memory, control = controller.step(memory, plan.row(k), sensed)
+            answer = controller.step(memory, plan.row(k), sensed)
         except Unsolved as cause:
-            cause.step = k
+            cause.step, failure = k, cause
             answer = _fallen_back(fallback, controller, memory, plan.row(k), sensed, control)
-            if answer is None:
-                raise Stopped(k, rows.run(state, memory), cause) from cause
-            (next_memory, control), fell_back = answer, True
-        rows.add(state, output, measurement, control, memory, controller.report(), fell_back)
+        if answer is None:
+            assert failure is not None
+            raise Stopped(k, rows.run(state, memory), failure) from failure
+        next_memory, control, report = answer
+        rows.add((state, output, measurement, control, memory), report, failure is not None)
         state, output, measurement = advance(numbers, state, control)
         memory = next_memory
     return rows.run(state, memory)
 
 
-def _fallen_back(fallback, controller: HostController, memory, plan, measurement, control):
-    """(memory, control) of the fallback, None when there is none (nothing to hold before the first control)."""
+def _fallen_back(
+    fallback: Fallback | None,
+    controller: HostController,
+    memory: Any,
+    plan: Any,
+    measurement: Any,
+    control: Float[np.ndarray, " p"] | None,
+) -> Stepped | None:
+    """Answer of the fallback; None without one, or with nothing to hold yet."""
     if fallback == "soft":
         try:
             answer = controller.soft_step(memory, plan, measurement)
@@ -256,17 +228,17 @@ def _fallen_back(fallback, controller: HostController, memory, plan, measurement
             return answer
     if fallback is None or control is None:
         return None
-    return controller.held(memory, measurement, control), control
+    return controller.held(memory, measurement, control), control, StepReport()
 
 
 class _Plan:
     """Rows of a plan, cheaper to reach than by mapping over its tree."""
 
-    def __init__(self, plan):
+    def __init__(self, plan: Any):
         leaves, self._tree = jax.tree.flatten(plan)
         self._leaves = [np.asarray(leaf) for leaf in leaves]
 
-    def row(self, k: int):
+    def row(self, k: int) -> Any:
         return self._tree.unflatten([leaf[k] for leaf in self._leaves])
 
 
@@ -286,27 +258,30 @@ def _advanced(plant: Plant, state, control):
 
 
 def _with_numbers(function: Callable, modules: tuple) -> tuple[list, Callable]:
-    """The modules' numbers, and the function of (numbers, ...) compiled once for all modules of the same structure."""
+    """The modules' numbers, and the function of (numbers, ...) that they are given to.
+
+    It is compiled once for all modules of the same structure.
+    """
     arrays, static = eqx.partition(modules, eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
     return leaves, _compiled(function, tree, static)
 
 
 @lru_cache(maxsize=64)
-def _compiled(function: Callable, tree, static) -> Callable:
+def _compiled(function: Callable, tree: Any, static: Any) -> Callable:
     @jax.jit
     def call(leaves, *arguments):
-        return function(*eqx.combine(jax.tree.unflatten(tree, leaves), static), *arguments)
+        modules = eqx.combine(jax.tree.unflatten(tree, leaves), static)
+        return function(*modules, *arguments)
 
     return call
 
 
-def _stacked(rows: list):
+def _stacked(rows: list) -> Any:
     """Pytrees stacked on a new leading axis; None when there are none."""
     if not rows:
         return None
     tree = jax.tree.structure(rows[0])
     columns = zip(*(jax.tree.leaves(row) for row in rows), strict=True)
-    return tree.unflatten(
-        [jnp.asarray(np.stack([np.asarray(value) for value in column])) for column in columns]
-    )
+    stacked = [np.stack([np.asarray(value) for value in column]) for column in columns]
+    return tree.unflatten([jnp.asarray(column) for column in stacked])

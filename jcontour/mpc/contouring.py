@@ -1,93 +1,33 @@
-"""Model predictive contouring control (Lam, Manzie & Good): the controller chooses the speed along the path itself.
+"""Model predictive contouring control (Lam, Manzie & Good): it chooses the speed along the path.
 
     theta(k+1) = theta(k) + v(k),   0 <= v <= v_max,   -L <= theta <= 0                        (9)
-The tool follows the path at the parameter theta; contour error and lag behind theta, both
+The tool follows the path at the parameter theta. Contour error and lag behind theta, both
 linearised along the plan of one sample before, progress and changes of control and speed share one
 QP (16), see `contouring_qp`. The model is in velocity form with a unit input delay (6): u(k), found
 at k, acts during [k+1, k+2), and no constant disturbance leaves an offset.
+
+A sample has three functions, which `step` calls one after the other: `problem` builds the QP, the
+solver solves it, `applied` makes of the answer the control and the next memory.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import ArrayLike, Float, Int
 
 from jcontour.geometry.contour import Contour
-from jcontour.host.loop import HostController, StepReport
+from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.mpc.compiled_path import path_of
-from jcontour.mpc.contouring_qp import condensed, write_step
-from jcontour.qp.problem import QP, check_limits, check_weight
+from jcontour.mpc.contouring_qp import Sample, contouring_constants, write_step
+from jcontour.mpc.contouring_weights import ContouringWeights
+from jcontour.qp.problem import QP, Solution, check_limits
 from jcontour.qp.solvers import DAQP, Solver
 
 ARRIVAL = 1e-5  # [m] how near its end the tool has to come before the run is over
 AT_END = 1e-9  # of the path's length: theta is at the end but for rounding
-
-
-@dataclass(frozen=True)
-class ContouringWeights:
-    """Weights of (12), in the unit of length and for the sample period for which they are stated; the defaults are the paper's.
-
-    At another sample period the same integrals over time are weighed: nothing needs to be restated.
-
-    Attributes:
-        contour_error: q_c, per length_unit^2.
-        lag: q_l, per length_unit^2.
-        progress: q_theta, per length_unit; more of it is faster and less accurate.
-        control_change: R_x, R_y: one number, one for each input, or a matrix (p, p); per A^2.
-        speed_change: R_v, per (length_unit per period)^2.
-        length_unit: [m]; the QP is solved in it.
-        period: [s].
-
-    Raises:
-        ValueError: a weight is negative or not finite, the changes' are zero, or unit or period is
-            not above zero.
-    """
-
-    contour_error: float = 100.0
-    lag: float = 200.0
-    progress: float = 0.3  # the middle of the paper's range 0.03 .. 5
-    control_change: Any = 60.0
-    speed_change: float = 200.0
-    length_unit: float = 1e-3
-    period: float = 4e-3
-
-    def __post_init__(self):
-        for name in ("contour_error", "lag", "progress"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(
-                    f"{name}: needs to be finite and at least zero, received {getattr(self, name)}"
-                )
-        for name in ("speed_change", "length_unit", "period"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise ValueError(
-                    f"{name}: needs to be finite and above zero, received {getattr(self, name)}"
-                )
-
-    def control_matrix(self, inputs: int) -> Float[np.ndarray, "p p"]:
-        """R_u as a matrix.
-
-        Raises:
-            ValueError: it has another shape, or is not symmetric and positive definite.
-        """
-        R = np.asarray(self.control_change, float)
-        if R.ndim < 2:
-            if R.size not in (1, inputs):
-                raise ValueError(
-                    f"control_change: needs one number or one for each of {inputs} inputs, received shape {R.shape}"
-                )
-            R = np.diag(np.broadcast_to(R, (inputs,)))
-        if R.shape != (inputs, inputs):
-            raise ValueError(f"control_change: needs shape {(inputs, inputs)}, received {R.shape}")
-        check_weight("control_change", R)
-        if not np.linalg.eigvalsh(R).min() > 0:
-            raise ValueError(
-                "control_change: needs to be positive definite, received a singular matrix"
-            )
-        return R
 
 
 class Traversal(NamedTuple):
@@ -150,61 +90,33 @@ class MPCC(HostController):
         solver: Solver | None = None,
         arrival: float = ARRIVAL,
     ):
-        self.model, self.contour, self.weights = (
-            model,
-            contour,
-            ContouringWeights() if weights is None else weights,
-        )
-        self.blocks, self.solver, self.arrival = (
-            _blocks(horizon),
-            DAQP() if solver is None else solver,
-            arrival,
-        )
-        w, p, count = self.weights, model.inputs, len(self.blocks)
+        self.model, self.contour, self.arrival = model, contour, arrival
+        self.weights = ContouringWeights() if weights is None else weights
+        self.blocks = _blocks(horizon)
+        self.solver = DAQP() if solver is None else solver
         if contour.axes != model.axes:
             raise ValueError(
-                f"contour: needs as many axes as the model has outputs, {model.axes}, received {contour.axes}"
+                f"contour: needs as many axes as the model has outputs, {model.axes}, "
+                f"received {contour.axes}"
             )
-        for name, value in (("speed_limit", speed_limit), ("arrival", arrival)):
-            if not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        lower, upper = _limit("lower", lower, p), _limit("upper", upper, p)
+        _check_positive("speed_limit", speed_limit)
+        _check_positive("arrival", arrival)
+        lower = _limit("lower", lower, model.inputs)
+        upper = _limit("upper", upper, model.inputs)
         check_limits("lower, upper", lower, upper)
-        self.path = path_of(contour, w.length_unit)
+        self.path = path_of(contour, self.weights.length_unit)
         self.length = self.path.length
         self._end = self.path.at(self.length)[0]
-        self._constant = condensed(
-            model,
-            w.length_unit,
-            self.blocks,
-            w.contour_error,
-            w.lag,
-            w.progress,
-            w.control_matrix(p),
-            w.speed_change,
-            w.period,
-        )
-        self._output = np.asarray(model.C) / w.length_unit
-        self._travel = model.dt / w.period  # theta gained in one sample at v = 1
-        self._theta_hat, size, fastest = (
-            np.zeros(count),
-            count * (1 + p),
-            speed_limit * w.period / w.length_unit,
-        )
-        row = np.append(self._constant.share, np.zeros(count * p))[None]
-        self.qp = QP(
-            np.zeros((size, size)),
-            np.zeros(size),
-            row,
-            np.array([-np.inf]),
-            np.zeros(1),
-            np.append(np.zeros(count), np.tile(lower, count)),
-            np.append(np.full(count, fastest), np.tile(upper, count)),
-        )
-        self._solution = None
+        self._constants = contouring_constants(model, self.weights, self.blocks)
+        self._travel = model.dt / self.weights.period  # theta gained in one sample at v = 1
+        count = len(self.blocks)
+        fastest = speed_limit * self.weights.period / self.weights.length_unit
+        self._lower = np.append(np.zeros(count), np.tile(lower, count))
+        self._upper = np.append(np.full(count, fastest), np.tile(upper, count))
+        self._row = np.append(self._constants.share, np.zeros(count * model.inputs))[None]
 
     def prepare(self, reference: Reference) -> None:
-        """Nothing: the path is known at construction, and the speed along it is the controller's own choice."""
+        """Nothing: the path is known at construction, the speed along it the controller's choice."""
         return None
 
     def initial_memory(self, reference: Reference) -> Traversal:
@@ -215,54 +127,59 @@ class MPCC(HostController):
                 reaches or it starts beyond the path, or zero control is outside the limits.
         """
         self._check_run(reference)
-        count, p, n = len(self.blocks), self.model.inputs, self.model.states
+        p, n = self.model.inputs, self.model.states
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
-        return Traversal(
-            np.array(min(theta, 0.0)), np.zeros(count), np.zeros(p), np.zeros(p), np.zeros(n), 0
-        )
+        plan = np.zeros(len(self.blocks))
+        return Traversal(np.array(min(theta, 0.0)), plan, np.zeros(p), np.zeros(p), np.zeros(n), 0)
 
-    def step(
-        self, memory: Traversal, plan, measurement
-    ) -> tuple[Traversal, Float[np.ndarray, " p"]]:
-        """u(k-1), which acts now, and in the memory u(k), which acts one sample later.
+    def problem(
+        self, memory: Traversal, measurement: Float[np.ndarray, " n"], out: QP | None = None
+    ) -> QP:
+        """The QP of a sample, its variables [v, u]; see `contouring_qp`.
 
-        Raises:
-            Unsolved: the QP was not solved.
+        Args:
+            memory: of the sample before.
+            measurement: the state now.
+            out: an earlier QP of this controller whose H, g and upper_rows are written over; new
+                arrays when not given.
         """
-        self.write_qp(memory, measurement)
-        self._solution = solution = self.solver.solve(self.qp)
+        qp = self._blank() if out is None else out
+        state = memory.state if memory.steps else measurement
+        sample = Sample(
+            float(memory.theta), memory.plan, memory.control, memory.before, state, measurement
+        )
+        write_step(self._constants, self.path, sample, qp.H, qp.g, qp.upper_rows)
+        return qp
+
+    def applied(
+        self, solution: Solution, memory: Traversal, measurement: Float[np.ndarray, " n"]
+    ) -> Stepped:
+        """Next memory, u(k-1) and report, from the solved QP of a sample."""
         count, z = len(self.blocks), solution.z
         theta = min(memory.theta + self._travel * max(z[0], 0.0), 0.0)
         control = z[count : count + memory.control.size].copy()
-        return Traversal(
+        following = Traversal(
             np.array(theta),
             z[:count].copy(),
             control,
             memory.control,
             measurement,
             memory.steps + 1,
-        ), memory.control
-
-    def write_qp(self, memory: Traversal, measurement: Float[np.ndarray, " n"]) -> QP:
-        """The QP of a step, in place: the arrays are the same at every step. Variables [v, u], see `contouring_qp`."""
-        write_step(
-            self._constant,
-            self.path,
-            self._output,
-            float(memory.theta),
-            memory.plan,
-            memory.control,
-            memory.before,
-            memory.state if memory.steps else measurement,
-            measurement,
-            self._theta_hat,
-            self.qp.H,
-            self.qp.g,
-            self.qp.upper_rows,
         )
-        return self.qp
+        active = int(np.count_nonzero(solution.multipliers))
+        report = StepReport(active, solution.residual, solution.iterations)
+        return following, memory.control, report
 
-    def held(self, memory: Traversal, measurement, control) -> Traversal:
+    def step(self, memory: Traversal, plan: Any, measurement: Any) -> Stepped:
+        """u(k-1), which acts now, and in the memory u(k), which acts one sample later.
+
+        Raises:
+            Unsolved: the QP was not solved.
+        """
+        solution = self.solver.solve(self.problem(memory, measurement))
+        return self.applied(solution, memory, measurement)
+
+    def held(self, memory: Traversal, measurement: Any, control: Any) -> Traversal:
         """The path parameter stands still for the sample, and the control acts on."""
         return memory._replace(
             control=control,
@@ -273,22 +190,11 @@ class MPCC(HostController):
         )
 
     def finished(self, memory: Traversal) -> bool:
-        """Whether theta is at the end of the path and the tool was there, within `arrival`, one sample ago."""
+        """Whether theta is at the end of the path, and the tool was one sample ago."""
         if memory.theta < -AT_END * self.length or not memory.steps:
             return False
-        return bool(
-            np.linalg.norm(self._output @ memory.state - self._end) * self.weights.length_unit
-            <= self.arrival
-        )
-
-    def report(self) -> StepReport:
-        """Of the step made last."""
-        found = self._solution
-        if found is None:
-            return StepReport()
-        return StepReport(
-            int(np.count_nonzero(found.multipliers)), found.residual, found.iterations
-        )
+        apart = np.linalg.norm(self._constants.output @ memory.state - self._end)
+        return bool(apart * self.weights.length_unit <= self.arrival)
 
     def arc(self, memory: Traversal) -> np.ndarray:
         """Path parameter from the start [m]; of a whole rollout too."""
@@ -298,66 +204,84 @@ class MPCC(HostController):
         """Path speed decided last [m/s]; of a whole rollout too."""
         return np.asarray(memory.plan)[..., 0] * self.weights.length_unit / self.weights.period
 
+    def _blank(self) -> QP:
+        """A QP whose constant limits are set and whose other numbers are to be filled in."""
+        size = self._lower.size
+        return QP(
+            np.empty((size, size)),
+            np.empty(size),
+            self._row,
+            np.array([-np.inf]),
+            np.empty(1),
+            self._lower,
+            self._upper,
+        )
+
     def _check_run(self, reference: Reference) -> None:
-        unit = self.weights.length_unit
-        longer = float(reference.contour.length) / unit - self.length
+        reach = self.length * self.weights.length_unit  # [m]
         if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
             raise ValueError(
-                f"dt: the controller's model is sampled every {self.model.dt} s, the reference every {reference.dt} s"
+                f"dt: the controller's model is sampled every {self.model.dt} s, "
+                f"the reference every {reference.dt} s"
             )
-        if longer > AT_END * self.length:
+        longest = float(reference.contour.length)
+        if longest / self.weights.length_unit - self.length > AT_END * self.length:
             raise ValueError(
-                f"contour: the reference's is {float(reference.contour.length)} m long, theta reaches over {self.length * unit} m"
+                f"contour: the reference's is {longest} m long, theta reaches over {reach} m"
             )
         arc = float(reference.arc[0])
-        if not -AT_END <= arc / (unit * self.length) <= 1 + AT_END:
+        if not -AT_END <= arc / reach <= 1 + AT_END:
             raise ValueError(
-                f"reference: needs to start on the path, between 0 and {self.length * unit} m, received {arc} m"
+                f"reference: needs to start on the path, between 0 and {reach} m, received {arc} m"
             )
         p = self.model.inputs
-        low, high = self.qp.lower[-p:], self.qp.upper[-p:]
-        if not ((low <= 0) & (0 <= high)).all():
+        low, high = self._lower[-p:], self._upper[-p:]
+        if not ((low <= 0) & (high >= 0)).all():
             raise ValueError(
-                f"lower, upper: the run starts with zero control, which needs to be within the limits, received {low} and {high}"
+                "lower, upper: the run starts with zero control, which needs to be within "
+                f"the limits, received {low} and {high}"
             )
 
 
 def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
-    """A horizon of `samples` in `count` blocks, the first of one sample and the others longer and longer: their ends follow a parabola.
+    """A horizon of `samples` in `count` blocks, the first of one sample and the others longer.
+
+    Their ends follow a parabola.
 
     Raises:
         ValueError: count is below two, or there are too few samples for it.
     """
     if not (count >= 2 and samples >= count and samples == int(samples) and count == int(count)):
         raise ValueError(
-            f"count: needs at least two blocks of at least one sample, received {count} blocks of {samples} samples"
+            "count: needs at least two blocks of at least one sample, "
+            f"received {count} blocks of {samples} samples"
         )
     ends = np.round(1 + (samples - 1) * (np.arange(count) / (count - 1)) ** 2)
     ends = np.maximum(ends, np.arange(1, count + 1))
     return tuple(int(length) for length in np.diff(ends, prepend=0))
 
 
-def _blocks(horizon) -> np.ndarray:
+def _blocks(horizon: int | Sequence[int]) -> Int[np.ndarray, " B"]:
     numbers = np.asarray(horizon, float)
-    if (
-        numbers.ndim > 1
-        or not numbers.size
-        or not (
-            np.isfinite(numbers).all()
-            and (numbers == np.round(numbers)).all()
-            and numbers.min() >= 1
-        )
-    ):
+    whole = np.isfinite(numbers).all() and (numbers == np.round(numbers)).all()
+    if numbers.ndim > 1 or not numbers.size or not (whole and numbers.min() >= 1):
         raise ValueError(
-            f"horizon: needs a whole number of samples of at least one, or such lengths of blocks, received {horizon}"
+            "horizon: needs a whole number of samples of at least one, or such lengths of blocks, "
+            f"received {horizon}"
         )
     return np.ones(int(numbers), int) if numbers.ndim == 0 else numbers.astype(int)
 
 
-def _limit(name: str, value, inputs: int) -> Float[np.ndarray, " p"]:
-    value = np.asarray(value, float)
-    if value.shape not in ((), (1,), (inputs,)):
+def _limit(name: str, value: ArrayLike, inputs: int) -> Float[np.ndarray, " p"]:
+    bound = np.asarray(value, float)
+    if bound.shape not in ((), (1,), (inputs,)):
         raise ValueError(
-            f"{name}: needs one number or one for each of {inputs} inputs, received shape {value.shape}"
+            f"{name}: needs one number or one for each of {inputs} inputs, "
+            f"received shape {bound.shape}"
         )
-    return np.broadcast_to(value, (inputs,)).copy()
+    return np.broadcast_to(bound, (inputs,)).copy()
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name}: needs to be finite and above zero, received {value}")

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, Plan, check_preview
+from jcontour.controller import Controller, Plan, Sampled, check_preview
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
 
@@ -79,7 +79,7 @@ def follow(
     return Rollout(*rows, final_state, final_memory)
 
 
-def check_run(plant: Plant, controller: Controller, reference: Reference) -> None:
+def check_run(plant: Plant, controller: Sampled, reference: Reference) -> None:
     """Raise ValueError unless the reference suits the controller and the plant."""
     check_preview(controller, reference)
     if plant.dt != reference.dt:

@@ -8,14 +8,17 @@ from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.held import Held
-from jcontour.host.loop import HostController, Stopped, reported_loop
+from jcontour.host.controller import HostController, HostWrapper
+from jcontour.host.loop import Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring import MPCC, ContouringWeights
+from jcontour.mpc.contouring import MPCC
+from jcontour.mpc.contouring_weights import ContouringWeights
+from jcontour.mpc.forms import VelocityForm
 from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import OffsetFreeMPC, TrackingWeights
+from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plant import Plant
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
 from jcontour.sensors import Sensors
@@ -84,7 +87,8 @@ def tracked(
 ) -> Outcome:
     """MPTC, eq. 18, along a reference that runs at a constant speed from the first sample on."""
     model = with_input_delay(xy_table(PERIOD), 1)
-    tracking = OffsetFreeMPC(model, weights, HORIZON, Limits.within(control=LARGEST_CURRENT))
+    limits = Limits.within(control=LARGEST_CURRENT)
+    tracking = TrackingMPC(model, weights, HORIZON, limits, form=VelocityForm())
     steps = PERIOD / SAMPLE
     return _driven(
         machine,
@@ -123,8 +127,15 @@ def _driven(
     )
 
 
-class OneSampleLate(HostController):
-    """A controller that needs its whole period to answer: u(k) acts from k+1 on, and its model knows.
+class LateMemory(NamedTuple):
+    """Memory of the wrapped controller, and the control on its way to the machine."""
+
+    inner: Any
+    waiting: np.ndarray
+
+
+class OneSampleLate(HostWrapper):
+    """A controller that needs its whole period to answer: u(k) acts from k+1 on.
 
     Args:
         controller: fed [x, u(k-1)], the state of a model with one sample of input delay.
@@ -132,27 +143,20 @@ class OneSampleLate(HostController):
     """
 
     def __init__(self, controller: HostController, model: LinearPlant):
-        self.controller, self.preview, self.inputs = controller, controller.preview, model.inputs
+        super().__init__(controller)
+        self.inputs = model.inputs
 
-    def prepare(self, reference: Reference) -> Any:
-        """That of the controller inside."""
-        return self.controller.prepare(reference)
-
-    def initial_memory(self, reference: Reference) -> tuple[Any, np.ndarray]:
+    def initial_memory(self, reference: Reference) -> LateMemory:
         """Nothing on its way to the machine."""
-        return self.controller.initial_memory(reference), np.zeros(self.inputs)
+        return LateMemory(self.controller.initial_memory(reference), np.zeros(self.inputs))
 
-    def step(
-        self, memory: tuple[Any, np.ndarray], plan: Any, measurement: Any
-    ) -> tuple[tuple[Any, np.ndarray], np.ndarray]:
-        """The control found one sample ago."""
-        inner, waiting = memory
-        inner, control = self.controller.step(inner, plan, np.concatenate([measurement, waiting]))
-        return (inner, control), waiting
+    def enter(self, memory: LateMemory, measurement: Any) -> np.ndarray:
+        """The state, and the control that acts now."""
+        return np.concatenate([measurement, memory.waiting])
 
-    def report(self):
-        """That of the controller inside."""
-        return self.controller.report()
+    def leave(self, memory: LateMemory, fed: Any, inner: Any, control: np.ndarray):
+        """The control found one sample ago acts, the one found now waits."""
+        return LateMemory(inner, control), memory.waiting
 
 
 def row(

@@ -30,6 +30,11 @@ class ObserverMemory(NamedTuple):
     inner: Any
 
 
+def corrected(estimate, measurement, gain, measured):
+    """Estimate that includes the measurement: xf = xh + L (y - C xh), in JAX or in NumPy."""
+    return estimate + gain @ (measurement - measured @ estimate)
+
+
 class _Observer(Wrapper):
     """What both forms share.
 
@@ -73,7 +78,7 @@ class _Observer(Wrapper):
         return ObserverMemory(known, self.controller.initial_memory(reference))
 
     def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:
-        return memory.estimate + self.gain @ (row(measurement) - self._C @ memory.estimate)
+        return corrected(memory.estimate, row(measurement), self.gain, self._C)
 
 
 class FilterObserver(_Observer):

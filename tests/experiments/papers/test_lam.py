@@ -8,7 +8,8 @@ from experiments.papers.lam.experiment import Settings, run
 from experiments.papers.lam.figures import draw
 from experiments.papers.lam.runs import OneSampleLate, lobes, machines, row, traced, tracked
 from experiments.papers.verdicts import Verdict
-from jcontour.host.loop import HostController, loop
+from jcontour.host.controller import HostController, StepReport
+from jcontour.host.loop import loop
 from jcontour.motion.references import along
 from jcontour.plants.xy_table import xy_table
 
@@ -86,7 +87,7 @@ def test_one_sample_late_is_late_by_one_sample():
 
         def step(self, memory, plan, measurement):
             assert measurement.size == 10 and np.all(measurement[8:] == memory)
-            return memory + 1, np.full(2, memory + 1.0)
+            return memory + 1, np.full(2, memory + 1.0), StepReport()
 
     machine = xy_table(4e-3)
     reference = along(lobes(), np.zeros(5), machine.dt, 0, at_rest=True)

@@ -1,32 +1,77 @@
+"""A held controller against itself at its own period."""
+
+from functools import cache
+
 import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.host.controller import HostController, StepReport
 from jcontour.host.held import Held, thinned
 from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along
 from jcontour.mpc.contouring import MPCC
 from jcontour.plants.xy_table import xy_table
+from jcontour.qp.problem import QP, Unsolved
 
-CONTOUR = contours.circle(0.02)
+
+@cache
+def circle():
+    return contours.circle(0.02)
+
+
+def at_rest(steps, dt):
+    return along(circle(), np.zeros(steps), dt, 0, at_rest=True)
 
 
 def test_looking_between_the_samples_changes_nothing():
-    controller = MPCC(xy_table(0.004), CONTOUR)
-    slow = reported_loop(
-        xy_table(0.004), controller, along(CONTOUR, np.zeros(50), 0.004, 0, at_rest=True)
-    ).rollout
-    fast = reported_loop(
-        xy_table(0.001),
-        Held(controller, 4, 2),
-        along(CONTOUR, np.zeros(200), 0.001, 0, at_rest=True),
-    ).rollout
-    np.testing.assert_allclose(fast.output[::4], slow.output, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(fast.control, np.repeat(slow.control, 4, axis=0), rtol=0, atol=1e-9)
+    controller = MPCC(xy_table(0.004), circle())
+    slow = reported_loop(xy_table(0.004), controller, at_rest(50, 0.004))
+    fast = reported_loop(xy_table(0.001), Held(controller, 4, 2), at_rest(200, 0.001))
+    outputs, controls = slow.rollout.output, np.repeat(slow.rollout.control, 4, axis=0)
+    np.testing.assert_allclose(fast.rollout.output[::4], outputs, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fast.rollout.control, controls, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(fast.report.active, np.repeat(slow.report.active, 4))
+
+
+class Counting(HostController):
+    """Its control counts its own steps; the third has no answer."""
+
+    preview = 0
+
+    def __init__(self, soft):
+        self.soft = soft
+
+    def prepare(self, reference):
+        return None
+
+    def initial_memory(self, reference):
+        return 0
+
+    def step(self, memory, plan, measurement):
+        if memory == 2:
+            one = np.ones(1)
+            qp = QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one)
+            raise Unsolved("test", "infeasible", qp)
+        return memory + 1, np.full(2, memory + 1.0), StepReport(active=memory + 1)
+
+    def soft_step(self, memory, plan, measurement):
+        return (memory + 1, np.full(2, 10.0), StepReport(active=7)) if self.soft else None
+
+    def held(self, memory, measurement, control):
+        return memory + 1
+
+
+@pytest.mark.parametrize(("soft", "third"), [(False, 2.0), (True, 10.0)])
+def test_a_fallback_lasts_a_whole_period_of_the_controller(soft, third):
+    table, reference = xy_table(0.001), at_rest(8, 0.001)
+    run = reported_loop(table, Held(Counting(soft), 2, 2), reference, fallback="soft")
+    assert run.rollout.control[:, 0].tolist() == [1, 1, 2, 2, third, third, 4, 4]
+    assert run.report.fallbacks == 1 and run.report.fallback[4]
 
 
 def test_thinned_reference_has_every_nth_sample_and_the_preview():
-    reference = along(CONTOUR, np.linspace(0.0, 0.05, 22), 0.001, 8, at_rest=False)
+    reference = along(circle(), np.linspace(0.0, 0.05, 22), 0.001, 8, at_rest=False)
     thin = thinned(reference, 4)
     assert thin.steps == 6 and thin.preview == 2 and thin.dt == 0.004
     np.testing.assert_array_equal(thin.position[:7], reference.position[::4][:7])
@@ -35,4 +80,4 @@ def test_thinned_reference_has_every_nth_sample_and_the_preview():
 
 def test_every_needs_to_be_a_whole_number():
     with pytest.raises(ValueError, match="every"):
-        Held(MPCC(xy_table(0.004), CONTOUR), 0, 2)
+        Held(MPCC(xy_table(0.004), circle()), 0, 2)

@@ -12,15 +12,17 @@ from experiments.catalogue.plants import PLANTS
 from experiments.machines.linear import bridgeport_machine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
-from jcontour.host.loop import HostController, StepReport, Stopped, loop, reported_loop
+from jcontour.host.controller import HostController, StepReport
+from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.motion.references import along
 from jcontour.qp.problem import QP, Unsolved
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
 
 
+@cache
 def on_circle(steps=12):
     return along(circle(1e-3), 2.5e-5 * np.arange(steps), DT, PREVIEW, at_rest=False)
 
@@ -60,16 +62,11 @@ class Affine(HostController):
     """u = f - F x on the host; fails in the steps it is told to."""
 
     def __init__(self, controller: ContouringLQ, failing=(), soft=False, last=None):
-        self.inner, self.preview, self.failing, self.soft, self.last = (
-            controller,
-            controller.preview,
-            failing,
-            soft,
-            last,
-        )
+        self.inner, self.preview = controller, controller.preview
+        self.failing, self.soft, self.last = failing, soft, last
 
     def prepare(self, reference):
-        plan = self.inner.prepare(reference)
+        plan = prepared(self.inner, reference)
         return np.asarray(plan.F), np.asarray(plan.f)
 
     def initial_memory(self, reference):
@@ -77,17 +74,16 @@ class Affine(HostController):
 
     def step(self, memory, plan, measurement):
         if memory in self.failing:
-            one = np.ones(1)
-            raise Unsolved(
-                "test",
-                "infeasible",
-                QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one),
-            )
-        return self.soft_step(memory, plan, measurement, True)
+            raise Unsolved("test", "infeasible", crossed())
+        return self.affine(memory, plan, measurement)
 
-    def soft_step(self, memory, plan, measurement, hard=False):
+    def soft_step(self, memory, plan, measurement):
+        return self.affine(memory, plan, measurement) if self.soft else None
+
+    def affine(self, memory, plan, measurement):
         F, f = plan
-        return (memory + 1, f - F @ measurement) if hard or self.soft else None
+        report = StepReport(active=2, residual=1e-12, iterations=3)
+        return memory + 1, f - F @ measurement, report
 
     def held(self, memory, measurement, control):
         return memory + 1
@@ -95,8 +91,11 @@ class Affine(HostController):
     def finished(self, memory):
         return memory == self.last
 
-    def report(self):
-        return StepReport(active=2, residual=1e-12, iterations=3)
+
+def crossed():
+    """A problem whose limits are crossed."""
+    one = np.ones(1)
+    return QP(np.eye(1), one, np.ones((0, 1)), one[:0], one[:0], one, -one)
 
 
 @cache

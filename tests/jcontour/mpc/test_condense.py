@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from jcontour.mpc.condense import Condensed, difference_maps, limit_rows, predict
+from jcontour.linear.transformations import with_input_delay
+from jcontour.mpc.condense import (
+    Condensed,
+    TerminalMaps,
+    Window,
+    difference_maps,
+    limit_rows,
+    predict,
+)
 from jcontour.mpc.limits import Limits, full_limits
 from jcontour.qp.problem import check_qp
 
@@ -111,10 +119,15 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
     )
     one = predict(plant, N)
     limits = full_limits(Limits.within(control=1.0, output=0.5), plant)
-    problem = Condensed(plant, R, S, stage, np.eye(2), (one.Fx[-1], one.Gx[-1], P), limits, penalty)
-    for _ in range(2):  # filling twice changes nothing
-        qp = problem.update(s, Q, y_d, P, xi_d)
+    maps = TerminalMaps(one.Fx[-1], one.Gx[-1], P)
+    problem = Condensed(plant, R, S, stage, np.eye(2), maps, limits, penalty)
+    window = Window(Q, y_d, P, xi_d)
+    qp = problem.problem(s, window)
     check_qp(qp)
+    again = problem.problem(2 * s, window)
+    again = problem.problem(s, window, out=again)  # writing over another leaves nothing of it
+    for field, fresh in zip(again, qp, strict=True):
+        np.testing.assert_array_equal(field, fresh)
     slack = np.zeros(qp.g.size - 2 * N)
     other = random.standard_normal((N, 2))
 
@@ -137,8 +150,6 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
 def test_rows_out_of_reach_are_left_out(coupled_plant):
     """A control that acts two samples late cannot change the first output."""
     plant = coupled_plant(1, 5, 2)
-    from jcontour.linear.transformations import with_input_delay
-
     late = with_input_delay(plant, 1)
     rows = limit_rows(late, predict(late, N), full_limits(Limits.within(output=1.0), late))
     assert len(rows.size) == 2 * (N - 1)

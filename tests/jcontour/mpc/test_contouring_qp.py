@@ -1,4 +1,7 @@
-"""The condensed QP against the cost (15) written out sample by sample, on models, paths and blocks that the reference does not have."""
+"""The condensed QP against the cost (15) written out sample by sample.
+
+Models, paths and blocks are such as the reference data do not have.
+"""
 
 import numpy as np
 import pytest
@@ -6,7 +9,8 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.linear.plant import LinearPlant
-from jcontour.mpc.contouring import MPCC, ContouringWeights, Traversal
+from jcontour.mpc.contouring import MPCC, Traversal
+from jcontour.mpc.contouring_weights import ContouringWeights
 from jcontour.plants.xy_table import xy_table
 
 W = ContouringWeights(70.0, 150.0, 0.4, np.array([50.0, 80.0]), 90.0, length_unit=1e-3, period=4e-3)
@@ -21,25 +25,25 @@ def three_axes():
     return LinearPlant(A, 0.1 * rng.normal(size=(5, 3)), 0.1 * rng.normal(size=(3, 5)), 2e-3)
 
 
-PROBLEMS = {
-    "samples": (xy_table(0.004), polar_lobes(30e-3, 10e-3, 3, 0.4), W, 5),
-    "blocks": (
-        xy_table(0.001),
-        contours.polygon([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]]),
-        W,
-        (1, 2, 5),
-    ),
-    "helix": (
-        three_axes(),
-        contours.arc([0.02, 0.0, 0.0], [0.0, 0.0, 0.0], 7.0, rise=0.01),
-        W3,
-        (2, 1, 3),
-    ),
-}
+def samples():
+    return xy_table(0.004), polar_lobes(30e-3, 10e-3, 3, 0.4), W, 5
+
+
+def blocks():
+    corner = contours.polygon([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])
+    return xy_table(0.001), corner, W, (1, 2, 5)
+
+
+def helix():
+    path = contours.arc([0.02, 0.0, 0.0], [0.0, 0.0, 0.0], 7.0, rise=0.01)
+    return three_axes(), path, W3, (2, 1, 3)
 
 
 def cost(controller, memory, measurement, v, u):
-    """J of the speeds (B,) and controls (B, p): the delayed plant stepped sample by sample, with the present disturbance held."""
+    """J of the speeds (B,) and controls (B, p), by stepping the delayed plant sample by sample.
+
+    The present disturbance is held.
+    """
     model, w, contour = controller.model, controller.weights, controller.contour
     A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
     unit, h, length = w.length_unit, model.dt, float(contour.length)
@@ -84,9 +88,9 @@ def cost(controller, memory, measurement, v, u):
     return total
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_the_qp_is_the_cost_up_to_a_constant(name):
-    model, contour, weights, horizon = PROBLEMS[name]
+@pytest.mark.parametrize("make", [samples, blocks, helix])
+def test_the_qp_is_the_cost_up_to_a_constant(make):
+    model, contour, weights, horizon = make()
     controller = MPCC(model, contour, weights=weights, horizon=horizon)
     rng = np.random.default_rng(2)
     n, p, count = model.states, model.inputs, len(controller.blocks)
@@ -100,7 +104,7 @@ def test_the_qp_is_the_cost_up_to_a_constant(name):
         )
         x = rng.normal(size=n)
         memory = memory._replace(state=x + 0.1 * rng.normal(size=n))
-        qp = controller.write_qp(memory, x)
+        qp = controller.problem(memory, x)
         np.testing.assert_array_equal(qp.H, qp.H.T)
         assert qp.upper_rows[0] == -memory.theta and np.linalg.eigvalsh(qp.H).min() > 0
         travel = np.append(controller.blocks * model.dt / weights.period, np.zeros(count * p))

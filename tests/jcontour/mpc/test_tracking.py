@@ -17,7 +17,8 @@ from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along, from_samples
 from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import OffsetFreeMPC, TrackingMPC, TrackingWeights
+from jcontour.mpc.forms import AbsoluteForm, VelocityForm
+from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.problem import check_qp
 from jcontour.qp.solvers import DAQP, ProxQP
@@ -25,17 +26,18 @@ from jcontour.simulation.closed_loop import simulate
 
 N = 6
 ABSOLUTE = 2e-6  # weight on the control [1/A^2]
-SHAPES = {
-    "circle": along(circle(1e-3), 2e-5 * np.arange(30), 1e-3, N, at_rest=False),
-    "square": along(
-        polygon([[0.0, 0.0], [2e-4, 0.0], [2e-4, 2e-4], [0.0, 2e-4]]),
-        2e-5 * np.arange(30),
-        1e-3,
-        N,
-        at_rest=True,
-    ),
-    "eight": along(lemniscate(3e-3), 3e-5 * np.arange(30), 1e-3, N, at_rest=False),
-}
+SQUARE = [[0.0, 0.0], [2e-4, 0.0], [2e-4, 2e-4], [0.0, 2e-4]]
+LIMITED = Limits.within(control=0.4, increment=0.3, speed=0.15, acceleration=300.0)
+
+
+@cache
+def shapes():
+    steps = np.arange(30)
+    return {
+        "circle": along(circle(1e-3), 2e-5 * steps, 1e-3, N, at_rest=False),
+        "square": along(polygon(SQUARE), 2e-5 * steps, 1e-3, N, at_rest=True),
+        "eight": along(lemniscate(3e-3), 3e-5 * steps, 1e-3, N, at_rest=False),
+    }
 
 
 def still(where, steps=40, preview=N, dt=1e-3):
@@ -57,7 +59,15 @@ def table():
     return LinearPlant(A, B, C, 1e-3)
 
 
-@pytest.mark.parametrize("stage", [None, np.linspace(1.0, 3.0, N)])
+def offset_free(*arguments):
+    return TrackingMPC(*arguments, form=VelocityForm())
+
+
+def sample_of(plan, k):
+    return type(plan)(*(rows[k] for rows in plan))
+
+
+@pytest.mark.parametrize("stage", [np.ones(N), np.linspace(1.0, 3.0, N)], ids=["flat", "rising"])
 @pytest.mark.parametrize(
     "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
 )
@@ -71,7 +81,7 @@ def test_without_an_active_limit_it_is_contouring_lq(terminal, stage):
         Limits.within(control=1e3, increment=1e3, speed=1e3),
         terminal,
     )
-    for reference in SHAPES.values():
+    for reference in shapes().values():
         run, wanted = reported_loop(plant, mpc, reference), simulate(plant, controller, reference)
         scale = np.abs(wanted.control).max()
         np.testing.assert_allclose(run.rollout.control, wanted.control, rtol=0, atol=1e-9 * scale)
@@ -81,21 +91,30 @@ def test_without_an_active_limit_it_is_contouring_lq(terminal, stage):
         assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
 
 
+def test_no_profile_is_a_profile_of_ones():
+    plant, reference = table(), still([2e-3, -1e-3])
+    flat, none = (
+        loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
+        for weights in (
+            TrackingWeights(3.0, 50.0, 2e-8, stage=np.ones(N)),
+            TrackingWeights(3.0, 50.0, 2e-8),
+        )
+    )
+    np.testing.assert_array_equal(flat.control, none.control)
+
+
 def test_horizon_of_one():
     plant, weights = table(), LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
-        wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), SHAPES["circle"])
+        wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), shapes()["circle"])
         found = loop(
             plant,
             TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal),
-            SHAPES["circle"],
+            shapes()["circle"],
         )
         np.testing.assert_allclose(
             found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
         )
-
-
-LIMITED = Limits.within(control=0.4, increment=0.3, speed=0.15, acceleration=300.0)
 
 
 def test_every_limit_holds_along_the_run():
@@ -124,7 +143,8 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
     plan = mpc.prepare(reference)
     memory = mpc.initial_memory(reference)._replace(control=np.array([0.1, -0.05]))
     x0 = np.array([1e-4, 0.02, -1e-4, 0.01])
-    mpc.step(memory, type(plan)(*(rows[3] for rows in plan)), x0)
+    qp = mpc.problem(memory, sample_of(plan, 3), x0)
+    solution = mpc.solver.solve(qp)
     A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
 
     def signals(z):
@@ -154,7 +174,7 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
             "fun": lambda z: 0.15 - np.abs(np.diff(signals(z)[0], axis=0) / 1e-3).ravel(),
         },
     ]
-    mine = mpc.solution.z
+    mine = solution.z
     assert (
         cost(mine) <= cost(0.9 * mine)
         and np.abs(np.diff(signals(mine)[0], axis=0) / 1e-3).max() <= 0.15 + 1e-7
@@ -169,7 +189,7 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
     )
     assert cost(mine) <= found.fun * (1 + 1e-9)
     assert cost(mine) == pytest.approx(found.fun, rel=1e-5)
-    assert mpc.report().active > 0
+    assert mpc.applied(solution, x0)[2].active > 0
 
 
 def test_both_solvers_give_the_same_run():
@@ -234,7 +254,7 @@ def test_the_velocity_form_leaves_no_offset(terminal):
     limits = Limits.within(control=0.5, increment=0.4)
     free = loop(
         loaded,
-        OffsetFreeMPC(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal),
+        offset_free(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal),
         reference,
     )
     absolute = loop(
@@ -254,7 +274,7 @@ def test_the_x_y_table_under_a_constant_torque():
     reference, limits = still([2e-3, -1e-3], 500, preview, dt), Limits.within(control=4.0)
     free = loop(
         plant,
-        OffsetFreeMPC(model, TrackingWeights(1.0, increment=1e-7), preview, limits),
+        offset_free(model, TrackingWeights(1.0, increment=1e-7), preview, limits),
         reference,
     )
     absolute = loop(
@@ -266,14 +286,38 @@ def test_the_x_y_table_under_a_constant_torque():
     assert 90e-6 <= np.abs(absolute.output[-1] - reference.position[-1]).max() <= 180e-6
 
 
-def test_the_problem_is_well_posed_and_nothing_is_allocated_anew():
+def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it():
     plant, reference = table(), still([2e-3, -1e-3])
     mpc = TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED)
     plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
-    first = mpc._problem.qp
-    mpc.step(memory, type(plan)(*(rows[0] for rows in plan)), np.zeros(4))
+    first = mpc.problem(memory, sample_of(plan, 0), np.zeros(4))
+    kept = [np.array(field) for field in first]
     check_qp(first)
-    assert mpc._problem.qp is first and np.abs(first.H).max() == pytest.approx(1, rel=0.5)
+    assert np.abs(first.H).max() == pytest.approx(1, rel=0.5)
+    mpc.step(memory, sample_of(plan, 1), np.full(4, 1e-4))
+    for field, before in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(field, before)
+    assert mpc.problem(memory, sample_of(plan, 1), np.zeros(4), out=first) is first
+
+
+@pytest.mark.parametrize("form", [AbsoluteForm(), VelocityForm()])
+def test_two_runs_of_one_controller_are_two_runs(form):
+    """Sample by sample in turns, towards different points, as each alone: to the last bit."""
+    plant, weights = table(), TrackingWeights(3.0, 50.0, increment=2e-8)
+    mpc = TrackingMPC(plant, weights, N, LIMITED, form=form)
+    references = [still([2e-3, -1e-3]), still([-1e-3, 1.5e-3])]
+    wanted = [
+        reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED, form=form), one).rollout
+        for one in references
+    ]
+    plans = [mpc.prepare(one) for one in references]
+    memories = [mpc.initial_memory(one) for one in references]
+    for k in range(references[0].steps):
+        for i, run in enumerate(wanted):
+            state = np.asarray(run.state[k])
+            memories[i], control, _ = mpc.step(memories[i], sample_of(plans[i], k), state)
+            np.testing.assert_array_equal(control, run.control[k])
+    assert not np.array_equal(wanted[0].control, wanted[1].control)
 
 
 BAD = {
@@ -315,4 +359,4 @@ def test_a_start_outside_the_limits():
     with pytest.raises(ValueError, match="^output: the start is outside the limits"):
         loop(table(), mpc, still([1e-3, 1e-3]))
     with pytest.raises(ValueError, match="^control: the velocity form weighs increments only"):
-        OffsetFreeMPC(table(), TrackingWeights(1.0, control=1.0, increment=1.0), N)
+        offset_free(table(), TrackingWeights(1.0, control=1.0, increment=1.0), N)
