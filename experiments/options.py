@@ -210,7 +210,7 @@ class Trace(Common):
     contour: Positional[str] = "lobes"
     """A name from `jcontour list`, or a toolpath file (.ngc, .csv)."""
     plant: str = "xy-table"
-    """Machine: xy-table (with friction), a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
+    """Machine: a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
     q_theta: float = 0.3
     """Reward for progress [1/mm]: more is faster and less accurate."""
     q_contour: float = 100.0
@@ -222,13 +222,13 @@ class Trace(Common):
     r_speed: float = 200.0
     """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
     horizon: int = 7
-    """Steps that the controller looks ahead."""
+    """Steps that the controller looks ahead, at most 100."""
     period_ms: float | None = None
     """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
     max_speed_mm_s: float = 250.0
     """Highest path speed [mm/s]."""
     max_control: float | None = None
-    """Limit on every control; the machine's own, or 0.5 A for the table, when not given."""
+    """Limit on every control; the machine's own when not given."""
     fallback: Fallback = "stop"
     """What happens at a step whose QP has no answer: stop the run, hold the last control, or soften the limits."""
     solver: str = "daqp"  # exact to rounding and the fastest

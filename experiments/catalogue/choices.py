@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from experiments.catalogue.contours import CONTOURS
-from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES, NEEDS
 from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Task, from_file
@@ -61,6 +61,11 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     name = next(
         (own for prefix in machine.own if (own := f"{prefix}-{asked}") in CONTROLLERS), asked
     )
+    if name in CONSTRAINED:
+        raise ValueError(
+            f"controller: {name} chooses its own speed, nothing is tuned of it; "
+            "run it with `jcontour trace`"
+        )
     if name not in CONTROLLERS:
         raise ValueError(
             f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}"

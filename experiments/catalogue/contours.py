@@ -5,6 +5,7 @@ from experiments.jobs import contours
 from experiments.jobs.job import TOOLPATHS, at_constant_feed, from_file
 from experiments.jobs.motions import s_curve, task_a, task_b
 from jcontour.geometry.contours import circle, ellipse, lemniscate
+from jcontour.geometry.periodic_splines import polar_lobes
 
 
 def _along_the_beam(name: str, x: float, outline: contours.Outline) -> Entry:
@@ -37,6 +38,10 @@ CONTOURS = {
     "cam": Entry(
         lambda pace: from_file(TOOLPATHS / "cam.ngc", pace),
         "cam profile of a few hundred segments and arcs, G-code",
+    ),
+    "lobes": Entry(
+        lambda pace: at_constant_feed("lobes", polar_lobes(30e-3, 10e-3, 4), pace),
+        "four lobes of 30 +- 10 mm with tight curves, the kind of contour of Lam",
     ),
     "ring": Entry(contours.ring, "circle of 25 mm radius, for flexible axes", on="flexible-axes"),
     "rounded-square": Entry(

@@ -4,12 +4,16 @@ A newcomer adds one line here. `smooth`: derivatives agree with differences; `st
 loop, or the plant under a controller, settles.
 """
 
+from typing import TYPE_CHECKING
+
 from experiments.catalogue.entries import Entry
 from experiments.designs import contouring_schemes as contouring
 from experiments.designs import flexible_axis as laws
 from experiments.designs import gantry as gantries
 from experiments.designs.flexible_axis import axis_design
 from experiments.designs.lq import contouring_lq, preview_lq
+from experiments.machines.machine import Machine
+from experiments.options import Trace
 from jcontour.controllers.contouring.cross_coupled import ConstantCoupling, VariableCoupling
 from jcontour.controllers.feedback.state_feedback import moving_target, quasi_steady_target
 from jcontour.controllers.observers.extended_state_observers import (
@@ -19,7 +23,11 @@ from jcontour.controllers.observers.extended_state_observers import (
     ExactLESO,
 )
 from jcontour.controllers.observers.kalman import PredictorObserver
+from jcontour.geometry.contour import Contour
 from jcontour.motion.input_shaping import zv
+
+if TYPE_CHECKING:
+    from experiments.designs.constrained import Traverser
 
 
 def _on_axis(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
@@ -34,6 +42,19 @@ def _on_axes(line: str, law: laws.Law, *gains: laws.Part) -> Entry:
     return Entry(axis_design(line, law, laws.loops, *gains), line, on="flexible-axes")
 
 
+def _traverser(machine: Machine, contour: Contour, flags: Trace) -> "Traverser":
+    from experiments.designs.constrained import traverser  # the solvers take a second to import
+
+    return traverser(machine, contour, flags)
+
+
+CONSTRAINED = {  # on the host: they solve a QP at every sample
+    "mpcc": Entry(
+        _traverser,
+        "model predictive contouring control (Lam), chooses its own speed: `jcontour trace`",
+        on="xy-table",
+    ),
+}
 CONTROLLERS = {
     "contouring-lq": Entry(
         contouring_lq(), "receding-horizon LQ contouring, Kalman filter; --terminal chooses its end"

@@ -7,9 +7,11 @@ from experiments.machines.flexible_axis import FlexibleMachine, biaxial_machine,
 from experiments.machines.gantry import GantryMachine, friction_gantry_machine, gantry_machine
 from experiments.machines.linear import LinearMachine, bridgeport_machine
 from experiments.machines.machine import Machine
+from experiments.machines.xy_table import xy_table_machine
 
 MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of the plants
     "bridgeport": bridgeport_machine,
+    "xy-table": xy_table_machine,
     "flexible-axis": thesis_machine,
     "flexible-axes": biaxial_machine,
     "gantry": gantry_machine,

@@ -12,6 +12,7 @@ from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.xy_table import FrictionXYTable
 
 
 def _late(samples: int):
@@ -35,6 +36,12 @@ PLANTS = {
         "the same with encoder counts of 0.8 um",
         smooth=False,
         stable=False,
+    ),
+    "xy-table": Entry(
+        lambda: FrictionXYTable(1e-3),
+        "X-Y table on lead screws with Coulomb friction, 8 states, 1 ms (Lam)",
+        stable=False,
+        on="xy-table",
     ),
     "flexible-axis": Entry(
         lambda: FlexibleAxis(thesis_axis(), 1e-3),

@@ -1,7 +1,7 @@
 """`jcontour list`: everything that has a name."""
 
 from experiments.catalogue.contours import CONTOURS
-from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.plants import PLANTS
 from experiments.commands.reproduce import experiments_found
 from experiments.files import run_folder
@@ -11,7 +11,12 @@ from experiments.reports.tables import console_of, plain_table, say
 
 def run() -> dict[str, dict[str, str]]:
     """One line per name, by kind."""
-    kinds = {"plants": PLANTS, "controllers": CONTROLLERS, "contours": CONTOURS}
+    kinds = {
+        "plants": PLANTS,
+        "controllers": CONTROLLERS,
+        "constrained": CONSTRAINED,
+        "contours": CONTOURS,
+    }
     named = {
         kind: {name: entry.line for name, entry in entries.items()}
         for kind, entries in kinds.items()

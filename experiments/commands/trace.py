@@ -1,254 +1,206 @@
-"""`jcontour trace`: model predictive contouring control along a contour; the controller chooses its own speed."""
+"""`jcontour trace`: model predictive contouring control, which chooses its own speed."""
 
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.catalogue.contours import CONTOURS
-from experiments.files import run_folder
+from experiments.catalogue.controllers import CONSTRAINED
+from experiments.designs.constrained import Traverser
+from experiments.files.results import write_result
 from experiments.jobs.job import Pace
-from experiments.machines.machine import Machine
 from experiments.options import MachineFlags, Trace
 from experiments.reports import tables
 from experiments.reports.png import save_figures
+from experiments.reports.traversal_figures import path_figure, signals_figure
+from experiments.runs.lifecycle import created, finished
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
-from jcontour.linear.plant import LinearPlant
-from jcontour.motion.references import along
-from jcontour.mpc.contouring import MPCC
-from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.plant import Plant
-from jcontour.plants.xy_table import FrictionXYTable, xy_table
-from jcontour.qp.solvers import solver_named
+from jcontour.motion.references import Reference, along
 from jcontour.simulation.traversal import traversal_score
 
-TABLE_SAMPLE, TABLE_PERIOD, TABLE_CURRENT = (
-    1e-3,
-    4e-3,
-    0.5,
-)  # Lam's table: looked at every ms, controlled every 4 ms, [A]
 SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
-LOBES = "lobes"
-WEIGHTS = {  # field -> flag
-    "contour_error": "q_contour",
-    "lag": "q_lag",
-    "progress": "q_theta",
-    "control_change": "r_control",
-    "speed_change": "r_speed",
-}
+CONTROLLER = "mpcc"
 
 
-class Setup(NamedTuple):
-    """The machine as it is, the model that the controller has of it, samples per controller period, and the largest controls."""
+@dataclass(frozen=True)
+class Signals:
+    """Signals of a run, one row per sample of the plant."""
 
-    plant: Plant
-    model: LinearPlant
-    every: int
-    limit: Any
-    unit: str
+    arc_mm: np.ndarray
+    contour_error_um: np.ndarray
+    speed_mm_s: np.ndarray
+    tool_mm: np.ndarray
+    control: np.ndarray
+
+
+@dataclass(frozen=True)
+class Traversed:
+    """Result of `trace`.
+
+    Attributes:
+        failure: why it stopped, in one line; empty when it went through.
+        steps: samples that were simulated.
+        fallbacks: of these, those that the fallback made.
+        limited: of these, the fraction with a limit active in the plan.
+        residual: the worst of any QP.
+        arrived: the tool came to the end of the path.
+        time_s: until then; None where no sample was simulated.
+    """
+
+    plant: str
+    contour: str
+    control_unit: str
+    length_mm: float
+    failure: str
+    steps: int
+    fallbacks: int
+    limited: float
+    residual: float
+    arrived: bool
+    time_s: float | None
+    rms_um: float | None = None
+    peak_um: float | None = None
+    signals: Signals | None = None
+
+
+class Drawn(NamedTuple):
+    """What the figures show: the result, and its path in mm nearest to the tool."""
+
+    result: Traversed
+    foot_mm: np.ndarray
 
 
 def command(flags: Trace) -> int:
-    """The whole command: trace, store what was simulated, print; exit code 1 where the run stopped or did not arrive."""
-    setup, contour = setup_of(flags), contour_of(flags)
-    controller = _controller(flags, setup, contour)
-    steps = (
-        int(float(contour.length) / (SLOWEST * 1e-3 * flags.max_speed_mm_s) / setup.plant.dt) + 1
-    )
-    reference = along(contour, np.zeros(steps), setup.plant.dt, 0, at_rest=True)
-    held = Held(controller, setup.every, setup.model.inputs)
-    held.initial_memory(reference)  # raises what does not fit before anything is written
-    inputs = [Path(name) for name in (flags.plant, flags.contour) if Path(name).suffix]
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder("trace"), "trace", flags, inputs
-    )
-    run, failure = _ran(
-        setup.plant, held, reference, None if flags.fallback == "stop" else flags.fallback
-    )
-    summary = run_folder.plain(_summary(flags, setup, contour, controller, run, failure))
-    save_figures({"trace": draw}, summary, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
-    else:
-        show(summary, str(folder), tables.console_of())
-    return 0 if summary["arrived"] else 1
-
-
-def setup_of(flags: Trace) -> Setup:
-    """The table with friction, or a linear machine of the catalogue or a file, its whole state measured.
-
-    Raises:
-        ValueError: no such machine, a period that is not a whole number of its samples, or no limit
-            on the control is known.
-    """
-    if flags.plant == "xy-table":
-        period = TABLE_PERIOD if flags.period_ms is None else 1e-3 * flags.period_ms
-        return Setup(
-            FrictionXYTable(TABLE_SAMPLE),
-            xy_table(period),
-            _every(period, TABLE_SAMPLE),
-            flags.max_control or TABLE_CURRENT,
-            "A",
-        )
-    machine: Machine = machine_named(flags.plant)
-    limit = machine.limits.control if flags.max_control is None else flags.max_control
-    if limit is None:
-        raise ValueError(f"max-control: {machine.name} states no limit on its controls; give one")
-    if flags.period_ms is not None and _every(1e-3 * flags.period_ms, machine.model.dt) != 1:
-        raise ValueError(
-            f"period-ms: {machine.name} is modelled at {1e3 * machine.model.dt:g} ms; leave the flag out"
-        )
-    return Setup(machine.model, machine.model, 1, limit, machine.control_unit)
+    """The whole command; exit code 1 where the run stopped or did not arrive."""
+    machine = machine_named(flags.plant)
+    asked = CONSTRAINED[CONTROLLER].make(machine, contour_of(flags), flags)
+    reference, controller = reference_for(asked, flags), asked.controller
+    controller.initial_memory(reference)  # raises what does not fit before anything is written
+    folder = created(flags, "trace")
+    with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
+        run, failure = _ran(asked, controller, reference, flags)
+    result = _result(flags, asked, run, failure)
+    if result.signals is not None:
+        foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
+        figures = {"trace": _signals, "path": _path}
+        save_figures(figures, Drawn(result, 1e3 * foot), folder)
+    write_result(folder, result)
+    finished(folder, result, flags, show, _next(result))
+    return 0 if result.arrived else 1
 
 
 def contour_of(flags: Trace) -> Contour:
-    """The paper's kind of contour, or one of the catalogue or a file; its feed is not used.
+    """The contour of the catalogue or of a file; its feed is not used.
 
     Raises:
         ValueError: no such contour, or a bad file.
     """
-    if flags.contour == LOBES:
-        return polar_lobes(30e-3, 10e-3, 4)
-    pace = Pace.of(
-        MachineFlags(feed_mm_per_min=3000.0),
-        machine_named("bridgeport" if flags.plant == "xy-table" else flags.plant),
-    )
-    if not Path(flags.contour).suffix and flags.contour not in CONTOURS:
-        raise ValueError(
-            f"contour: there is none named {flags.contour!r}; give one of {LOBES}, {', '.join(CONTOURS)}, or a toolpath file"
-        )
+    pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named(flags.plant))
     return job_named(flags.contour, pace).contour
 
 
-def _every(period: float, sample: float) -> int:
-    every = round(period / sample)
-    if every < 1 or abs(every * sample - period) > 1e-9:
-        raise ValueError(
-            f"period-ms: needs a whole number of samples of {1e3 * sample:g} ms, received {1e3 * period:g} ms"
-        )
-    return every
+def reference_for(asked: Traverser, flags: Trace) -> Reference:
+    """The start of the path, for as long as the slowest run may take."""
+    dt, slowest = asked.hosted.plant.dt, SLOWEST * 1e-3 * flags.max_speed_mm_s
+    steps = int(float(asked.contour.length) / slowest / dt) + 1
+    return along(asked.contour, np.zeros(steps), dt, 0, at_rest=True)
 
 
-def _controller(flags: Trace, setup: Setup, contour: Contour) -> MPCC:
-    limit, fastest = np.asarray(setup.limit, float), 1e-3 * flags.max_speed_mm_s
+def _ran(
+    asked: Traverser, controller: Held, reference: Reference, flags: Trace
+) -> tuple[HostRun, str]:
+    fallback = None if flags.fallback == "stop" else flags.fallback
     try:
-        weights = ContouringWeights(
-            **{field: getattr(flags, flag) for field, flag in WEIGHTS.items()}
-        )
-        return MPCC(
-            setup.model,
-            contour,
-            -limit,
-            limit,
-            fastest,
-            weights,
-            flags.horizon,
-            solver_named(flags.solver),
-        )
-    except ValueError as error:  # names the library's field: the user knows the flag
-        field, _, fault = str(error).partition(":")
-        flag = {**WEIGHTS, "speed_limit": "max_speed_mm_s", "lower, upper": "max_control"}.get(
-            field, field
-        )
-        raise ValueError(f"{flag.replace('_', '-')}:{fault}") from None
-
-
-def _ran(plant: Plant, controller: Held, reference, fallback) -> tuple[HostRun, str]:
-    try:
-        return reported_loop(plant, controller, reference, fallback=fallback), ""
+        return reported_loop(asked.hosted.plant, controller, reference, fallback=fallback), ""
     except Stopped as stopped:
         return stopped.run, str(stopped)
 
 
-def _summary(
-    flags: Trace, setup: Setup, contour: Contour, controller: MPCC, run: HostRun, failure: str
-) -> dict[str, Any]:
-    common = {
-        "plant": flags.plant,
-        "contour": flags.contour,
-        "control_unit": setup.unit,
-        "length_mm": 1e3 * float(contour.length),
-        "failure": failure,
-        "steps": len(run.report.residual),
-        "fallbacks": run.report.fallbacks,
-        "limited": run.report.active_fraction,
-        "residual": run.report.worst_residual,
-    }
-    if run.rollout.output is None:
-        return {**common, "arrived": False, "time_s": None}
-    score = traversal_score(
-        contour,
-        run.rollout.output,
-        setup.plant.dt,
-        progress=controller.arc(run.rollout.memory.inner),
+def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Traversed:
+    report, rollout = run.report, run.rollout
+    found = Traversed(
+        plant=flags.plant,
+        contour=flags.contour,
+        control_unit=asked.machine.control_unit,
+        length_mm=1e3 * float(asked.contour.length),
+        failure=failure,
+        steps=len(report.residual),
+        fallbacks=report.fallbacks,
+        limited=report.active_fraction,
+        residual=report.worst_residual,
+        arrived=False,
+        time_s=None,
     )
-    signals = {
-        "arc_mm": 1e3 * score.arc,
-        "contour_error_um": 1e6 * score.error,
-        "speed_mm_s": 1e3 * controller.speed(run.rollout.memory.inner),
-        "tool_mm": 1e3 * np.asarray(run.rollout.output),
-        "control": np.asarray(run.rollout.control),
-    }
-    arrived = bool(np.isfinite(score.time) and not failure)
-    return {
-        **common,
-        "arrived": arrived,
-        "time_s": score.time,
-        "rms_um": 1e6 * score.rms,
-        "peak_um": 1e6 * score.peak,
-        "signals": signals,
-    }
+    return found if rollout.output is None else _scored(found, asked, run)
 
 
-def draw(summary: dict[str, Any]) -> Figure:
-    """Speed, contour error and controls along the path."""
-    figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    rows = figure.subplots(3, 1, sharex=True)
-    signals = summary.get("signals")
-    if signals:
-        labels = ("path speed [mm/s]", "contour error [um]", f"control [{summary['control_unit']}]")
-        for axes, name, label in zip(
-            rows, ("speed_mm_s", "contour_error_um", "control"), labels, strict=True
-        ):
-            axes.plot(signals["arc_mm"], signals[name], linewidth=0.9)
-            axes.set(ylabel=label)
-            axes.grid(color="0.9")
-            axes.margins(x=0.01)
-    rows[0].set(
-        title=f"{summary['contour']} on {summary['plant']}: model predictive contouring control"
+def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
+    """The result with errors and signals."""
+    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, run.rollout.output
+    score = traversal_score(asked.contour, output, asked.hosted.plant.dt, progress=mpcc.arc(memory))
+    signals = Signals(
+        arc_mm=1e3 * score.arc,
+        contour_error_um=1e6 * score.error,
+        speed_mm_s=1e3 * mpcc.speed(memory),
+        tool_mm=1e3 * np.asarray(output),
+        control=np.asarray(run.rollout.control),
     )
-    rows[-1].set(xlabel="along the path [mm]")
-    return figure
+    return replace(
+        found,
+        arrived=bool(np.isfinite(score.time) and not found.failure),
+        time_s=score.time,
+        rms_um=1e6 * score.rms,
+        peak_um=1e6 * score.peak,
+        signals=signals,
+    )
 
 
-def show(summary: dict[str, Any], folder: str, console: Console) -> None:
+def _signals(drawn: Drawn):
+    result = drawn.result
+    title = f"{result.contour} on {result.plant}: model predictive contouring control"
+    return signals_figure(result.signals, result.control_unit, title)
+
+
+def _path(drawn: Drawn):
+    result = drawn.result
+    return path_figure(result.signals, drawn.foot_mm, f"{result.contour} on {result.plant}")
+
+
+def show(result: Traversed, console: Console) -> None:
     """How long, how far off, and whether the limits or the solver had a say."""
+    time = "none: the tool DID NOT ARRIVE at the end of the path"
+    if result.arrived:
+        time = f"{tables.digits(result.time_s)} s"
     lines = [
-        f"{summary['contour']}: {summary['length_mm']:.4g} mm on {summary['plant']}, {summary['steps']} samples"
+        f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
+        f"Traversal time    {time}",
     ]
-    time = (
-        f"{tables.digits(summary['time_s'])} s"
-        if summary["arrived"]
-        else "none: the tool DID NOT ARRIVE at the end of the path"
-    )
-    lines.append(f"Traversal time    {time}")
-    if "rms_um" in summary:
-        lines.append(
-            f"Contour error     RMS {summary['rms_um']:.4g} um, peak {summary['peak_um']:.4g} um"
+    if result.rms_um is not None:
+        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
+        lines.append(f"Contour error     {errors}")
+    limited = f"{100 * result.limited:.4g} % of the steps; fallback steps: {result.fallbacks}"
+    lines.append(f"Limits in plan    {limited}")
+    residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
+    lines.append(f"Worst residual    {residual}")
+    if result.failure:
+        lines.append(f"STOPPED: {result.failure}")
+    tables.say(console, *lines)
+
+
+def _next(result: Traversed) -> list[str]:
+    """What was drawn, in words, and what to do next."""
+    told = []
+    if result.signals is not None:
+        told.append(
+            "path.png shows the tool around the path, its error magnified, and the speed there; "
+            "trace.png the signals along the path."
         )
-    lines.append(
-        f"Limits in plan    {100 * summary['limited']:.4g} % of the steps; fallback steps: {summary['fallbacks']}"
-    )
-    lines.append(
-        f"Worst residual    {summary['residual']:.1e} of a QP (at most 1e-8 counts as solved)"
-    )
-    if summary["failure"]:
-        lines.append(f"STOPPED: {summary['failure']} (--fallback hold or soft goes on)")
-    tables.say(console, *lines, f"Run folder: {folder}")
+    if result.failure:
+        return [*told, "Next: --fallback hold goes on where a step has no answer."]
+    if not result.arrived:
+        return [*told, "Next: more --q-theta rewards progress, a larger --max-control allows it."]
+    return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]

@@ -4,7 +4,7 @@ import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,11 @@ from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from tuning.parameters import Fixed, Interval, Parameter, Weights
+
+if TYPE_CHECKING:  # the solvers take a second to import
+    from jcontour.host.controller import HostController
+    from jcontour.mpc.limits import Limits
+    from jcontour.qp.solvers import Solver
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,16 @@ class Design(abc.ABC):
     @abc.abstractmethod
     def build(self, weights: Weights) -> Controller:
         """The controller; traced, so that gradients flow through it."""
+
+    def constrained(
+        self, weights: Weights, limits: "Limits", solver: "Solver"
+    ) -> "HostController | None":
+        """The controller with these weights under limits at every sample; None where there is none.
+
+        Raises:
+            ValueError: the limits do not fit the machine.
+        """
+        return None
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Receding-horizon LQ controllers as the commands see them: alpha, beta, rho and a stage profile; gain schedule and Kalman filter kept."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,7 @@ class LQDesign(Design):
         terminal: its name.
         observer: form of the filter.
         gain: of the filter (n, m).
+        limitable: there is a constrained MPC of the same cost.
     """
 
     machine: LinearMachine
@@ -53,6 +54,7 @@ class LQDesign(Design):
     terminal: str
     observer: Observer
     gain: np.ndarray
+    limitable: bool = False
 
     def build(self, weights: LQWeights) -> Controller:
         """The law, behind its filter."""
@@ -63,10 +65,16 @@ class LQDesign(Design):
             else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
         )
 
-    @property
-    def fed_gain(self) -> np.ndarray | None:
-        """Gain of the filter; None where the law is fed the state."""
-        return self.gain if self.fed == "outputs" else None
+    def constrained(self, weights, limits, solver):
+        """The MPC of the same cost; None for preview LQ and for the predictor form."""
+        if not self.limitable:
+            return None
+        from experiments.designs.constrained import limited_lq  # the solvers take a second
+
+        gain = self.gain if self.fed == "outputs" else None
+        terminal = TERMINALS[self.terminal]
+        model = self.machine.model
+        return limited_lq(model, weights, self.preview, terminal, gain, limits, solver)
 
     def units(self) -> dict[str, str]:
         """Those of alpha, beta, rho."""
@@ -144,17 +152,9 @@ def contouring_lq(
         def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
             return ContouringLQ(machine.model, weights, preview, TERMINALS[chosen])
 
-        return _design(
-            name,
-            machine,
-            flags,
-            law,
-            "receding-horizon LQ contouring",
-            chosen,
-            fed,
-            observer,
-            LQSpace(),
-        )
+        line, space = "receding-horizon LQ contouring", LQSpace()
+        design = _design(name, machine, flags, law, line, chosen, fed, observer, space)
+        return replace(design, limitable=observer is FilterObserver)
 
     return make
 

@@ -1,18 +1,19 @@
 """Machines with a linear model, positions measured by encoders: a family of input gains and delays."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
+from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
 
+DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
@@ -38,6 +39,8 @@ class LinearMachine(Machine):
         delay: most samples of delay that the model does not know.
         encoder_resolution: [m] per count.
         control_noise: standard deviation that the Kalman filter assumes on each control.
+        with_friction: the machine that a controller of a given period [s] meets on the host, where
+            that is another than the model.
     """
 
     known_delay: int
@@ -45,6 +48,7 @@ class LinearMachine(Machine):
     delay: int
     encoder_resolution: float
     control_noise: float
+    with_friction: Callable[[float | None], Hosted] | None = None
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -107,6 +111,10 @@ class LinearMachine(Machine):
             else [Quantised(plant, self.encoder_resolution) for plant in smooth]
         )
 
+    def hosted(self, period: float | None = None) -> Hosted:
+        """The machine with friction, or the model itself."""
+        return super().hosted(period) if self.with_friction is None else self.with_friction(period)
+
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """The model, its positions or its state measured."""
         return self.model if fed == "state" else Encoders(self.model)
@@ -127,13 +135,16 @@ class LinearMachine(Machine):
 
 
 def bridgeport_machine() -> LinearMachine:
-    """The paper's X-Y table, its integrators exact; no limits and no uncertainty are stated there."""
+    """The paper's X-Y table, its integrators exact; no limits and no uncertainty are stated there.
+
+    The limit of the control is that of a usual analogue drive.
+    """
     return LinearMachine(
         "bridgeport",
         exact_bridgeport(),
         ("X", "Y"),
         "control unit",
-        MachineLimits(),
+        MachineLimits(control=np.full(2, DRIVE_RANGE)),
         known_delay=0,
         gain=0.1,
         delay=2,

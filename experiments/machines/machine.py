@@ -48,6 +48,35 @@ class Usual(NamedTuple):
     effort: float | None = None
 
 
+class Hosted(NamedTuple):
+    """A machine as a controller on the host meets it.
+
+    Attributes:
+        plant: as it is, its whole state measured.
+        model: at the controller's sample period.
+        every: samples of the plant in one of these.
+    """
+
+    plant: Plant
+    model: LinearPlant
+    every: int
+
+
+def whole_samples(period: float, sample: float) -> int:
+    """How many samples make a period.
+
+    Raises:
+        ValueError: it is not a whole number of them.
+    """
+    every = round(period / sample)
+    if every < 1 or abs(every * sample - period) > 1e-9:
+        raise ValueError(
+            f"period-ms: needs a whole number of samples of {1e3 * sample:g} ms, "
+            f"received {1e3 * period:g} ms"
+        )
+    return every
+
+
 @dataclass(frozen=True)
 class Machine(abc.ABC):
     """A machine as the commands see it; SI units.
@@ -119,6 +148,19 @@ class Machine(abc.ABC):
     def film(self) -> FilmMaker | None:
         """What films a run of it; None where nothing draws it."""
         return None
+
+    def hosted(self, period: float | None = None) -> Hosted:
+        """Plant and model for a controller of this period [s] on the host, the model's if None.
+
+        Raises:
+            ValueError: the machine is not modelled at that period.
+        """
+        own = self.model.dt
+        if period is not None and whole_samples(period, own) != 1:
+            raise ValueError(
+                f"period-ms: {self.name} is modelled at {1e3 * own:g} ms; leave the flag out"
+            )
+        return Hosted(self.model, self.model, 1)
 
     @abc.abstractmethod
     def nominal(self, fed: Fed = "outputs") -> Plant:

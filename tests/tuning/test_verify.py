@@ -4,28 +4,40 @@ import numpy as np
 import pytest
 
 from experiments.machines.linear import bridgeport_machine
-from jcontour.controllers.lq.contouring_lq import LQWeights
-from jcontour.controllers.observers.kalman import kalman_gain
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle
+from jcontour.host.observed import ObservedHost
 from jcontour.motion.references import along
 from jcontour.mpc.limits import Limits
-from tuning.verify import Replayed, acting_fraction, verify
+from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from tuning.verify import acting_fraction, verify
 
 PREVIEW, DT = 4, 0.5e-3
+WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
 
 
 @pytest.fixture(scope="module")
-def tuned():
+def gaps():
+    """(limits, fallback) -> gaps of the tuned controller along a circle on two plants."""
     machine = bridgeport_machine()
-    gain = kalman_gain(machine.model, machine.control_noise, machine.measurement_noise)
-    plants = dict(zip(machine.family_names, machine.true_family(), strict=True))
-    replayed = Replayed(machine.model, LQWeights(3.0, 5.0, 2e-9), PREVIEW, gain)
+    model = machine.model
+    gain = kalman_gain(model, machine.control_noise, machine.measurement_noise)
+    family = dict(zip(machine.family_names, machine.true_family(), strict=True))
+    plants = {name: family[name] for name in list(family)[:2]}
     references = {"circle": along(circle(1e-3), 5e-5 * np.arange(120), DT, PREVIEW, at_rest=False)}
-    return replayed, references, {name: plants[name] for name in list(plants)[:2]}
+    tuned = FilterObserver(ContouringLQ(model, WEIGHTS, PREVIEW), model, gain)
+
+    def found(limits, fallback=None):
+        mpc = TrackingMPC(model, TrackingWeights.of(WEIGHTS), PREVIEW, limits)
+        constrained = ObservedHost(mpc, model, gain)
+        return list(verify(tuned, constrained, limits, references, plants, fallback))
+
+    return found
 
 
-def test_without_an_active_limit_there_is_no_gap(tuned):
-    for gap in verify(tuned[0], Limits.within(control=1e3, increment=1e3), *tuned[1:]):
+def test_without_an_active_limit_there_is_no_gap(gaps):
+    for gap in gaps(Limits.within(control=1e3, increment=1e3)):
         assert (
             gap.active_fraction == 0
             and gap.residual <= 1e-8
@@ -38,17 +50,18 @@ def test_without_an_active_limit_there_is_no_gap(tuned):
             )
 
 
-def test_limits_show_in_the_table(tuned):
-    gaps = list(verify(*tuned_with_limits(tuned, 0.7)))
-    assert [(gap.contour, gap.plant) for gap in gaps] == [("circle", name) for name in tuned[2]]
-    for gap in gaps:
-        assert (
-            0 < gap.acting_fraction <= gap.active_fraction <= 1
-            and gap.residual <= 1e-8
-            and gap.fallbacks == 0
-        )
+def test_limits_show_in_the_table(gaps):
+    """Controls limited to 0.7 of what the tuned controller uses on the nominal machine."""
+    unlimited = gaps(Limits())
+    peak = min(float(gap.without.peak_control) for gap in unlimited)
+    limited = gaps(Limits.within(control=0.7 * peak))
+    assert [gap.plant for gap in limited] == [gap.plant for gap in unlimited]
+    for gap in limited:
+        assert 0 < gap.acting_fraction <= gap.active_fraction <= 1
+        assert gap.residual <= 1e-8 and gap.fallbacks == 0
         assert gap.within.rms_tracking_error > gap.without.rms_tracking_error
-        assert np.abs(gap.run.rollout.control).max() <= 0.7 * gap.without.peak_control * (1 + 1e-9)
+        largest = np.abs(gap.run.rollout.control).max()
+        assert largest <= 0.7 * gap.without.peak_control * (1 + 1e-9)
 
 
 def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
@@ -63,27 +76,15 @@ def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
     assert acting_fraction(None, Limits()) == 0
 
 
-def test_a_step_without_an_answer_is_named_or_falls_back(tuned):
+def test_a_step_without_an_answer_is_named_or_falls_back(gaps):
     """Speed limits that the machine, which starts in motion, breaks as soon as it is disturbed."""
-    replayed, references, plants = tuned
     speed = 1.0001 * 5e-5 / DT
-    limits = Limits.within(speed=0.5 * speed)
     with pytest.raises(ValueError, match="^speed: the start is outside the limits"):
-        list(verify(replayed, limits, references, plants))
+        gaps(Limits.within(speed=0.5 * speed))
     limits = Limits.within(increment=1e-4, speed=speed)
-    (gap, *_) = verify(replayed, limits, references, plants)
-    assert gap.within is None and gap.failure.startswith(
-        f"step {gap.stopped}: daqp did not solve the QP"
-    )
+    gap = gaps(limits)[0]
+    assert gap.within is None
+    assert gap.failure.startswith(f"step {gap.stopped}: daqp did not solve the QP")
     assert gap.run.rollout.control is None or len(gap.run.rollout.control) == gap.stopped
-    (gap, *_) = verify(replayed, limits, references, plants, fallback="soft")
+    gap = gaps(limits, "soft")[0]
     assert gap.within is not None and gap.fallbacks > 0
-
-
-def tuned_with_limits(tuned, share):
-    """Controls limited to a share of what the tuned controller uses on the nominal machine."""
-    replayed, references, plants = tuned
-    peak = min(
-        float(gap.without.peak_control) for gap in verify(replayed, Limits(), references, plants)
-    )
-    return replayed, Limits.within(control=share * peak), references, plants

@@ -7,8 +7,8 @@ import numpy as np
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
-from jcontour.host.held import Held
 from jcontour.host.controller import HostController, HostWrapper
+from jcontour.host.held import Held
 from jcontour.host.loop import Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay

@@ -13,6 +13,7 @@ from experiments.options import Simulate
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"
 ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axes"}
 TAKES_ALSO = {
+    "xy-table": "bridgeport",
     "flexible-axes": "flexible-axis",
     "gantry-friction": "gantry",
 }  # machine -> another whose controllers suit it

@@ -16,8 +16,8 @@ from jcontour.geometry.contours import circle, lemniscate, polygon
 from jcontour.host.loop import Stopped, loop, reported_loop
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along, from_samples
-from jcontour.mpc.limits import Limits
 from jcontour.mpc.forms import AbsoluteForm, VelocityForm
+from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 from jcontour.qp.problem import check_qp
