@@ -150,13 +150,11 @@ class _Rows:
     def run(self, state: Any, memory: Any) -> HostRun:
         """Everything up to here; an empty run has no rows to stack, its signals are None."""
         columns = [_stacked([row[i] for row in self.signals]) for i in range(5)]
-        reports = StepReport(*zip(*self.reports, strict=True)) if self.reports else ([],) * 4
-        active, residual, iterations, slack = reports
         report = LoopReport(
-            np.array(active, int),
-            np.array(residual, float),
-            np.array(iterations, int),
-            np.array(slack, float),
+            np.array([one.active for one in self.reports], int),
+            np.array([one.residual for one in self.reports], float),
+            np.array([one.iterations for one in self.reports], int),
+            np.array([one.slack for one in self.reports], float),
             np.array(self.fallback, bool),
         )
         return HostRun(Rollout(*columns, state, memory), report)

@@ -9,6 +9,7 @@ no error at rest, as long as only increments cost.
 
 import abc
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -99,7 +100,7 @@ class AbsoluteForm(Form):
 
     def terminal_target(self, motion, end, increment) -> Float[np.ndarray, "T t"]:
         """States of a steady motion through the last samples."""
-        return np.asarray(motion.state(end, increment))
+        return np.asarray(motion.state(jnp.asarray(end), jnp.asarray(increment)))
 
 
 class VelocityForm(Form):

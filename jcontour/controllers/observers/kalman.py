@@ -26,7 +26,7 @@ from jcontour.tracing import is_concrete
 class ObserverMemory(NamedTuple):
     """The predicted state xh, and the memory of the controller inside."""
 
-    estimate: Float[Array, " n"]
+    estimate: Float[Array, " n"] | Float[np.ndarray, " n"]  # NumPy's on the host
     inner: Any
 
 
