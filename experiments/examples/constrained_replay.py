@@ -3,23 +3,26 @@
 import numpy as np
 
 from jcontour import contours, feed_laws, references, simulate
-from jcontour.controllers import LQWeights
+from jcontour.controllers import ContouringLQ, LQWeights
 from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.plants import bridgeport
-from tuning.verify import Replayed, verify
+from tuning.verify import verify
 
 model = bridgeport()
 square = contours.polygon([[0.0, 0.0], [1e-3, 0.0], [1e-3, 1e-3], [0.0, 1e-3]])  # [m]
 arc = feed_laws.constant_feed(square, 0.05, model.dt)  # 0.05 m/s, corners at full speed
 reference = references.along(square, arc, model.dt, preview=10, at_rest=False)
-replayed = Replayed(model, LQWeights(alpha=3.0, beta=5.0, rho=2e-9), preview=10)
+weights = LQWeights(alpha=3.0, beta=5.0, rho=2e-9)
+tuned = ContouringLQ(model, weights, preview=10)
 
-free = simulate(model, replayed.unlimited(), reference)
+free = simulate(model, tuned, reference)
 largest = float(np.abs(np.diff(free.control, axis=0)).max())  # change of a control per sample
 limits = Limits.within(increment=0.5 * largest)
 
 # The same weights in a predictive controller that solves a QP at every sample.
-(gap,) = verify(replayed, limits, {"square": reference}, {"nominal": model})
+constrained = TrackingMPC(model, TrackingWeights.of(weights), 10, limits)
+(gap,) = verify(tuned, constrained, limits, {"square": reference}, {"nominal": model})
 within = gap.run.rollout
 assert gap.within is not None  # None where a QP had no answer
 print(
