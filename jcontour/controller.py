@@ -1,4 +1,4 @@
-"""What a controller is to the rest of the library: a plan made from the future, a memory and a step."""
+"""The contract of a controller: a plan made from the future, a memory and a step."""
 
 import abc
 from typing import Any, Protocol, runtime_checkable
@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.motion.references import Reference
+from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
 Memory = Any  # any pytree of arrays
@@ -48,25 +49,29 @@ class Controller(eqx.Module):
     def step(
         self, memory: Memory, plan: Plan, measurement: Any
     ) -> tuple[Memory, Float[Array, " p"]]:
-        """Next memory and the control, from one row of the plan and what the sensors give now."""
+        """Next memory and the control, from one row of the plan and the present measurement."""
+
+    def design_model(self) -> Plant | None:
+        """Model that the controller is designed on; None for one without a model."""
+        return None
 
 
 class Wrapper(Controller):
-    """A controller around another: it sees what the one inside needs, and acts on what goes into it or comes out of it."""
+    """A controller around another one: it changes what goes into it or what comes out of it."""
 
     controller: eqx.AbstractVar[Controller]
 
     @property
     def preview(self) -> int:
-        """That of the controller inside."""
+        """Preview of the wrapped controller [samples]."""
         return self.controller.preview
 
     def prepare(self, reference: Reference) -> Plan:
-        """That of the controller inside."""
+        """Plan of the wrapped controller."""
         return self.controller.prepare(reference)
 
 
-def whole_preview(preview: int) -> int:
+def whole_preview(preview: float | int) -> int:
     """The preview as an int; ValueError unless it is a whole number of at least one sample."""
     if not (preview == int(preview) and preview >= 1):
         raise ValueError(
@@ -79,12 +84,13 @@ def check_preview(controller: Sampled, reference: Reference) -> None:
     """Raise ValueError unless the reference looks as far ahead as the controller does."""
     if reference.preview < controller.preview:
         raise ValueError(
-            f"preview: the controller looks {controller.preview} samples ahead, the reference was made with {reference.preview}"
+            f"preview: the controller looks {controller.preview} samples ahead, "
+            f"the reference was made with {reference.preview}"
         )
 
 
 def check_period(dt: float, reference: Reference) -> None:
-    """Raise ValueError unless the reference has the sample period [s] that the controller was made for."""
+    """Raise ValueError unless the reference has the controller's sample period `dt` [s]."""
     if reference.dt != dt:
         raise ValueError(
             f"dt: the controller is sampled every {dt} s, the reference every {reference.dt} s"
@@ -103,6 +109,9 @@ def checked_gain(name: str, value) -> Array:
 
 
 def check_limit(limit) -> None:
-    """Raise ValueError unless the limits of the control, the same in both directions, are above zero; traced values pass unchecked."""
+    """Raise ValueError unless the limits of the control are above zero.
+
+    They are the same in both directions; traced values pass unchecked.
+    """
     if is_concrete(limit) and not np.all(np.asarray(limit) > 0):
         raise ValueError(f"limit: needs to be above zero, received {limit}")

@@ -1,5 +1,6 @@
-"""Where a controller finds the position and the velocity of every axis in what a plant measures."""
+"""Positions and velocities of the axes within the measurement of a plant."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -10,7 +11,9 @@ from jaxtyping import Array, Float
 
 
 class Sensors(eqx.Module):
-    """Where position and velocity of every axis stand in the measurement, all its leaves in one row, and what turns them into m and m/s.
+    """Places of the axes' positions and velocities in the measurement, and its unit.
+
+    The places are indices into all leaves of the measurement, one after the other.
 
     Args:
         position: indices (m,).
@@ -25,15 +28,14 @@ class Sensors(eqx.Module):
     velocity: tuple[int, ...] = eqx.field(static=True)
     scale: Float[Array, "*m"]
 
-    def __init__(self, position, velocity=(), scale=1.0):
-        self.position, self.velocity = (
-            tuple(int(i) for i in position),
-            tuple(int(i) for i in velocity),
-        )
+    def __init__(self, position: Iterable[int], velocity: Iterable[int] = (), scale=1.0):
+        self.position = tuple(int(i) for i in position)
+        self.velocity = tuple(int(i) for i in velocity)
         alike = not self.velocity or len(self.position) == len(self.velocity)
         if not alike or not self.position or min(self.position + self.velocity) < 0:
             raise ValueError(
-                f"sensors: need as many positions as velocities, none negative, received {self.position} and {self.velocity}"
+                "sensors: need as many positions as velocities, none negative, "
+                f"received {self.position} and {self.velocity}"
             )
         self.scale = jnp.asarray(scale, float)
 
@@ -47,7 +49,7 @@ class Sensors(eqx.Module):
         return self.scale * row(measurement)[np.array(self.position)]
 
     def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """(position [m], velocity [m/s]) of every axis."""
+        """Position [m] and velocity [m/s] of every axis."""
         return self.positions(measurement), self.scale * row(measurement)[np.array(self.velocity)]
 
 
@@ -58,5 +60,5 @@ def row(measurement: Any) -> Float[Array, " q"]:
 
 
 def motors(axes: int) -> Sensors:
-    """Of a machine that measures the positions of all its motors, then their speeds, as the flexible axis does."""
+    """Sensors of a machine that measures all motor positions, then all motor speeds."""
     return Sensors(range(axes), range(axes, 2 * axes))

@@ -1,4 +1,4 @@
-"""Is a value a number that the host can look at, or a tracer inside a JAX transformation?"""
+"""Numbers that the host can look at, told from tracers inside a JAX transformation."""
 
 from jax.core import Tracer
 

@@ -12,7 +12,7 @@ from experiments.options import MachineFlags
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
 from jcontour.motion.feed_laws import constant_feed, trapezoidal
-from jcontour.motion.references import Law, Reference, along, in_time
+from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
@@ -122,7 +122,7 @@ class AxisMove(NamedTuple):
 
     name: str
     contour: Contour
-    law: Law
+    law: TimeLaw
     duration: float
     dwell: float
     dt: float

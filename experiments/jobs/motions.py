@@ -8,7 +8,7 @@ from experiments.jobs.job import AxisMove, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import PointToPoint, ToAndFro
-from jcontour.motion.references import Law
+from jcontour.motion.references import TimeLaw
 
 DWELL = 0.1  # [s] of rest before every motion of the thesis
 SETTLING = 1.075  # [s] of rest after its task A
@@ -45,7 +45,7 @@ def _point_to_point(
 
 
 def _motion(
-    name: str, pace: Pace, contour: Contour, law: Law, duration: float, words: str
+    name: str, pace: Pace, contour: Contour, law: TimeLaw, duration: float, words: str
 ) -> AxisMove:
     dt = pace.machine.model.dt
     if len(pace.machine.axes) != 1:

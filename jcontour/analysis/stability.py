@@ -1,11 +1,10 @@
-"""Is the loop stable, and by how much: frozen loops along a path, and how much gain error and delay they bear.
+"""Stability of the loop along a path: frozen loops, and the gain error and delay they bear.
 
 A frozen loop is the closed loop linearised at one sample of its own run, the plan of that step held
 for ever: z(k+1) = M z(k) + const, z the state of the plant and the memory of the controller. McNab
-& Tsao, Theorem 1 and eq. 23, where M = A - B K at every state; here M is the Jacobian of one step,
-so that observers, delays, limits and machines that change along the path are covered by the same
-words.
-Of a linear plant under a linear controller it does not depend on the run. Host side.
+& Tsao, Theorem 1 and eq. 23, have M = A - B K at every state. Here M is the Jacobian of one step:
+it covers observers, delays, limits and machines that change along the path. For a linear plant
+under a linear controller it does not depend on the run. Host side.
 """
 
 from typing import NamedTuple
@@ -17,7 +16,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import ArrayLike, Bool, Float, Int
 
-from jcontour.controller import Controller
+from jcontour.controller import Controller, Wrapper
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
@@ -32,19 +31,18 @@ PROBED_LOOPS = 48  # frozen loops that guide a search; all of them confirm it
 
 
 class Margins(NamedTuple):
-    """What every frozen loop along a path survives.
+    """Margins that every frozen loop along a path survives.
 
     Attributes:
         spectral_radius: the largest of all frozen loops; the loop is stable below 1.
         gain: (p, 2) lower and upper factor on each control, alone, within which every loop stays
             stable.
-        gain_at: (p, 2) sample of the reference whose loop is lost first beyond it; -1 where all are
-            at once, or none within `GAIN_SEARCH`.
+        gain_at: (p, 2) sample whose frozen loop becomes unstable first when the gain leaves the
+            interval; -1 if all do at once, or none does within `GAIN_SEARCH`.
         delay: most whole samples of extra control delay; -1 when a loop is unstable without any.
-        saturated: scored samples with an open loop: a control is saturated, by controller or plant,
-            or of zero gain. The others leave them
-            out unless every sample is one: then there are no margins, and the others are those of
-            the open loops.
+        saturated: number of scored samples at which a control is saturated (by the controller or
+            the plant) or has zero gain, so that the loop is open. The other margins ignore these
+            samples. If every sample is open, there are no margins: they describe the open loops.
     """
 
     spectral_radius: float
@@ -55,18 +53,24 @@ class Margins(NamedTuple):
 
 
 class CutLoops(NamedTuple):
-    """Frozen loops cut at their control, for small changes: z(k+1) = A z(k) + B v(k), u(k) = C z(k); v = u closes them."""
+    """Frozen loops cut at their control, for small changes; v = u closes them.
+
+    z(k+1) = A z(k) + B v(k),   u(k) = C z(k)
+    """
 
     A: Float[np.ndarray, "T N N"]
     B: Float[np.ndarray, "T N p"]
     C: Float[np.ndarray, "T p N"]
 
     def closed(self, gains: ArrayLike = 1.0) -> Float[np.ndarray, "T N N"]:
-        """A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
+        """Closed loops A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
         return self.A + (self.B * gains) @ self.C
 
     def late(self, samples: int) -> Float[np.ndarray, "T L L"]:
-        """v(k) = u(k - samples), at least one: the state gains the line u(k-1), ..., u(k-samples)."""
+        """Closed loops with v(k) = u(k - samples), at least one sample.
+
+        The state gains the line u(k-1), ..., u(k-samples).
+        """
         T, N, p = self.B.shape
         M = np.zeros((T, N + samples * p, N + samples * p))
         M[:, :N, :N], M[:, :N, -p:], M[:, N : N + p, :N] = self.A, self.B, self.C
@@ -74,9 +78,10 @@ class CutLoops(NamedTuple):
         return M
 
     def acting(self) -> Bool[np.ndarray, "T p"]:
-        """Controls that are part of a loop: row and column of theirs in the Markov parameters C A^k B, k < N, are not all zero.
+        """Controls that are part of a loop.
 
-        Told from which entries of A, B and C are zero: no power of an unstable A is taken.
+        Their row and their column in the Markov parameters C A^k B, k < N, are not all zero. Only
+        the zeros of A, B and C are looked at: no power of an unstable A is taken.
         """
         A, B, C = (matrices != 0 for matrices in self)
         reached = B
@@ -86,7 +91,7 @@ class CutLoops(NamedTuple):
         return heard.any(axis=1) & heard.any(axis=2)
 
     def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
-        """Some of them."""
+        """Loops of some rows."""
         return CutLoops(*(matrices[rows] for matrices in self))
 
 
@@ -98,23 +103,22 @@ def frozen_spectral_radius(
     Args:
         controller: any controller; its gains on the line must not depend on the speed.
         direction: (m,) of any length.
-        plant: the machine; the controller's own model when not given, behind encoders where an
-            observer is fed positions.
+        plant: the machine. When not given, the model that the controller is designed on; behind
+            encoders for an observer, which is fed positions.
 
     Raises:
         ValueError: the direction is zero or not finite, or the controller has no model and no plant
             is given.
     """
-    plant = _own_model(controller) if plant is None else plant
+    plant = _modelled_plant(controller) if plant is None else plant
     along_path = np.asarray(direction, float)
     length = np.linalg.norm(along_path)
     if not (np.isfinite(length) and length > 0):
         raise ValueError(
             f"direction: needs a finite vector of non-zero length, received {direction}"
         )
-    contour = line(
-        np.zeros(along_path.size), 1e-3 * along_path / length
-    )  # [m] any length: the reference goes on straight
+    # 1e-3 m, or any other length: the reference goes on straight
+    contour = line(np.zeros(along_path.size), 1e-3 * along_path / length)
     reference = along(contour, [0.0, 1e-3], plant.dt, controller.preview, at_rest=False)
     return float(frozen_spectral_radii(plant, controller, reference)[0])
 
@@ -127,9 +131,8 @@ def frozen_spectral_radii(
     Raises:
         ValueError: as `simulate`.
     """
-    return spectral_radius(
-        cut_loops(plant, controller, reference, np.arange(reference.steps)).closed()
-    )
+    loops = cut_loops(plant, controller, reference, np.arange(reference.steps))
+    return spectral_radius(loops.closed())
 
 
 def margins(plant: Plant, controller: Controller, reference: Reference) -> Margins:
@@ -157,27 +160,22 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
 def cut_loops(
     plant: Plant, controller: Controller, reference: Reference, rows: Int[np.ndarray, " R"]
 ) -> CutLoops:
-    """The loops at some steps of the run of `simulate`, as NumPy arrays.
+    """Cut loops at some steps of the run of `simulate`, as NumPy arrays.
 
     Raises:
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    return CutLoops(
-        *(
-            np.asarray(matrices)
-            for matrices in _cut_loops(plant, controller, reference, jnp.asarray(rows))
-        )
-    )
+    loops = _cut_loops(plant, controller, reference, jnp.asarray(rows))
+    return CutLoops(*(np.asarray(matrices) for matrices in loops))
 
 
-def _own_model(controller: Controller) -> Plant:
-    model = getattr(controller, "model", None)
+def _modelled_plant(controller: Controller) -> Plant:
+    model = controller.design_model()
     if model is None:
         raise ValueError("plant: this controller has no model of its own; give the plant")
-    return (
-        Encoders(model) if hasattr(controller, "controller") else model
-    )  # an observer wraps a controller
+    # an observer is a wrapper with a model
+    return Encoders(model) if isinstance(controller, Wrapper) else model
 
 
 @eqx.filter_jit
@@ -194,13 +192,11 @@ def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows)
             state, memory = eqx.combine(unravel(inputs[:N]), fixed)
             memory, control = controller.step(memory, plan_k, plant.measure(state))
             after = plant.step(state, jax.lax.stop_gradient(control) + inputs[N:]), memory
-            return jnp.concatenate(
-                [ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], control]
-            )
+            moved, _ = ravel_pytree(eqx.filter(after, eqx.is_inexact_array))
+            return jnp.concatenate([moved, control])
 
-        J = jax.jacfwd(one_step)(
-            jnp.concatenate([flat, jnp.zeros(run.control.shape[1], flat.dtype)])
-        )
+        no_change = jnp.zeros(run.control.shape[1], flat.dtype)
+        J = jax.jacfwd(one_step)(jnp.concatenate([flat, no_change]))
         return J[:N, :N], J[:N, N:], J[N:, :N]
 
     return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
@@ -215,23 +211,24 @@ def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) ->
     found = [[_gain_limit(loops, i, factor) for factor in (1 / 1.05, 1.05)] for i in range(inputs)]
     gain = np.array([[inside for inside, _ in pair] for pair in found])
     lost = np.array([[-1 if row is None else samples[row] for _, row in pair] for pair in found])
-    delay = next(
-        (d for d in range(DELAY_SEARCH) if spectral_radius(loops.late(d + 1)).max() >= 1),
-        DELAY_SEARCH,
-    )
+    delay = 0
+    while delay < DELAY_SEARCH and spectral_radius(loops.late(delay + 1)).max() < 1:
+        delay += 1
     return Margins(largest, gain, lost, delay, saturated)
 
 
 def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int | None]:
-    """The factor on one control, going from 1 in steps of `factor`, at which the first frozen loop loses stability, and which that is."""
+    """Factor on one control at which the first frozen loop loses stability, and that loop.
+
+    The search goes from 1 in steps of `factor`.
+    """
     steps, _, inputs = loops.B.shape
     every = np.arange(steps)
     rows = np.unique(np.linspace(0, steps - 1, min(PROBED_LOOPS, steps)).astype(int))
 
     def radii(gain: float, rows) -> np.ndarray:
-        return spectral_radius(
-            loops.at(rows).closed(np.where(np.arange(inputs) == index, gain, 1.0))
-        )
+        gains = np.where(np.arange(inputs) == index, gain, 1.0)
+        return spectral_radius(loops.at(rows).closed(gains))
 
     while True:
         inside, outside = _limit(lambda gain, rows=rows: radii(gain, rows).max() < 1, factor)
@@ -243,7 +240,7 @@ def _gain_limit(loops: CutLoops, index: int, factor: float) -> tuple[float, int 
 
 
 def _limit(stable, factor: float) -> tuple[float, float | None]:
-    """The last stable gain and the first unstable one, none where the search ends before."""
+    """Last stable gain and first unstable one; None where the search ends before."""
     inside = 1.0
     while stable(inside * factor):
         inside *= factor

@@ -1,22 +1,18 @@
-"""Circular arcs in a plane of complex numbers, as toolpaths give them: by centre or by radius, their ends slightly off the circle."""
+"""Circular arcs as toolpaths give them, in a plane of complex numbers.
+
+They come by centre or by radius, and their ends may lie slightly off the circle.
+"""
 
 import cmath
 import math
 from collections.abc import Iterator
 
-MM = 1e-3  # [m]
-# [m] moves below it are dropped, end points below it are the same: a thousandth of the finest word
-# a program holds
-SHORTEST = 1e-9
-ARC_SLACK, ARC_SLACK_RELATIVE, ARC_SLACK_MOST = (
-    5e-6,
-    1e-3,
-    0.5e-3,
-)  # [m], of the radius, [m]: between both radii of an arc, as Grbl has it
+from jcontour.geometry.toolpath_rules import MM, SHORTEST, ToolpathError
 
-
-class ToolpathError(ValueError):
-    """A toolpath that cannot be traced; the message is one line, which begins with the number of the line where there is one."""
+# difference between both radii of an arc, as Grbl allows it
+ARC_SLACK = 5e-6  # [m]
+ARC_SLACK_RELATIVE = 1e-3  # of the radius, up to ARC_SLACK_MOST
+ARC_SLACK_MOST = 0.5e-3  # [m]
 
 
 def centre_from_radius(
@@ -35,7 +31,8 @@ def centre_from_radius(
         )
     if abs(radius) < SHORTEST or (abs(radius) < half and not _same_radius(abs(radius), half)):
         raise ToolpathError(
-            f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, {2 * half / MM:.6g} mm away"
+            f"a radius of {abs(radius) / MM:.6g} mm does not reach the end of the arc, "
+            f"{2 * half / MM:.6g} mm away"
         )
     height = math.sqrt(max(radius**2 - half**2, 0.0))
     to_the_left = counter_clockwise == (radius > 0)
@@ -45,7 +42,9 @@ def centre_from_radius(
 def arcs_between(
     start: complex, end: complex, centre: complex, counter_clockwise: bool
 ) -> Iterator[tuple[complex, complex, float]]:
-    """Ends, centres and signed angles of the one or two arcs which run exactly from start to end; the given centre may be slightly off.
+    """Ends, centres and signed angles of the one or two arcs which run exactly from start to end.
+
+    The given centre may be slightly off.
 
     Raises:
         ToolpathError: the end is off its circle, or there is no radius.
@@ -53,8 +52,8 @@ def arcs_between(
     first, last = abs(start - centre), abs(end - centre)
     if not _same_radius(first, last):
         raise ToolpathError(
-            f"the end of the arc is off its circle: the radius is {first / MM:.6g} mm at the start and {last / MM:.6g} mm at the end, "
-            f"{abs(first - last) / MM:.3g} mm apart"
+            f"the end of the arc is off its circle: the radius is {first / MM:.6g} mm at the start "
+            f"and {last / MM:.6g} mm at the end, {abs(first - last) / MM:.3g} mm apart"
         )
     if min(first, last) < SHORTEST:
         raise ToolpathError("an arc without a radius")

@@ -1,4 +1,7 @@
-"""The contour: a tool path in arc length, as one padded array of pieces, so that contours of different shape batch (`contours.stack`)."""
+"""The contour: a tool path in arc length, as one padded array of pieces.
+
+Contours of different shape therefore batch; see `contours.stack`.
+"""
 
 import equinox as eqx
 import jax
@@ -9,8 +12,10 @@ from jcontour.geometry.pieces import Piece
 
 
 class Contour(eqx.Module):
-    """Path in arc length s [m]; each piece is p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s), s from its own start.
+    """Path in arc length s [m].
 
+    With s from its own start, each piece is
+        p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s)
     Everything works under jit and vmap, over points as well as over stacked contours (then every
     array has a leading axis).
 
@@ -56,35 +61,42 @@ class Contour(eqx.Module):
 
     @jax.jit
     def position(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:
-        """Point at arc length `arc` [m]; a closed contour wraps, an open one goes straight on beyond its ends."""
+        """Point at arc length `arc` [m].
+
+        A closed contour wraps; an open one goes straight on beyond its ends.
+        """
         piece, s, beyond = self._at(jnp.asarray(arc))
         position, velocity, _ = piece.jet(s)
         return position + beyond[..., None] * velocity
 
     @jax.jit
     def tangent(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:
-        """Unit vector along the motion; at a corner that of the piece which begins there."""
+        """Unit vector along the motion; a corner has the tangent of the piece that begins there."""
         piece, s, _ = self._at(jnp.asarray(arc))
         velocity = piece.jet(s)[1]
         return velocity / jnp.sqrt(jnp.sum(velocity**2, axis=-1, keepdims=True))
 
     @jax.jit
     def curvature(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch"]:
-        """|dt/ds| [1/m], not negative; 0 beyond the ends of an open contour. Corners have none."""
+        """Curvature |dt/ds| [1/m], not negative; 0 beyond the ends of an open contour.
+
+        Corners have none.
+        """
         square = jnp.sum(self.curvature_vector(arc) ** 2, axis=-1)
         bent = square > 0
         return jnp.where(bent, jnp.sqrt(jnp.where(bent, square, 1.0)), 0.0)
 
     @jax.jit
     def curvature_vector(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:
-        """dt/ds [1/m], towards the centre of the osculating circle; 0 beyond the ends of an open contour."""
+        """Curvature vector dt/ds [1/m], towards the centre of the osculating circle.
+
+        It is 0 beyond the ends of an open contour.
+        """
         piece, s, beyond = self._at(jnp.asarray(arc))
         _, velocity, acceleration = piece.jet(s)
         speed = jnp.sum(velocity**2, axis=-1, keepdims=True)
-        across = (
-            acceleration
-            - jnp.sum(acceleration * velocity, axis=-1, keepdims=True) / speed * velocity
-        )
+        along = jnp.sum(acceleration * velocity, axis=-1, keepdims=True) / speed
+        across = acceleration - along * velocity
         return jnp.where(beyond[..., None] == 0, across / speed, 0.0)
 
     @jax.jit
@@ -94,11 +106,12 @@ class Contour(eqx.Module):
         arc: Float[ArrayLike, "*batch"],
         reach: Float[ArrayLike, "*#batch"],
     ) -> Float[Array, "*batch"]:
-        """Arc length s* [m] of the contour point nearest to `point`, among those with |s - arc| <= reach.
+        """Arc length s* [m] of the contour point nearest to `point`, within a window.
 
-        The window keeps the search on its own branch at a self-crossing. It wraps on a closed
-        contour and ends with an open one, into which `arc` is taken first; without reach, or for a
-        point that is not finite, the answer is `arc` itself. Corners are exact.
+        The window is |s - arc| <= reach. The window keeps the search on its own branch at a
+        self-crossing. It wraps on a closed contour and ends with an open one, into which `arc` is
+        taken first; without reach, or for a point that is not finite, the answer is `arc` itself.
+        Corners are exact.
 
         The search is not differentiated and nothing is lost by that: with s* held, |point -
         position(s*)|^2 has the derivative 2 (point - position(s*)), which is exact since s* is
@@ -109,15 +122,22 @@ class Contour(eqx.Module):
 
     @jax.jit
     def nearest_anywhere(self, point: Float[ArrayLike, "*batch m"]) -> Float[Array, "*batch"]:
-        """Arc length [m] of the nearest point of the whole contour, by search over all pieces; NaN for a point that is not finite."""
+        """Arc length [m] of the nearest point of the whole contour, by search over all pieces.
+
+        It is NaN for a point that is not finite.
+        """
         contour, point = jax.lax.stop_gradient((self, jnp.asarray(point)[..., None, :]))
-        pieces = contour._pieces(jnp.arange(contour.rate.size))
+        batch = tuple(range(point.ndim - 2))
+        pieces, mask = jax.tree.map(
+            lambda rows: jnp.expand_dims(rows, batch),
+            (contour._pieces(jnp.arange(contour.rate.size)), contour.mask),
+        )
         low = jnp.zeros(
-            jnp.broadcast_shapes(point.shape[:-1], contour.rate.shape),
+            jnp.broadcast_shapes(point.shape[:-1], mask.shape),
             jnp.result_type(point, contour.rate),
         )
         s, square = contour._foot(pieces, point, low, low + pieces.extent)
-        best = jnp.argmin(jnp.where(contour.mask, square, jnp.inf), axis=-1)[..., None]
+        best = jnp.argmin(jnp.where(mask, square, jnp.inf), axis=-1)[..., None]
         arc = jnp.take_along_axis(pieces.start + s, best, axis=-1)[..., 0]
         return jax.lax.stop_gradient(jnp.where(jnp.isfinite(point).all((-1, -2)), arc, jnp.nan))
 
@@ -126,8 +146,11 @@ class Contour(eqx.Module):
         """All pieces, padding included."""
         return Piece(self.polynomial, self.cosine, self.sine, self.rate, self.start, self.extent)
 
-    def _inside(self, arc):
-        """The arc length in [0, length) of a closed contour, [0, length] of an open one."""
+    def within(self, arc):
+        """Arc length taken into the contour [m].
+
+        It is in [0, length) for a closed contour, which wraps, and in [0, length] for an open one.
+        """
         length = self.length
         wrapped = arc - length * jnp.floor(arc / length)
         wrapped = jnp.where(wrapped >= length, 0.0, wrapped)  # -1e-20 rounds to a whole lap
@@ -150,32 +173,27 @@ class Contour(eqx.Module):
 
     def _at(self, arc):
         """Piece, arc length within it and signed distance beyond the ends of an open contour."""
-        inside = self._inside(arc)
+        inside = self.within(arc)
         piece = self._pieces(self._index(inside))
         return piece, inside - piece.start, jnp.where(self.closed, 0.0, arc - inside)
 
     def _foot(self, piece, point, low, high):
-        return (
-            piece.refined_foot(point, low, high, self.newton_steps)
-            if self.newton_steps
-            else piece.foot(point, low, high)
-        )
+        if self.newton_steps:
+            return piece.refined_foot(point, low, high, self.newton_steps)
+        return piece.foot(point, low, high)
 
 
 def _nearest(contour: Contour, point, arc, reach):
-    """`Contour.nearest`: every point walks through the pieces its window overlaps, all points in step."""
+    """Nearest points for `Contour.nearest`, all points in step.
+
+    Every point walks through the pieces that its window overlaps.
+    """
     dtype = jnp.result_type(contour.start, point, arc, reach)
     shape = jnp.broadcast_shapes(point.shape[:-1], arc.shape, reach.shape)
-    arc = jnp.broadcast_to(contour._inside(arc).astype(dtype), shape)
-    length = contour.length
+    arc = jnp.broadcast_to(contour.within(arc).astype(dtype), shape)
     usable = jnp.isfinite(point).all(-1) & jnp.isfinite(arc) & (reach > 0)
-    reach = jnp.where(
-        usable, jnp.minimum(reach, jnp.where(contour.closed, 0.5 * length, length)), 0.0
-    )
-    begin, end = arc - reach, arc + reach
-    begin = jnp.where(contour.closed, begin, jnp.maximum(begin, 0.0))
-    end = jnp.where(contour.closed, end, jnp.minimum(end, length))
-    inside = contour._inside(begin)
+    begin, end = _window(contour, arc, reach, usable)
+    inside = contour.within(begin)
     first, lap = contour._index(inside), begin - inside  # laps unroll a closed contour
     count = contour._count
 
@@ -183,13 +201,27 @@ def _nearest(contour: Contour, point, arc, reach):
         k, best, least, _ = state
         again = first + k >= count  # a window is a lap at most
         piece = contour._pieces(jnp.where(again, first + k - count, first + k))
-        start = piece.start + jnp.where(again, lap + length, lap)
+        start = piece.start + jnp.where(again, lap + contour.length, lap)
         low = jnp.clip(begin - start, 0.0, piece.extent)
         high = jnp.clip(end - start, low, piece.extent)
         s, square = contour._foot(piece, point, low, high)
         better = usable & ((k == 0) | (start < end)) & (square < least)
-        best, least = jnp.where(better, start + s, best), jnp.where(better, square, least)
-        return k + 1, best, least, jnp.any(usable & (start + piece.extent < end))
+        best = jnp.where(better, start + s, best)
+        least = jnp.where(better, square, least)
+        more = jnp.any(usable & (start + piece.extent < end))
+        return k + 1, best, least, more
 
     state = (jnp.int32(0), arc, jnp.full(shape, jnp.inf, dtype), jnp.any(usable))
-    return contour._inside(jax.lax.while_loop(lambda state: state[-1], walk, state)[1])
+    _, best, _, _ = jax.lax.while_loop(lambda state: state[-1], walk, state)
+    return contour.within(best)
+
+
+def _window(contour: Contour, arc, reach, usable):
+    """Ends of the window around every arc length [m]: at most a lap, and within an open contour."""
+    length = contour.length
+    most = jnp.where(contour.closed, 0.5 * length, length)
+    reach = jnp.where(usable, jnp.minimum(reach, most), 0.0)
+    begin, end = arc - reach, arc + reach
+    begin = jnp.where(contour.closed, begin, jnp.maximum(begin, 0.0))
+    end = jnp.where(contour.closed, end, jnp.minimum(end, length))
+    return begin, end

@@ -1,16 +1,16 @@
-"""The contours one can make: lines, arcs, helices, smooth curves, a `chain` of these in one path, and a `stack` of paths for vmap.
+"""Constructors of contours: lines, arcs, helices and smooth curves.
 
-Numbers come in on the host and are checked here, so that nothing needs to be inside jit.
+A `chain` joins several into one path; a `stack` batches several for vmap. Numbers come in on the
+host and are checked here, so that nothing needs to be checked inside jit.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import ArrayLike
+from jaxtyping import ArrayLike, Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
@@ -21,19 +21,17 @@ from jcontour.geometry.quintics import quintic_pieces
 NEWTON_STEPS = 4
 FIT_TOLERANCE = 1e-10  # [m] a tenth of a nanometre, far below any encoder
 MEETING = 1e-9  # of the contour's size: ends closer than this meet
-BOX_SAMPLES, TURN_SAMPLES = (
-    9,
-    257,
-)  # of any piece, of one that turns: the bounding box is then good to 1e-4, for a whole turn too
+BOX_SAMPLES = 9  # points of a piece that measure the bounding box
+TURN_SAMPLES = 257  # points of a piece that turns: the box is good to 1e-4 for a whole turn too
 SLIGHT_TURN = 0.2  # [rad] up to which the few samples suffice
+Numbers = ArrayLike | Sequence[Any]  # what NumPy makes an array of, nested lists for instance
+
 PLANE_OR_SPACE, ANY_AXES = (2, 3), (1, 2, 3)  # numbers of axes
-SMALLEST, LARGEST = (
-    1e-100,
-    1e100,
-)  # lengths [m] and angles [rad] between: their squares neither vanish nor overflow
+# lengths [m] and angles [rad] lie between: their squares neither vanish nor overflow
+SMALLEST, LARGEST = 1e-100, 1e100
 
 
-def line(start: ArrayLike, end: ArrayLike) -> Contour:
+def line(start: Numbers, end: Numbers) -> Contour:
     """Straight line between two points (m,) [m], of one axis or more.
 
     Raises:
@@ -42,11 +40,11 @@ def line(start: ArrayLike, end: ArrayLike) -> Contour:
     return polyline([_vector("line start", start, ANY_AXES), _vector("line end", end, ANY_AXES)])
 
 
-def polyline(points: ArrayLike) -> Contour:
-    """Straight segments through points (n, m) [m]; closed when the last is the first. Repeated points are dropped.
+def polyline(points: Numbers) -> Contour:
+    """Straight segments through points (n, m) [m]; closed when the last is the first.
 
-    On one axis the path is the travel itself: a tool off its time has no contour error until it
-    leaves the ends of the travel.
+    Repeated points are dropped. On one axis the path is the travel itself: a tool off its time has
+    no contour error until it leaves the ends of the travel.
 
     Raises:
         ValueError: wrong shape, not finite, or fewer than two distinct points.
@@ -59,7 +57,7 @@ def polyline(points: ArrayLike) -> Contour:
     return from_pieces(_polynomial_pieces(polynomial, extent))
 
 
-def polygon(points: ArrayLike) -> Contour:
+def polygon(points: Numbers) -> Contour:
     """Closed polyline through points (n, m) [m], the first of which need not be repeated.
 
     Raises:
@@ -70,10 +68,10 @@ def polygon(points: ArrayLike) -> Contour:
 
 
 def arc(
-    start: ArrayLike,
-    centre: ArrayLike,
+    start: Numbers,
+    centre: Numbers,
     angle: float,
-    normal: ArrayLike = (0.0, 0.0, 1.0),
+    normal: Numbers = (0.0, 0.0, 1.0),
     rise: float = 0.0,
 ) -> Contour:
     """Circular arc around `centre`, or a helix when it rises along the normal meanwhile.
@@ -90,15 +88,13 @@ def arc(
         ValueError: wrong shape, not finite, zero radius or angle, a normal that is not at right
             angles to the radius, a rise in 2-D.
     """
-    start, centre, normal = (
-        _vector("arc start", start),
-        _vector("arc centre", centre),
-        _vector("arc normal", normal),
-    )
+    start, centre = _vector("arc start", start), _vector("arc centre", centre)
+    normal = _vector("arc normal", normal)
     angle, rise = _number("arc angle", angle), _number("arc rise", rise)
     if start.shape != centre.shape:
         raise ValueError(
-            f"arc: start and centre need the same number of axes, received {start.shape} and {centre.shape}"
+            "arc: start and centre need the same number of axes, "
+            f"received {start.shape} and {centre.shape}"
         )
     if normal.size != 3 or not normal.any():
         raise ValueError(
@@ -106,7 +102,8 @@ def arc(
         )
     if start.size == 2 and (normal[:2].any() or rise):
         raise ValueError(
-            f"arc: two axes need a normal along z and no rise, received {normal.tolist()} and {rise} m"
+            "arc: two axes need a normal along z and no rise, "
+            f"received {normal.tolist()} and {rise} m"
         )
     normal = normal / np.linalg.norm(normal)
     radial = np.append(start - centre, np.zeros(3 - start.size))
@@ -117,13 +114,14 @@ def arc(
         )
     if abs(height) > MEETING * radius:
         raise ValueError(
-            f"arc: the radius needs to be at right angles to the normal, received {height} m of {radius} m along it"
+            "arc: the radius needs to be at right angles to the normal, "
+            f"received {height} m of {radius} m along it"
         )
     return _turn(start, radial - height * normal, normal, angle, rise)
 
 
 def circle(
-    radius: float, centre: ArrayLike = (0.0, 0.0), start_angle: float = 0.0, clockwise: bool = False
+    radius: float, centre: Numbers = (0.0, 0.0), start_angle: float = 0.0, clockwise: bool = False
 ) -> Contour:
     """Full circle in the x-y plane: one piece.
 
@@ -136,18 +134,20 @@ def circle(
     Raises:
         ValueError: radius not above zero, wrong shape or not finite.
     """
-    radius, angle, centre = (
-        _positive("circle radius", radius),
-        _number("circle start_angle", start_angle),
-        _vector("circle centre", centre),
-    )
+    radius, centre = _positive("circle radius", radius), _vector("circle centre", centre)
+    angle = _number("circle start_angle", start_angle)
     radial = radius * np.array([np.cos(angle), np.sin(angle), 0.0])
     normal = np.array([0.0, 0.0, -1.0 if clockwise else 1.0])
     return _turn(centre + radial[: centre.size], radial, normal, 2.0 * np.pi, 0.0)
 
 
 def ellipse(a: float, b: float, *, tolerance: float = FIT_TOLERANCE) -> Contour:
-    """Ellipse x = a cos t, y = b sin t, counter-clockwise from (a, 0); half axes and fit tolerance in metres.
+    """Ellipse x = a cos t, y = b sin t, counter-clockwise from (a, 0).
+
+    Args:
+        a: half axis along x [m].
+        b: half axis along y [m].
+        tolerance: largest distance of the fit from the true curve [m].
 
     Raises:
         ValueError: a half axis is not above zero, or the tolerance is out of reach.
@@ -155,20 +155,22 @@ def ellipse(a: float, b: float, *, tolerance: float = FIT_TOLERANCE) -> Contour:
     half_axes = np.array([_positive("ellipse a", a), _positive("ellipse b", b)])
 
     def curve(t):
-        direction, normal = (
-            np.stack([np.cos(t), np.sin(t)], axis=-1),
-            np.stack([-np.sin(t), np.cos(t)], axis=-1),
-        )
+        cos, sin = np.cos(t), np.sin(t)
+        direction, normal = np.stack([cos, sin], axis=-1), np.stack([-sin, cos], axis=-1)
         return half_axes * direction, half_axes * normal, -half_axes * direction
 
     return _smooth("ellipse", curve, np.linspace(0.0, 2.0 * np.pi, 9), tolerance)
 
 
 def lemniscate(half_width: float, *, tolerance: float = FIT_TOLERANCE) -> Contour:
-    """Bernoulli's lemniscate x = a cos t / (1 + sin^2 t), y = x sin t from (a, 0); half width a and fit tolerance in metres.
+    """Bernoulli's lemniscate x = a cos t / (1 + sin^2 t), y = x sin t from (a, 0).
 
     As a complex number it is a cos t / (1 - i sin t). It crosses itself at the origin, at a quarter
     and at three quarters of its length.
+
+    Args:
+        half_width: a [m].
+        tolerance: largest distance of the fit from the true curve [m].
 
     Raises:
         ValueError: the half width is not above zero, or the tolerance is out of reach.
@@ -184,18 +186,18 @@ def lemniscate(half_width: float, *, tolerance: float = FIT_TOLERANCE) -> Contou
     return _smooth("lemniscate", curve, np.linspace(0.0, 2.0 * np.pi, 9), tolerance)
 
 
-def spline(points: ArrayLike, closed: bool = False, *, tolerance: float = FIT_TOLERANCE) -> Contour:
-    """Cubic spline through points (n, m) [m] over their chord length, with continuous curvature; this spline is the true curve.
+def spline(points: Numbers, closed: bool = False, *, tolerance: float = FIT_TOLERANCE) -> Contour:
+    """Cubic spline through points (n, m) [m] over their chord length, with continuous curvature.
 
-    Open ends are not-a-knot; a closed spline is periodic and its first point need not be repeated.
+    This spline is the true curve. Open ends are not-a-knot; a closed spline is periodic and its
+    first point need not be repeated.
 
     Raises:
         ValueError: wrong shape, not finite, fewer than two distinct points (closed: three), or the
             fit tolerance [m] is out of reach.
     """
-    from scipy.interpolate import (
-        CubicSpline,
-    )  # here, because it takes longer to import than the rest of the library
+    # imported here: it takes longer than the rest of the library
+    from scipy.interpolate import CubicSpline
 
     points = _distinct_points("spline", points, least=3 if closed else 2)
     if closed:
@@ -207,21 +209,20 @@ def spline(points: ArrayLike, closed: bool = False, *, tolerance: float = FIT_TO
 
 
 def chain(contours: Sequence[Contour]) -> Contour:
-    """One contour through several, in order; closed when the end of the last meets the start of the first, gaps of rounding are left.
+    """One contour through several, in order.
+
+    It is closed when the end of the last meets the start of the first; gaps of rounding are left.
 
     Raises:
         ValueError: nothing to chain, 2-D mixed with 3-D, a stack among them, or a gap wider than
             1e-9 of the size of the whole.
     """
     _check_alike("chain", contours)
-    members = [
-        jax.tree.map(lambda rows, c=c: np.asarray(rows)[np.asarray(c.mask)], c.pieces)
-        for c in contours
-    ]
+    members = [_unpadded(contour) for contour in contours]
     whole = from_pieces(
         jax.tree.map(lambda *rows: np.concatenate(rows), *members),
-        fit_error=max(float(c.fit_error) for c in contours),
-        newton_steps=max(c.newton_steps for c in contours),
+        fit_error=max(float(contour.fit_error) for contour in contours),
+        newton_steps=max(contour.newton_steps for contour in contours),
     )
     widest = MEETING * float(whole.size)
     for i, (before, after) in enumerate(pairwise(members)):
@@ -229,10 +230,16 @@ def chain(contours: Sequence[Contour]) -> Contour:
         gap = np.linalg.norm(start - end)
         if gap > widest:
             raise ValueError(
-                f"chain: contour {i} ends at {end.tolist()} but contour {i + 1} starts at {start.tolist()}, "
+                f"chain: contour {i} ends at {end.tolist()} "
+                f"but contour {i + 1} starts at {start.tolist()}, "
                 f"{gap:.3g} m apart; they need to meet within {widest:.1g} m"
             )
     return whole
+
+
+def _unpadded(contour: Contour) -> Piece:
+    mask = np.asarray(contour.mask)
+    return jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
 
 
 def stack(contours: Sequence[Contour]) -> Contour:
@@ -242,33 +249,35 @@ def stack(contours: Sequence[Contour]) -> Contour:
         ValueError: nothing to stack, 2-D mixed with 3-D, or a stack among them.
     """
     _check_alike("stack", contours)
-    most, newton_steps, turns = (
-        max(c.rate.size for c in contours),
-        max(c.newton_steps for c in contours),
-        any(c.turns for c in contours),
-    )
-    alike = [replace(_padded(c, most), newton_steps=newton_steps, turns=turns) for c in contours]
-    return jax.device_put(jax.tree.map(lambda *leaves: np.stack(leaves), *alike))
+    most = max(contour.rate.size for contour in contours)
+    padded = [_padded(contour, most) for contour in contours]
+    arrays = jax.device_put([np.stack(rows) for rows in zip(*padded, strict=True)])
+    newton_steps = max(contour.newton_steps for contour in contours)
+    turns = any(contour.turns for contour in contours)
+    return Contour(*arrays, newton_steps=newton_steps, turns=turns)
 
 
-def _padded(contour: Contour, count: int) -> Contour:
+def _padded(contour: Contour, count: int) -> tuple[np.ndarray, ...]:
+    """Arrays of a contour in the order of its fields, its pieces padded to `count`."""
+
     def pad(rows, **how):
-        return np.pad(
-            np.asarray(rows), [(0, count - len(rows))] + [(0, 0)] * (rows.ndim - 1), **how
-        )
+        rows = np.asarray(rows)
+        return np.pad(rows, [(0, count - len(rows))] + [(0, 0)] * (rows.ndim - 1), **how)
 
-    pieces = jax.tree.map(
-        lambda rows: pad(rows, mode="edge"), contour.pieces
-    )  # the last over again: finite wherever it is evaluated
+    # the last piece over again: finite wherever it is evaluated
+    pieces = jax.tree.map(lambda rows: pad(rows, mode="edge"), contour.pieces)
     extent = pad(contour.extent)
-    start = np.where(extent > 0, pieces.start, pieces.start[-1] + np.asarray(contour.extent)[-1])
-    return replace(
-        contour, **pieces._replace(start=start, extent=extent)._asdict(), mask=pad(contour.mask)
-    )
+    end = pieces.start[-1] + np.asarray(contour.extent)[-1]
+    pieces = pieces._replace(start=np.where(extent > 0, pieces.start, end), extent=extent)
+    whole = (contour.closed, contour.size, contour.fit_error)
+    return (*pieces, pad(contour.mask), *map(np.asarray, whole))
 
 
 def from_pieces(pieces: Piece, fit_error: float = 0.0, newton_steps: int = 0) -> Contour:
-    """Contour of NumPy pieces in order; where each starts, the size, and whether the whole is closed follow from them."""
+    """Contour of NumPy pieces in order.
+
+    Where each starts, the size, and whether the whole is closed follow from them.
+    """
     if pieces.extent.min() <= SMALLEST:
         raise ValueError(
             f"contour: needs pieces of a length above zero, received one of {pieces.extent.min()} m"
@@ -279,13 +288,8 @@ def from_pieces(pieces: Piece, fit_error: float = 0.0, newton_steps: int = 0) ->
     size = np.linalg.norm(np.ptp(points, axis=0))
     start, end = _ends(pieces)
     closed = np.linalg.norm(end - start) <= MEETING * size
-    arrays = (
-        *pieces,
-        np.ones(pieces.rate.size, bool),
-        closed,
-        size,
-        np.float64(fit_error),
-    )  # in the order of the fields
+    mask = np.ones(pieces.rate.size, bool)
+    arrays = (*pieces, mask, closed, size, np.float64(fit_error))  # in the order of the fields
     placed = jax.device_put(arrays)  # jnp.asarray would compile a copy for every shape
     return Contour(*placed, newton_steps=newton_steps, turns=bool(pieces.rate.any()))
 
@@ -306,7 +310,10 @@ def _polynomial_pieces(polynomial, extent) -> Piece:
 
 
 def _turn(start, radial, normal, angle: float, rise: float) -> Contour:
-    """Arc or helix around the axis through start - radial along the unit normal; `start` in two or three axes, the others in three."""
+    """Arc or helix around the axis through start - radial along the unit normal.
+
+    `start` has two or three axes, the others have three.
+    """
     axes, extent = start.size, np.hypot(np.linalg.norm(radial) * angle, rise)
     polynomial = np.zeros((1, 6, axes))
     polynomial[0, 0], polynomial[0, 1] = start - radial[:axes], (rise / extent * normal)[:axes]
@@ -327,29 +334,25 @@ def _smooth(name: str, curve, knots, tolerance: float) -> Contour:
 
 def _check_alike(name: str, contours: Sequence[Contour]) -> None:
     shapes = [c.polynomial.shape for c in contours]
-    if (
-        not shapes
-        or any(len(shape) != 3 for shape in shapes)
-        or len({shape[-1] for shape in shapes}) != 1
-    ):
+    single = all(len(shape) == 3 for shape in shapes)
+    if not shapes or not single or len({shape[-1] for shape in shapes}) != 1:
         raise ValueError(
-            f"{name}: needs single contours, at least one, with the same number of axes, received pieces of shape {shapes}"
+            f"{name}: needs single contours, at least one, with the same number of axes, "
+            f"received pieces of shape {shapes}"
         )
 
 
 def _distinct_points(
-    name: str, points: ArrayLike, least: int, axes: tuple[int, ...] = PLANE_OR_SPACE
+    name: str, points: Numbers, least: int, axes: tuple[int, ...] = PLANE_OR_SPACE
 ) -> Float[np.ndarray, "n m"]:
     points = _finite(name, points)
     if points.ndim != 2 or points.shape[1] not in axes:
         wanted = " or ".join(f"(n, {m})" for m in axes)
         raise ValueError(f"{name}: needs points of shape {wanted}, received shape {points.shape}")
-    rounding = 4.0 * np.spacing(
-        np.abs(points).max(initial=0.0)
-    )  # a step this short has no direction
-    points = points[
-        np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > rounding)[: len(points)]
-    ]
+    # a step this short has no direction
+    rounding = 4.0 * np.spacing(np.abs(points).max(initial=0.0))
+    moved = np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > rounding)
+    points = points[moved[: len(points)]]
     distinct = len(np.unique(points, axis=0))
     if distinct < least:
         raise ValueError(f"{name}: needs at least {least} distinct points, received {distinct}")
@@ -357,13 +360,12 @@ def _distinct_points(
 
 
 def _vector(
-    name: str, value: ArrayLike, axes: tuple[int, ...] = PLANE_OR_SPACE
+    name: str, value: Numbers, axes: tuple[int, ...] = PLANE_OR_SPACE
 ) -> Float[np.ndarray, " m"]:
     value = _finite(name, value)
     if value.ndim != 1 or value.size not in axes:
-        raise ValueError(
-            f"{name}: needs shape {' or '.join(f'({m},)' for m in axes)}, received shape {value.shape}"
-        )
+        wanted = " or ".join(f"({m},)" for m in axes)
+        raise ValueError(f"{name}: needs shape {wanted}, received shape {value.shape}")
     return value
 
 
@@ -381,7 +383,7 @@ def _positive(name: str, value: float) -> float:
     return value
 
 
-def _finite(name: str, value: ArrayLike) -> np.ndarray:
+def _finite(name: str, value: Numbers) -> np.ndarray:
     try:
         value = np.asarray(value, float)
     except (TypeError, ValueError):

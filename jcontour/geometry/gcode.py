@@ -8,19 +8,23 @@ import re
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from jcontour.geometry.arcs import MM, SHORTEST, ToolpathError, arcs_between, centre_from_radius
+from jcontour.geometry.arcs import arcs_between, centre_from_radius
+from jcontour.geometry.toolpath_rules import (
+    FARTHEST,
+    FASTEST,
+    INCH,
+    MM,
+    MOST_MOVES,
+    NUMBER,
+    SHORTEST,
+    ToolpathError,
+    shown,
+)
 
-INCH = 25.4e-3  # [m]
-FARTHEST = 100.0  # [m] of any coordinate; a machine that large is not meant
-FASTEST = 100.0  # [m/s]
 LARGEST = 1e9  # of any number in a program
-MOST_MOVES = 100_000  # each is a sample at least, and kilobytes while its box is measured
 
-PLANES = {
-    17: (0, 1, 2),
-    18: (2, 0, 1),
-    19: (1, 2, 0),
-}  # first and second axis of the plane, then its normal
+# first and second axis of the plane, then its normal
+PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 MODES = {"motion": (0, 1, 2, 3, 80), "plane": (17, 18, 19), "units": (20, 21), "distance": (90, 91)}
 MODE_OF = {float(code): mode for mode, codes in MODES.items() for code in codes}
 NO_MOTION_IN = frozenset({40, 49, 54, 61, 64, 91.1, 94})
@@ -29,7 +33,6 @@ END = frozenset({2, 30})  # M codes that end the program
 WORDS = frozenset("FIJKNRSTXYZ")
 NO_MOTION_BY = frozenset("PST")
 
-NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 WORD = re.compile(rf"\s*([A-Za-z])\s*({NUMBER})")
 COMMENT = re.compile(r"\([^)]*\)|;.*")
 
@@ -66,7 +69,7 @@ class Interpreter:
     ignored: set[str] = field(default_factory=set)  # words without meaning for the path
 
     def execute(self, line: str) -> None:
-        """Carries out the next line.
+        """Carry out the next line.
 
         Raises:
             ToolpathError: what cannot be read or traced.
@@ -119,33 +122,30 @@ class Interpreter:
             letter: values[letter] * self.unit for letter in values.keys() & frozenset("XYZIJKR")
         }
         origin = self.at if self.incremental else (0.0, 0.0, 0.0)
-        x, y, z = (
-            origin[i] + lengths[name] if name in lengths else self.at[i]
-            for i, name in enumerate("XYZ")
-        )
-        if not all(abs(length) <= FARTHEST for length in (x, y, z, *lengths.values())):
+
+        def coordinate(i: int, name: str) -> float:
+            return origin[i] + lengths[name] if name in lengths else self.at[i]
+
+        target = coordinate(0, "X"), coordinate(1, "Y"), coordinate(2, "Z")
+        if not all(abs(length) <= FARTHEST for length in (*target, *lengths.values())):
             raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")
-        return (
-            (x, y, z),
-            {i: lengths[name] for i, name in enumerate("IJK") if name in lengths},
-            lengths.get("R"),
-        )
+        offset = {i: lengths[name] for i, name in enumerate("IJK") if name in lengths}
+        return target, offset, lengths.get("R")
 
     def _arc(self, target: Point, offset: dict[int, float], radius: float | None) -> None:
         first, second, normal = PLANES[self.plane]
         if normal < 2 and self.axes == 2:
             raise ToolpathError(
-                f'an arc in the plane of G{self.plane} needs a third axis: read the program with axes "XYZ"'
+                f"an arc in the plane of G{self.plane} needs a third axis: "
+                'read the program with axes "XYZ"'
             )
         if bool(offset) == (radius is not None):
             raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
         if offset.get(normal):
             raise ToolpathError(f"{'IJK'[normal]} is not in the plane of G{self.plane}")
         counter_clockwise = self.motion == 3
-        start, end = (
-            complex(self.at[first], self.at[second]),
-            complex(target[first], target[second]),
-        )
+        start = complex(self.at[first], self.at[second])
+        end = complex(target[first], target[second])
         if radius is None:
             centre = start + complex(offset.get(first, 0.0), offset.get(second, 0.0))
         else:
@@ -155,14 +155,11 @@ class Interpreter:
         slope = rise / sum(angle for _, _, angle in arcs) if abs(rise) >= SHORTEST else 0.0
         for end, centre, angle in arcs:
             level = self.at[normal]
-            self._trace(
-                _in_space(self.plane, end, level + slope * angle),
-                _in_space(self.plane, centre, level),
-                angle,
-            )
+            end_point = _in_space(self.plane, end, level + slope * angle)
+            self._trace(end_point, _in_space(self.plane, centre, level), angle)
 
     def _trace(self, end: Point, centre: Point, angle: float) -> None:
-        """Adds a move; one too short to see only takes the axes that are not traced along."""
+        """Add a move; one too short to see only moves the axes that are not traced."""
         if angle == 0.0 and math.dist(self.at[: self.axes], end[: self.axes]) < SHORTEST:
             self.at = (self.at[0], self.at[1], end[2] if self.axes == 2 else self.at[2])
             return
@@ -200,10 +197,9 @@ def _words(line: str) -> tuple[dict[str, int], set[float], set[float], dict[str,
                 raise ToolpathError(f"{letter} is given twice")
             values[letter] = value
         else:
+            known = letter in "GM"
             raise ToolpathError(
-                f"{shown(word)} is not supported"
-                if letter in "GM"
-                else f"unknown word {shown(word)}"
+                f"{shown(word)} is not supported" if known else f"unknown word {shown(word)}"
             )
         if letter in "NST" and (value < 0 or value % 1):
             raise ToolpathError(
@@ -217,9 +213,3 @@ def _in_space(plane: int, point: complex, level: float) -> Point:
     first, second, normal = PLANES[plane]
     coordinates = {first: point.real, second: point.imag, normal: level}
     return coordinates[0], coordinates[1], coordinates[2]
-
-
-def shown(text: str, most: int = 40) -> str:
-    """A piece of the file for a message: one line, not long."""
-    text = text.strip()
-    return ascii(text if len(text) <= most else text[: most - 3] + "...")

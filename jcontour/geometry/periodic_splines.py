@@ -1,20 +1,19 @@
-"""Closed contours through points by a periodic quintic spline, with knots at equal spacing of its parameter.
+"""Closed contours through points by a periodic quintic spline.
 
-Where the points lie at equal arc length, the parameter is arc length to a few parts in ten
-thousand, and four derivatives are continuous: a path of nearly constant parameter speed (after
-Erkorkmaz & Altintas 2005). The parameter stands where other contours have arc length: positions,
-tangents, curvatures and nearest points are the spline's own, feeds along it ripple by the few
-parts.
+The knots are at equal spacing of its parameter. Where the points lie at equal arc length, the
+parameter is arc length to a few parts in ten thousand, and four derivatives are continuous: a path
+of nearly constant parameter speed (after Erkorkmaz & Altintas 2005). The parameter stands where
+other contours have arc length. Positions, tangents, curvatures and nearest points are exact; feeds
+along the path ripple by the few parts.
 """
 
 from math import factorial
 
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.contours import NEWTON_STEPS, Numbers, from_pieces
 from jcontour.geometry.pieces import Piece
 
 LEAST_POINTS = 6  # a periodic quintic needs as many
@@ -25,20 +24,22 @@ POLAR_CELLS = 64
 NEWTON_SEARCH = 8  # steps for equal arc lengths; from within a cell they are at rounding after four
 
 
-def periodic_spline(points: ArrayLike, length: float | None = None) -> Contour:
-    """Quintic periodic spline through points (n, m) [m], the first of which is not repeated; knot i has the parameter i length / n.
+def periodic_spline(points: Numbers, length: float | None = None) -> Contour:
+    """Quintic periodic spline through points (n, m) [m], the first of which is not repeated.
+
+    Knot i has the parameter i length / n.
 
     Args:
-        points: where the knots are; equal arc length between them makes the parameter arc length.
-        length: of the parameter [m]; the spline's own arc length when not given.
+        points: positions of the knots; equal arc length between them makes the parameter arc
+        length.
+        length: range of the parameter [m]; the arc length of the spline when not given.
 
     Raises:
         ValueError: wrong shape, fewer than 6 points, not finite, repeated points, or a length that
             is not above zero.
     """
-    from scipy.interpolate import (
-        make_interp_spline,
-    )  # here, because it takes longer to import than the rest of the library
+    # imported here: it takes longer than the rest of the library
+    from scipy.interpolate import make_interp_spline
 
     points = _knots(points)
     if length is not None and not (np.isfinite(length) and length > 0):
@@ -46,27 +47,26 @@ def periodic_spline(points: ArrayLike, length: float | None = None) -> Contour:
     count = len(points)
     # scipy fits t = 0..n: the fit is the same for every length, and its cardinal scale keeps it
     # well conditioned
-    fitted = make_interp_spline(
-        np.arange(count + 1.0), np.vstack([points, points[:1]]), k=5, bc_type="periodic"
-    )
+    around = np.vstack([points, points[:1]])
+    fitted = make_interp_spline(np.arange(count + 1.0), around, k=5, bc_type="periodic")
     if length is None:
         t = np.arange(count)[:, None] + 0.5 + 0.5 * QUADRATURE
         length = float(np.sum(0.5 * np.linalg.norm(fitted(t, 1), axis=-1) @ QUADRATURE_WEIGHT))
     spacing = length / count
-    power = np.stack(
-        [fitted(np.arange(count, dtype=float), i) / factorial(i) / spacing**i for i in range(6)],
-        axis=1,
-    )
+    knots = np.arange(count, dtype=float)
+    power = [fitted(knots, i) / factorial(i) / spacing**i for i in range(6)]
     still, zero = np.zeros((count, points.shape[1])), np.zeros(count)
-    return from_pieces(
-        Piece(power, still, still, zero, zero, np.full(count, spacing)), newton_steps=NEWTON_STEPS
-    )
+    extent = np.full(count, spacing)
+    pieces = Piece(np.stack(power, axis=1), still, still, zero, zero, extent)
+    return from_pieces(pieces, newton_steps=NEWTON_STEPS)
 
 
 def polar_lobes(
-    base: float, amplitude: float, lobes: int, phase: float = 0.0, knots: int = 320
+    base: float, amplitude: float, lobes: float | int, phase: float = 0.0, knots: float | int = 320
 ) -> Contour:
-    """Periodic quintic spline through r(a) = base + amplitude cos(lobes a), turned by `phase`; knots at its equal arc lengths.
+    """Periodic quintic spline through the polar curve r(a) = base + amplitude cos(lobes a).
+
+    The curve is turned by `phase`; the knots are at its equal arc lengths.
 
     Args:
         base: mean radius [m].
@@ -81,7 +81,8 @@ def polar_lobes(
     """
     if not (np.isfinite([base, amplitude, phase]).all() and base > abs(amplitude)):
         raise ValueError(
-            f"base: needs to be above the amplitude and finite, received {base} m and {amplitude} m, phase {phase}"
+            "base: needs to be above the amplitude and finite, "
+            f"received {base} m and {amplitude} m, phase {phase}"
         )
     for name, value, least in (("lobes", lobes, 1), ("knots", knots, LEAST_POINTS)):
         if not (value == int(value) and value >= least):
@@ -98,29 +99,29 @@ def polar_lobes(
     for _ in range(NEWTON_SEARCH):
         angle = angle - (arcs[cell] + _integral(speed, edges[cell], angle) - target) / speed(angle)
     radius = base + amplitude * np.cos(lobes * angle)
-    return periodic_spline(
-        radius[:, None] * np.stack([np.cos(angle + phase), np.sin(angle + phase)], axis=1), arcs[-1]
-    )
+    direction = np.stack([np.cos(angle + phase), np.sin(angle + phase)], axis=1)
+    return periodic_spline(radius[:, None] * direction, arcs[-1])
 
 
 def _integral(function, low, high) -> Float[np.ndarray, " n"]:
     half = 0.5 * (high - low)
-    return half * (
-        function(0.5 * (low + high)[:, None] + half[:, None] * QUADRATURE) @ QUADRATURE_WEIGHT
-    )
+    place = 0.5 * (low + high)[:, None] + half[:, None] * QUADRATURE
+    return half * (function(place) @ QUADRATURE_WEIGHT)
 
 
-def _knots(points: ArrayLike) -> Float[np.ndarray, "n m"]:
+def _knots(points: Numbers) -> Float[np.ndarray, "n m"]:
     points = np.asarray(points, float)
     if points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) < LEAST_POINTS:
         raise ValueError(
-            f"points: needs shape (n, 2) or (n, 3) with n at least {LEAST_POINTS}, received {points.shape}"
+            f"points: needs shape (n, 2) or (n, 3) with n at least {LEAST_POINTS}, "
+            f"received {points.shape}"
         )
     if not np.isfinite(points).all():
         raise ValueError("points: every entry needs to be finite, received NaN or inf")
     gaps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     if not gaps.min() > 0:
         raise ValueError(
-            f"points: neighbours need to differ, the first not repeated at the end; point {int(gaps.argmin())} is repeated"
+            "points: neighbours need to differ, the first not repeated at the end; "
+            f"point {int(gaps.argmin())} is repeated"
         )
     return points

@@ -14,9 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 Some = Any  # NumPy or JAX array
-Foot = tuple[
-    Float[Some, "..."], Float[Some, "..."]
-]  # local arc length [m] of the nearest point, squared distance to it [m^2]
+# local arc length [m] of the nearest point, squared distance to it [m^2]
+Foot = tuple[Float[Some, "..."], Float[Some, "..."]]
 
 # of the speed squared: keeps Newton's denominator positive where a valley of the squared distance
 # turns into a ridge
@@ -24,7 +23,10 @@ FLATTEST_BEND = 1e-3
 
 
 class Piece(NamedTuple):
-    """Pieces, any number of them along the leading axes; lengths in metres, rate in rad/m, 0 without waves (None: none anywhere)."""
+    """Pieces along the leading axes; lengths in metres, rate in rad/m.
+
+    The rate of a piece without waves is 0; None: no piece has any.
+    """
 
     polynomial: Float[Some, "... D m"]
     cosine: Float[Some, "... m"]
@@ -35,13 +37,15 @@ class Piece(NamedTuple):
 
     def jet(
         self, s: Float[Some, "..."]
-    ) -> tuple[Float[Some, "... m"], Float[Some, "... m"], Float[Some, "... m"]]:
-        """Position [m], velocity dp/ds [1] and acceleration d2p/ds2 [1/m] at the local arc length s [m]."""
+    ) -> tuple[Float[Some, "... m"], Float[Some, "... m"], Float[Some, "... #m"]]:
+        """Position [m], velocity dp/ds [1] and acceleration d2p/ds2 [1/m] at the arc length s [m].
+
+        The acceleration of lines has one zero for all axes.
+        """
         t = s[..., None]
         position = velocity = half_acceleration = 0.0 * t
-        for i in reversed(
-            range(self.polynomial.shape[-2])
-        ):  # Horner's rule and its two derivatives
+        # Horner's rule and its two derivatives
+        for i in reversed(range(self.polynomial.shape[-2])):
             half_acceleration = half_acceleration * t + velocity
             velocity = velocity * t + position
             position = position * t + self.polynomial[..., i, :]
@@ -58,7 +62,10 @@ class Piece(NamedTuple):
     def foot(
         self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."]
     ) -> Foot:
-        """Nearest point of the interval in closed form: exact on lines (projection) and circular arcs (polar angle)."""
+        """Nearest point of the interval in closed form.
+
+        It is exact on lines (projection) and on circular arcs (polar angle).
+        """
         s = self._projection(point, low, high)
         if self.rate is not None:
             first, period = self._angle_fits(point)
@@ -73,55 +80,59 @@ class Piece(NamedTuple):
         high: Float[Some, "..."],
         newton_steps: int,
     ) -> Foot:
-        """Nearest point of the interval by Newton's method from two sides; both ends are candidates too.
+        """Nearest point of the interval by Newton's method from two sides and of its ends.
 
         Polynomials start from both ends. Arcs and helices start where the angle fits, on the two
         turns next to the projection on the axis: from there to the nearest point the slope of the
         squared distance is concave, so that Newton's steps do not overshoot.
         """
-        s = jnp.stack([low, high])
+        both = jax.tree.map(lambda rows: rows[None], self)  # candidates are on a new axis in front
+        least_s, most_s, target = low[None], high[None], point[None]
+        ends = jnp.stack([low, high])
+        s = ends
         if self.rate is not None:
             first, period = self._angle_fits(point)
-            below = first + period * jnp.floor(
-                (self._projection(point, low, high) - first) / period
-            )
-            s = jnp.where(self.rate > 0, jnp.clip(jnp.stack([below, below + period]), low, high), s)
+            turns = jnp.floor((self._projection(point, low, high) - first) / period)
+            below = first + period * turns
+            fits = jnp.clip(jnp.stack([below, below + period]), least_s, most_s)
+            s = jnp.where(both.rate > 0, fits, s)
 
         def newton(_, s):
-            position, velocity, acceleration = self.jet(s)
-            gap = position - point
+            position, velocity, acceleration = both.jet(s)
+            gap = position - target
             speed = _dot(velocity, velocity)
             bend = jnp.abs(speed + _dot(gap, acceleration))
-            return jnp.clip(
-                s - _dot(gap, velocity) / jnp.maximum(bend, FLATTEST_BEND * speed), low, high
-            )
+            step = _dot(gap, velocity) / jnp.maximum(bend, FLATTEST_BEND * speed)
+            return jnp.clip(s - step, least_s, most_s)
 
         s = jax.lax.fori_loop(0, newton_steps, newton, s)
-        s = jnp.concatenate([s, jnp.broadcast_to(jnp.stack([low, high]), s.shape)])
-        square = self._squared_distance(point, s)
+        s = jnp.concatenate([s, jnp.broadcast_to(ends, s.shape)])
+        square = both._squared_distance(target, s)
         least = jnp.min(square, axis=0)
-        return jnp.min(jnp.where(square == least, s, jnp.inf), axis=0), least
+        return jnp.min(jnp.where(square == least[None], s, jnp.inf), axis=0), least
 
     def _squared_distance(self, point, s):
         gap = point - self.jet(s)[0]
         return _dot(gap, gap)
 
     def _projection(self, point, low, high):
-        """Arc length in [low, high] nearest to the point on the straight part of a line or helix; the middle where there is none."""
+        """Arc length in [low, high] nearest to the point on the axis of a line or helix.
+
+        It is the middle of the interval where a piece has no straight part.
+        """
         direction = self.polynomial[..., 1, :]
         speed = _dot(direction, direction)
-        along = _dot(point - self.polynomial[..., 0, :], direction) / jnp.where(
-            speed > 0, speed, 1.0
-        )
-        return jnp.clip(jnp.where(speed > 0, along, 0.5 * (low + high)), low, high)
+        straight = speed > 0
+        along = _dot(point - self.polynomial[..., 0, :], direction)
+        along = along / jnp.where(straight, speed, 1.0)
+        return jnp.clip(jnp.where(straight, along, 0.5 * (low + high)), low, high)
 
     def _angle_fits(self, point):
-        """One arc length at which the polar angle is the point's, and the arc length of a turn, after which it is so again."""
+        """Arc length at which the polar angle is the point's, and that of a whole turn."""
         offset = point - self.polynomial[..., 0, :]
         rate = jnp.where(self.rate > 0, self.rate, 1.0)
-        return jnp.arctan2(
-            _dot(offset, self.sine), _dot(offset, self.cosine)
-        ) / rate, 2.0 * jnp.pi / rate
+        angle = jnp.arctan2(_dot(offset, self.sine), _dot(offset, self.cosine))
+        return angle / rate, 2.0 * jnp.pi / rate
 
 
 def _dot(a, b):

@@ -1,8 +1,9 @@
-"""Quintic pieces through a smooth curve r(t): each takes position, unit tangent and curvature vector from the curve at both its ends.
+"""Quintic pieces through a smooth curve r(t).
 
-A piece is a polynomial in the curve's own arc length, s(t) = integral |r'| dt by Gauss quadrature.
-The fit error is measured as |p(s(t)) - r(t)| between the ends: it bounds the distance and holds the
-error of the arc-length parametrisation as well.
+Each piece takes position, unit tangent and curvature vector from the curve at both its ends. It is
+a polynomial in the curve's own arc length, s(t) = integral |r'| dt by Gauss quadrature. The fit
+error is measured as |p(s(t)) - r(t)| between the ends: it bounds the distance and holds the error
+of the arc-length parametrisation as well.
 """
 
 from collections.abc import Callable
@@ -12,15 +13,13 @@ from jaxtyping import Float
 
 from jcontour.geometry.pieces import Piece
 
-Curve = Callable[
-    [np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]
-]  # parameter (...,) -> position, first, second derivative (..., m)
+# parameter (...,) -> position, first, second derivative (..., m)
+Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
 MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve
-QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(
-    8
-)  # a piece that a quintic fits to 1e-9 it integrates to rounding
+# 8 points integrate a piece that a quintic fits to 1e-9 to rounding
+QUADRATURE, QUADRATURE_WEIGHT = np.polynomial.legendre.leggauss(8)
 SAMPLES = np.arange(1, 8) / 8  # fractions of a piece at which the fit is measured
 BETWEEN_SAMPLES = 1.1  # the error may peak between two of them
 
@@ -28,17 +27,17 @@ BETWEEN_SAMPLES = 1.1  # the error may peak between two of them
 def quintic_pieces(
     name: str, curve: Curve, knots: Float[np.ndarray, " K"], tolerance: float
 ) -> tuple[Float[np.ndarray, "P 6 m"], Float[np.ndarray, " P"], float]:
-    """Polynomials, lengths [m] and measured fit error [m] of pieces between the knots, halved until each fits within `tolerance` [m].
+    """Polynomials, lengths [m] and measured fit error [m] of pieces between the knots.
 
-    The curve needs to be smooth between two given knots and to have a continuous curvature.
+    The pieces are halved until each fits within `tolerance` [m]. The curve needs to be smooth
+    between two given knots and to have a continuous curvature.
 
     Raises:
         ValueError: the tolerance is out of reach.
     """
     for _ in range(MOST_HALVINGS):
-        with np.errstate(
-            all="ignore"
-        ):  # a curve that stops or overflows makes NaN, which never fits
+        # a curve that stops or overflows makes NaN, which never fits
+        with np.errstate(all="ignore"):
             polynomial, extent = _hermite(curve, knots[:-1], knots[1:])
             error = BETWEEN_SAMPLES * _deviation(curve, knots[:-1], knots[1:], polynomial, extent)
         coarse = np.flatnonzero(~(error <= tolerance))
@@ -71,11 +70,8 @@ def _frame(curve, t):
     position, first, second = curve(t)
     speed = np.linalg.norm(first, axis=-1, keepdims=True)
     tangent = first / speed
-    return (
-        position,
-        tangent,
-        (second - np.sum(second * tangent, axis=-1, keepdims=True) * tangent) / speed**2,
-    )
+    along = np.sum(second * tangent, axis=-1, keepdims=True)
+    return position, tangent, (second - along * tangent) / speed**2
 
 
 def _arc_length(curve, a, b):
@@ -87,6 +83,7 @@ def _arc_length(curve, a, b):
 def _deviation(curve, a, b, polynomial, extent):
     t = a[:, None] + (b - a)[:, None] * SAMPLES
     s = _arc_length(curve, np.broadcast_to(a[:, None], t.shape), t)
-    still, none = np.zeros((extent.size, 1, polynomial.shape[-1])), np.zeros((extent.size, 1))
+    still = np.zeros((extent.size, 1, polynomial.shape[-1]))
+    none = np.zeros((extent.size, 1))
     pieces = Piece(polynomial[:, None], still, still, none, none, extent[:, None])
     return np.linalg.norm(pieces.jet(s)[0] - curve(t)[0], axis=-1).max(axis=-1)

@@ -1,20 +1,22 @@
-"""Toolpath files: G-code and CSV points become a `Contour`, with the programmed feed of every piece.
+"""Toolpath files: G-code and CSV points become a `Contour`, with the feed of every piece.
 
 The G-code read here (RS-274 as mills speak it; numbers in mm until G20 says inches, everything is
 metres inside):
 
     motion     G0 rapid, G1 line, G2 / G3 arc clockwise / counter-clockwise, seen from the tip of
-    the plane's normal arcs       centre by I J K (from the start of the arc) or radius R (R < 0:
-    the long way round); G17 XY, G18 ZX, G19 YZ;
-               motion along the normal makes a helix; I J K without an end point is a full circle
+               the plane's normal
+    arcs       centre by I J K (from the start of the arc) or radius R (R < 0: the long way round);
+               G17 XY, G18 ZX, G19 YZ; motion along the normal makes a helix;
+               I J K without an end point is a full circle
     modes      G20 G21 inch and mm; G90 G91 absolute and incremental end points; F feed per minute
-    ignored    G40 G49 G54 G61 G64 (with P) G91.1 G94; M0 M1 M3 M4 M5 M6 M7 M8 M9; S, T, N; G80 ends
-    the motion mode; M2 M30 end the program layout     (comments), ; comments, % lines; a line that
-    begins with / is skipped, as with the block-delete switch on
+    ignored    G40 G49 G54 G61 G64 (with P) G91.1 G94; M0 M1 M3 M4 M5 M6 M7 M8 M9; S, T, N
+    ends       G80 ends the motion mode; M2 M30 end the program
+    layout     (comments), ; comments, % lines; a line that begins with / is skipped, as with the
+               block-delete switch on
 
-Anything else is an error with its line number, dwells (G4), G53, other offsets, cycles, G90.1 and
-G93 among it: they move the tool or the clock. The machine starts at X0 Y0 Z0 in mm, absolute, XY
-plane, with neither a feed nor a motion mode.
+Anything else is an error with its line number, for instance dwells (G4), G53, other offsets,
+cycles, G90.1 and G93: they move the tool or the clock. The machine starts at X0 Y0 Z0 in mm,
+absolute, XY plane, with neither a feed nor a motion mode.
 """
 
 import math
@@ -27,10 +29,19 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
-from jcontour.geometry.arcs import MM, SHORTEST, ToolpathError
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.gcode import FARTHEST, FASTEST, MOST_MOVES, NUMBER, Interpreter, Move, shown
+from jcontour.geometry.gcode import Interpreter, Move
 from jcontour.geometry.pieces import Piece
+from jcontour.geometry.toolpath_rules import (
+    FARTHEST,
+    FASTEST,
+    MM,
+    MOST_MOVES,
+    NUMBER,
+    SHORTEST,
+    ToolpathError,
+    shown,
+)
 
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
 CSV_NUMBER = re.compile(rf"{NUMBER}(?:[eE][+-]?[0-9]+)?")
@@ -43,7 +54,7 @@ class Toolpath(NamedTuple):
     """A program from its first to its last cutting move.
 
     Attributes:
-        contour: what the tool traces, rapid moves in between included.
+        contour: path of the tool, rapid moves in between included.
         feed: (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none.
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
         line: (P,) line of the program that every piece is from.
@@ -109,11 +120,11 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
-    """Polyline through the points of a CSV file: columns x,y or x,y,z in millimetres, one point per line.
+    """Polyline through the points of a CSV file.
 
-    It is closed when the last point is the first. A header (x,y or x_mm,y_mm, likewise with z),
-    empty lines and lines that begin with # may be there. Points within 1 nm of the one before are
-    dropped.
+    The columns are x,y or x,y,z in millimetres, one point per line. The polyline is closed when the
+    last point is the first. A header (x,y or x_mm,y_mm, likewise with z), empty lines and lines
+    that begin with # may be there. Points within 1 nm of the one before are dropped.
 
     Raises:
         ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two
@@ -122,11 +133,9 @@ def read_csv(path: str | PathLike[str]) -> Contour:
     points: list[tuple[float, ...]] = []
     for number, line in enumerate(re.split(r"\r\n|\r|\n", _text(path)), start=1):
         cells = [cell.strip() for cell in line.split(",")]
-        if (
-            cells == [""]
-            or line.lstrip().startswith("#")
-            or (not points and [cell.lower() for cell in cells] in CSV_HEADERS)
-        ):
+        blank = cells == [""] or line.lstrip().startswith("#")
+        header = not points and [cell.lower() for cell in cells] in CSV_HEADERS
+        if blank or header:
             continue
         if len(cells) not in (2, 3) or not all(CSV_NUMBER.fullmatch(cell) for cell in cells):
             raise ToolpathError(
@@ -137,7 +146,8 @@ def read_csv(path: str | PathLike[str]) -> Contour:
             raise ToolpathError(f"line {number}: {shown(line)} is farther than {FARTHEST:g} m away")
         if points and len(point) != len(points[0]):
             raise ToolpathError(
-                f"line {number}: needs {len(points[0])} numbers as the lines above, received {shown(line)}"
+                f"line {number}: needs {len(points[0])} numbers as the lines above, "
+                f"received {shown(line)}"
             )
         if not points or math.dist(point, points[-1]) >= SHORTEST:
             points.append(point)
@@ -151,17 +161,15 @@ def read_csv(path: str | PathLike[str]) -> Contour:
 def _toolpath(
     moves: list[Move], axes: int, feed_given: float | None, ignored: tuple[str, ...]
 ) -> Toolpath:
-    """All pieces at once: chaining a Contour per move would take minutes."""
+    """Toolpath of all moves at once: chaining a Contour per move would take minutes."""
     start, end, centre, angle, normal, feed, rapid, line = (
         np.array(column) for column in zip(*moves, strict=True)
     )
-    pieces = _pieces(start, end, centre, angle, np.eye(3)[normal])
+    axis = np.eye(3)[normal]
+    pieces = _pieces(start, end, centre, angle, axis)
     if axes == 2:
-        flat = np.array([1.0, 1.0, 0.0])
-        length, pieces = (
-            pieces.extent,
-            _pieces(start * flat, end * flat, centre * flat, angle, np.eye(3)[normal]),
-        )
+        flat, length = np.array([1.0, 1.0, 0.0]), pieces.extent
+        pieces = _pieces(start * flat, end * flat, centre * flat, angle, axis)
         feed = feed * pieces.extent / length
         pieces = pieces._replace(
             polynomial=pieces.polynomial[..., :2],
@@ -192,9 +200,8 @@ def _pieces(start, end, centre, angle, normal) -> Piece:
 def _text(path: str | PathLike[str]) -> str:
     path = Path(path)
     if not path.is_file():
-        raise ToolpathError(
-            f"{shown(str(path), 200)}: {'not a file' if path.exists() else 'no such file'}"
-        )
+        fault = "not a file" if path.exists() else "no such file"
+        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
     if path.stat().st_size > MOST_BYTES:
         raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
     try:
@@ -205,6 +212,5 @@ def _text(path: str | PathLike[str]) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        raise ToolpathError(
-            f"line {line}: byte 0x{content[error.start]:02x} is not UTF-8 text"
-        ) from None
+        byte = content[error.start]
+        raise ToolpathError(f"line {line}: byte 0x{byte:02x} is not UTF-8 text") from None

@@ -243,7 +243,7 @@ def dot(pairs, onto: Any = 0.0) -> Any:
 
 def is_zero(number: Any) -> bool:
     """Whether a number is known to be zero, whatever the data."""
-    return isinstance(number, float) and number == 0.0
+    return isinstance(number, float) and bool(number == 0.0)
 
 
 def fused(a, b, c):

@@ -1,4 +1,4 @@
-"""The receding-horizon sweep at a price that does not grow with N_p, for a uniform stage profile.
+"""Receding-horizon sweep whose cost does not grow with N_p, for a uniform stage profile.
 
 A span of samples, from the state x at its first to the state and the costate l behind its last, is
 a linear map,
@@ -30,7 +30,7 @@ Cost = Float[Array, "n n+1 t"]  # H_x and h
 
 
 class Span(NamedTuple):
-    """What a span of samples does."""
+    """A span of samples as a linear map; see the module's docstring."""
 
     A: Float[Array, "n n+1 t"]
     C: Float[Array, "n n t"]
@@ -38,7 +38,7 @@ class Span(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A, B, C, and the inverse W of the control weight."""
+    """Matrices A, B, C, and the inverse W of the control weight."""
 
     A: Float[Array, "n n"]
     B: Float[Array, "n p"]
@@ -49,130 +49,146 @@ class Model(NamedTuple):
 def sliding_plan(
     A, B, C, Q, y_d, R, end: Float[Array, "T n n+1"] | None, steps: int, length: int
 ) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
-    """F, f of `riccati.receding_horizon_plan` for a stage profile of ones, from the samples that are weighted.
+    """Gains F, f of `riccati.receding_horizon_plan` for a stage profile of ones.
 
-    These are those of all windows, S = T + W - 1, the first that the first step looks at in front.
-    Behind the window of every step is the cost to go `end`, or nothing; `length` is the size of a
-    block, at most W.
+    Args:
+        A: (n, n).
+        B: (n, p).
+        C: (m, n).
+        Q: output weights (S, m, m) of all samples that a window weighs: S = T + W - 1. The first
+            is the first sample that step 0 looks at.
+        y_d: desired outputs (S, m) of the same samples [m].
+        R: control weight (p, p).
+        end: cost to go behind the window of every step; None for no cost.
+        steps: number of steps T.
+        length: size of a block, at most W.
     """
     model = Model(A, B, C, jnp.linalg.inv(R)[..., None])
     whole, rest = divmod(Q.shape[0] - steps + 1, length)
     blocks = -(-steps // length)
     Q = (Q + Q.swapaxes(1, 2)) / 2
-    in_blocks = partial(_in_blocks, length=length)
 
     def samples(first: int, count: int):
-        return in_blocks(Q, first, count), in_blocks(y_d, first, count)
+        return _in_blocks(Q, first, count, length), _in_blocks(y_d, first, count, length)
+
+    ends = None if end is None else _in_blocks(end, 0, blocks, length)
+    first = samples(length + rest, blocks + whole - 1)
+    beginnings, costs = _grown_behind(model, first, ends, whole)
+    between = in_a_row(beginnings, whole - 1, blocks)
+    between = between._replace(A=_transposed(between.A))
+    if rest:
+        between = _grown_in_front(model, between, samples(length, blocks), rest)
+    plan = _closed_windows(model, between, samples(0, blocks), costs)
+    F, f = (jnp.moveaxis(values, -1, 0).reshape(-1, *values.shape[1:-1])[:steps] for values in plan)
+    return F, f
+
+
+def _grown_behind(
+    model: Model, samples, ends, whole: int
+) -> tuple[Span, Float[Array, "length n n+1 t"]]:
+    """Whole blocks as spans, and the cost to go in front of every beginning of a block."""
 
     def begin(span: Span, place):
         sample, end = place
         seen = Span(*(part[..., whole - 1 :] for part in span))
-        return append(model, *sample, span), seen.J if end is None else before(seen, end)
+        cost = seen.J if end is None else cost_in_front(seen, end)
+        return append(model, *sample, span), cost
+
+    return jax.lax.scan(begin, nothing(model.A, samples[0].shape[-1]), (samples, ends))
+
+
+def _grown_in_front(model: Model, span: Span, samples, count: int) -> Span:
+    """Spans with the first `count` samples of every block in front."""
 
     def grow(span: Span, sample):
         return prepend(model, *sample, span), None
+
+    first = jax.tree.map(lambda values: values[:count], samples)
+    return jax.lax.scan(grow, span, first, reverse=True)[0]
+
+
+def _closed_windows(model: Model, span: Span, samples, costs: Float[Array, "length n n+1 t"]):
+    """First controls of all windows: every end of a block in front of its span."""
 
     def close(span: Span, place):
         sample, cost = place
         span = prepend(model, *sample, span)
         return span, first_control(model, span, cost)
 
-    ends = None if end is None else in_blocks(end, 0, blocks)
-    beginnings, costs = jax.lax.scan(
-        begin, nothing(A, blocks + whole - 1), (samples(length + rest, blocks + whole - 1), ends)
-    )
-    between = in_a_row(beginnings, whole - 1, blocks)
-    between = between._replace(A=_transposed(between.A))
-    if rest:
-        between, _ = jax.lax.scan(
-            grow,
-            between,
-            jax.tree.map(lambda values: values[:rest], samples(length, blocks)),
-            reverse=True,
-        )
-    _, plan = jax.lax.scan(close, between, (samples(0, blocks), costs), reverse=True)
-    F, f = (jnp.moveaxis(values, -1, 0).reshape(-1, *values.shape[1:-1])[:steps] for values in plan)
-    return F, f
+    return jax.lax.scan(close, span, (samples, costs), reverse=True)[1]
 
 
 def _in_blocks(values, first: int, count: int, length: int):
-    """Place in the block in front, block behind; zeros beyond the end."""
+    """Samples by place in the block (in front) and block (behind); zeros beyond the end."""
     values = values[first : first + count * length]
-    values = jnp.pad(values, ((0, count * length - values.shape[0]), *[(0, 0)] * (values.ndim - 1)))
+    missing = count * length - values.shape[0]
+    values = jnp.pad(values, ((0, missing), *[(0, 0)] * (values.ndim - 1)))
     return jnp.moveaxis(values.reshape(count, length, *values.shape[1:]), 0, -1)
 
 
 def nothing(A: Float[Array, "n n"], count: int) -> Span:
-    """The span of no samples, `count` times."""
+    """Span of no samples, `count` times."""
     n = A.shape[0]
     none = jnp.zeros((n, n + 1, count), A.dtype)
     return Span(none + jnp.eye(n, n + 1, dtype=A.dtype)[..., None], none[:, :n], none)
 
 
 def append(model: Model, Q: Float[Array, "m m t"], y_d: Float[Array, "m t"], span: Span) -> Span:
-    """The span with a sample more behind: its output is weighted, then its control acts."""
+    """Span with one more sample behind: its output is weighted, then its control acts."""
     n = model.A.shape[0]
     error = _fixed(model.C, span.A)
     error = jnp.concatenate([error[:, :n], error[:, n:] - y_d[:, None]], axis=1)
     seen = _fixed(model.C, span.C)
     force = answer(Q, _fixed(model.C, _transposed(seen)), jnp.concatenate([error, seen], axis=1))
-    drift = _fixed(model.A, span.A - _product(seen, force[:, : n + 1]))
-    C = _congruent(model.A, span.C - _product(seen, force[:, n + 1 :])) + _congruent(
-        model.B, model.W
-    )
-    return Span(drift, C, span.J + _product(error[:, :n], force[:, : n + 1]))
+    drift = _fixed(model.A, span.A - _inner(seen, force[:, : n + 1]))
+    kept = _congruent(model.A, span.C - _inner(seen, force[:, n + 1 :]))
+    C = kept + _congruent(model.B, model.W)
+    return Span(drift, C, span.J + _inner(error[:, :n], force[:, : n + 1]))
 
 
 def prepend(model: Model, Q: Float[Array, "m m t"], y_d: Float[Array, "m t"], span: Span) -> Span:
-    """The span with a sample more in front; its A is kept transposed."""
+    """Span with one more sample in front; its A is kept transposed."""
     n = model.A.shape[0]
     pushed, felt = _fixed(model.B.T, span.A[:n]), _fixed(model.B.T, span.J)
-    control = answer(
-        model.W,
-        _fixed(model.B.T, _transposed(felt[:, :n])),
-        jnp.concatenate([felt, pushed], axis=1),
-    )
-    A, J = (
-        span.A - _product(control[:, : n + 1], pushed),
-        span.J - _product(felt[:, :n], control[:, : n + 1]),
-    )
-    weighted = jnp.concatenate(
-        [_product(Q, model.C[..., None]), -_product(Q, y_d[:, None])], axis=1
-    )
-    J = jnp.concatenate(
-        [_congruent(model.A.T, J[:, :n]), _fixed(model.A.T, J[:, n:])], axis=1
-    ) + _fixed(model.C.T, weighted)
+    curved = _fixed(model.B.T, _transposed(felt[:, :n]))
+    control = answer(model.W, curved, jnp.concatenate([felt, pushed], axis=1))
+    A = span.A - _inner(control[:, : n + 1], pushed)
+    J = span.J - _inner(felt[:, :n], control[:, : n + 1])
+    error = [_inner(Q, model.C[..., None]), -_inner(Q, y_d[:, None])]
+    weighted = _fixed(model.C.T, jnp.concatenate(error, axis=1))
+    moved = [_congruent(model.A.T, J[:, :n]), _fixed(model.A.T, J[:, n:])]
     return Span(
         jnp.concatenate([_fixed(model.A.T, A[:n]), A[n:]]),
-        span.C + _product(pushed, control[:, n + 1 :]),
-        J,
+        span.C + _inner(pushed, control[:, n + 1 :]),
+        jnp.concatenate(moved, axis=1) + weighted,
     )
 
 
 def first_control(
     model: Model, span: Span, cost: Cost
 ) -> tuple[Float[Array, "p n t"], Float[Array, "p t"]]:
-    """F, f of u = f - F x one sample before a span, its A transposed, with a cost to go behind."""
+    """Gains F, f of u = f - F x one sample before a span, with a cost to go behind it.
+
+    The A of the span is transposed.
+    """
     n, p = model.B.shape
     pushed, felt = _fixed(model.B.T, span.A[:n]), _fixed(model.B.T, span.J)
     start = jnp.concatenate(
-        [_transposed(pushed), span.A[n, :, None] - _product(span.C, cost[:, n:])], axis=1
+        [_transposed(pushed), span.A[n, :, None] - _inner(span.C, cost[:, n:])], axis=1
     )
     behind = answer(cost[:, :n], span.C, start)
-    steered = felt[:, :n] + _product(behind[:, :p], _transposed(span.A[:n]))
-    drifted = felt[:, n:] + _product(_transposed(pushed), behind[:, p:] + cost[:, n:])
+    steered = felt[:, :n] + _inner(behind[:, :p], _transposed(span.A[:n]))
+    drifted = felt[:, n:] + _inner(_transposed(pushed), behind[:, p:] + cost[:, n:])
     moved = _transposed(_fixed(model.A.T, _transposed(steered)))
-    control = answer(
-        model.W, _fixed(model.B.T, _transposed(steered)), jnp.concatenate([moved, drifted], axis=1)
-    )
+    curved = _fixed(model.B.T, _transposed(steered))
+    control = answer(model.W, curved, jnp.concatenate([moved, drifted], axis=1))
     return control[:, :n], -control[:, n]
 
 
-def before(span: Span, cost: Cost) -> Cost:
-    """Cost to go in front of a span, from that behind it."""
-    return _felt_in_front(
-        span, answer(cost[:, : span.C.shape[0]], span.C, _start(span, cost)), cost
-    )
+def cost_in_front(span: Span, cost: Cost) -> Cost:
+    """Cost to go in front of a span, from the cost to go behind it."""
+    behind = answer(cost[:, : span.C.shape[0]], span.C, _start(span, cost))
+    return _felt_in_front(span, behind, cost)
 
 
 def joined(first: Span, second: Span) -> Span:
@@ -180,37 +196,33 @@ def joined(first: Span, second: Span) -> Span:
     n = first.C.shape[0]
     start = jnp.concatenate([_start(first, second.J), first.C], axis=1)
     behind = answer(second.J[:, :n], first.C, start)
-    through = _product(_transposed(second.A[:, :n]), start - _product(first.C, behind))
+    through = _inner(_transposed(second.A[:, :n]), start - _inner(first.C, behind))
     A = jnp.concatenate([through[:, :n], through[:, n : n + 1] + second.A[:, n:]], axis=1)
-    C = second.C + _product(_transposed(through[:, n + 1 :]), _transposed(second.A[:, :n]))
+    C = second.C + _inner(_transposed(through[:, n + 1 :]), _transposed(second.A[:, :n]))
     return Span(A, C, _felt_in_front(first, behind[:, : n + 1], second.J))
 
 
 def _start(span: Span, cost: Cost):
     n = span.C.shape[0]
-    return jnp.concatenate([span.A[:, :n], span.A[:, n:] - _product(span.C, cost[:, n:])], axis=1)
+    return jnp.concatenate([span.A[:, :n], span.A[:, n:] - _inner(span.C, cost[:, n:])], axis=1)
 
 
 def _felt_in_front(span: Span, behind, cost: Cost) -> Cost:
     n = span.C.shape[0]
     behind = jnp.concatenate([behind[:, :n], behind[:, n:] + cost[:, n:]], axis=1)
-    return span.J + _product(span.A[:, :n], behind)
+    return span.J + _inner(span.A[:, :n], behind)
 
 
 def in_a_row(spans: Span, count: int, windows: int) -> Span:
     """For the first `windows` places on the time axis, the `count` spans from there on joined."""
 
     def one_more(behind, first):
-        return joined(
-            jax.tree.map(
-                lambda part: jax.lax.dynamic_slice_in_dim(part, first, windows, axis=-1), spans
-            ),
-            behind,
-        ), None
+        def at_windows(part):
+            return jax.lax.dynamic_slice_in_dim(part, first, windows, axis=-1)
 
-    none = jax.tree.map(
-        lambda part: part[..., :windows], nothing(jnp.zeros_like(spans.C[..., 0]), windows)
-    )
+        return joined(jax.tree.map(at_windows, spans), behind), None
+
+    none = nothing(jnp.zeros_like(spans.C[..., 0]), windows)
     return jax.lax.scan(one_more, none, jnp.arange(count), reverse=True)[0]
 
 
@@ -218,9 +230,9 @@ def in_a_row(spans: Span, count: int, windows: int) -> Span:
 def answer(
     H: Float[Array, "n n t"], C: Float[Array, "n n t"], V: Float[Array, "n c t"]
 ) -> Float[Array, "n c t"]:
-    """H (I + C H)^-1 V for symmetric H and C that are not negative; no difference of large numbers is taken.
+    """H (I + C H)^-1 V for symmetric H and C that are not negative.
 
-    With H = L L' it is L (I + L' C L)^-1 L' V, and I + L' C L is eliminated without pivots.
+    No difference of large numbers is taken. With H = L L' it is L (I + L' C L)^-1 L' V, and I + L' C L is eliminated without pivots.
     """
     return _answer(_elimination(H, C), V)
 
@@ -230,8 +242,8 @@ def _answer_jvp(primals, tangents):
     (H, C, V), (dH, dC, dV) = primals, tangents
     factors = _elimination(H, C)
     found = _answer(factors, V)
-    moved = _product(dH, V - _product(C, found))
-    return found, moved + _answer(factors, dV - _product(C, moved) - _product(dC, found))
+    moved = _inner(dH, V - _inner(C, found))
+    return found, moved + _answer(factors, dV - _inner(C, moved) - _inner(dC, found))
 
 
 def _answer(factors, V):
@@ -239,58 +251,58 @@ def _answer(factors, V):
 
     def eliminate(V, place):
         k, column = place
-        return V - column[:, None] * V[k], None
+        return V - column[:, None] * V[k][None], None
 
-    V, _ = jax.lax.scan(
-        eliminate, _product(L, V), (jnp.arange(V.shape[0]), columns), unroll=len(V) <= FEW
-    )
-    return _product(_transposed(L), V)
+    rows = jnp.arange(V.shape[0]), columns
+    V, _ = jax.lax.scan(eliminate, _inner(L, V), rows, unroll=len(V) <= FEW)
+    return _inner(_transposed(L), V)
 
 
 def _elimination(H, C):
-    """L with H = L L', and what the elimination of I + L' C L takes of its row k from every row."""
+    """Factor L with H = L L', and the columns of the elimination of I + L' C L.
+
+    Column k holds how much of row k is taken from every row.
+    """
     L, identity = _factor(H), jnp.eye(H.shape[0], dtype=H.dtype)
 
     def eliminate(M, k):
         row = M[k]
-        column = (M[:, k] - identity[k][:, None]) / row[k]
-        return M - column[:, None] * row, column
+        column = (M[:, k] - identity[k][:, None]) / row[k][None]
+        return M - column[:, None] * row[None], column
 
-    return L, jax.lax.scan(
-        eliminate,
-        _product(L, _product(C, L)) + identity[..., None],
-        jnp.arange(len(H)),
-        unroll=len(H) <= FEW,
-    )[1]
+    M = _inner(L, _inner(C, L)) + identity[..., None]
+    _, columns = jax.lax.scan(eliminate, M, jnp.arange(len(H)), unroll=len(H) <= FEW)
+    return L, columns
 
 
 def _factor(H):
-    """Lower triangular L with L L' = H; where H is zero to rounding, so is L."""
+    """Lower triangular L with L L' = H; where H is zero to rounding, L is zero."""
     places = jnp.arange(H.shape[0])
     least = H.shape[0] * jnp.finfo(H.dtype).eps * jnp.diagonal(H).T
 
     def eliminate(H, k):
         row = H[k]
         pivot = jnp.where(row[k] > least[k], row[k], jnp.inf)
-        column = jnp.where(places[:, None] < k, 0.0, H[:, k]) / pivot
-        return H - column[:, None] * row, column * jnp.sqrt(jnp.maximum(row[k], 0.0))
+        column = jnp.where(places[:, None] < k, 0.0, H[:, k]) / pivot[None]
+        scale = jnp.sqrt(jnp.maximum(row[k], 0.0))
+        return H - column[:, None] * row[None], column * scale[None]
 
     return _transposed(jax.lax.scan(eliminate, H, places, unroll=len(H) <= FEW)[1])
 
 
 def _fixed(M, X):
-    """M X for a matrix that is the same at all times."""
+    """Product M X with a matrix that is the same at all times."""
     return jnp.tensordot(M, X, 1)
 
 
 def _congruent(M, X):
-    """M X M' likewise, X symmetric."""
+    """Product M X M' with a matrix that is the same at all times, X symmetric."""
     X = _fixed(M, _transposed(_fixed(M, X)))
     return (X + _transposed(X)) / 2
 
 
-def _product(X, Y):
-    """X' Y."""
+def _inner(X, Y):
+    """Product X' Y at every time."""
     return jnp.einsum("kit,kjt->ijt", X, Y)
 
 

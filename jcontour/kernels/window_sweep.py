@@ -24,13 +24,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from jcontour.linear.plant import Pattern, decoupled_axes
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
 
-Entries = Int[np.ndarray, "2 e"]  # row and column of entries of a symmetric matrix, each entry once
+# row and column of entries of a symmetric matrix, each entry once
+Entries = Int[np.ndarray, "2 _"]
 
 
 class Block(NamedTuple):
@@ -152,10 +153,14 @@ def packing(pattern: Pattern) -> Packing:
     return Packing(order, tuple(blocks), tuple(map(tuple, rows)), square)
 
 
-def congruence(M, of_product: Entries, of_X: Entries) -> Float[Array, "s r"]:
+def congruence(
+    M: Shaped[Array | np.ndarray, "rows columns"],
+    of_product: Int[np.ndarray, "2 s"],
+    of_X: Int[np.ndarray, "2 r"],
+) -> Shaped[Array | np.ndarray, "s r"]:
     """Matrix that takes entries of a symmetric X to entries of M' X M."""
     (i, j), (a, b) = of_product[:, :, None], of_X
-    return M[a, i] * M[b, j] + (a != b).astype(M.dtype) * M[b, i] * M[a, j]
+    return M[a, i] * M[b, j] + (a != b).astype(M.dtype)[None] * M[b, i] * M[a, j]
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))

@@ -1,4 +1,4 @@
-"""A machine that changes with the position of one of its outputs: linear models at several points, and between them."""
+"""Linear models of a machine that changes with the position of one of its outputs."""
 
 from typing import Any
 
@@ -29,18 +29,17 @@ class ModelSchedule(eqx.Module):
     output: int = eqx.field(static=True)
 
     def __init__(self, models: LinearPlant, points, output: int):
-        self.models, self.points, self.output = models, jnp.asarray(points, float), output
-        if (
-            self.points.ndim != 1
-            or self.points.size < 2
-            or (is_concrete(points) and not np.all(np.diff(points) > 0))
-        ):
+        self.models, self.output = models, output
+        self.points = jnp.asarray(points, float)
+        several = self.points.ndim == 1 and self.points.size >= 2
+        if not several or (is_concrete(points) and not np.all(np.diff(points) > 0)):
             raise ValueError(
                 f"points: need two positions or more in rising order, received {points}"
             )
         if models.A.shape[0] != self.points.size:
             raise ValueError(
-                f"models: need one for each of the {self.points.size} points, received {models.A.shape[0]}"
+                f"models: need one for each of the {self.points.size} points, "
+                f"received {models.A.shape[0]}"
             )
 
     @property
@@ -49,11 +48,11 @@ class ModelSchedule(eqx.Module):
         return self.models.dt
 
     def model(self, index: int) -> LinearPlant:
-        """That of a point."""
+        """Model at one of the points."""
         return jax.tree.map(lambda leaf: leaf[index], self.models)
 
     def along(self, position: Float[Array, "S m"]) -> LinearPlant:
-        """The models at every sample of a path, stacked on axis 0.
+        """Models at every sample of a path, stacked on axis 0.
 
         Raises:
             ValueError: the path leaves the points. Where its values are traced the models are NaN
@@ -62,7 +61,7 @@ class ModelSchedule(eqx.Module):
         return self.interpolated(self.models, position)
 
     def interpolated(self, values: Any, position: Float[Array, "S m"]) -> Any:
-        """Arrays that were computed at the points (axis 0) at every sample of a path.
+        """Arrays given at the points (axis 0), interpolated at every sample of a path.
 
         Raises:
             ValueError: as `along`.
@@ -76,16 +75,15 @@ class ModelSchedule(eqx.Module):
         share = jnp.where((share >= 0) & (share <= 1), share, jnp.nan)
 
         def between(rows):
-            weight = share.reshape(-1, *[1] * (rows.ndim - 1))
+            weight = share.reshape(-1, *[1] * (rows.ndim - 1))  # as many axes as `rows`
             return (1 - weight) * rows[left] + weight * rows[left + 1]
 
         return jax.tree.map(between, values)
 
     def _check_covers(self, at: Float[Array, " S"]) -> None:
         if is_concrete(at, self.points):
-            low, high, first, last = (
-                float(x) for x in (jnp.min(at), jnp.max(at), self.points[0], self.points[-1])
-            )
+            low, high = float(jnp.min(at)), float(jnp.max(at))
+            first, last = float(self.points[0]), float(self.points[-1])
             if low < first or high > last:
                 covered = f"the models cover {first:g} to {last:g} m of output {self.output}"
                 raise ValueError(f"points: {covered}, the path goes from {low:g} to {high:g} m")

@@ -1,7 +1,8 @@
-"""Linear time-invariant plants, and the transformations that keep them linear.
+"""Linear time-invariant plants, their independent axes and their steady motions.
 
-x(k+1) = A x(k) + B u(k),  y(k) = C x(k)      (McNab & Tsao, eq. 9, with x(k+1) where they print a
-derivative)
+    x(k+1) = A x(k) + B u(k),  y(k) = C x(k)
+
+McNab & Tsao, eq. 9, with x(k+1) where they print a derivative.
 """
 
 from typing import NamedTuple
@@ -18,7 +19,7 @@ ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's 
 
 
 class Pattern(NamedTuple):
-    """Where A, B and C may be non-zero: hashable, so that it can steer compilation."""
+    """Non-zero pattern of A, B and C: hashable, so that it can steer compilation."""
 
     A: tuple[tuple[bool, ...], ...]
     B: tuple[tuple[bool, ...], ...]
@@ -26,7 +27,7 @@ class Pattern(NamedTuple):
 
     @classmethod
     def of(cls, A, B, C) -> "Pattern":
-        """Pattern of concrete matrices; where values are traced every entry counts as non-zero."""
+        """Pattern of concrete matrices; every entry of a traced one counts as non-zero."""
         return cls(*(_nonzero(matrix) for matrix in (A, B, C)))
 
 
@@ -38,7 +39,10 @@ class AffinePlan(eqx.Module):
 
 
 class SteadyMotion(eqx.Module):
-    """Maps from a steady motion of the tool to the state: x = Sy y + Sv dy, `dy` the increment per sample."""
+    """Maps from a steady motion of the tool to the state.
+
+    x = Sy y + Sv dy, `dy` the increment per sample.
+    """
 
     Sy: Float[Array, "n m"]
     Sv: Float[Array, "n m"]
@@ -59,7 +63,7 @@ class LinearPlant(Plant):
         C: output matrix (m, n); outputs are positions [m].
         dt: sample period [s].
         pattern: non-zero pattern; derived from the matrices when they are concrete.
-        motion: its maps of steady motion, where its axes are coupled; see `steady_motion`.
+        motion: maps of steady motion, needed where the axes are coupled; see `steady_motion`.
 
     Raises:
         ValueError: a matrix has the wrong shape or is not finite, or `dt` is not positive.
@@ -73,7 +77,13 @@ class LinearPlant(Plant):
     pattern: Pattern = eqx.field(static=True)
 
     def __init__(
-        self, A, B, C, dt: float, pattern: Pattern | None = None, motion: SteadyMotion | None = None
+        self,
+        A,
+        B,
+        C,
+        dt: float | int,
+        pattern: Pattern | None = None,
+        motion: SteadyMotion | None = None,
     ):
         self.A, self.B, self.C = (_floating(matrix) for matrix in (A, B, C))
         self.dt, self.motion = float(dt), motion
@@ -96,8 +106,8 @@ class LinearPlant(Plant):
         return self.C.shape[-2]
 
     def initial_state(self, position, increment) -> Float[Array, " n"]:
-        """Steady motion through `position`; see `steady_motion` for the equation and the errors raised."""
-        return steady_motion(self).state(position, increment)
+        """State of a steady motion through `position`; equation and errors as `steady_motion`."""
+        return steady_motion(self).state(jnp.asarray(position), jnp.asarray(increment))
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""
@@ -109,7 +119,10 @@ class LinearPlant(Plant):
 
 
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
-    """Largest absolute eigenvalue of each matrix (..., n, n); infinite where a matrix is not finite."""
+    """Largest absolute eigenvalue of each matrix (..., n, n).
+
+    It is infinite where a matrix is not finite.
+    """
     M = np.asarray(M)
     finite = np.asarray(np.isfinite(M).all(axis=(-1, -2)))
     values = np.abs(np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))).max(axis=-1)
@@ -117,15 +130,16 @@ def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
 
 
 def check_stable(name: str, M) -> None:
-    """Raise ValueError, with the eigenvalues, unless all are inside the unit circle; traced values pass unchecked."""
+    """Raise ValueError, with the eigenvalues, unless all are inside the unit circle.
+
+    Traced values pass unchecked.
+    """
     if not is_concrete(M) or spectral_radius(M) < 1 - ROUNDING:
         return
     M = np.asarray(M)
-    values = (
-        np.array2string(np.linalg.eigvals(M), precision=6, max_line_width=10**6)
-        if np.isfinite(M).all()
-        else "not finite"
-    )
+    values = "not finite"
+    if np.isfinite(M).all():
+        values = np.array2string(np.linalg.eigvals(M), precision=6, max_line_width=10**6)
     raise ValueError(
         f"{name} is not stable: needs all eigenvalues inside the unit circle, they are {values}"
     )
@@ -140,7 +154,7 @@ class Axis(NamedTuple):
 
 
 def decoupled_axes(pattern: Pattern) -> tuple[Axis, ...]:
-    """The independent parts of a plant, in the order of their outputs, read from its non-zero pattern."""
+    """Independent parts of a plant in the order of their outputs, read from its pattern."""
     A, B, C = np.array(pattern.A), np.array(pattern.B), np.array(pattern.C)
     n, p, m = A.shape[0], B.shape[1], C.shape[0]
     linked = np.zeros((n + p + m, n + p + m), bool)
@@ -148,25 +162,24 @@ def decoupled_axes(pattern: Pattern) -> tuple[Axis, ...]:
     linked = linked | linked.T | np.eye(n + p + m, dtype=bool)
     for _ in range(int(np.ceil(np.log2(n + p + m)))):
         linked = linked @ linked
-    parts = {tuple(np.flatnonzero(row)) for row in linked}
-    axes = [
-        Axis(
-            tuple(int(i) for i in part if i < n),
-            tuple(int(i) - n for i in part if n <= i < n + p),
-            tuple(int(i) - n - p for i in part if i >= n + p),
-        )
-        for part in parts
-    ]
+    axes = []
+    for part in {tuple(np.flatnonzero(row).tolist()) for row in linked}:
+        states = tuple(i for i in part if i < n)
+        inputs = tuple(i - n for i in part if n <= i < n + p)
+        outputs = tuple(i - n - p for i in part if i >= n + p)
+        axes.append(Axis(states, inputs, outputs))
     return tuple(sorted(axes, key=lambda axis: axis.outputs or (m,)))
 
 
 def steady_motion(plant: LinearPlant) -> SteadyMotion:
-    """Maps Sy, Sv of a plant: the state of a tool in steady motion. Its own where it has them; of decoupled single-input axes otherwise.
+    """Maps Sy, Sv from a steady motion of the tool to the state of a plant.
 
-    Each axis with n_i states solves, for x and the constant control u that carries it on,
+    A plant that was given its maps returns them. Otherwise its axes need to be decoupled, each
+    with one input and one output. An axis with n_i states solves, for x and the constant control u
+    that carries it on,
         C A^j x + sum_{i<j} C A^i B u = y + j dy,   j = 0..n_i.
-    McNab & Tsao, Appendix, with the third row at x_d(k + N_p) and the u column scaled (condition
-    1e7 otherwise).
+    McNab & Tsao, Appendix, with the third row at x_d(k + N_p). We scale the column of u: the
+    condition number is 1e7 otherwise.
 
     Raises:
         ValueError: an axis does not have one input and one output, or cannot hold a steady motion;
@@ -178,14 +191,16 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
     for axis in axes:
         if len(axis.inputs) != 1 or len(axis.outputs) != 1:
             raise ValueError(
-                f"steady motion needs axes with one input and one output each; states {list(axis.states)} have inputs "
-                f"{list(axis.inputs)} and outputs {list(axis.outputs)}: give SteadyMotion(Sy, Sv) or the state itself"
+                "steady motion needs axes with one input and one output each; "
+                f"states {list(axis.states)} have inputs {list(axis.inputs)} "
+                f"and outputs {list(axis.outputs)}: give SteadyMotion(Sy, Sv) or the state itself"
             )
     motion, conditions = _steady_motion(plant)
     for axis, condition in zip(axes, conditions, strict=True):
         if is_concrete(condition) and not condition * np.finfo(plant.A.dtype).eps < 1:
             raise ValueError(
-                f"output {axis.outputs[0]}: the axis cannot hold a steady motion (its equations are singular)"
+                f"output {axis.outputs[0]}: the axis cannot hold a steady motion "
+                "(its equations are singular)"
             )
     return motion
 
@@ -196,20 +211,21 @@ def _steady_motion(plant: LinearPlant) -> tuple[SteadyMotion, list[Float[Array, 
     conditions = []
     for axis in decoupled_axes(plant.pattern):
         rows, output = np.array(axis.states), axis.outputs[0]
-        matrix = _steady_equations(
-            plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
-        )
+        A, B, C = plant.A[np.ix_(rows, rows)], plant.B[rows, axis.inputs[0]], plant.C[output, rows]
+        matrix = _steady_equations(A, B, C)
         size = matrix.shape[0]
-        ramp = jnp.stack(
-            [jnp.ones(size, matrix.dtype), jnp.arange(size, dtype=matrix.dtype)], axis=1
-        )
+        sample = jnp.arange(size, dtype=matrix.dtype)
+        ramp = jnp.stack([jnp.ones(size, matrix.dtype), sample], axis=1)
         maps = jnp.linalg.solve(matrix, ramp)[:-1]
-        Sy, Sv = Sy.at[rows, output].set(maps[:, 0]), Sv.at[rows, output].set(maps[:, 1])
+        Sy = Sy.at[rows, output].set(maps[:, 0])
+        Sv = Sv.at[rows, output].set(maps[:, 1])
         conditions.append(jnp.linalg.cond(matrix))
     return SteadyMotion(Sy, Sv), conditions
 
 
-def _steady_equations(A, B, C) -> Float[Array, "n+1 n+1"]:
+def _steady_equations(
+    A: Float[Array, "n n"], B: Float[Array, " n"], C: Float[Array, " n"]
+) -> Float[Array, "n+1 n+1"]:
     """Rows [C A^j, sum_{i<j} C A^i B], the last column scaled to one."""
     rows, column, response = [C], [jnp.zeros((), A.dtype)], B
     for _ in range(B.size):
@@ -226,10 +242,11 @@ def _floating(value) -> Array:
 
 
 def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:
-    where = (
-        np.not_equal(np.asarray(matrix), 0) if is_concrete(matrix) else np.ones(matrix.shape, bool)
-    )
-    return tuple(tuple(bool(entry) for entry in row) for row in where)
+    if is_concrete(matrix):
+        where = np.not_equal(np.asarray(matrix), 0)
+    else:
+        where = np.ones(matrix.shape, bool)
+    return tuple(map(tuple, where.tolist()))
 
 
 def _check_shapes(A, B, C, dt: float) -> None:

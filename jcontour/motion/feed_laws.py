@@ -13,15 +13,14 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Float
-from numpy.typing import ArrayLike
 
 from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import Numbers
 from jcontour.geometry.pieces import Piece
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
-SAMPLE_ROUNDING = (
-    1e-6  # of a sample: a run that is this close to a whole number of them has that number
-)
+# of a sample: a run that is this close to a whole number of samples has that number
+SAMPLE_ROUNDING = 1e-6
 # [rad] the most a tangent turns between two nodes; limits are tightened by up to 1 - cos(0.025) =
 # 0.03 % for it
 STEP_ANGLE = 0.05
@@ -29,8 +28,10 @@ FEWEST_STEPS = 4  # of a curved piece, so that the speed can rise between two st
 CORNER = 1e-6  # [rad] a smaller change of direction is rounding in the file
 
 
-def constant_feed(contour: Contour, feed: ArrayLike, dt: float) -> Float[np.ndarray, " T"]:
-    """Arc length [m] at every sample of a motion at constant feed: 0, feed dt, 2 feed dt, ... as far as the contour reaches.
+def constant_feed(contour: Contour, feed: Numbers, dt: float) -> Float[np.ndarray, " T"]:
+    """Arc length [m] at every sample of a motion at constant feed.
+
+    It is 0, feed dt, 2 feed dt, ... as far as the contour reaches.
 
     Args:
         contour: one contour, not a stack.
@@ -47,7 +48,8 @@ def constant_feed(contour: Contour, feed: ArrayLike, dt: float) -> Float[np.ndar
     steps = _check_samples(times[-1] / dt + SAMPLE_ROUNDING)
     if steps < 1:
         raise ValueError(
-            f"feed: the tool passes the whole contour, {length:.3g} m, within one sample of {dt:g} s"
+            f"feed: the tool passes the whole contour, {length:.3g} m, "
+            f"within one sample of {dt:g} s"
         )
     if np.all(feed == feed[0]):
         return np.minimum(np.arange(steps + 1) * (feed[0] * dt), length)
@@ -56,17 +58,18 @@ def constant_feed(contour: Contour, feed: ArrayLike, dt: float) -> Float[np.ndar
 
 def trapezoidal(
     contour: Contour,
-    feed: ArrayLike,
+    feed: Numbers,
     dt: float,
     acceleration: float,
-    axis_speed: ArrayLike | None = None,
-    axis_acceleration: ArrayLike | None = None,
+    axis_speed: Numbers | None = None,
+    axis_acceleration: Numbers | None = None,
     # half of what Grbl starts with; a few encoder counts of 0.8 um
     junction_deviation: float = 5e-6,
 ) -> Float[np.ndarray, " T"]:
-    """Arc length [m] at every sample of a quick motion from rest to rest within the limits; the last sample rests at the end.
+    """Arc length [m] at every sample of a quick motion from rest to rest within the limits.
 
-    With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds the curvature vector, everywhere and
+    The last sample rests at the end. With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds
+    the curvature vector, everywhere and
     for every axis i:
 
         v <= feed        |a| <= acceleration        |c| v^2 <= acceleration
@@ -76,9 +79,8 @@ def trapezoidal(
     junction deviation, the usual rule (Grbl): at that speed an arc that is tangent to both sides
     and passes the corner at the distance d needs the centripetal acceleration A. A is
     `acceleration`, or less where the bisector of the corner meets an axis limit. The contour itself
-    is not
-    rounded, so the velocity jumps there. Each corner is judged by itself: a curve cut into short
-    lines is limited by its corners, not by the curvature that they stand for.
+    is not rounded, so the velocity jumps there. Each corner is judged by itself: a curve cut into
+    short lines is limited by its corners, not by the curvature that they stand for.
 
     A backward pass over nodes in arc length finds the greatest v^2 from which the rest of the path
     can be mastered, a forward pass the greatest that is reached. Exact on lines. On curves the
@@ -100,31 +102,30 @@ def trapezoidal(
     """
     axes = contour.axes
     speed_limit = None if axis_speed is None else _per_axis("axis_speed", axis_speed, axes)
-    acceleration_limit = (
-        np.full(axes, np.inf)
-        if axis_acceleration is None
-        else _per_axis("axis_acceleration", axis_acceleration, axes)
-    )
+    acceleration_limit = np.full(axes, np.inf)
+    if axis_acceleration is not None:
+        acceleration_limit = _per_axis("axis_acceleration", axis_acceleration, axes)
     acceleration, dt = _positive("acceleration", acceleration), _positive("dt", dt)
     if not (np.isfinite(junction_deviation) and junction_deviation >= 0):
         raise ValueError(
-            f"junction_deviation: needs to be finite and not negative, received {junction_deviation}"
+            "junction_deviation: needs to be finite and not negative, "
+            f"received {junction_deviation}"
         )
     feed = _piece_feed(contour, feed)
 
     steps = _steps(contour)
     ceiling = _ceiling(steps, feed, acceleration, speed_limit, acceleration_limit)
     corners = _corner_ceiling(steps, acceleration, acceleration_limit, junction_deviation)
-    nodes = np.concatenate(
-        [[0.0], np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners), [0.0]]
-    )
+    inner = np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners)
+    nodes = np.concatenate([[0.0], inner, [0.0]])
     rows = _rows(steps, acceleration, acceleration_limit)
-    profile = _profile(steps, ceiling, _forward(steps, rows, _backward(steps, rows, nodes)), rows)
+    nodes = _forward(steps, rows, _backward(steps, rows, nodes))
+    profile = _profile(steps, ceiling, nodes, rows)
     return _sampled(*profile, float(contour.length), dt)
 
 
 class _Steps(NamedTuple):
-    """Steps between neighbouring nodes, with unit tangents and curvature vectors [1/m] at both their ends."""
+    """Steps between neighbouring nodes; unit tangents and curvature vectors [1/m] at both ends."""
 
     length: Float[np.ndarray, " n"]
     piece: Float[np.ndarray, " n"]
@@ -134,12 +135,19 @@ class _Steps(NamedTuple):
 
     @property
     def tightening(self) -> Float[np.ndarray, " n"]:
-        """A vector that turns by an angle exceeds the larger of its components at both ends by less than 1 / cos(angle / 2)."""
+        """Factor on axis limits that hold at both ends, so that they hold in between.
+
+        A component of a vector that turns by an angle exceeds the larger of its values at both ends
+        by less than 1 / cos(angle / 2).
+        """
         return np.cos(0.5 * np.linalg.norm(self.curvature, axis=-1).max(axis=0) * self.length)
 
 
 class _Rows(NamedTuple):
-    """Limits of a step, |along a + across q| <= limit for a its acceleration and q = v^2 at its first node; `along` is not negative."""
+    """Limits of a step: |along a + across q| <= limit.
+
+    Its acceleration is a, and q = v^2 at its first node; `along` is not negative.
+    """
 
     along: Float[np.ndarray, "n R"]
     across: Float[np.ndarray, "n R"]
@@ -147,32 +155,23 @@ class _Rows(NamedTuple):
 
 
 def _steps(contour: Contour) -> _Steps:
-    """Lines are one step, curves several."""
+    """Steps of a contour: one for a line, several for a curve."""
     used = _used(contour)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
     everywhere = jax.tree.map(lambda rows: rows[:, None], pieces)
-    bend = np.linalg.norm(
-        _frame(everywhere, np.linspace(0.0, 1.0, 17) * everywhere.extent)[1], axis=-1
-    ).max(axis=1)
+    _, curvature = _frame(everywhere, np.linspace(0.0, 1.0, 17) * everywhere.extent)
+    bend = np.linalg.norm(curvature, axis=-1).max(axis=1)
     straight = (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
-    count = np.where(
-        straight, 1, np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
-    ).astype(int)
+    several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
+    count = np.where(straight, 1, several).astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
     stepped = jax.tree.map(lambda rows: rows[piece], pieces)
     length = stepped.extent / count[piece]
-    (first, first_curvature), (last, last_curvature) = (
-        _frame(stepped, number * length),
-        _frame(stepped, (number + 1) * length),
-    )
-    return _Steps(
-        length,
-        piece,
-        straight[piece],
-        np.stack([first, last]),
-        np.stack([first_curvature, last_curvature]),
-    )
+    first, first_curvature = _frame(stepped, number * length)
+    last, last_curvature = _frame(stepped, (number + 1) * length)
+    tangent, curvature = np.stack([first, last]), np.stack([first_curvature, last_curvature])
+    return _Steps(length, piece, straight[piece], tangent, curvature)
 
 
 def _frame(pieces: Piece, s):
@@ -189,40 +188,37 @@ def _ceiling(
     """Greatest v^2 at which a step can be passed at constant speed."""
     ceiling = feed[steps.piece] ** 2
     with np.errstate(divide="ignore"):  # no limit where an axis does not move
-        ceiling = np.minimum(
-            ceiling, (acceleration / np.linalg.norm(steps.curvature, axis=-1)).min(axis=0)
-        )
-        ceiling = np.minimum(
-            ceiling,
-            steps.tightening * (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2)),
-        )
+        bend = np.linalg.norm(steps.curvature, axis=-1)
+        ceiling = np.minimum(ceiling, (acceleration / bend).min(axis=0))
+        per_axis = (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2))
+        ceiling = np.minimum(ceiling, steps.tightening * per_axis)
         if speed_limit is not None:
-            ceiling = np.minimum(
-                ceiling,
-                (steps.tightening * (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))) ** 2,
-            )
+            fastest = (speed_limit / np.abs(steps.tangent)).min(axis=(0, 2))
+            ceiling = np.minimum(ceiling, (steps.tightening * fastest) ** 2)
     return ceiling
 
 
 def _corner_ceiling(
     steps: _Steps, acceleration, acceleration_limit, deviation
-) -> Float[np.ndarray, " n-1"]:
+) -> Float[np.ndarray, " inner"]:
     """Greatest v^2 at the nodes between steps; no limit where the direction does not change."""
     before, after = steps.tangent[1, :-1], steps.tangent[0, 1:]
     change = after - before
     size = np.linalg.norm(change, axis=-1)
     turned = 2.0 * np.arctan2(size, np.linalg.norm(after + before, axis=-1))
     with np.errstate(divide="ignore", invalid="ignore"):
-        along_bisector = np.minimum(
-            acceleration, (acceleration_limit / np.abs(change / size[:, None])).min(axis=-1)
-        )
+        per_axis = (acceleration_limit / np.abs(change / size[:, None])).min(axis=-1)
+        along_bisector = np.minimum(acceleration, per_axis)
         sin_half = np.cos(0.5 * turned)  # h = (pi - turned) / 2
         ceiling = along_bisector * deviation * sin_half / (2.0 * np.sin(0.25 * turned) ** 2)
     return np.where(turned < CORNER, np.inf, ceiling)
 
 
 def _rows(steps: _Steps, acceleration, acceleration_limit) -> _Rows:
-    """Axis limits at the first and at the last node of the step (there v^2 = q + 2 a length), and the limit along the path."""
+    """Axis limits at both nodes of every step, and the limit along the path.
+
+    At the last node v^2 = q + 2 a length.
+    """
     limit = steps.tightening[:, None] * acceleration_limit
     one = np.ones((steps.length.size, 1))
     along_at_end = steps.tangent[1] + 2.0 * steps.length[:, None] * steps.curvature[1]
@@ -234,8 +230,8 @@ def _rows(steps: _Steps, acceleration, acceleration_limit) -> _Rows:
 
 
 def _backward(
-    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]
-) -> Float[np.ndarray, " n+1"]:
+    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " nodes"]
+) -> Float[np.ndarray, " nodes"]:
     """Greatest v^2 at every node from which the rest can be mastered.
 
     With a = (q' - q) / (2 length) from q to q' a row holds while (along - 2 length across) q <=
@@ -253,8 +249,8 @@ def _backward(
 
 
 def _forward(
-    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " n+1"]
-) -> Float[np.ndarray, " n+1"]:
+    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " nodes"]
+) -> Float[np.ndarray, " nodes"]:
     """Greatest v^2 that is reached at every node from rest."""
     doubled = 2.0 * steps.length[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -262,22 +258,22 @@ def _forward(
         loss = np.where(rows.along > 0, doubled * rows.across / rows.along, 0.0)
     reached = nodes.tolist()
     for i in range(steps.length.size):
-        reached[i + 1] = min(
-            reached[i + 1], reached[i] + float((gain[i] - loss[i] * reached[i]).min())
-        )
+        risen = reached[i] + float((gain[i] - loss[i] * reached[i]).min())
+        reached[i + 1] = min(reached[i + 1], risen)
     return np.array(reached)
 
 
 def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
-    """Lengths [m] of the stretches of constant acceleration, and the speed [m/s] at both ends of each; a line has up to three."""
+    """Stretches of constant acceleration: lengths [m], and the speed [m/s] at both ends of each.
+
+    A line has up to three.
+    """
     first, last = nodes[:-1], nodes[1:]
     with np.errstate(divide="ignore"):
         doubled = 2.0 * (rows.limit / rows.along).min(axis=1)
-    peak = np.clip(
-        0.5 * (first + last + doubled * steps.length),
-        np.maximum(first, last),
-        np.maximum(ceiling, np.maximum(first, last)),
-    )
+    faster = np.maximum(first, last)
+    peak = 0.5 * (first + last + doubled * steps.length)
+    peak = np.clip(peak, faster, np.maximum(ceiling, faster))
     up = np.where(steps.straight, np.minimum((peak - first) / doubled, steps.length), steps.length)
     down = np.where(steps.straight, np.minimum((peak - last) / doubled, steps.length - up), 0.0)
     peak = np.where(steps.straight, peak, last)
@@ -306,26 +302,29 @@ def _used(contour: Contour):
     return mask
 
 
-def _piece_feed(contour: Contour, feed: ArrayLike) -> Float[np.ndarray, " P"]:
+def _piece_feed(contour: Contour, feed: Numbers) -> Float[np.ndarray, " P"]:
     used, feed = _used(contour), np.asarray(feed, float)
     if feed.shape not in ((), used.shape):
         raise ValueError(
-            f"feed: needs one number or one for each of the {used.size} pieces, received shape {feed.shape}"
+            f"feed: needs one number or one for each of the {used.size} pieces, "
+            f"received shape {feed.shape}"
         )
     feed = np.broadcast_to(feed, used.shape)[used]
-    if not (np.isfinite(feed).all() and (feed > 0).all()):
-        worst = feed[~(np.isfinite(feed) & (feed > 0))][0]
+    good = np.isfinite(feed) & (feed > 0)
+    if not good.all():
         raise ValueError(
-            f"feed: needs to be finite and above zero on every piece, received {worst} (rapid moves have none: give them one)"
+            "feed: needs to be finite and above zero on every piece, "
+            f"received {feed[~good][0]} (rapid moves have none: give them one)"
         )
     return feed
 
 
-def _per_axis(name: str, limit: ArrayLike, axes: int) -> Float[np.ndarray, " m"]:
+def _per_axis(name: str, limit: Numbers, axes: int) -> Float[np.ndarray, " m"]:
     limit = np.asarray(limit, float)
     if limit.shape not in ((), (axes,)) or not (np.isfinite(limit).all() and (limit > 0).all()):
         raise ValueError(
-            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, received {limit.tolist()}"
+            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, "
+            f"received {limit.tolist()}"
         )
     return np.broadcast_to(limit, (axes,))
 

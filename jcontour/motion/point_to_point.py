@@ -1,7 +1,7 @@
-"""Laws of motion in closed form, exact at any time: point to point within limits, and to and fro along a cosine.
+"""Time laws in closed form, exact at any time: point to point, and to and fro along a cosine.
 
-A law gives the arc length at a time since its beginning; `references.in_time` samples it along a
-contour, which is a `line` of one axis for a machine with a single one:
+A time law gives the arc length at a time since its beginning; `references.in_time` samples it along
+a contour, which is a `line` of one axis for a machine with a single one:
     in_time(line([0.0], [0.1]), PointToPoint(0.1, 0.1, 4.0), duration=2.2, dt=1e-3, dwell=0.1)
 """
 
@@ -15,7 +15,7 @@ from jcontour.motion.references import Reference, in_time
 
 
 class _Pieces(NamedTuple):
-    """Stretches of constant jerk: when each begins, and the motion with which it does."""
+    """Stretches of constant jerk: time [s] and motion at which each begins."""
 
     start: Float[np.ndarray, " P"]
     arc: Float[np.ndarray, " P"]
@@ -25,9 +25,10 @@ class _Pieces(NamedTuple):
 
 
 class PointToPoint:
-    """The quickest motion over a distance from rest to rest within limits, symmetric in time: a trapezoid of speed, or an S-curve.
+    """The quickest motion over a distance from rest to rest within limits, symmetric in time.
 
-    With T_j the time in which the acceleration is built up and T_a that in which the speed is,
+    It is a trapezoid of speed, or an S-curve. With T_j the time in which the acceleration is built
+    up and T_a that in which the speed is,
         v = j T_j (T_a - T_j),    distance = v (T_a + T_v),
     where T_v, the cruise, is positive only if the feed is reached, and T_a > 2 T_j only if the
     acceleration is (Biagiotti & Melchiorri, Trajectory Planning for Automatic Machines and Robots,
@@ -51,9 +52,8 @@ class PointToPoint:
             ("jerk", jerk),
         ):
             if not (value > 0 and (np.isfinite(value) or name == "jerk")):
-                raise ValueError(
-                    f"{name}: needs to be {'' if name == 'jerk' else 'finite and '}above zero, received {value}"
-                )
+                finite = "" if name == "jerk" else "finite and "
+                raise ValueError(f"{name}: needs to be {finite}above zero, received {value}")
         self.distance = float(distance)
         jerk_time, rise, cruise, peak = _times(distance, feed, acceleration, jerk)
         j = peak / jerk_time if jerk_time > 0 else 0.0
@@ -79,7 +79,7 @@ class PointToPoint:
 
 
 class ToAndFro:
-    """Along a distance and back for ever: arc = distance (1 - cos(frequency t)) / 2, from rest.
+    """Motion along a distance and back for ever, from rest: distance (1 - cos(frequency t)) / 2.
 
     Args:
         distance: from end to end [m].
@@ -113,7 +113,7 @@ def thesis_task_b(dt: float = 1e-3, preview: int = 1) -> Reference:
 def _times(
     distance: float, feed: float, acceleration: float, jerk: float
 ) -> tuple[float, float, float, float]:
-    """T_j, T_a, T_v [s] and the greatest acceleration reached."""
+    """Times T_j, T_a, T_v [s], and the greatest acceleration reached [m/s^2]."""
     jerk_time = acceleration / jerk
     if feed < acceleration * jerk_time:  # the acceleration is not reached before the feed is
         jerk_time = np.sqrt(feed / jerk)

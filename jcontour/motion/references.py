@@ -1,10 +1,11 @@
-"""Where the tool should be at every sample: a contour sampled along a feed law, with the preview samples appended.
+"""References: a contour sampled along a feed law, with the preview samples appended.
 
 T control steps are chosen first; a controller that looks N_p samples ahead needs S = T + N_p
-samples. Sample k is where the tool should be when control k starts to act.
+samples. Sample k is the desired tool point at the time at which control k starts to act.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,7 +16,8 @@ from jaxtyping import Array, Bool, Float
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 
-Law = Callable[[np.ndarray], np.ndarray]  # times (S,) [s], none negative -> arc lengths (S,) [m]
+# times (S,) [s], none negative -> arc lengths (S,) [m]
+TimeLaw = Callable[[np.ndarray], np.ndarray]
 
 
 class Reference(eqx.Module):
@@ -74,13 +76,15 @@ def from_samples(
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
     if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
         raise ValueError(
-            f"position, tangent: need the same shape (S, m), m from 1 to 3, received {position.shape} and {tangent.shape}"
+            "position, tangent: need the same shape (S, m), m from 1 to 3, "
+            f"received {position.shape} and {tangent.shape}"
         )
     if len(position) < 2:
         raise ValueError(f"position: needs at least two samples, received {len(position)}")
     if contour is not None and contour.axes != position.shape[1]:
         raise ValueError(
-            f"contour: needs as many axes as the samples, {position.shape[1]}, received {contour.axes}"
+            f"contour: needs as many axes as the samples, {position.shape[1]}, "
+            f"received {contour.axes}"
         )
     _check_finite(position=position, tangent=tangent)
     worst = np.max(np.abs(np.linalg.norm(tangent, axis=1) - 1), initial=0.0)
@@ -90,22 +94,22 @@ def from_samples(
         )
     if contour is None:
         contour = polyline(position)
-        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+        chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(chords)])
     else:
         arc = np.asarray(_projected(contour, jnp.asarray(position)))
     increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
-    return _reference(
-        position, tangent, arc, contour, dt, preview, increment, np.ones(len(position), bool)
-    )
+    samples = _Samples(position, tangent, arc, np.ones(len(position), bool))
+    return _reference(samples, contour, dt, preview, increment)
 
 
 def in_time(
-    contour: Contour, law: Law, duration: float, dt: float, preview: int = 1, dwell: float = 0.0
+    contour: Contour, law: TimeLaw, duration: float, dt: float, preview: int = 1, dwell: float = 0.0
 ) -> Reference:
-    """Reference that waits at the start of a contour, then visits it at the arc lengths that a law of time gives: exact at every sample.
+    """Reference that waits at the start of a contour, then follows a time law along it.
 
-    The control steps are at the times 0, dt, ..., duration; the preview samples after them follow
-    the law too. It starts at rest.
+    It is exact at every sample. The control steps are at the times 0, dt, ..., duration; the
+    preview samples after them follow the law too. It starts at rest.
 
     Args:
         contour: the path.
@@ -122,7 +126,8 @@ def in_time(
     steps = duration / dt
     if not (np.isfinite(steps) and steps >= 0.5 and abs(steps - round(steps)) < 1e-6):
         raise ValueError(
-            f"duration: needs a whole number of samples of {dt} s, at least one, received {duration} s"
+            f"duration: needs a whole number of samples of {dt} s, at least one, "
+            f"received {duration} s"
         )
     if not 0 <= dwell <= duration:
         raise ValueError(
@@ -132,24 +137,16 @@ def in_time(
     arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
     _check_finite(arc=arc)
     position, tangent = _sampled(contour, arc)
-    return _reference(
-        position,
-        tangent,
-        arc,
-        contour,
-        dt,
-        preview,
-        np.zeros(position.shape[1]),
-        np.ones(arc.size, bool),
-    )
+    samples = _Samples(position, tangent, arc, np.ones(arc.size, bool))
+    return _reference(samples, contour, dt, preview, np.zeros(position.shape[1]))
 
 
 def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
-    """Reference that visits `contour` at the arc lengths a feed law gives, one for each control step.
+    """Reference that visits `contour` at the arc lengths that a feed law gives.
 
-    The preview samples appended after the last step hold the end of a run that ends at rest;
-    otherwise they go on at the last increment, around a closed contour or straight on from an open
-    one.
+    There is one arc length for each control step. The preview samples appended after the last step
+    hold the end of a run that ends at rest; otherwise they go on at the last increment, around a
+    closed contour or straight on from an open one.
 
     Args:
         contour: the path.
@@ -177,14 +174,18 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
         counts = np.asarray(scored, bool)
         if counts.shape != (arc.size - preview,):
             raise ValueError(
-                f"scored: needs shape ({arc.size - preview},), one per control step, received {counts.shape}"
+                f"scored: needs shape ({arc.size - preview},), one per control step, "
+                f"received {counts.shape}"
             )
         mask[: arc.size - preview] = counts
-    return _reference(position, tangent, arc, contour, dt, preview, increment, mask)
+    samples = _Samples(position, tangent, arc, mask)
+    return _reference(samples, contour, dt, preview, increment)
 
 
 def pad(reference: Reference, steps: int) -> Reference:
-    """The same run padded to `steps` control steps: the last sample is held and not scored, so that runs of different length batch.
+    """Reference of the same run padded to `steps` control steps, so that runs batch.
+
+    The last sample is held and not scored.
 
     Raises:
         ValueError: the run is longer than `steps`.
@@ -196,9 +197,8 @@ def pad(reference: Reference, steps: int) -> Reference:
         )
 
     def hold(values):
-        return jnp.asarray(
-            np.concatenate([values, np.repeat(np.asarray(values)[-1:], extra, axis=0)])
-        )
+        values = np.asarray(values)
+        return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], extra, axis=0)]))
 
     mask = jnp.asarray(np.concatenate([reference.mask, np.zeros(extra, bool)]))
     return Reference(
@@ -215,7 +215,10 @@ def pad(reference: Reference, steps: int) -> Reference:
 
 @jax.jit
 def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, " S"]:
-    """Arc length of every sample, each sought around where the one before and the chord between them lead: no branch jumps."""
+    """Arc length of every sample [m].
+
+    Each is sought around the one before plus the chord between them: no branch jumps.
+    """
 
     def advance(arc, samples):
         before, here = samples
@@ -229,13 +232,14 @@ def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, 
 
 
 def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and tangent as `Contour` gives them, in NumPy: nothing is compiled for a path that is sampled once."""
+    """Position and tangent as `Contour` gives them, in NumPy.
+
+    Nothing is compiled for a path that is sampled once.
+    """
     length = float(contour.length)
     inside = np.mod(arc, length) if contour.closed else np.clip(arc, 0.0, length)
-    index = (
-        np.searchsorted(np.asarray(contour.start)[np.asarray(contour.mask)], inside, side="right")
-        - 1
-    )
+    starts = np.asarray(contour.start)[np.asarray(contour.mask)]
+    index = np.searchsorted(starts, inside, side="right") - 1
     piece = jax.tree.map(lambda rows: np.asarray(rows)[index], contour.pieces)
     position, velocity, _ = piece.jet(inside - piece.start)
     beyond = 0.0 if contour.closed else arc - inside
@@ -243,24 +247,28 @@ def _sampled(contour: Contour, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return position + np.reshape(beyond, (-1, 1)) * velocity, tangent
 
 
-def _reference(position, tangent, arc, contour, dt, preview, increment, mask) -> Reference:
-    steps = len(position) - preview
+class _Samples(NamedTuple):
+    """Arrays of a reference over its S samples, on the host."""
+
+    position: np.ndarray
+    tangent: np.ndarray
+    arc: np.ndarray
+    mask: np.ndarray
+
+
+def _reference(samples: _Samples, contour: Contour, dt: float, preview: int, increment):
+    count = len(samples.position)
+    steps = count - preview
     if preview < 0 or steps < 1:
         raise ValueError(
-            f"preview: {len(position)} samples leave no control step for a preview of {preview}"
+            f"preview: {count} samples leave no control step for a preview of {preview}"
         )
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(
             f"dt: the sample period needs to be a positive number of seconds, received {dt}"
         )
-    mask = mask & (np.arange(len(position)) < steps)
-    arrays = (
-        jnp.asarray(position),
-        jnp.asarray(tangent),
-        jnp.asarray(arc),
-        jnp.asarray(mask),
-        jnp.asarray(increment),
-    )
+    samples = samples._replace(mask=samples.mask & (np.arange(count) < steps))
+    arrays = (jnp.asarray(array) for array in (*samples, increment))
     return Reference(*arrays, contour, float(dt), steps)
 
 

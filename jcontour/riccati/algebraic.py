@@ -7,19 +7,19 @@ from jaxtyping import Array, Float
 from jcontour.linear.plant import spectral_radius
 from jcontour.tracing import is_concrete
 
-DOUBLINGS = (
-    20  # 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
-)
+# 2^20 Riccati steps: converged to rounding for closed loops slower than any machine's
+DOUBLINGS = 20
 
 
 def dare(
     A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]
 ) -> Float[Array, "n n"]:
-    """Stabilising solution of H = A' (H - H B (B' H B + R)^-1 B' H) A + Q by structured doubling.
+    """Stabilising solution of the discrete algebraic Riccati equation by structured doubling.
 
+        H = A' (H - H B (B' H B + R)^-1 B' H) A + Q
     McNab & Tsao, eq. 16. After i doublings the iterate is the Riccati recursion of 2^i steps from
-    zero, so values and derivatives are those of the limit. It is not finite, or A - B K is not
-    stable, when there is no stabilising solution; see `check_dare` for the message.
+    zero, so values and derivatives are those of the limit. Without a stabilising solution H is not
+    finite, or A - B K is not stable; see `check_dare` for the message.
     """
     identity = jnp.eye(A.shape[0], dtype=A.dtype)
 
@@ -37,18 +37,25 @@ def dare(
 
 
 def lqr_gain(A, B, H: Float[Array, "n n"], R) -> Float[Array, "p n"]:
-    """K = (B' H B + R)^-1 B' H A, so that u = -K x (McNab & Tsao, eq. 17, with the trailing A)."""
+    """Gain of u = -K x: K = (B' H B + R)^-1 B' H A.
+
+    McNab & Tsao, eq. 17, with the trailing A.
+    """
     return small_inverse(B.T @ H @ B + R) @ B.T @ H @ A
 
 
 def check_dare(A, B, Q, R) -> None:
-    """Raise ValueError unless the Riccati equation has a stabilising solution; traced values pass unchecked (NaN shows there)."""
+    """Raise ValueError unless the Riccati equation has a stabilising solution.
+
+    Traced values pass unchecked: their solution is NaN then.
+    """
     if not is_concrete(A, B, Q, R):
         return
     radius = float(spectral_radius(_dare_loop(A, B, Q, R)))
     if not radius < 1:
         raise ValueError(
-            f"the Riccati equation has no stabilising solution: its closed loop has spectral radius {radius:.6g} "
+            "the Riccati equation has no stabilising solution: "
+            f"its closed loop has spectral radius {radius:.6g} "
             "(a mode that is not stable is out of reach of the control, or costs nothing)"
         )
 
@@ -59,7 +66,10 @@ def _dare_loop(A, B, Q, R):
 
 
 def small_inverse(M: Float[Array, "*batch p p"]) -> Float[Array, "*batch p p"]:
-    """Inverse in closed form up to 3 x 3, which halves the run and compile time of the sweep; LU beyond."""
+    """Inverse in closed form up to 3 x 3, by LU beyond.
+
+    The closed form halves the run and compile time of the sweep.
+    """
     if M.shape[-1] == 1:
         return 1 / M
     if M.shape[-1] == 2:

@@ -1,15 +1,14 @@
-"""Riccati mathematics: the receding-horizon sweep over a whole run at once, and the algebraic equation by doubling.
+"""The receding-horizon Riccati sweep over a whole run at once.
 
-At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal (H,
-g):
+At every step k the finite-horizon problem over j = 1..N_p is solved backward from its terminal cost
+(H, g):
     K_j = (B' H_{j+1} B + R)^-1 B' H_{j+1} A
     H_j = A' H_{j+1} (A - B K_j) + C' Q_j C
     g_j = (A - B K_j)' g_{j+1} - C' Q_j y_d(k+j)
     u(k) = -(B' H_1 B + R)^-1 B' (H_1 A x(k) + g_1)
 McNab & Tsao, eqs. 11-13, with the minus of (11) and (12) restored and H_{j+1}, g_{j+1} throughout.
-The gains depend on the
-future of the reference only, never on the state, so all steps are swept together: axis T in front,
-j the only loop.
+The gains depend on the future of the reference only, never on the state. All steps are therefore
+swept together: axis T in front, j the only loop.
 """
 
 from typing import NamedTuple
@@ -29,7 +28,7 @@ MOST_STATES = 20  # of the fast sweep; its matrices grow with the fourth power
 
 
 class CostToGo(NamedTuple):
-    """x' H x + 2 g' x, the cost that remains."""
+    """Cost that remains: x' H x + 2 g' x."""
 
     H: Float[Array, "T n n"]
     g: Float[Array, "T n"]
@@ -46,9 +45,8 @@ def receding_horizon_plan(
     """Gains F, f (u = f - F x) of every step of a run.
 
     Long windows whose stage profile is known to be uniform are composed from spans
-    (`kernels.sliding_window`), others are swept
-    stage by stage: by the GPU's kernels where they take the plant, by `kernels.window_sweep`
-    elsewhere.
+    (`kernels.sliding_window`). Others are swept stage by stage: by the GPU's kernels where they
+    take the plant, by `kernels.window_sweep` elsewhere.
 
     Args:
         model: A, B, C.
@@ -57,8 +55,8 @@ def receding_horizon_plan(
         stage: profile over the horizon that scales Q_j, j = 1..N_p-1 (entry N_p belongs to the
             terminal); traced, or known.
         R: control weight.
-        terminal: cost to go at j = N_p for every step, T in front; None where sample N_p is
-            weighted like the others, by stage times Q, and then S has to be T + N_p exactly.
+        terminal: cost to go at j = N_p for every step, T in front. None: sample N_p has the
+            ordinary weight, stage[N_p] Q, and S needs to be T + N_p exactly.
     """
     seen = Q.shape[0] if terminal is None else terminal.g.shape[0] + stage.shape[0]
     Q, y_d = Q[:seen], y_d[:seen]  # the reference may look further ahead than the controller
@@ -70,30 +68,26 @@ def receding_horizon_plan(
         from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
 
         end = () if terminal is None else tuple(terminal)
-        return AffinePlan(
-            *lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end)
-        )  # pyright: ignore[reportGeneralTypeIssues]
+        F, f = lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end)  # pyright: ignore[reportGeneralTypeIssues]
+        return AffinePlan(F, f)
     if terminal is None:
         cost = output_cost(model, Q[stage.shape[0] :], y_d[stage.shape[0] :])
         terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
     if model.states > MOST_STATES:
         return readable_plan(model, Q, y_d, stage, R, terminal)
-    return AffinePlan(
-        *window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
-    )
+    F, f = window_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, *terminal)
+    return AffinePlan(F, f)
 
 
 def _composed(model: LinearPlant, Q, y_d, preview: int, R, terminal: CostToGo | None):
-    """By spans; without a terminal the last sample belongs to them."""
+    """Gains composed from spans; without a terminal the last sample belongs to them."""
     steps = Q.shape[0] - preview
-    window = preview if terminal is None else preview - 1
-    end = (
-        None if terminal is None else jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
-    )
-    seen = slice(1, steps + window)
-    return sliding_plan(
-        model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, block_length(window, steps)
-    )
+    if terminal is None:
+        window, end = preview, None
+    else:
+        window, end = preview - 1, jnp.concatenate([terminal.H, terminal.g[:, :, None]], axis=2)
+    seen, length = slice(1, steps + window), block_length(window, steps)
+    return sliding_plan(model.A, model.B, model.C, Q[seen], y_d[seen], R, end, steps, length)
 
 
 def scheduled_plan(
@@ -104,7 +98,10 @@ def scheduled_plan(
     R: Float[Array, "p p"],
     terminal: CostToGo,
 ) -> AffinePlan:
-    """The same for a machine that changes along the path: A_j, B_j, C_j are those of sample k + j, `models` stacked over all S samples."""
+    """Gains of every step for a machine that changes along the path.
+
+    A_j, B_j, C_j are those of sample k + j; `models` is stacked over all S samples.
+    """
     steps, preview = terminal.g.shape[0], stage.shape[0]
 
     def at(rows, j):
@@ -126,7 +123,10 @@ def readable_plan(
     R: Float[Array, "p p"],
     terminal: CostToGo,
 ) -> AffinePlan:
-    """The same as the equations say it, stage by stage; `kernels.window_sweep` is tested equal to it."""
+    """Gains of every step as the equations say it, stage by stage.
+
+    `kernels.window_sweep` is tested equal to it.
+    """
     steps, preview = terminal.g.shape[0], stage.shape[0]
 
     def sweep(cost, j):
@@ -139,24 +139,30 @@ def readable_plan(
 
 
 def output_cost(model: LinearPlant, Q: Float[Array, "T m m"], y_d: Float[Array, "T m"]) -> CostToGo:
-    """(y - y_d)' Q (y - y_d) as a cost to go: the last stage of eqs. 12 and 13, with the minus of g restored."""
+    """Cost to go (y - y_d)' Q (y - y_d) of one sample.
+
+    It is the last stage of eqs. 12 and 13, with the minus of g restored.
+    """
     return CostToGo(model.C.T @ Q @ model.C, -jnp.einsum("tij,tj->ti", Q, y_d) @ model.C)
 
 
 def one_stage_back(
     model: LinearPlant, R, cost: CostToGo, Q_j: Float[Array, "T m m"], y_j: Float[Array, "T m"]
 ) -> CostToGo:
-    """(H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13, of one model for all steps or of one for each."""
+    """Cost to go (H_j, g_j) from (H_{j+1}, g_{j+1}): eqs. 12 and 13.
+
+    There is one model for all steps, or one for each.
+    """
     A, B, C = model.A, model.B, model.C
     K, _ = _gain(model, R, cost)
-    closed = A - B @ K
+    closed = A.reshape(-1, *A.shape[-2:]) - B @ K  # a time axis of one where A is for all steps
     H = A.mT @ cost.H @ closed + C.mT @ Q_j @ C
     g = _apply(closed.mT, cost.g) - _apply(C.mT, _apply(Q_j, y_j))
     return CostToGo((H + H.mT) / 2, g)
 
 
 def first_control(model: LinearPlant, R, cost: CostToGo) -> AffinePlan:
-    """u = f - F x that minimises one step plus the cost to go: eq. 11."""
+    """Control u = f - F x that minimises one step plus the cost to go: eq. 11."""
     F, f = _gain(model, R, cost)
     return AffinePlan(F, f)
 
@@ -165,7 +171,7 @@ def _gain(
     model: LinearPlant, R, cost: CostToGo
 ) -> tuple[Float[Array, "T p n"], Float[Array, "T p"]]:
     BH = model.B.mT @ cost.H
-    inverse = small_inverse(BH @ model.B + R)
+    inverse = small_inverse(BH @ model.B + R[None])
     return inverse @ (BH @ model.A), -_apply(inverse, _apply(model.B.mT, cost.g))
 
 

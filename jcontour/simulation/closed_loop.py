@@ -27,7 +27,7 @@ class Rollout(eqx.Module):
 
 
 def start_state(plant: Plant, reference: Reference) -> State:
-    """State in which the reference says the run begins: at rest on the first sample, or in steady motion through it."""
+    """State in which a run begins: at rest on the first sample, or in steady motion through it."""
     return plant.initial_state(reference.position[0], reference.start_increment)
 
 
@@ -35,7 +35,9 @@ def start_state(plant: Plant, reference: Reference) -> State:
 def simulate(
     plant: Plant, controller: Controller, reference: Reference, state: State | None = None
 ) -> Rollout:
-    """Run `controller` on `plant` along `reference` for its T steps, from `state` or from where the reference begins.
+    """Run `controller` on `plant` along `reference` for its T steps.
+
+    The run starts in `state`, or as the reference begins when none is given.
 
     Raises:
         ValueError: the reference has fewer preview samples than the controller needs, or their
@@ -47,7 +49,7 @@ def simulate(
 
 @eqx.filter_jit
 def prepared(controller: Controller, reference: Reference) -> Plan:
-    """The plan alone, for all T steps: a gain schedule, for instance.
+    """Plan of a controller for all T steps: a gain schedule, for instance.
 
     Raises:
         ValueError: the reference has fewer preview samples than the controller needs.
@@ -63,7 +65,7 @@ def follow(
     reference: Reference,
     state: State | None = None,
 ) -> Rollout:
-    """The loop of `simulate` with the plan already prepared, so that a family of plants can share it."""
+    """Rollout with a plan that is prepared already, so that a family of plants can share it."""
     state = start_state(plant, reference) if state is None else state
 
     def step(carry, plan_k):

@@ -15,7 +15,9 @@ AXIS = "members"
 
 
 def device_mesh(count: int | None = None) -> Mesh:
-    """The first `count` devices of every host that `jax.distributed` has joined, all of them when not given.
+    """Mesh of the first `count` devices of every host that `jax.distributed` has joined.
+
+    Without `count` it has all of them.
 
     Raises:
         ValueError: a host has fewer.
@@ -26,7 +28,8 @@ def device_mesh(count: int | None = None) -> Mesh:
     fewest = min(len(owned) for owned in hosts.values())
     if count is not None and not 1 <= count <= fewest:
         raise ValueError(
-            f"devices: needs 1 to {fewest}, which is what there is of {jax.default_backend()}, received {count}"
+            f"devices: needs 1 to {fewest}, which is what there is of {jax.default_backend()}, "
+            f"received {count}"
         )
     chosen = [device for owned in hosts.values() for device in owned[:count]]
     return Mesh(np.array(chosen), (AXIS,), axis_types=(AxisType.Auto,))
@@ -34,12 +37,13 @@ def device_mesh(count: int | None = None) -> Mesh:
 
 @dataclass(frozen=True)
 class Spread:
-    """A `Batching` over the devices of a mesh: every device works through its share as its platform likes it best.
+    """A `Batching` over the devices of a mesh.
 
-    The batch is filled up to a multiple of the devices with copies of its last member, which are
-    cut off again. The results are on every device. A member's numbers do not depend on the device
-    that it falls on; sums over members, as in a gradient, are added in another order, which changes
-    their rounding.
+    Every device works through its share in the way that is fastest on its platform. The batch is
+    filled up to a multiple of the devices with copies of its last member, which are cut off again.
+    The results are on every device. A member's numbers do not depend on the device that it falls
+    on; sums over members, as in a gradient, are added in another order, which changes their
+    rounding.
 
     Args:
         mesh: see `device_mesh`.
@@ -48,25 +52,21 @@ class Spread:
     mesh: Mesh
 
     def __call__(self, function: Callable, members: Any) -> Any:
-        """Results of the function of one member, axis 0 in front."""
+        """Results of a function of one member, for every member, on axis 0."""
         size = jnp.shape(jax.tree.leaves(members)[0])[0]
         short = -size % self.mesh.size
-        filled = (
-            jax.tree.map(
-                lambda leaf: jnp.concatenate([leaf, jnp.repeat(leaf[-1:], short, 0)]), members
-            )
-            if short
-            else members
+
+        def filled(leaf):
+            return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], short, 0)])
+
+        def share(part):
+            return platform_batching()(function, part)
+
+        spread = PartitionSpec(AXIS)
+        on_devices = jax.shard_map(
+            share, mesh=self.mesh, in_specs=spread, out_specs=spread, check_vma=False
         )
-        shared = PartitionSpec(AXIS)
-        share = jax.shard_map(
-            lambda part: platform_batching()(function, part),
-            mesh=self.mesh,
-            in_specs=shared,
-            out_specs=shared,
-            check_vma=False,
-        )
-        whole = jax.lax.with_sharding_constraint(
-            share(filled), NamedSharding(self.mesh, PartitionSpec())
-        )
+        results = on_devices(jax.tree.map(filled, members) if short else members)
+        everywhere = NamedSharding(self.mesh, PartitionSpec())
+        whole = jax.lax.with_sharding_constraint(results, everywhere)
         return jax.tree.map(lambda leaf: leaf[:size], whole)

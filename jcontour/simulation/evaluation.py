@@ -23,32 +23,34 @@ from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_run, follow, start_state
 from jcontour.simulation.metrics import Metrics, score_signals
 
-# members whose intermediate numbers a derivative may keep, about 1 MB each for 500 steps; running
-# again costs 40 % of its time
+# Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
+# it runs them again, which costs 40 % of its time.
 KEPT = 16
-Batching = Callable[
-    [Callable, Any], Any
-]  # (function of one member, batch of members with axis 0 in front) -> batch of results
+# (function of one member, batch of members with axis 0 in front) -> batch of results
+Batching = Callable[[Callable, Any], Any]
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
-    """`lax.map`: memory of a single member, fastest on a CPU. The derivative of a large batch runs every member a second time for it."""
+    """Batch by `lax.map`: memory of a single member, fastest on a CPU.
+
+    The derivative of a large batch runs every member a second time, to save its memory.
+    """
     size = jnp.shape(jax.tree.leaves(members)[0])[0]
     return jax.lax.map(jax.checkpoint(function) if size > KEPT else function, members)
 
 
 def all_at_once(function: Callable, members: Any) -> Any:
-    """`vmap`: fastest on an accelerator."""
+    """Batch by `vmap`: fastest on an accelerator."""
     return jax.vmap(function)(members)
 
 
 def platform_batching() -> Batching:
-    """`one_by_one` on a CPU, `all_at_once` elsewhere."""
+    """Batching that suits the platform: `one_by_one` on a CPU, `all_at_once` elsewhere."""
     return one_by_one if jax.default_backend() == "cpu" else all_at_once
 
 
 def family_batching(plants: Plant) -> Batching:
-    """That of the platform, unless the plants run faster side by side on any."""
+    """Batching of a family: that of the platform, unless the plants run faster side by side."""
     return all_at_once if plants.side_by_side else platform_batching()
 
 
@@ -59,7 +61,7 @@ def evaluate(
     window: tuple[int, int] | None = None,
     batching: Batching | None = None,
 ) -> Metrics:
-    """Metrics (contour, plant) of one controller over stacked references and a stacked family of plants.
+    """Metrics (contour, plant) of one controller, over stacked references and stacked plants.
 
     Args:
         controller: prepared once per contour.
@@ -90,19 +92,20 @@ def _followed(
     reference: Reference,
     window: tuple[int, int] | None,
 ) -> Metrics:
-    """Metrics of one run; a linear plant under a static affine law has a kernel on a GPU, which returns no rollout."""
+    """Metrics of one run.
+
+    A linear plant under u = f - F x has a kernel on a GPU, which returns no rollout.
+    """
     static = isinstance(plan, AffinePlan) and controller.initial_memory(reference) is None
     if static and type(plant) is LinearPlant:  # a wrapper may measure less than the state
         start = start_state(plant, reference)
         if suits_lanes(plant.pattern, plant, plan, start):
-            from jcontour.kernels.lane_score import (
-                lane_score,
-            )  # loads Pallas, which a CPU has no use for
+            # imported here: it loads Pallas, which a CPU has no use for
+            from jcontour.kernels.lane_score import lane_score
 
             score = partial(score_signals, window=window)
-            metrics = lane_score(
-                plant.pattern, score, plant.A, plant.B, plant.C, plan.F, plan.f, start, reference
-            )
+            model = plant.A, plant.B, plant.C
+            metrics = lane_score(plant.pattern, score, *model, plan.F, plan.f, start, reference)
             return eqx.tree_at(lambda m: m.diverged, metrics, replace_fn=lambda flag: flag != 0)
     rollout = follow(plant, controller, plan, reference)
     return score_signals(rollout.output, rollout.control, reference, window)
@@ -124,12 +127,13 @@ def stack_references(references: Sequence[Reference]) -> Reference:
         ValueError: none given, or their preview, sample period or number of axes differ.
     """
     steps = max((reference.steps for reference in references), default=0)
-    contours = stack_contours([reference.contour for reference in references])
-    alike = [
-        eqx.tree_at(lambda r: r.contour, pad(reference, steps), member(jax.device_get(contours), k))
-        for k, reference in enumerate(references)
-    ]
-    return _stack("references", alike)
+    contours = jax.device_get(stack_contours([reference.contour for reference in references]))
+
+    def alike(index: int) -> Reference:
+        padded = pad(references[index], steps)
+        return eqx.tree_at(lambda r: r.contour, padded, member(contours, index))
+
+    return _stack("references", [alike(index) for index in range(len(references))])
 
 
 def member(batch: Any, index: int) -> Any:
@@ -145,8 +149,8 @@ def _stack(name: str, members: Sequence) -> Any:
     for k, one in enumerate(members):
         if jax.tree.structure(one) != first or shapes[k] != shapes[0]:
             raise ValueError(
-                f"{name}: all need the same structure, sample period and shapes; number {k} differs from number 0"
+                f"{name}: all need the same structure, sample period and shapes; "
+                f"number {k} differs from number 0"
             )
-    return jax.tree.map(
-        lambda *leaves: jnp.asarray(np.stack(leaves)), *members
-    )  # stacked by NumPy: nothing to compile
+    # stacked by NumPy: nothing to compile
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *members)

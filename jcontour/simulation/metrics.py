@@ -1,9 +1,9 @@
-"""How well a run followed its contour.
+"""Errors and metrics of a run along its contour.
 
-Tracking error  e(k) = y(k) - y_d(k)                        distance to where the tool should be now
-Projected error eps(k) = (I - r r') e(k)                    McNab & Tsao, eq. 3
-Contour error   min over s of |y(k) - p(s)|                 distance to the path itself, near the
-current progress
+Tracking error  e(k) = y(k) - y_d(k)            distance to the desired tool point of now
+Projected error eps(k) = (I - r r') e(k)        McNab & Tsao, eq. 3
+Contour error   min over s of |y(k) - p(s)|     distance to the path, near the current progress
+
 On one axis the path is the travel: the projected error is zero, and the contour error is what lies
 beyond the ends of the travel.
 """
@@ -44,44 +44,43 @@ class Metrics(eqx.Module):
 
 
 def tracking_error(
-    output: Float[Array, "T *runs m"], reference: Reference
+    output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
-    """e = y - y_d [m]."""
+    """Tracking error e = y - y_d [m]."""
     return output - _over_runs(reference.position[: reference.steps], output)
 
 
 def projected_error(
-    output: Float[Array, "T *runs m"], reference: Reference
+    output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
-    """eps = (I - r r') e [m], the linear estimate of the contour error (McNab & Tsao, eq. 3)."""
-    error, tangent = (
-        tracking_error(output, reference),
-        _over_runs(reference.tangent[: reference.steps], output),
-    )
+    """Projected error eps = (I - r r') e [m]: the linear estimate of the contour error.
+
+    McNab & Tsao, eq. 3.
+    """
+    error = tracking_error(output, reference)
+    tangent = _over_runs(reference.tangent[: reference.steps], output)
     return error - jnp.sum(error * tangent, axis=-1, keepdims=True) * tangent
 
 
 def contour_error(
-    output: Float[Array, "T *runs m"], reference: Reference
+    output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
-    """y - p(s*) [m], s* the nearest point of the true geometry around the sample's own arc length.
+    """Contour error y - p(s*) [m], s* the nearest point around the sample's arc length.
 
     The search is held fixed under differentiation, which is exact for the distance: (y - p) is
     normal to the path there.
     """
     error = _norm(jax.lax.stop_gradient(tracking_error(output, reference)))
-    reach = jnp.where(
-        error <= reference.contour.size, SEARCH_REACH * error, 0.0
-    )  # a diverged sample is not worth a search
-    nearest = reference.contour.nearest(
-        output, _over_runs(reference.arc[: reference.steps], error), reach
-    )
+    # a diverged sample is not worth a search
+    reach = jnp.where(error <= reference.contour.size, SEARCH_REACH * error, 0.0)
+    arc = _over_runs(reference.arc[: reference.steps], error)
+    nearest = reference.contour.nearest(output, arc, reach)
     return output - reference.contour.position(nearest)
 
 
 @eqx.filter_jit
 def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None = None) -> Metrics:
-    """Metrics of a run over samples a..b-1 of `window` (all of its T steps when not given).
+    """Metrics of a run over samples a..b-1 of `window`, all T steps when not given.
 
     Raises:
         ValueError: the window is empty or reaches beyond the run.
@@ -92,7 +91,7 @@ def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None
 def score_signals(
     output, control, reference: Reference, window: tuple[int, int] | None = None
 ) -> Metrics:
-    """`score` from the two signals it needs, outputs (T, m) [m] and controls (T, p).
+    """Metrics from the two signals they need: outputs (T, m) [m] and controls (T, p).
 
     Axes between those two are runs of one reference, and then every number has these axes (*runs).
     """
@@ -105,17 +104,16 @@ def score_signals(
     tracking = tracking_error(output, reference)
     distance = _norm(tracking)
     lost = jnp.where(_over_runs(mask, distance), ~(distance <= reference.contour.size), False)
+    scored_control = jnp.where(_over_runs(mask, control), control, 0.0)
+    duration = jnp.sum(mask).astype(output.dtype) * reference.dt
     return Metrics(
         *_rms_and_peak(contour_error(output, reference), mask),
         *_rms_and_peak(projected_error(output, reference), mask),
         *_rms_and_peak(tracking, mask),
         *_rms_and_peak(control, mask),
         *_rms_and_peak(jnp.diff(control, axis=0), pairs),
-        duration=jnp.broadcast_to(
-            jnp.sum(mask) * jnp.asarray(reference.dt, output.dtype), output.shape[1:-1]
-        ),
-        diverged=jnp.any(lost, axis=0)
-        | ~jnp.all(jnp.isfinite(jnp.where(_over_runs(mask, control), control, 0.0)), axis=(0, -1)),
+        duration=jnp.broadcast_to(duration, output.shape[1:-1]),
+        diverged=jnp.any(lost, axis=0) | ~jnp.all(jnp.isfinite(scored_control), axis=(0, -1)),
     )
 
 
@@ -123,18 +121,17 @@ def _rms_and_peak(
     vectors: Float[Array, "T *runs d"], mask: Bool[Array, " T"]
 ) -> tuple[Float[Array, "*runs"], Float[Array, "*runs"]]:
     square = jnp.sum(jnp.where(_over_runs(mask, vectors), vectors, 0.0) ** 2, axis=-1)
-    if (
-        square.ndim > 1
-        # many runs: XLA for GPUs would compute the signal inside both reductions, which takes twice as
-        # long as the loop
-    ):
+    # many runs: XLA for GPUs would compute the signal inside both reductions, which takes twice as
+    # long as the loop
+    if square.ndim > 1:
         square = jax.lax.optimization_barrier(square)
-    mean = jnp.sum(square, axis=0) / jnp.maximum(jnp.sum(mask), 1)
+    count = jnp.maximum(jnp.sum(mask), 1).astype(square.dtype)
+    mean = jnp.sum(square, axis=0) / count
     return _sqrt(mean), _sqrt(jnp.max(square, axis=0, initial=0.0))
 
 
 def _over_runs(
-    samples: Shaped[Array, "T *one"], like: Shaped[Array, "T *runs"]
+    samples: Shaped[Array, "T *one"], like: Shaped[Array | np.ndarray, "T *runs"]
 ) -> Shaped[Array, "T *spread"]:
     """Samples of the reference with as many axes as `like`, the new ones behind time."""
     return jnp.expand_dims(samples, tuple(range(1, 1 + like.ndim - samples.ndim)))
@@ -146,6 +143,5 @@ def _norm(vectors: Float[Array, "*batch d"]) -> Float[Array, "*batch"]:
 
 def _sqrt(square: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     positive = square > 0
-    return jnp.where(
-        positive, jnp.sqrt(jnp.where(positive, square, 1.0)), jnp.where(square == 0, 0.0, square)
-    )
+    root = jnp.sqrt(jnp.where(positive, square, 1.0))
+    return jnp.where(positive, root, jnp.where(square == 0, 0.0, square))

@@ -25,7 +25,10 @@ CHUNK = 2**16  # steps; their gains are 10 MB for 8 states and 2 inputs
 
 
 class Signals(NamedTuple):
-    """What a run is scored from, see `metrics.score_signals`; row k is taken before control k acts."""
+    """Signals that a run is scored from; row k is taken before control k acts.
+
+    See `metrics.score_signals`.
+    """
 
     output: Float[Array, "T m"]
     control: Float[Array, "T p"]
@@ -35,7 +38,9 @@ class Signals(NamedTuple):
 def run_program(
     plant: LinearPlant, controller: Controller, reference: Reference, chunk: int = CHUNK
 ) -> Signals:
-    """Outputs and controls of `simulate`, for a linear plant whose whole state is measured under gains made from the preview alone.
+    """Outputs and controls of `simulate`, for a linear plant under gains made from the preview.
+
+    The whole state is measured.
 
     Args:
         plant: the machine.
@@ -51,18 +56,20 @@ def run_program(
     check_run(plant, controller, reference)
     if type(plant) is not LinearPlant:
         raise ValueError(
-            f"plant: a long program needs a LinearPlant, received {type(plant).__name__}; use simulate"
+            f"plant: a long program needs a LinearPlant, received {type(plant).__name__}; "
+            "use simulate"
         )
     if chunk < 1:
         raise ValueError(f"chunk: needs at least one step, received {chunk}")
     count = -(-reference.steps // chunk)
     length = -(-reference.steps // count)
     seen = length + controller.preview
-    missing = (count - 1) * length + seen - reference.position.shape[0]
-    samples = [
-        jnp.pad(values, ((0, max(missing, 0)), *[(0, 0)] * (values.ndim - 1)), mode="edge")
-        for values in _timed(reference)
-    ]
+    missing = max((count - 1) * length + seen - reference.position.shape[0], 0)
+
+    def padded(values):
+        return jnp.pad(values, ((0, missing), *[(0, 0)] * (values.ndim - 1)), mode="edge")
+
+    samples = [padded(values) for values in _timed(reference)]
 
     @jax.checkpoint
     def one_chunk(state, first):
@@ -71,7 +78,8 @@ def run_program(
         plan = controller.prepare(part)
         if not isinstance(plan, AffinePlan) or controller.initial_memory(part) is not None:
             raise ValueError(
-                f"controller: a long program needs gains alone, {type(controller).__name__} makes more; use simulate"
+                "controller: a long program needs gains alone, "
+                f"{type(controller).__name__} makes more; use simulate"
             )
         states, state = closed_loop(plant, plan, state)
         control = plan.f - jnp.einsum("kpn,kn->kp", plan.F, states)
@@ -84,7 +92,7 @@ def run_program(
 def closed_loop(
     plant: LinearPlant, plan: AffinePlan, state: Float[Array, " n"]
 ) -> tuple[Float[Array, "T n"], Float[Array, " n"]]:
-    """States before every control of a plan, and the one after the last."""
+    """States before every control of a plan, and the state after the last."""
     M, v = plant.A - plant.B @ plan.F, plan.f @ plant.B.T
     states = _all_at_once(M, v, state) if on_gpu() else _one_by_one(M, v, state)
     return jnp.concatenate([state[None], states[:-1]]), states[-1]
@@ -105,7 +113,7 @@ def _one_by_one(
 def _all_at_once(
     M: Float[Array, "T n n"], v: Float[Array, "T n"], state: Float[Array, " n"]
 ) -> Float[Array, "T n"]:
-    """The same, by composing the steps pair by pair."""
+    """States after every step, by composing the steps pair by pair."""
 
     def after(first, second):
         maps = jnp.einsum("kij,kjl->kil", second[0], first[0], precision="highest")

@@ -71,7 +71,7 @@ def _followed(contour: Contour, output, start):
         before, here = samples
         reach = REACH * (jnp.linalg.norm(here - before) + error) + 1e-6 * length
         nearest = contour.nearest(here, arc, reach)
-        moved = nearest - contour._inside(arc)
+        moved = nearest - contour.within(arc)
         arc = arc + jnp.where(contour.closed, moved - length * jnp.round(moved / length), moved)
         error = jnp.linalg.norm(here - contour.position(arc))
         return (arc, error), (arc, error)
@@ -87,7 +87,7 @@ def _around(contour: Contour, output, progress):
     """Nearest point of every sample around a known progress."""
     gap = jnp.linalg.norm(output - contour.position(progress), axis=-1)
     nearest = contour.nearest(output, progress, REACH * gap + 1e-6 * contour.length)
-    moved = nearest - contour._inside(progress)
+    moved = nearest - contour.within(progress)
     arc = progress + jnp.where(
         contour.closed, moved - contour.length * jnp.round(moved / contour.length), moved
     )

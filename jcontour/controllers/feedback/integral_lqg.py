@@ -86,6 +86,10 @@ class IntegralLQG(Controller):
         """That of the state feedback."""
         return self.feedback.preview
 
+    def design_model(self) -> LinearPlant:
+        """Model that it is designed on."""
+        return self.model
+
     def prepare(self, reference: Reference) -> IntegralPlan:
         """The targets."""
         plan = self.feedback.prepare(reference)

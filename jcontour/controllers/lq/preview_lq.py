@@ -50,6 +50,10 @@ class PreviewLQ(Controller):
                 raise ValueError(f"{name}: needs a finite weight above zero, received {weight}")
         check_dare(model.A, model.B, *self._cost())
 
+    def design_model(self) -> LinearPlant:
+        """Model that it is designed on."""
+        return self.model
+
     def prepare(self, reference: Reference) -> AffinePlan:
         """The constant gain, and the feedforward of every step.
 

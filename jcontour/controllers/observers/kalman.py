@@ -63,6 +63,10 @@ class _Observer(Wrapper):
     def _C(self) -> Float[Array, "q n"]:
         return self.model.C if self.measured is None else self.measured
 
+    def design_model(self) -> LinearPlant:
+        """Model that it is designed on."""
+        return self.model
+
     def initial_memory(self, reference: Reference) -> ObserverMemory:
         """The estimate starts where the reference says the run begins.
 
@@ -140,6 +144,10 @@ class OffsetFreeObserver(Wrapper):
         A, C = _with_disturbance(self.model, self.measured)
         check_gain(A, C, self.gain)
         check_limit(self.limit)
+
+    def design_model(self) -> LinearPlant:
+        """Model that it is designed on."""
+        return self.model
 
     def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
         """The estimate starts where the reference says the run begins, undisturbed.

@@ -53,6 +53,10 @@ class ReducedObserver(Wrapper):
             )
         check_stable("gain: the observer", error_matrix(self.model, self.gain))
 
+    def design_model(self) -> LinearPlant:
+        """Model that it is designed on."""
+        return self.model
+
     def initial_memory(self, reference: Reference) -> ReducedMemory:
         """The state in which the reference begins.
 

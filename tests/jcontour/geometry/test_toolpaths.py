@@ -365,7 +365,7 @@ def test_given_feed_is_checked(feed):
         parse_gcode("G1 X1", feed=feed)
 
 
-def test_axes_are_checked():
+def test_axes_are_checked(any_type):
     with pytest.raises(ToolpathError, match="axes"):
         parse_gcode("G1 X1 F1", axes="XZ")  # pyright: ignore[reportArgumentType]
 

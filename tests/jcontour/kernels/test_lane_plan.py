@@ -51,9 +51,8 @@ def scalar(plan_of, plant, end):
         Q, R = (M + jnp.swapaxes(M, -1, -2) for M in (Q, R))
         end = (end[0] + jnp.swapaxes(end[0], -1, -2), end[1]) if end else ()
         plan = plan_of(plant, Q, y_d, stage, R, end)
-        return sum(
-            jnp.sum(jnp.sin(part + jnp.arange(part.size).reshape(part.shape))) for part in plan
-        )
+        numbers = jnp.concatenate([part.ravel() for part in plan])
+        return jnp.sum(jnp.sin(numbers + jnp.arange(numbers.size, dtype=numbers.dtype)))
 
     return value
 

@@ -73,7 +73,7 @@ def test_a_plant_or_a_reference_that_moves(problems):
 def test_a_family_shares_a_plan(problems):
     plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
     family = jax.tree.map(
-        lambda leaf: leaf * jnp.array([0.9, 1.0, 1.1]).reshape(3, *[1] * leaf.ndim), plant
+        lambda leaf: leaf[None] * jnp.array([0.9, 1.0, 1.1]).reshape(3, *[1] * leaf.ndim), plant
     )
 
     def spread(run):

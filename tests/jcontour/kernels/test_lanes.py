@@ -6,7 +6,7 @@ import pytest
 from jcontour.kernels import lanes
 from jcontour.kernels.lanes import Batch, Lanes, Operand, batch_last, dot, for_every, in_pieces
 
-x, y = jnp.arange(24.0).reshape(2, 4, 3), jnp.arange(2.0) + 1
+x, y = np.arange(24.0).reshape(2, 4, 3), np.arange(2.0) + 1
 
 
 def spread(operand, sizes):
@@ -21,7 +21,7 @@ def product_and_sum(x, y):
     sizes = Batch.of((x, y)).sizes
     a, b = spread(x, sizes), spread(y, sizes)
     return [
-        jnp.broadcast_to(a * b, (*x.core, *sizes)),
+        jnp.broadcast_to(a * b[None], (*x.core, *sizes)),
         jnp.broadcast_to(jnp.sum(a, axis=0) + b, sizes),
     ]
 
@@ -44,7 +44,7 @@ def test_what_is_not_batched_is_not_copied():
 
     def shapes(a, b):
         seen.append((a, b))
-        return [a.array[:, None] * b.array]
+        return [a.array[:, None] * b.array.reshape(1, -1)]
 
     jax.vmap(lambda one: batch_last(shapes)(x[0, 0], one))(jnp.ones(5))
     assert [(operand.array.shape, operand.axes) for operand in seen[-1]] == [

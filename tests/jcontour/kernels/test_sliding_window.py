@@ -138,7 +138,8 @@ def test_derivatives_equal_those_of_the_readable_sweep(problems):
 def test_the_gradient_where_a_weight_is_singular(problems):
     def value(plan_of):
         def scalar(alpha):
-            Q = alpha * jnp.eye(2) + jnp.asarray(along(1.0, 12)[0]) - jnp.eye(2)
+            identity = jnp.eye(2)[None]
+            Q = alpha * identity + jnp.asarray(along(1.0, 12)[0]) - identity
             plan = plan_of(bridgeport(), Q, jnp.ones((12, 2)), 1e-9 * jnp.eye(2), 8)
             return jnp.sum(jax.tree.leaves(plan)[0])
 

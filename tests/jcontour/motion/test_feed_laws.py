@@ -348,7 +348,7 @@ def test_smooth_fitted_curves():
         (0.1, 1e-300, "samples"),
     ],
 )
-def test_bad_numbers(law, feed, dt, message):
+def test_bad_numbers(any_type, law, feed, dt, message):
     with pytest.raises(ValueError, match=message):
         law(LINE, feed, dt)
 

@@ -16,7 +16,7 @@ TWO = Spread(device_mesh(2))
 @pytest.mark.parametrize("members", [1, 2, 5, 8])
 def test_every_member_comes_back_in_its_place(members):
     """Also where the devices do not divide the batch; x + i for a tree of two leaves."""
-    batch = jnp.arange(members * 3.0).reshape(members, 3), jnp.arange(members)
+    batch = jnp.arange(members * 3.0).reshape(members, 3), jnp.arange(1.0 * members)
     found = jax.jit(lambda b: TWO(lambda one: {"sum": one[0].sum() + one[1], "index": one[1]}, b))(
         batch
     )
