@@ -102,10 +102,10 @@ class Contour(eqx.Module):
     @jax.jit
     def nearest(
         self,
-        point: Float[ArrayLike, "*batch m"],
-        arc: Float[ArrayLike, "*batch"],
+        point: Float[ArrayLike, "*#batch m"],
+        arc: Float[ArrayLike, "*#batch"],
         reach: Float[ArrayLike, "*#batch"],
-    ) -> Float[Array, "*batch"]:
+    ) -> Float[Array, "*#batch"]:
         """Arc length s* [m] of the contour point nearest to `point`, within a window.
 
         The window is |s - arc| <= reach. The window keeps the search on its own branch at a

@@ -1,4 +1,7 @@
-"""Which kernels run here; light to import, so that a CPU never loads the GPU's."""
+"""Choice of the kernels for a platform and a problem; light to import.
+
+A CPU therefore never loads the GPU's kernels.
+"""
 
 import math
 
@@ -14,16 +17,11 @@ MOST_MULTIPLICATIONS = 1500
 # for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep
 # is faster
 MOST_REGISTERS = 110
-SHORTEST_WINDOW = {
-    "cpu": 80,
-    "gpu": 150,
-    "lanes": 500,
-}  # samples: below, the plain sweep is faster (N_p = 55 forward and 150 backward
-# on a CPU; lanes are faster up to 1700, but their derivative keeps numbers for every sample that a
-# step sees)
-LONGEST_ROW = (
-    100  # blocks side by side on a CPU: their matrices stay in a core's second-level cache
-)
+# [samples] below, the plain sweep is faster (on a CPU: N_p = 55 forward and 150 backward). Lanes
+# are faster up to 1700, but their derivative keeps numbers for every sample that a step sees.
+SHORTEST_WINDOW = {"cpu": 80, "gpu": 150, "lanes": 500}
+# blocks side by side on a CPU: their matrices stay in a core's second-level cache
+LONGEST_ROW = 100
 
 
 def on_gpu() -> bool:
@@ -35,7 +33,10 @@ def on_gpu() -> bool:
 
 
 def suits_lanes(pattern: Pattern, *arrays) -> bool:
-    """Whether the GPU kernels take a plant and numbers of these types; the sweep in XLA takes all."""
+    """Whether the GPU kernels take a plant and numbers of these types.
+
+    The sweep in XLA takes all.
+    """
     types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
     if not on_gpu() or types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
         return False
@@ -45,16 +46,21 @@ def suits_lanes(pattern: Pattern, *arrays) -> bool:
 
 
 def multiplications(pattern: Pattern) -> int:
-    """Multiplications of one Riccati stage over the non-zeros of A and B: H B, H - H B L, P A and A' (P A)."""
+    """Multiplications of one Riccati stage over the non-zeros of A and B.
+
+    They are those of H B, H - H B L, P A and A' (P A).
+    """
     n, p = len(pattern.A), len(pattern.B[0])
     of_A, of_B = (sum(map(sum, matrix)) for matrix in (pattern.A, pattern.B))
     return of_B * n + n * (n + 1) // 2 * p + of_A * n + of_A * n // 2
 
 
 def suits_spans(stage, lanes: bool = False) -> bool:
-    """Whether a window is long enough, and its stage profile known to be uniform, for a sweep at a price that does not grow with it.
+    """Whether `sliding_window` suits a stage profile: long enough, and known to be uniform.
 
-    `lanes`: whether the plain sweep would be the GPU's kernels.
+    Args:
+        stage: profile over the window.
+        lanes: whether the plain sweep would be the GPU's kernels.
 
     A profile that falls geometrically would need R to fall with it: spans are alike up to a scale
     of J against C only as long as that scale is the same at every sample, and the ratio of Q to R

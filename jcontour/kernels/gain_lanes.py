@@ -1,4 +1,4 @@
-"""The receding-horizon sweep on a GPU: one lane per step and member of the batch, H in registers.
+"""Receding-horizon sweep on a GPU: one lane per step and member of the batch, H in registers.
 
 The equations are those of `window_sweep`, with the inputs eliminated before the model acts, written
 out number by number over the static non-zeros of the plant. With a 1 behind the state, so that H
@@ -31,14 +31,15 @@ from jcontour.kernels.lanes import (
     launch,
     vectors,
 )
-from jcontour.kernels.window_sweep import seen_entries, small_inverse
+from jcontour.kernels.packing import seen_entries
+from jcontour.kernels.window_sweep import definite_inverse
 from jcontour.linear.plant import Pattern, decoupled_axes
 
 WRITTEN_OUT = 1  # stages at most: more save 3 %, and double the time to compile
 
 
 class Sizes(NamedTuple):
-    """Static sizes: states, inputs, outputs, steps, preview, and whether a terminal cost is given."""
+    """Static sizes: states, inputs, outputs, steps, preview; is a terminal cost given?"""
 
     n: int
     p: int
@@ -59,9 +60,16 @@ class Sizes(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """What is known of the numbers: states that nothing couples, non-zero rows of every column of M = [A B], non-zeros of C.
+    """Static structure of the numbers.
 
     Labels: states from 0, the 1 is n, inputs from n + 1.
+
+    Attributes:
+        parts: groups of states that nothing couples.
+        rows: non-zero rows of every column of M = [A B].
+        C: non-zeros of C.
+        entries: entries of H with g, each once.
+        seen: entries of [Q, -Q y_d], each once.
     """
 
     parts: tuple[tuple[int, ...], ...]
@@ -73,7 +81,7 @@ class Shape(NamedTuple):
 
 @lru_cache
 def shape_of(pattern: Pattern) -> Shape:
-    """The shape of all plants with one pattern."""
+    """Shape of all plants with one pattern."""
     n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
     parts = tuple(axis.states for axis in decoupled_axes(pattern))
     rows = {k: tuple(i for i in range(n) if pattern.A[i][k]) for k in range(n)}
@@ -84,12 +92,12 @@ def shape_of(pattern: Pattern) -> Shape:
 
 
 def key(i: int, k: int) -> tuple[int, int]:
-    """The one entry that stands for (i, k) and (k, i)."""
+    """Entry that stands for both (i, k) and (k, i)."""
     return (i, k) if i <= k else (k, i)
 
 
 class Choice(NamedTuple):
-    """The best control of one stage: H B, G and L, with the 1 behind the states."""
+    """Best control of one stage: H B, G and L, with the 1 behind the states."""
 
     HB: list[list]
     G: list[list]
@@ -97,7 +105,10 @@ class Choice(NamedTuple):
 
 
 def choice(shape: Shape, sizes: Sizes, M, R, H) -> Choice:
-    """The control that minimises one stage and the cost H that remains, every number a vector over lanes."""
+    """Control that minimises one stage and the cost H that remains.
+
+    Every number is a vector over lanes.
+    """
     inputs = range(sizes.n + 1, sizes.n + 1 + sizes.p)
     HB = [
         [dot((H[key(i, k)], M[k, u]) for k in shape.rows[u]) for u in inputs]
@@ -107,20 +118,20 @@ def choice(shape: Shape, sizes: Sizes, M, R, H) -> Choice:
         [dot(((M[i, u], HB[i][v]) for i in shape.rows[u]), R[k][v]) for v in range(sizes.p)]
         for k, u in enumerate(inputs)
     ]
-    G = small_inverse(BHB)
+    G = definite_inverse(BHB)
     return Choice(HB, G, [[dot(zip(row, products, strict=True)) for products in HB] for row in G])
 
 
 def gain(shape: Shape, sizes: Sizes, M, L) -> list[list]:
-    """K = L A."""
+    """Gain K = L A."""
     return [
         [*(dot((row[i], M[i, k]) for i in shape.rows[k]) for k in range(sizes.n)), row[sizes.n]]
         for row in L
     ]
 
 
-def before(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
-    """A' (H - H B L) A."""
+def cost_in_front(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
+    """Cost to go in front of a stage, without its output: A' (H - H B L) A."""
     n, L = sizes.n, chosen.L
     P = {
         (i, k): dot(((-HB, row[k]) for HB, row in zip(chosen.HB[i], L, strict=True)), H[i, k])
@@ -138,7 +149,7 @@ def before(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
 
 
 def weigh(shape: Shape, sizes: Sizes, C, H, cost):
-    """H + C' Q C, `cost` the numbers of [Q, -Q y_d]."""
+    """Cost H + C' Q C; `cost` holds the numbers of [Q, -Q y_d]."""
     H, Q = dict(H), dict(zip(shape.seen, cost, strict=True))
     for (a, i), (b, k) in product(shape.C, repeat=2):
         if i <= k:
@@ -149,7 +160,11 @@ def weigh(shape: Shape, sizes: Sizes, C, H, cost):
 
 
 class Data(NamedTuple):
-    """What a lane reads: model, control weight, functions for the weighted cost of stage j and for the terminal, a zero per lane."""
+    """Data that a lane reads.
+
+    They are the model, the control weight, functions for the weighted cost of stage j and for the
+    terminal, and a zero per lane.
+    """
 
     M: dict
     C: dict
@@ -160,7 +175,7 @@ class Data(NamedTuple):
 
 
 def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> Data:
-    """The data of the lanes, from A, B, C, cost, stage, R and the terminal where there is one."""
+    """Data of the lanes, from A, B, C, cost, stage, R and the terminal where there is one."""
     A, B, C, cost, stage, R, *end = operands
     n, p, shape = sizes.n, sizes.p, shape_of(pattern)
     M = {(i, k): A.fixed(i * n + k) for k in range(n) for i in shape.rows[k]}
@@ -175,50 +190,45 @@ def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> 
     def start():
         if sizes.ended:
             rows = [*(i * n + k for i, k in shape.entries[:-n]), *range(n)]
-            return {
-                e: end[e[1] == n].sample(row, lanes.step)
-                for e, row in zip(shape.entries, rows, strict=True)
-            }
-        return weigh(
-            shape, sizes, output, dict.fromkeys(shape.entries, 0.0), of_sample(sizes.preview)
-        )
+            places = zip(shape.entries, rows, strict=True)
+            return {(i, k): end[k == n].sample(row, lanes.step) for (i, k), row in places}
+        no_cost = dict.fromkeys(shape.entries, 0.0)
+        return weigh(shape, sizes, output, no_cost, of_sample(sizes.preview))
 
-    return Data(
-        M, output, weight, of_sample, start, jnp.full(lanes.index.shape, 0.0, cost.ref.dtype)
-    )
+    nothing = jnp.full(lanes.index.shape, 0.0, cost.ref.dtype)
+    return Data(M, output, weight, of_sample, start, nothing)
 
 
 def swept(pattern: Pattern, sizes: Sizes, data: Data, keep: Callable | None = None):
-    """K_0 and G; `keep(j, K_j)` is called for the stages before."""
+    """Gain K_0 and G of the first stage; `keep(j, K_j)` is called for the stages before."""
     shape = shape_of(pattern)
 
     def back(j, H):
         chosen = choice(shape, sizes, data.M, data.R, H)
         if keep is not None:
             keep(j, gain(shape, sizes, data.M, chosen.L))
-        return weigh(shape, sizes, data.C, before(shape, sizes, data.M, H, chosen), data.cost(j))
+        in_front = cost_in_front(shape, sizes, data.M, H, chosen)
+        return weigh(shape, sizes, data.C, in_front, data.cost(j))
+
+    def sparse(H) -> bool:
+        return any(is_zero(number) for number in H.values())
 
     H, last = data.start(), sizes.preview - 1
-    while (
-        last
-        and sizes.preview - last <= WRITTEN_OUT
-        and any(is_zero(number) for number in H.values())
-    ):
+    while last and sizes.preview - last <= WRITTEN_OUT and sparse(H):
         H, last = back(last, H), last - 1
 
     def stage(count, numbers):
         H = back(last - count, dict(zip(shape.entries, numbers, strict=True)))
         return vectors((H[entry] for entry in shape.entries), numbers[0])
 
-    numbers = jax.lax.fori_loop(
-        0, last, stage, vectors((H[entry] for entry in shape.entries), data.nothing)
-    )
+    start = vectors((H[entry] for entry in shape.entries), data.nothing)
+    numbers = jax.lax.fori_loop(0, last, stage, start)
     chosen = choice(shape, sizes, data.M, data.R, dict(zip(shape.entries, numbers, strict=True)))
     return gain(shape, sizes, data.M, chosen.L), chosen.G
 
 
 def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, *refs):
-    """F and f of one block of lanes."""
+    """Gains F and f of one block of lanes."""
     *data, F, f = refs
     lanes = Lanes.of(pl.program_id(0), sizes.steps, batch.members)
     K, _ = swept(pattern, sizes, read(pattern, sizes, lanes, batch.rows(data, lanes.member)))
@@ -229,33 +239,27 @@ def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, *refs):
 
 
 def as_rows(operands: Sequence[Operand]) -> list[Operand]:
-    """A, B, C, cost, stage, R and the terminal, as `read` takes them."""
+    """Operands A, B, C, cost, stage, R and the terminal, as `read` takes them."""
     A, B, C, cost, stage, R, *end = operands
-    return [
-        A.fixed(),
-        B.fixed(),
-        C.fixed(),
-        cost.timed(),
-        stage.fixed(),
-        R.fixed(),
-        *(operand.timed() for operand in end),
-    ]
+    model = A.fixed(), B.fixed(), C.fixed()
+    ends = (operand.timed() for operand in end)
+    return [*model, cost.timed(), stage.fixed(), R.fixed(), *ends]
 
 
 @lru_cache
 def gains(pattern: Pattern, sizes: Sizes) -> Callable:
-    """A, B, C, cost (q, S), stage, R and, where there is a terminal, H (n, n, T) and g (n, T) -> F (p, n, T), f (p, T)."""
+    """Kernel of the gains: operands -> F (p, n, T), f (p, T).
+
+    The operands are A, B, C, cost (q, S), stage, R and, where there is a terminal, H (n, n, T) and
+    g (n, T).
+    """
     n, p, T = sizes.n, sizes.p, sizes.steps
 
     def whole(*operands):
         batch = Batch.of(operands)
         lanes = T * batch.members
-        F, f = launch(
-            partial(kernel, pattern, sizes, batch),
-            -(-lanes // LANES),
-            as_rows(operands),
-            [(p * n, lanes), (p, lanes)],
-        )
+        run, programs = partial(kernel, pattern, sizes, batch), -(-lanes // LANES)
+        F, f = launch(run, programs, as_rows(operands), [(p * n, lanes), (p, lanes)])
         return [F.reshape(p, n, T, *batch.sizes), f.reshape(p, T, *batch.sizes)]
 
     widest = n * n if sizes.ended else max(p * n, len(shape_of(pattern).seen))

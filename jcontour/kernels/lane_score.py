@@ -1,4 +1,4 @@
-"""A closed loop scored on a GPU: outputs and controls from the kernel, scored where they lie, no rollout returned.
+"""A closed loop scored on a GPU: outputs and controls are scored where they lie, without a rollout.
 
 The kernel leaves signals with the batch behind time, and there they are scored, all runs of one
 reference together: turning them round for a `vmap` outside would cost more than the loop itself.
@@ -19,28 +19,28 @@ from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every,
 from jcontour.kernels.loop_lanes import cotangents, runs
 from jcontour.linear.plant import Pattern
 
-Score = Callable[
-    [Array, Array, Any], Any
-]  # outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
+# outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
+Score = Callable[[Array, Array, Any], Any]
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1))
 def lane_score(pattern: Pattern, score: Score, A, B, C, F, f, start, reference) -> Any:
-    """score(y, u, reference) of x(k+1) = A x + B u, u = f - F x, y = C x from x(0) = `start`; its results as numbers of A's type."""
+    """Score (y, u, reference) of x(k+1) = A x + B u, u = f - F x, y = C x from x(0) = `start`.
+
+    Its results are numbers of A's type.
+    """
     return _run(pattern, score, False, A, B, C, F, f, start, reference)[0]
 
 
 def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, reference):
-    """The score, and the signals y, u, x that its derivative wants to know."""
+    """Score, and the signals y, u, x that its derivative needs."""
     samples, tree = jax.tree.flatten(reference)
-    numbers = jax.eval_shape(
-        partial(_scored, score), jnp.zeros((f.shape[0], C.shape[0]), A.dtype), f, reference
-    )
+    output = jnp.zeros((f.shape[0], C.shape[0]), A.dtype)
+    numbers = jax.eval_shape(partial(_scored, score), output, f, reference)
 
     def of_reference(y, u, *samples):
-        return jax.tree.leaves(
-            _scored(score, _time_first(y), _time_first(u), tree.unflatten(samples))
-        )
+        found = _scored(score, _time_first(y), _time_first(u), tree.unflatten(samples))
+        return jax.tree.leaves(found)
 
     def whole(*operands):
         loop, samples = operands[:6], operands[6:]
@@ -49,10 +49,8 @@ def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, refer
         return [*found, *(signal.over(Batch.of(operands)).array for signal in signals if keep)]
 
     found = batch_last(_cut(F, whole))(A, B, C, *_time_last(F, f), start, *samples)
-    signals = found[len(jax.tree.leaves(numbers)) :]
-    return jax.tree.unflatten(
-        jax.tree.structure(numbers), found[: len(found) - len(signals)]
-    ), signals
+    count = len(jax.tree.leaves(numbers))
+    return jax.tree.unflatten(jax.tree.structure(numbers), found[:count]), found[count:]
 
 
 def _fwd(pattern: Pattern, score: Score, *arguments):
@@ -65,9 +63,11 @@ def _fwd(pattern: Pattern, score: Score, *arguments):
 
 def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
     values, signals = kept
-    numbers_bar = jax.tree.map(
-        dense, numbers_bar, is_leaf=lambda bar: isinstance(bar, SymbolicZero)
-    )
+
+    def symbolic(bar):
+        return isinstance(bar, SymbolicZero)
+
+    numbers_bar = jax.tree.map(dense, numbers_bar, is_leaf=symbolic)
     if signals is None:
         return jax.vjp(partial(scanned_score, score), *values)[1](numbers_bar)
     A, B, C, F, f, _, reference = values
@@ -75,9 +75,8 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
 
     def of_reference(y, u, *rest):
         def numbers(y, u):
-            return jax.tree.leaves(
-                _scored(score, _time_first(y), _time_first(u), tree.unflatten(rest[: len(samples)]))
-            )
+            given = tree.unflatten(rest[: len(samples)])
+            return jax.tree.leaves(_scored(score, _time_first(y), _time_first(u), given))
 
         return jax.vjp(numbers, y, u)[1](list(rest[len(samples) :]))
 
@@ -85,11 +84,10 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
         A, B, C, F, x, *scored = operands
         batch, samples_end = Batch.of(scored), 2 + len(samples)
         y, u, *bars = (operand.over(batch) for operand in (*scored[:2], *scored[samples_end:]))
-        own = scored[2:samples_end]
-        found = for_every(_touched(own), of_reference, (y, u, *own, *bars))
-        return cotangents(
-            pattern, (A, B, C, F, x, *(Operand(bar, batch.together) for bar in found))
-        )
+        given = scored[2:samples_end]
+        found = for_every(_touched(given), of_reference, (y, u, *given, *bars))
+        signal_bars = (Operand(bar, batch.together) for bar in found)
+        return cotangents(pattern, (A, B, C, F, x, *signal_bars))
 
     y, u, x = signals
     operands = A, B, C, _time_last(F, f)[0], x, y, u, *samples, *jax.tree.leaves(numbers_bar)
@@ -101,7 +99,7 @@ lane_score.defvjp(_fwd, _bwd, symbolic_zeros=True)
 
 
 def scanned_score(score: Score, A, B, C, F, f, start, reference):
-    """`lane_score` as the equations say it."""
+    """Score of the same loop by a scan, as the equations say it."""
 
     def step(x, plan):
         u = plan[1] - plan[0] @ x
@@ -111,7 +109,7 @@ def scanned_score(score: Score, A, B, C, F, f, start, reference):
 
 
 def _scored(score: Score, y, u, reference):
-    """The score with flags as numbers, so that all of it has a cotangent."""
+    """Score with flags as numbers, so that all of it has a cotangent."""
     return jax.tree.map(lambda number: number.astype(y.dtype), score(y, u, reference))
 
 
@@ -120,7 +118,7 @@ def _cut(F, function: Callable) -> Callable:
 
 
 def _touched(samples) -> set[int]:
-    """The batch axes along which the reference differs."""
+    """Batch axes along which the reference differs."""
     return set(Batch.of(samples).together)
 
 

@@ -1,4 +1,4 @@
-"""What the GPU kernels share: a lane for every member of the batch, all batch axes behind those of the arrays.
+"""Lanes and batches of the GPU kernels: a lane for every member, batch axes behind the others.
 
 Every `vmap` puts its axis behind those of the arrays that it touches, the outermost last, and
 leaves the others as they are: what does not differ between members is neither copied nor moved. The
@@ -39,23 +39,22 @@ class Operand(NamedTuple):
         return self.array.shape[: self.array.ndim - len(self.axes)]
 
     def fixed(self) -> "Operand":
-        """As rows of numbers that hold for the whole run: (row, member)."""
+        """Rows of numbers that hold for the whole run: (row, member)."""
         return Operand(self.array.reshape(prod(self.core), -1), self.axes)
 
     def timed(self) -> "Operand":
-        """As rows of numbers for every sample, the last axis but the batch: (row, sample and member)."""
+        """Rows of numbers for every sample: (row, sample and member).
+
+        The samples are on the last axis but the batch.
+        """
         return Operand(self.array.reshape(prod(self.core[:-1]), -1), self.axes)
 
     def over(self, batch: "Batch") -> "Operand":
-        """With all axes of a batch, the same numbers along those it does not have."""
-        sizes = (
-            size if axis in self.axes else 1
-            for axis, size in zip(batch.together, batch.sizes, strict=True)
-        )
-        return Operand(
-            jnp.broadcast_to(self.array.reshape(*self.core, *sizes), (*self.core, *batch.sizes)),
-            batch.together,
-        )
+        """Operand with all axes of a batch, the same numbers along those it does not have."""
+        places = zip(batch.together, batch.sizes, strict=True)
+        sizes = (size if axis in self.axes else 1 for axis, size in places)
+        array = self.array.reshape(*self.core, *sizes)
+        return Operand(jnp.broadcast_to(array, (*self.core, *batch.sizes)), batch.together)
 
 
 class Rows(NamedTuple):
@@ -66,16 +65,22 @@ class Rows(NamedTuple):
     members: int
 
     def fixed(self, row):
-        """A number that holds for the whole run."""
+        """Number that holds for the whole run."""
         return self.ref[row, self.member]
 
     def sample(self, row, sample):
-        """A number of one sample."""
+        """Number of one sample."""
         return self.ref[row, sample * self.members + self.member]
 
 
 class Batch(NamedTuple):
-    """The batch axes that some operands have together, the innermost first, their sizes, and the axes of every operand: static."""
+    """Batch axes of several operands, static.
+
+    Attributes:
+        together: axes that they have together, the innermost first.
+        sizes: sizes of these axes.
+        axes: axes of every operand.
+    """
 
     together: tuple[int, ...]
     sizes: tuple[int, ...]
@@ -83,12 +88,10 @@ class Batch(NamedTuple):
 
     @classmethod
     def of(cls, operands: Sequence[Operand]) -> "Batch":
-        """The batch of some operands."""
-        sizes = {
-            axis: size
-            for array, axes in operands
-            for axis, size in zip(axes, array.shape[array.ndim - len(axes) :], strict=True)
-        }
+        """Batch of several operands."""
+        sizes: dict[int, int] = {}
+        for array, axes in operands:
+            sizes |= zip(axes, array.shape[array.ndim - len(axes) :], strict=True)
         together = tuple(sorted(sizes))
         return cls(
             together, tuple(sizes[axis] for axis in together), tuple(axes for _, axes in operands)
@@ -100,13 +103,12 @@ class Batch(NamedTuple):
         return prod(self.sizes)
 
     def rows(self, refs, member) -> list[Rows]:
-        """The operands for lanes of these members."""
-        return [
-            Rows(ref, *self._own(axes, member)) for ref, axes in zip(refs, self.axes, strict=True)
-        ]
+        """Operands for lanes of these members."""
+        pairs = zip(refs, self.axes, strict=True)
+        return [Rows(ref, *self._own(axes, member)) for ref, axes in pairs]
 
     def _own(self, axes: tuple[int, ...], member) -> tuple[Any, int]:
-        """The member of an operand with these axes that belongs to a member of the batch, and how many it has."""
+        """Member of an operand that belongs to a member of the batch, and how many it has."""
         if axes == self.together:
             return member, self.members
         own, stride = 0, 1
@@ -118,7 +120,7 @@ class Batch(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """The lanes of one program: flat number, step and member of the batch."""
+    """Lanes of one program: flat number, step and member of the batch."""
 
     index: Array
     step: Array
@@ -127,14 +129,13 @@ class Lanes(NamedTuple):
     @classmethod
     def of(cls, program, steps: int, members: int, count: int = LANES) -> "Lanes":
         """Lanes program * count onwards."""
-        index = jnp.minimum(
-            program * count + jnp.arange(count, dtype=jnp.int32), steps * members - 1
-        )
+        index = program * count + jnp.arange(count, dtype=jnp.int32)
+        index = jnp.minimum(index, steps * members - 1)
         return cls(index, index // members, index % members)
 
 
 def processors() -> int:
-    """Multiprocessors of the device, or of a usual one where JAX does not know."""
+    """Number of multiprocessors of the device; 128 where JAX does not know."""
     return getattr(jax.devices()[0], "core_count", None) or 128
 
 
@@ -147,9 +148,8 @@ def launch(
 ) -> Any:
     """Run `kernel` with every array whole; without a GPU it is interpreted, for tests."""
     dtype = operands[0].array.dtype
-    with (
-        warnings.catch_warnings()
-    ):  # JAX means to replace its Triton backend; the other one has no float64
+    # JAX means to replace its Triton backend; the other one has no float64
+    with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The Pallas Triton backend is deprecated")
         return pl.pallas_call(
             kernel,
@@ -161,7 +161,10 @@ def launch(
 
 
 def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array]]:
-    """`function` of operands, whose results have every batch axis behind, as a function of arrays under any number of `vmap`s."""
+    """Function of arrays under any number of `vmap`s, from a function of operands.
+
+    The results of `function` have every batch axis behind.
+    """
 
     def under(axes: tuple[tuple[int, ...], ...], depth: int):
         @custom_vmap
@@ -170,14 +173,11 @@ def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array
 
         @mapped.def_vmap
         def one_more(_, touched, *arrays):
-            arrays = [
-                jnp.moveaxis(array, 0, -1) if moved else array
-                for array, moved in zip(arrays, touched, strict=True)
-            ]
-            deeper = tuple(
-                (*own, depth) if moved else own for own, moved in zip(axes, touched, strict=True)
-            )
-            results = under(deeper, depth + 1)(*arrays)
+            arrays, deeper = list(arrays), list(axes)
+            for i, moved in enumerate(touched):
+                if moved:
+                    arrays[i], deeper[i] = jnp.moveaxis(arrays[i], 0, -1), (*axes[i], depth)
+            results = under(tuple(deeper), depth + 1)(*arrays)
             return [jnp.moveaxis(array, -1, 0) for array in results], [True] * len(results)
 
         return mapped
@@ -186,7 +186,10 @@ def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array
 
 
 def for_every(axes: set[int], function: Callable, operands: Sequence[Operand]) -> Any:
-    """`function` of the operands' arrays, for one member at a time of some batch axes; all others stay behind in arrays and results."""
+    """Results of a function of arrays, for one member at a time of some batch axes.
+
+    All other batch axes stay behind in arrays and results.
+    """
     left = set(Batch.of(operands).together) - axes
 
     def behind(own, axis: int) -> int:
@@ -201,7 +204,10 @@ def for_every(axes: set[int], function: Callable, operands: Sequence[Operand]) -
 def in_pieces(
     function: Callable[..., list[Array]], operands: Sequence[Operand], rows: int
 ) -> list[Array]:
-    """`function` of operands, the batch cut in halves along its longest axis until `rows` numbers per member can be indexed."""
+    """Results of a function of operands, on halves of the batch where the whole is too large.
+
+    The batch is cut along its longest axis until `rows` numbers per member can be indexed.
+    """
     batch = Batch.of(operands)
     size, longest = max(zip(batch.sizes, batch.together, strict=True), default=(1, 0))
     if rows * batch.members < MOST_NUMBERS or size == 1:
@@ -213,22 +219,21 @@ def in_pieces(
         axis = len(operand.core) + operand.axes.index(longest)
         return Operand(jax.lax.slice_in_dim(operand.array, first, last, axis=axis), operand.axes)
 
-    ends = (0, size // 2, size)
-    pieces = [
-        in_pieces(function, [cut(operand, *part) for operand in operands], rows)
-        for part in pairwise(ends)
-    ]
+    pieces = []
+    for part in pairwise((0, size // 2, size)):
+        halves = [cut(operand, *part) for operand in operands]
+        pieces.append(in_pieces(function, halves, rows))
     behind = batch.together.index(longest) - len(batch.together)
     return [jnp.concatenate(pair, axis=behind) for pair in zip(*pieces, strict=True)]
 
 
 def vectors(values, like: Array) -> tuple[Array, ...]:
-    """Numbers that a loop carries, each a vector over the lanes, those that are known to be zero too."""
+    """Numbers that a loop carries, each as a vector over the lanes, known zeros too."""
     return tuple(jnp.broadcast_to(jnp.asarray(value, like.dtype), like.shape) for value in values)
 
 
 def dense(bar: Any) -> Array:
-    """A cotangent as an array, whether anything reached it or not."""
+    """Cotangent as an array, whether anything reached it or not."""
     shape, dtype = bar.shape, bar.dtype
     return jnp.zeros(shape, dtype) if isinstance(bar, SymbolicZero) else bar
 
@@ -247,15 +252,16 @@ def is_zero(number: Any) -> bool:
 
 
 def fused(a, b, c):
-    """a b + c with one rounding, in one instruction: Pallas would make two of it, and half the speed."""
+    """Value of a b + c with one rounding, in one instruction.
+
+    Pallas would make two of it, at half the speed.
+    """
     if not on_gpu():
         return a * b + c
     a, b, c = jnp.broadcast_arrays(a, b, c)
     width, register = ("f64", "d") if c.dtype == jnp.float64 else ("f32", "f")
-    instruction, kinds = (
-        f"fma.rn.{width} $0, $1, $2, $3;",
-        f"={register},{register},{register},{register}",
-    )
+    instruction = f"fma.rn.{width} $0, $1, $2, $3;"
+    kinds = f"={register},{register},{register},{register}"
     like = [jax.ShapeDtypeStruct(c.shape, c.dtype)]
     return triton.elementwise_inline_asm(
         instruction, args=[a, b, c], constraints=kinds, pack=1, result_shape_dtypes=like

@@ -18,7 +18,6 @@ Time is on the last axis of every array, as in `window_sweep`; what is the same 
 entry there.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -228,11 +227,12 @@ def in_a_row(spans: Span, count: int, windows: int) -> Span:
 
 @jax.custom_jvp
 def answer(
-    H: Float[Array, "n n t"], C: Float[Array, "n n t"], V: Float[Array, "n c t"]
-) -> Float[Array, "n c t"]:
+    H: Float[Array, "n n #t"], C: Float[Array, "n n #t"], V: Float[Array, "n c #t"]
+) -> Float[Array, "n c #t"]:
     """H (I + C H)^-1 V for symmetric H and C that are not negative.
 
-    No difference of large numbers is taken. With H = L L' it is L (I + L' C L)^-1 L' V, and I + L' C L is eliminated without pivots.
+    No difference of large numbers is taken. With H = L L' it is L (I + L' C L)^-1 L' V, and
+    I + L' C L is eliminated without pivots.
     """
     return _answer(_elimination(H, C), V)
 

@@ -48,7 +48,9 @@ class SteadyMotion(eqx.Module):
     Sv: Float[Array, "n m"]
 
     def state(
-        self, position: Float[Array, "*batch m"], increment: Float[Array, "*batch m"]
+        self,
+        position: Float[Array | np.ndarray, "*batch m"],
+        increment: Float[Array | np.ndarray, "*batch m"],
     ) -> Float[Array, "*batch n"]:
         """State of a tool at `position` [m] that moves `increment` [m] per sample."""
         return position @ self.Sy.T + increment @ self.Sv.T

@@ -93,7 +93,7 @@ def closed_loop(
     plant: LinearPlant, plan: AffinePlan, state: Float[Array, " n"]
 ) -> tuple[Float[Array, "T n"], Float[Array, " n"]]:
     """States before every control of a plan, and the state after the last."""
-    M, v = plant.A - plant.B @ plan.F, plan.f @ plant.B.T
+    M, v = plant.A[None] - plant.B @ plan.F, plan.f @ plant.B.T
     states = _all_at_once(M, v, state) if on_gpu() else _one_by_one(M, v, state)
     return jnp.concatenate([state[None], states[:-1]]), states[-1]
 

@@ -561,7 +561,7 @@ def test_float32_stays_float32():
     assert {x.dtype for x in narrow_answers} == {jnp.dtype("float32")}
     expected = distance(wide, point, nearest(wide, point, s, 1e-3))
     np.testing.assert_allclose(
-        np.linalg.norm(point - narrow_answers[1], axis=1), expected, atol=2e-7
+        np.linalg.norm(point - np.asarray(narrow_answers[1]), axis=1), expected, atol=2e-7
     )
 
 

@@ -106,7 +106,7 @@ def test_memory_is_that_of_a_chunk():
         ({"reference": program(5, 2)}, "preview: the controller looks 6 samples ahead"),
     ],
 )
-def test_what_does_not_go(change, message):
+def test_what_does_not_go(any_type, change, message):
     arguments = {
         "plant": bridgeport(),
         "controller": CONTROLLERS["contouring"](),
