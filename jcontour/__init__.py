@@ -1,13 +1,15 @@
-"""Differentiable simulation and gradient tuning of multi-axis contouring machines. SI units, float64 unless JAX_ENABLE_X64=0."""
+"""Differentiable simulation and gradient tuning of multi-axis contouring machines.
+
+SI units; float64 unless JAX_ENABLE_X64=0.
+"""
 
 import os as _os
 
 import jax as _jax
 
 if _os.environ.get("JAX_ENABLE_X64", "1") not in ("0", "false", "False"):
-    _jax.config.update(
-        "jax_enable_x64", True
-    )  # micrometres on metres, and the DARE, need double precision
+    # micrometres on metres, and the DARE, need double precision
+    _jax.config.update("jax_enable_x64", True)
 
 from jcontour.analysis.stability import frozen_spectral_radius, margins
 from jcontour.geometry import contours, toolpaths
@@ -31,3 +33,11 @@ __all__ = [
     "stack_references",
     "toolpaths",
 ]
+
+
+def __getattr__(name: str) -> str:
+    if name == "__version__":
+        from importlib.metadata import version  # imported here: few ask for it
+
+        return version("jcontour")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -21,7 +21,6 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import check_run, follow
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
@@ -174,8 +173,12 @@ def _modelled_plant(controller: Controller) -> Plant:
     model = controller.design_model()
     if model is None:
         raise ValueError("plant: this controller has no model of its own; give the plant")
-    # an observer is a wrapper with a model
-    return Encoders(model) if isinstance(controller, Wrapper) else model
+    if not isinstance(controller, Wrapper):
+        return model
+    # an observer is a wrapper with a model; imported here, because all plants come with it
+    from jcontour.plants.wrappers.encoders import Encoders
+
+    return Encoders(model)
 
 
 @eqx.filter_jit
