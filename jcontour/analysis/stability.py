@@ -94,10 +94,14 @@ class CutLoops(NamedTuple):
         return CutLoops(*(matrices[rows] for matrices in self))
 
 
-def frozen_spectral_radius(
-    controller: Controller, direction: Float[ArrayLike, " m"], plant: Plant | None = None
-) -> float:
+def frozen_spectral_radius(controller: Controller, direction, plant: Plant | None = None) -> float:
     """Spectral radius of the loop along a straight line: Theorem 1's check.
+
+    >>> from jcontour.controllers import ContouringLQ, LQWeights
+    >>> from jcontour.plants import bridgeport
+    >>> controller = ContouringLQ(bridgeport(), LQWeights(3.0, 5.0, 1e-6), preview=50)
+    >>> frozen_spectral_radius(controller, [1.0, 1.0]) < 1
+    True
 
     Args:
         controller: any controller; its gains on the line must not depend on the speed.
@@ -136,6 +140,16 @@ def frozen_spectral_radii(
 
 def margins(plant: Plant, controller: Controller, reference: Reference) -> Margins:
     """Gain and delay margins of every frozen loop along a reference.
+
+    >>> from jcontour import contours, references
+    >>> from jcontour.controllers import ContouringLQ, LQWeights
+    >>> from jcontour.plants import bridgeport
+    >>> machine, path = bridgeport(), contours.circle(1e-3)
+    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=50)
+    >>> reference = references.along(path, 1e-5 * np.arange(4), machine.dt, 50, at_rest=False)
+    >>> found = margins(machine, controller, reference)
+    >>> found.spectral_radius < 1, found.gain.shape, found.saturated
+    (True, (2, 2), 0)
 
     Args:
         plant: any smooth one behind its sensors: quantisers and stick-slip have no slope.

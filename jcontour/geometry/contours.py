@@ -34,6 +34,10 @@ SMALLEST, LARGEST = 1e-100, 1e100
 def line(start: Numbers, end: Numbers) -> Contour:
     """Straight line between two points (m,) [m], of one axis or more.
 
+    >>> path = line([0.0, 0.0], [30e-3, 40e-3])
+    >>> round(float(path.length), 9)
+    0.05
+
     Raises:
         ValueError: wrong shape, not finite, or both points are the same.
     """
@@ -60,6 +64,10 @@ def polyline(points: Numbers) -> Contour:
 def polygon(points: Numbers) -> Contour:
     """Closed polyline through points (n, m) [m], the first of which need not be repeated.
 
+    >>> square = polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])
+    >>> bool(square.closed), round(float(square.length), 9)
+    (True, 0.08)
+
     Raises:
         ValueError: wrong shape, not finite, or fewer than two distinct points.
     """
@@ -75,6 +83,10 @@ def arc(
     rise: float = 0.0,
 ) -> Contour:
     """Circular arc around `centre`, or a helix when it rises along the normal meanwhile.
+
+    >>> quarter = arc(start=[10e-3, 0.0], centre=[0.0, 0.0], angle=np.pi / 2)
+    >>> np.round(quarter.position(quarter.length), 9).tolist()
+    [0.0, 0.01]
 
     Args:
         start: first point (2,) or (3,) [m].
@@ -124,6 +136,10 @@ def circle(
     radius: float, centre: Numbers = (0.0, 0.0), start_angle: float = 0.0, clockwise: bool = False
 ) -> Contour:
     """Full circle in the x-y plane: one piece.
+
+    >>> path = circle(radius=10e-3)
+    >>> round(float(path.length), 6), round(float(path.curvature(0.0)), 6)
+    (0.062832, 100.0)
 
     Args:
         radius: [m].
@@ -211,6 +227,12 @@ def spline(points: Numbers, closed: bool = False, *, tolerance: float = FIT_TOLE
 def chain(contours: Sequence[Contour]) -> Contour:
     """One contour through several, in order.
 
+    >>> side = line([0.0, 0.0], [20e-3, 0.0])
+    >>> corner = arc([20e-3, 0.0], [20e-3, 5e-3], np.pi / 2)
+    >>> path = chain([side, corner])
+    >>> np.round(path.position(path.length), 9).tolist()
+    [0.025, 0.005]
+
     It is closed when the end of the last meets the start of the first; gaps of rounding are left.
 
     Raises:
@@ -244,6 +266,10 @@ def _unpadded(contour: Contour) -> Piece:
 
 def stack(contours: Sequence[Contour]) -> Contour:
     """Contours along a new leading axis for vmap, padded to the largest number of pieces.
+
+    >>> both = stack([circle(5e-3), circle(10e-3)])
+    >>> np.round(both.length, 6).tolist()
+    [0.031416, 0.062832]
 
     Raises:
         ValueError: nothing to stack, 2-D mixed with 3-D, or a stack among them.

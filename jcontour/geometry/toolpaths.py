@@ -85,6 +85,17 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
     so that it meets both ends; beyond half a turn it becomes two arcs, to stay near the circle. An
     R arc too short for its end by no more than that is a half circle.
 
+    >>> program = '''
+    ...     G21 G90 G0 X0 Y0
+    ...     G1 X20 F600        (mm, mm/min)
+    ...     G3 X20 Y10 J5
+    ... '''
+    >>> path = parse_gcode(program)
+    >>> path.feed.tolist()
+    [0.01, 0.01]
+    >>> round(float(path.contour.length), 6)
+    0.035708
+
     Args:
         text: the program.
         axes: "XYZ", or "XY" for its projection: moves along Z alone vanish, the others last as long
@@ -120,11 +131,15 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
-    """Polyline through the points of a CSV file.
+    r"""Polyline through the points of a CSV file.
 
     The columns are x,y or x,y,z in millimetres, one point per line. The polyline is closed when the
     last point is the first. A header (x,y or x_mm,y_mm, likewise with z), empty lines and lines
     that begin with # may be there. Points within 1 nm of the one before are dropped.
+
+    >>> _ = Path("points.csv").write_text("x,y\n0,0\n30,0\n30,40\n")
+    >>> round(float(read_csv("points.csv").length), 9)
+    0.07
 
     Raises:
         ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two

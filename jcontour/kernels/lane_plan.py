@@ -118,7 +118,7 @@ def _cost(Q, y_d) -> Float[Array, "q S"]:
     def entry(a: int, b: int) -> Array:
         return Q[:, a, b] if b < m else -jnp.sum(Q[:, a] * y_d, axis=1)
 
-    return jnp.stack([entry(a, b) for a, b in seen_entries(m).T])
+    return jnp.stack([entry(a, b) for a, b in seen_entries(m).T.tolist()])
 
 
 def _ends(end):

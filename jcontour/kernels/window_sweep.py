@@ -347,7 +347,7 @@ def _weighed_back(data: SweepData, Q_bar, CW, j, scale):
         mirrored = U[b] * V[a] if a != b else 0
         return jnp.sum(U[a] * V[b] + mirrored, axis=0)
 
-    rows = jnp.stack([entry(a, b) for a, b in seen_entries(len(CW) - 1).T])
+    rows = jnp.stack([entry(a, b) for a, b in seen_entries(len(CW) - 1).T.tolist()])
     scale_bar = jnp.sum(rows * jax.lax.dynamic_slice_in_dim(data.cost, j, steps, axis=1))
     before = jax.lax.dynamic_slice_in_dim(Q_bar, j, steps, axis=1)
     Q_bar = jax.lax.dynamic_update_slice_in_dim(Q_bar, before + scale * rows, j, axis=1)

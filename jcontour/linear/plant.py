@@ -59,6 +59,14 @@ class SteadyMotion(eqx.Module):
 class LinearPlant(Plant):
     """A linear machine, and the model inside a model-based controller.
 
+    A slide with viscous friction, sampled every millisecond:
+
+    >>> plant = LinearPlant([[1.0, 1e-3], [0.0, 0.99]], [[0.0], [1e-3]], [[1.0, 0.0]], dt=1e-3)
+    >>> plant.states, plant.inputs, plant.axes
+    (2, 1, 1)
+    >>> plant.step(np.array([0.5, 0.0]), np.array([2.0])).tolist()
+    [0.5, 0.002]
+
     Args:
         A: state matrix (n, n).
         B: input matrix (n, p).
@@ -122,6 +130,9 @@ class LinearPlant(Plant):
 
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:
     """Largest absolute eigenvalue of each matrix (..., n, n).
+
+    >>> float(spectral_radius([[0.5, 1.0], [0.0, -0.9]]))
+    0.9
 
     It is infinite where a matrix is not finite.
     """

@@ -21,9 +21,10 @@ def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[
     A mass of 2 kg under a force, sampled every 0.1 s:
 
     >>> A, B = zoh([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.5]], dt=0.1)
-    >>> A.round(6).tolist()
+    >>> import numpy as np
+    >>> np.asarray(A).round(6).tolist()
     [[1.0, 0.1], [0.0, 1.0]]
-    >>> B.round(6).tolist()
+    >>> np.asarray(B).round(6).tolist()
     [[0.0025], [0.05]]
     """
     A, B = jnp.asarray(A), jnp.asarray(B)

@@ -33,6 +33,11 @@ def constant_feed(contour: Contour, feed: Numbers, dt: float) -> Float[np.ndarra
 
     It is 0, feed dt, 2 feed dt, ... as far as the contour reaches.
 
+    >>> from jcontour import contours
+    >>> arc = constant_feed(contours.circle(10e-3), feed=50e-3, dt=1e-3)
+    >>> arc.size, arc[:3].round(9).tolist()
+    (1257, [0.0, 5e-05, 0.0001])
+
     Args:
         contour: one contour, not a stack.
         feed: speed [m/s], one number or one for each piece (P,).
@@ -68,7 +73,15 @@ def trapezoidal(
 ) -> Float[np.ndarray, " T"]:
     """Arc length [m] at every sample of a quick motion from rest to rest within the limits.
 
-    The last sample rests at the end. With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds
+    The last sample rests at the end.
+
+    >>> from jcontour import contours
+    >>> path = contours.line([0.0, 0.0], [0.1, 0.0])
+    >>> arc = trapezoidal(path, feed=0.1, dt=1e-3, acceleration=2.0)
+    >>> arc.size, float(arc[-1])
+    (1051, 0.1)
+
+    With v = ds/dt, a = dv/dt, t the unit tangent and c = dt/ds
     the curvature vector, everywhere and
     for every axis i:
 

@@ -59,6 +59,12 @@ def from_samples(
 ) -> Reference:
     """Reference from sampled positions and tangents, preview samples included: T = S - preview.
 
+    >>> x = np.linspace(0.0, 1e-3, 21)
+    >>> along_x = np.stack([np.ones(21), np.zeros(21)], axis=1)
+    >>> reference = from_samples(np.stack([x, 0 * x], axis=1), along_x, dt=1e-3, preview=5)
+    >>> reference.steps
+    16
+
     Args:
         position: (S, m) [m].
         tangent: (S, m) unit vectors along the motion.
@@ -144,7 +150,16 @@ def in_time(
 def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=None) -> Reference:
     """Reference that visits `contour` at the arc lengths that a feed law gives.
 
-    There is one arc length for each control step. The preview samples appended after the last step
+    There is one arc length for each control step.
+
+    >>> from jcontour import contours, feed_laws
+    >>> path = contours.circle(10e-3)
+    >>> arc = feed_laws.constant_feed(path, feed=50e-3, dt=1e-3)
+    >>> reference = along(path, arc, dt=1e-3, preview=10, at_rest=False)
+    >>> reference.steps, reference.position.shape
+    (1257, (1267, 2))
+
+    The preview samples appended after the last step
     hold the end of a run that ends at rest; otherwise they go on at the last increment, around a
     closed contour or straight on from an open one.
 

@@ -39,6 +39,17 @@ def simulate(
 
     The run starts in `state`, or as the reference begins when none is given.
 
+    >>> from jcontour import contours, feed_laws, references
+    >>> from jcontour.controllers import ContouringLQ, LQWeights
+    >>> from jcontour.plants import bridgeport
+    >>> machine, path = bridgeport(), contours.circle(1e-3)
+    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=5)
+    >>> arc = feed_laws.constant_feed(path, 10e-3, machine.dt)
+    >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
+    >>> rollout = simulate(machine, controller, reference)
+    >>> rollout.output.shape == (reference.steps, 2)
+    True
+
     Raises:
         ValueError: the reference has fewer preview samples than the controller needs, or their
             sample periods differ.

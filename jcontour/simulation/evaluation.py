@@ -63,6 +63,19 @@ def evaluate(
 ) -> Metrics:
     """Metrics (contour, plant) of one controller, over stacked references and stacked plants.
 
+    >>> from jcontour import contours, feed_laws, references
+    >>> from jcontour.controllers import ContouringLQ, LQWeights
+    >>> from jcontour.linear.transformations import with_input_gains
+    >>> from jcontour.plants import bridgeport
+    >>> machine, path = bridgeport(), contours.circle(1e-3)
+    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=5)
+    >>> family = stack_plants([machine, with_input_gains(machine, [0.9, 1.1])])
+    >>> arc = feed_laws.constant_feed(path, 10e-3, machine.dt)
+    >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
+    >>> metrics = evaluate(controller, family, stack_references([reference]))
+    >>> metrics.rms_contour_error.shape
+    (1, 2)
+
     Args:
         controller: prepared once per contour.
         plants: `stack_plants([...])`, axis 0.
@@ -113,6 +126,10 @@ def _followed(
 
 def stack_plants(plants: Sequence[Plant]) -> Plant:
     """A family: plants of the same structure, stacked on axis 0.
+
+    >>> machine = LinearPlant([[1.0]], [[1e-3]], [[1.0]], dt=1e-3)
+    >>> stack_plants([machine, machine, machine]).A.shape
+    (3, 1, 1)
 
     Raises:
         ValueError: none given, or their structures differ.

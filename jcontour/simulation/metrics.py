@@ -29,18 +29,18 @@ class Metrics(eqx.Module):
     or is not finite: its numbers mean nothing.
     """
 
-    rms_contour_error: Float[Array, ""]
-    peak_contour_error: Float[Array, ""]
-    rms_projected_error: Float[Array, ""]
-    peak_projected_error: Float[Array, ""]
-    rms_tracking_error: Float[Array, ""]
-    peak_tracking_error: Float[Array, ""]
-    rms_control: Float[Array, ""]
-    peak_control: Float[Array, ""]
-    rms_increment: Float[Array, ""]
-    peak_increment: Float[Array, ""]
-    duration: Float[Array, ""]
-    diverged: Bool[Array, ""]
+    rms_contour_error: Float[Array, "*runs"]
+    peak_contour_error: Float[Array, "*runs"]
+    rms_projected_error: Float[Array, "*runs"]
+    peak_projected_error: Float[Array, "*runs"]
+    rms_tracking_error: Float[Array, "*runs"]
+    peak_tracking_error: Float[Array, "*runs"]
+    rms_control: Float[Array, "*runs"]
+    peak_control: Float[Array, "*runs"]
+    rms_increment: Float[Array, "*runs"]
+    peak_increment: Float[Array, "*runs"]
+    duration: Float[Array, "*runs"]
+    diverged: Bool[Array, "*runs"]
 
 
 def tracking_error(
@@ -81,6 +81,17 @@ def contour_error(
 @eqx.filter_jit
 def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None = None) -> Metrics:
     """Metrics of a run over samples a..b-1 of `window`, all T steps when not given.
+
+    >>> from jcontour import contours, feed_laws, references, simulate
+    >>> from jcontour.controllers import ContouringLQ, LQWeights
+    >>> from jcontour.plants import bridgeport
+    >>> machine, path = bridgeport(), contours.circle(1e-3)
+    >>> controller = ContouringLQ(machine, LQWeights(3.0, 5.0, 1e-6), preview=5)
+    >>> arc = feed_laws.constant_feed(path, 10e-3, machine.dt)
+    >>> reference = references.along(path, arc, machine.dt, preview=5, at_rest=False)
+    >>> metrics = score(simulate(machine, controller, reference), reference)
+    >>> bool(metrics.diverged), bool(metrics.rms_contour_error < metrics.peak_contour_error)
+    (False, True)
 
     Raises:
         ValueError: the window is empty or reaches beyond the run.
