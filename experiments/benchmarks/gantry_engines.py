@@ -1,72 +1,86 @@
-"""The gantry in three engines: how well they agree, and how many steps of 0.25 ms a second they do."""
+"""The gantry in three engines: how well they agree, and their steps of 0.25 ms per second."""
 
-import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
+from experiments.benchmarks.timings import seconds
 from experiments.reports.tables import digits, plain_table
 from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import SUBSTEP, Gantry
 from jcontour.plants.gantry.mjx_engine import GantryMJX
 from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
-from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 
-BATCH = 1000  # where nothing else is asked for
+BATCH = 1000  # machines at once where nothing else is asked for
 STATES = 200  # random ones, for the agreement
 CURRENTS = (0.7, 0.4, -0.3)  # [A] held while it is timed: the beam twists
-HOST_STEPS = 1000  # of the engine on the host in one call: what a call costs does not show
+HOST_STEPS = 1000  # of the engine on the host in one call: the cost of a call does not show
 REPEATS = 3  # the best of them counts
 
 
-def engines(seconds: float, batch: int = BATCH) -> list[dict[str, Any]]:
-    """A row for each engine: largest differences to our model in one step, relative to the step's own size, and rates.
+@dataclass(frozen=True)
+class EngineRate:
+    """Agreement and speed of one engine.
+
+    Attributes:
+        engine: its name.
+        difference: largest difference to our model after three steps, relative to the largest
+            value of each state.
+        single: steps per second of one machine.
+        batch: machines at once.
+        batched: steps per second of all of them together; None where the engine cannot batch.
+    """
+
+    engine: str
+    difference: float
+    single: float
+    batch: int
+    batched: float | None
+
+
+def engine_rates(
+    time_for_each: float, batch: int = BATCH, tell: Callable[[str], None] = lambda line: None
+) -> list[EngineRate]:
+    """Our model first, then MuJoCo and MJX.
 
     Args:
-        seconds: that each rate is measured for, about.
+        time_for_each: about how long each rate is measured [s].
         batch: machines at once.
+        tell: receives a line after every engine.
 
     Raises:
         ValueError: fewer than two at once.
     """
     if batch < 2:
         raise ValueError(f"batch: needs at least two machines at once, received {batch}")
-    p = thesis_gantry()
+    parameters = thesis_gantry()
+    ours = Gantry(parameters, SUBSTEP)
     plants: dict[str, Plant] = {
-        "jcontour": Gantry(p, SUBSTEP),
-        "MuJoCo": GantryMuJoCo(p, SUBSTEP),
-        "MJX": GantryMJX(p, SUBSTEP),
+        "jcontour": ours,
+        "MuJoCo": GantryMuJoCo(parameters, SUBSTEP),
+        "MJX": GantryMJX(parameters, SUBSTEP),
     }
     rows = []
     for name, plant in plants.items():
-        on_host = isinstance(plant, GantryMuJoCo)
-        single = (
-            HOST_STEPS * _rate(GantryMuJoCo(p, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, seconds)
-            if on_host
-            else _rate(plant, 1, seconds)
-        )
-        batched = None if on_host else _rate(plant, batch, seconds)
-        apart = _difference(plant, plants["jcontour"])
-        rows.append(
-            {
-                "engine": name,
-                "difference": apart,
-                "single": single,
-                "batch": batch,
-                "batched": batched,
-            }
-        )
+        if isinstance(plant, GantryMuJoCo):
+            single, batched = _host_rate(parameters, time_for_each), None
+        else:
+            single, batched = _rate(plant, 1, time_for_each), _rate(plant, batch, time_for_each)
+        rows.append(EngineRate(name, _difference(plant, ours), single, batch, batched))
+        tell(f"{name}: {digits(single)} steps per second of one machine")
     return rows
 
 
 def _difference(plant: Plant, ours: Plant) -> float:
-    """Largest difference of the next state, each component over the largest change of its kind."""
+    """Largest difference of the next state, each component over its largest value."""
     random = np.random.default_rng(0)
-    places, moves = random.uniform(-0.5, 0.5, (STATES, 2)), random.uniform(-2e-4, 2e-4, (STATES, 2))
+    places = random.uniform(-0.5, 0.5, (STATES, 2))
+    moves = random.uniform(-2e-4, 2e-4, (STATES, 2))
     currents = random.uniform(-10, 10, (STATES, 3))
 
     def stepped(plant: Plant):
@@ -82,58 +96,58 @@ def _difference(plant: Plant, ours: Plant) -> float:
     return float(np.max(np.abs(stepped(plant) - wanted) / np.abs(wanted).max(axis=0)))
 
 
-def _rate(plant: Plant, batch: int, seconds: float) -> float:
-    """Steps per second of all members together, after compilation; as many steps as fill the time."""
+def _host_rate(parameters: GantryParameters, time: float) -> float:
+    """Steps per second of MuJoCo, which makes many steps in one call."""
+    return HOST_STEPS * _rate(GantryMuJoCo(parameters, HOST_STEPS * SUBSTEP, HOST_STEPS), 1, time)
+
+
+def _rate(plant: Plant, batch: int, time: float) -> float:
+    """Steps per second of all members together, after compilation."""
 
     def run(start, steps):
-        return jax.lax.fori_loop(
-            0, steps, lambda _, state: plant.step(state, jnp.array(CURRENTS)), start
-        )
+        def step(_, state):
+            return plant.step(state, jnp.array(CURRENTS))
+
+        return jax.lax.fori_loop(0, steps, step, start)
 
     start = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
     if batch > 1:
-        start, run = (
-            jax.tree.map(lambda leaf: jnp.tile(leaf, (batch, 1)), start),
-            jax.vmap(run, (0, None)),
-        )
+        start = jax.tree.map(lambda leaf: jnp.tile(leaf, (batch, 1)), start)
+        run = jax.vmap(run, (0, None))
     compiled, steps = jax.jit(run).lower(start, 1).compile(), 1
-    while (
-        spent := min(_spent(compiled, start, steps) for _ in range(REPEATS))
-    ) < seconds / REPEATS:
-        steps = int(steps * min(100.0, 1.2 * seconds / REPEATS / max(spent, 1e-6))) + 1
+    share = time / REPEATS
+    while (spent := _fastest(compiled, start, steps)) < share:
+        steps = int(steps * min(100.0, 1.2 * share / max(spent, 1e-6))) + 1
     return batch * steps / spent
 
 
-def _spent(program: Callable[..., Any], *arguments: Any) -> float:
-    before = time.perf_counter()
-    jax.block_until_ready(program(*arguments))
-    return time.perf_counter() - before
+def _fastest(program: Callable, start, steps: int) -> float:
+    """Wall time of a program, the best of `REPEATS` [s]."""
+    calls = range(REPEATS)
+    return min(seconds(lambda: jax.block_until_ready(program(start, steps))) for _ in calls)
 
 
-def show_engines(engines: list[dict[str, Any]], console: Console) -> None:
-    """Agreement and rates of the engines."""
+def show_engines(engines: Sequence[EngineRate], console: Console) -> None:
+    """Print agreement and rates of the engines."""
     ours = engines[0]
-    rows = [
-        [
-            row["engine"],
-            "-" if row is ours else f"{row['difference']:.1e}",
-            *_shown_rate(row["single"], ours["single"]),
-            *_shown_rate(row["batched"], ours["batched"]),
-        ]
-        for row in engines
-    ]
-    alone, together = (
-        ("million steps\na second", "of ours"),
-        (f"{ours['batch']:,} at once:\nmillion steps a second", "of ours"),
+    rows = []
+    for row in engines:
+        difference = "-" if row is ours else f"{row.difference:.1e}"
+        single = _shown_rate(row.single, ours.single)
+        batched = _shown_rate(row.batched, ours.batched)
+        rows.append([row.engine, difference, *single, *batched])
+    columns = (
+        "engine",
+        "difference\nof a step",
+        "million steps\na second",
+        "of ours",
+        f"{ours.batch:,} at once:\nmillion steps a second",
+        "of ours",
     )
-    console.print(
-        plain_table(
-            "Runge-Kutta steps of 0.25 ms in every engine",
-            ("engine", "difference\nof a step", *alone, *together),
-            rows,
-        )
-    )
+    console.print(plain_table("Runge-Kutta steps of 0.25 ms in every engine", columns, rows))
 
 
-def _shown_rate(rate: float | None, ours: float) -> tuple[str, str]:
-    return ("-", "-") if rate is None else (digits(rate / 1e6), f"{rate / ours:.2g}")
+def _shown_rate(rate: float | None, ours: float | None) -> tuple[str, str]:
+    if rate is None or ours is None:
+        return "-", "-"
+    return digits(rate / 1e6), f"{rate / ours:.2g}"

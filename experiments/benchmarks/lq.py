@@ -1,4 +1,4 @@
-"""`jcontour bench lq`: whole runs of the receding-horizon LQ contouring controller per second, forward and with gradient.
+"""`jcontour bench lq`: runs per second of the receding-horizon LQ contouring controller.
 
 A run is what `evaluate` does: gains of all steps, closed loop, metrics against the contour. Every
 member of a batch has weights of its own, so that nothing is computed once for all. The derivative
@@ -6,14 +6,24 @@ is that of the RMS errors with respect to alpha, beta and rho, or to these and a
 horizon.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
+from rich.table import Table
 
+from experiments.benchmarks.lq_results import (
+    DeviceRate,
+    LQBench,
+    PreviewTime,
+    ProgramTime,
+    RunRates,
+    SizeRate,
+)
 from experiments.benchmarks.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.timings import arithmetic_rate, seconds, timed
 from experiments.options import Bench
@@ -35,15 +45,18 @@ from jcontour.simulation.evaluation import (
 from jcontour.simulation.metrics import Metrics
 from jcontour.simulation.programs import run_program
 
+Tell = Callable[[str], None]  # receives a line after every measurement
+
 STEPS, PREVIEW = 500, 10  # a quarter of a second at the paper's 2 kHz, and its usual horizon
 RADIUS, ADVANCE = 0.02, 4e-5  # [m], [m per sample]: 80 mm/s
 PREVIEWS = (10, 25, 200, 1000)
 LONG = 1_000_000  # steps: 500 s of machining
 SIZES = ((2, 2), (4, 4), (3, 3, 3), (4, 4, 4), (8, 8), (5, 5, 6))  # states of every axis
+DOUBLE, SINGLE = np.dtype("float64"), np.dtype("float32")
 
 
 class Case(NamedTuple):
-    """A machine with a run to make."""
+    """A machine and a run on it."""
 
     plant: LinearPlant
     plants: LinearPlant  # the same as a family of one
@@ -52,10 +65,9 @@ class Case(NamedTuple):
 
     @classmethod
     def of(cls, plant: LinearPlant, reference: Reference, preview: int, dtype: np.dtype) -> "Case":
-        """With all numbers of one type."""
-        return cls(
-            *cast((plant, stack_plants([plant]), stack_references([reference])), dtype), preview
-        )
+        """Case with all numbers of one type."""
+        family, references = stack_plants([plant]), stack_references([reference])
+        return cls(*cast((plant, family, references), dtype), preview)
 
     @property
     def dtype(self) -> np.dtype:
@@ -63,13 +75,10 @@ class Case(NamedTuple):
         return self.plant.A.dtype
 
     def metrics(self, weights) -> Metrics:
-        """Of the run under weights (alpha, beta, rho, entries of the profile if there are any)."""
+        """Metrics under weights (alpha, beta, rho, then the entries of a profile, if any)."""
         alpha, beta, rho, *profile = weights
-        controller = ContouringLQ(
-            self.plant,
-            LQWeights(alpha, beta, rho, jnp.stack(profile) if profile else None),
-            self.preview,
-        )
+        stage = jnp.stack(profile) if profile else None
+        controller = ContouringLQ(self.plant, LQWeights(alpha, beta, rho, stage), self.preview)
         found = evaluate(controller, self.plants, self.references)
         return jax.tree.map(lambda number: number[0, 0], found)
 
@@ -85,31 +94,39 @@ class Case(NamedTuple):
         return jnp.asarray(np.exp(random.uniform(*ends.T, (batch, len(ends)))), self.dtype)
 
 
-def rows(flags: Bench) -> dict[str, Any]:
-    """Everything that is measured."""
+def measured(flags: Bench, tell: Tell) -> LQBench:
+    """Measure everything; `tell` receives a line after each part."""
     batches = flags.batch or ((1024, 65536) if on_gpu() else (1, 256))
-    types = [np.dtype("float64"), np.dtype("float32")]
-    rates = {dtype.name: arithmetic_rate(dtype) for dtype in types}
-    loops = {
-        name: looped(loop, STEPS)
-        for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop))
-    }
-    slowest = loops["NumPy loop"]
-    runs = [
-        measured(paper_case(dtype), batch, rates[dtype.name], slowest)
-        for dtype in types
-        for batch in batches
-    ]
-    sizes = [of_size(states, max(batches) // 16 or 1, rates["float64"]) for states in SIZES]
-    return {
-        "rates": rates,
-        "loops": {name: 1 / spent for name, spent in loops.items()},
-        "runs": runs,
-        "sizes": sizes,
-        "previews": previews(),
-        "devices": over_devices(max(batches)),
-        "program": program(),
-    }
+    rates = {}
+    for dtype in (DOUBLE, SINGLE):
+        rates[dtype.name] = arithmetic_rate(dtype)
+        tell(f"arithmetic, {dtype.name}: {tables.digits(1e-9 * rates[dtype.name])} GFLOP/s")
+    loops = {}
+    for name, loop in (("NumPy loop", numpy_loop), ("compiled loop", compiled_loop)):
+        loops[name] = 1 / looped(loop, STEPS)
+        tell(f"{name}: {tables.digits(loops[name])} runs per second")
+    runs = []
+    for dtype in (DOUBLE, SINGLE):
+        for batch in batches:
+            runs.append(rates_of(paper_case(dtype), batch, rates[dtype.name], loops["NumPy loop"]))
+            tell(_told(f"{dtype.name}, batch {batch}", runs[-1].forward))
+    sizes = []
+    for states in SIZES:
+        sizes.append(of_size(states, max(batches) // 16 or 1, rates["float64"]))
+        tell(_told(f"states {sizes[-1].states}", sizes[-1].forward))
+    return LQBench(
+        rates=rates,
+        loops=loops,
+        runs=runs,
+        sizes=sizes,
+        previews=previews(tell),
+        devices=over_devices(max(batches), tell),
+        program=program(),
+    )
+
+
+def _told(what: str, rate: float) -> str:
+    return f"{what}: {_text(rate)} runs per second"
 
 
 def paper_case(dtype: np.dtype, steps: int = STEPS, preview: int = PREVIEW) -> Case:
@@ -120,152 +137,153 @@ def paper_case(dtype: np.dtype, steps: int = STEPS, preview: int = PREVIEW) -> C
     return Case.of(bridgeport(), reference, preview, dtype)
 
 
-def measured(case: Case, batch: int, rate: float, slowest: float) -> dict[str, Any]:
-    """Forward, with gradient, and with gradient of the profile too."""
+def rates_of(case: Case, batch: int, rate: float, numpy_rate: float) -> RunRates:
+    """Speed forward, with gradient, and with gradient of the profile too.
+
+    Args:
+        case: machine and run.
+        batch: runs at once.
+        rate: operations per second of the device.
+        numpy_rate: runs per second of the NumPy loop.
+    """
     batching, weights = platform_batching(), case.weights(batch)
+
+    def with_gradient(w):
+        return batching(jax.value_and_grad(case.objective), w)
+
     forward = timed(lambda w: batching(case.metrics, w), weights)
-    gradient = timed(lambda w: batching(jax.value_and_grad(case.objective), w), weights)
-    profile = timed(
-        lambda w: batching(jax.value_and_grad(case.objective), w), case.weights(batch, case.preview)
+    gradient = timed(with_gradient, weights)
+    profile = timed(with_gradient, case.weights(batch, case.preview))
+    return RunRates(
+        type=case.dtype.name,
+        batch=batch,
+        forward=batch / forward.running,
+        gradient=batch / gradient.running,
+        gradient_ratio=gradient.running / forward.running,
+        profile_ratio=profile.running / forward.running,
+        times_numpy=batch / forward.running / numpy_rate,
+        share_of_rate=work(case) * batch / forward.running / rate,
+        compiling=forward.compiling,
+        compiling_gradient=gradient.compiling,
+        memory=forward.memory,
+        memory_gradient=gradient.memory,
+        by=formulation(case),
     )
-    return {
-        "type": case.dtype.name,
-        "batch": batch,
-        "forward": batch / forward.running,
-        "gradient": batch / gradient.running,
-        "gradient_ratio": gradient.running / forward.running,
-        "profile_ratio": profile.running / forward.running,
-        "times_numpy": slowest * batch / forward.running,
-        "share_of_rate": work(case) * batch / forward.running / rate,
-        "compiling": forward.compiling,
-        "compiling_gradient": gradient.compiling,
-        "memory": forward.memory,
-        "memory_gradient": gradient.memory,
-        "by": formulation(case),
-    }
 
 
-def of_size(states: tuple[int, ...], batch: int, rate: float) -> dict[str, Any]:
-    """Forward, of a machine with so many states in every axis."""
+def of_size(states: tuple[int, ...], batch: int, rate: float) -> SizeRate:
+    """Speed forward on a machine whose axes have these numbers of states."""
     plant = machine(states)
     path = line([0.0] * plant.axes, [1.0] * plant.axes)
-    case = Case.of(
-        plant,
-        along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True),
-        PREVIEW,
-        np.dtype("float64"),
-    )
+    reference = along(path, ADVANCE * np.arange(STEPS), plant.dt, PREVIEW, at_rest=True)
+    case = Case.of(plant, reference, PREVIEW, DOUBLE)
     found = timed(lambda w: platform_batching()(case.metrics, w), case.weights(batch))
-    name = " + ".join(map(str, states))
-    return {
-        "states": name,
-        "inputs": plant.inputs,
-        "batch": batch,
-        "by": formulation(case),
-        "forward": batch / found.running,
-        "share_of_rate": work(case) * batch / found.running / rate,
-        "compiling": found.compiling,
-    }
+    return SizeRate(
+        states=" + ".join(map(str, states)),
+        inputs=plant.inputs,
+        batch=batch,
+        by=formulation(case),
+        forward=batch / found.running,
+        share_of_rate=work(case) * batch / found.running / rate,
+        compiling=found.compiling,
+    )
 
 
-def previews() -> list[dict[str, Any]]:
+def previews(tell: Tell) -> list[PreviewTime]:
     """Long windows beside short ones, float64, uniform profile."""
     steps, batch = (10_000, 1024) if on_gpu() else (STEPS, 1)
-    found = []
+    spent = []
     for preview in PREVIEWS:
-        case = paper_case(np.dtype("float64"), steps, preview)
-        spent = timed(
-            lambda w, case=case: platform_batching()(case.metrics, w), case.weights(batch)
-        ).running
-        found.append(
-            {"preview": preview, "steps": steps, "batch": batch, "milliseconds": 1e3 * spent}
-        )
+        case = paper_case(DOUBLE, steps, preview)
+
+        def run(weights, case=case):
+            return platform_batching()(case.metrics, weights)
+
+        spent.append(1e3 * timed(run, case.weights(batch)).running)
+        tell(f"preview {preview}: {tables.digits(spent[-1])} ms")
     return [
-        {**row, "times_shortest": row["milliseconds"] / found[0]["milliseconds"]} for row in found
+        PreviewTime(preview, steps, batch, time, time / spent[0])
+        for preview, time in zip(PREVIEWS, spent, strict=True)
     ]
 
 
-def over_devices(batch: int) -> list[dict[str, Any]]:
-    """Forward, float64, the same batch on each of 1, 2, 4 ... devices."""
-    case, found = paper_case(np.dtype("float64")), []
-    for count in [
-        2**k for k in range(jax.device_count().bit_length()) if 2**k <= jax.device_count()
-    ]:
-        spread, weights = Spread(device_mesh(count)), case.weights(batch * count)
-        spent = timed(lambda w, spread=spread: spread(case.metrics, w), weights).running
-        found.append({"devices": count, "batch": batch * count, "forward": batch * count / spent})
-    return [{**row, "times_one": row["forward"] / found[0]["forward"]} for row in found]
+def over_devices(batch: int, tell: Tell) -> list[DeviceRate]:
+    """Speed forward, float64, the same batch on each of 1, 2, 4 ... devices."""
+    case, found = paper_case(DOUBLE), []
+    for power in range(jax.device_count().bit_length()):
+        count = 2**power
+        spread = Spread(device_mesh(count))
+
+        def run(weights, spread=spread):
+            return spread(case.metrics, weights)
+
+        spent = timed(run, case.weights(batch * count)).running
+        rate = batch * count / spent
+        slowest = found[0].forward if found else rate
+        found.append(DeviceRate(count, batch * count, rate, rate / slowest))
+        tell(_told(f"devices {count}", rate))
+    return found
 
 
-def program() -> dict[str, float]:
+def program() -> ProgramTime:
     """One long program, float64: outputs and controls of all steps."""
     steps = LONG if on_gpu() else LONG // 10
-    case = paper_case(np.dtype("float64"), steps)
+    case = paper_case(DOUBLE, steps)
     controller = ContouringLQ(case.plant, LQWeights(1.0, 5.0, 1e-10), case.preview)
-    spent = timed(
-        lambda reference: run_program(case.plant, controller, reference), member(case.references, 0)
-    )
-    return {"steps": steps, "milliseconds": 1e3 * spent.running, "compiling": spent.compiling}
+
+    def run(reference):
+        return run_program(case.plant, controller, reference)
+
+    spent = timed(run, member(case.references, 0))
+    return ProgramTime(steps, 1e3 * spent.running, spent.compiling)
 
 
 def machine(states: tuple[int, ...]) -> LinearPlant:
-    """A stable machine whose axes have so many states."""
+    """A stable machine with these numbers of states in its axes."""
     random, owner = np.random.default_rng(sum(states)), np.repeat(np.arange(len(states)), states)
-    A, B, C = (
-        random.standard_normal(shape)
-        for shape in (
-            (owner.size, owner.size),
-            (owner.size, len(states)),
-            (len(states), owner.size),
-        )
-    )
+    n, axes = owner.size, len(states)
+    A = random.standard_normal((n, n))
+    B = random.standard_normal((n, axes))
+    C = random.standard_normal((axes, n))
     A *= owner[:, None] == owner
     A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
-    acts = owner[:, None] == np.arange(len(states))
+    acts = owner[:, None] == np.arange(axes)
     return LinearPlant(A, B * acts, C * acts.T, 1e-3)
 
 
 def formulation(case: Case) -> str:
-    """What `receding_horizon_plan` chooses here."""
+    """Formulation that `receding_horizon_plan` chooses here: kernels or XLA."""
     return "kernels" if suits_lanes(case.plant.pattern, case.plant) else "XLA"
 
 
 def work(case: Case) -> float:
-    """Floating-point operations of the sweeps of one run over the non-zeros of the plant; what else a run does is not counted."""
+    """Floating-point operations of the Riccati sweeps of one run, over the plant's non-zeros.
+
+    Everything else in a run is not counted.
+    """
     return 2.0 * case.references.steps * case.preview * multiplications(case.plant.pattern)
 
 
 def looped(loop: Callable, steps: int) -> float:
-    """Seconds of one run by a plain loop, the best of three."""
-    case = paper_case(np.dtype("float64"), steps)
+    """Time of one run by a plain loop [s], the best of three."""
+    case = paper_case(DOUBLE, steps)
     plant, r = (jax.tree.map(np.asarray, part) for part in (case.plant, member(case.references, 0)))
     start = np.asarray(case.plant.initial_state(r.position[0], r.start_increment)).reshape(-1, 1)
-    return min(
-        seconds(
-            lambda: loop(
-                plant.A,
-                plant.B,
-                plant.C,
-                r.tangent,
-                r.position,
-                (1.0, 5.0, 1e-10),
-                steps,
-                PREVIEW,
-                start,
-            )
-        )
-        for _ in range(3)
-    )
+    weights = (1.0, 5.0, 1e-10)
+    run = (plant.A, plant.B, plant.C, r.tangent, r.position, weights, steps, PREVIEW, start)
+    return min(seconds(lambda: loop(*run)) for _ in range(3))
 
 
 def cast(tree: Any, dtype: np.dtype) -> Any:
-    """Floating-point leaves as another type."""
-    return jax.tree.map(
-        lambda leaf: leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf, tree
-    )
+    """The tree with its floating-point leaves in another type."""
+
+    def one(leaf):
+        return leaf.astype(dtype) if jnp.issubdtype(leaf.dtype, jnp.floating) else leaf
+
+    return jax.tree.map(one, tree)
 
 
-RUNS = {  # heading of a column -> what is in it, and its factor
+RUNS = {  # heading of a column -> field, factor
     "batch": ("batch", 1.0),
     "runs/s": ("forward", 1.0),
     "with\ngradient": ("gradient", 1.0),
@@ -304,50 +322,41 @@ DEVICES = {
 }
 
 
-def show(console: Console, summary: dict[str, Any]) -> None:
-    """Tables, and what the runs are compared with."""
+def show(console: Console, result: LQBench) -> None:
+    """Print the tables, and what the runs are compared with."""
+    kind = {"type": "type", "by": "by"}
+    size = {"states of axes": "states", "by": "by"}
+    title = f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics"
+    console.print(_table(title, result.runs, kind, RUNS))
+    console.print(_table("What they take", result.runs, kind, COSTS))
+    title = "Other sizes, float64, random machines on a straight line"
+    console.print(_table(title, result.sizes, size, OTHERS))
+    title = "Long previews, float64, uniform profile"
+    console.print(_table(title, result.previews, {}, WINDOWS))
+    title = "Devices, float64, the same batch on each"
+    console.print(_table(title, result.devices, {}, DEVICES))
+    steps, spent, compiling = (tables.digits(value) for value in vars(result.program).values())
+    lines = [f"one program of {steps} steps: {spent} ms, compiled in {compiling} s"]
+    for name, rate in result.loops.items():
+        counted = "float64, tracking and projected error only"
+        lines.append(f"{name:<14} {tables.digits(rate)} runs/s, {counted}")
+    for name, rate in result.rates.items():
+        counted = "multiplications and additions in registers"
+        lines.append(f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: {counted}")
+    tables.say(console, *lines)
 
-    def table(
-        title: str, key: str, words: dict[str, str], columns: dict[str, tuple[str, float]]
-    ) -> None:
-        lines = [
-            [*(r[w] for w in words.values()), *(_text(f * r[n]) for n, f in columns.values())]
-            for r in summary[key]
-        ]
-        console.print(tables.plain_table(title, [*words, *columns], lines, text_columns=len(words)))
 
-    table(
-        f"Runs of {STEPS} steps, preview {PREVIEW}, X-Y table of 8 states, all metrics",
-        "runs",
-        {"type": "type", "by": "by"},
-        RUNS,
-    )
-    table("What they take", "runs", {"type": "type", "by": "by"}, COSTS)
-    table(
-        "Other sizes, float64, random machines on a straight line",
-        "sizes",
-        {"states of axes": "states", "by": "by"},
-        OTHERS,
-    )
-    table("Long previews, float64, uniform profile", "previews", {}, WINDOWS)
-    table("Devices, float64, the same batch on each", "devices", {}, DEVICES)
-    long = {name: tables.digits(value) for name, value in summary["program"].items()}
-    tables.say(
-        console,
-        f"one program of {long['steps']} steps: {long['milliseconds']} ms, compiled in {long['compiling']} s",
-    )
-    for name, rate in summary["loops"].items():
-        tables.say(
-            console,
-            f"{name:<14} {tables.digits(rate)} runs/s, float64, tracking and projected error only",
-        )
-    for name, rate in summary["rates"].items():
-        tables.say(
-            console,
-            f"{name:<14} {tables.digits(1e-9 * rate)} GFLOP/s measured: multiplications and additions in registers",
-        )
+def _table(
+    title: str, rows: Sequence[Any], words: dict[str, str], columns: dict[str, tuple[str, float]]
+) -> Table:
+    """Rows as lines: columns of words first, then numbers times their factors."""
+    lines = []
+    for row in map(asdict, rows):
+        numbers = [_text(factor * row[name]) for name, factor in columns.values()]
+        lines.append([*(row[word] for word in words.values()), *numbers])
+    return tables.plain_table(title, [*words, *columns], lines, text_columns=len(words))
 
 
 def _text(value: float) -> str:
-    """Counts in full, everything else with four digits."""
+    """Digits of a number: large ones in full, others four significant."""
     return f"{value:,.0f}" if value >= 1e4 else tables.digits(value)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from experiments.benchmarks.timings import seconds
 from experiments.options import Bench
 from experiments.reports import tables
 from jcontour.geometry.periodic_splines import polar_lobes
@@ -51,16 +52,16 @@ def show(console: Console, summary: dict[str, Any]) -> None:
     )
 
 
-def rows(flags: Bench) -> dict[str, Any]:
+def measured(flags: Bench, tell: Callable[[str], None]) -> dict[str, Any]:
     """Every horizon with DAQP, the paper's horizon with every solver, and the fast period with blocked moves."""
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
     cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
     cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
-    return {
-        "steps": [
-            _measured(name, solver, period, horizon) for name, solver, period, horizon in cases
-        ]
-    }
+    steps = []
+    for name, solver, period, horizon in cases:
+        steps.append(_measured(name, solver, period, horizon))
+        tell(f"{name}, {solver.name}: {steps[-1]['step']:.4g} us per step")
+    return {"steps": steps}
 
 
 def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[str, Any]:
@@ -98,12 +99,6 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
 
 def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
     """Median and 99th percentile [us] of calls made one after the other, each the median over all rounds."""
-    rounds = [[_timed(call) for call in calls][WARM:] for _ in range(REPEATS)]
+    rounds = [[seconds(call, time.process_time) for call in calls][WARM:] for _ in range(REPEATS)]
     median, last = np.median([np.percentile(times, (50, 99)) for times in rounds], axis=0)
     return 1e6 * float(median), 1e6 * float(last)
-
-
-def _timed(call: Callable[[], Any]) -> float:
-    before = time.process_time()
-    call()
-    return time.process_time() - before

@@ -1,4 +1,7 @@
-"""The receding-horizon LQ run as a plain loop, in NumPy and compiled by numba: what `jcontour bench lq` compares itself with."""
+"""The receding-horizon LQ run as a plain loop, in NumPy and compiled by numba.
+
+`jcontour bench lq` compares itself with these loops.
+"""
 
 from collections.abc import Callable
 
@@ -7,7 +10,10 @@ import numpy as np
 
 
 def plain_loop(product: Callable, inverse: Callable) -> Callable:
-    """RMS tracking and projected error of one run; a Riccati sweep over the horizon before every step (McNab & Tsao, eqs. 11-13)."""
+    """RMS tracking and projected error of one run.
+
+    A Riccati sweep over the horizon comes before every step (McNab & Tsao, eqs. 11-13).
+    """
 
     def run(A, B, C, tangent, y_d, weights, steps, preview, x):
         n, m = A.shape[0], C.shape[0]

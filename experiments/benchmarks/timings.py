@@ -1,4 +1,4 @@
-"""How long a program in JAX takes to compile and to run, what memory it needs, and what the device can do at best."""
+"""Times of programs: compiling, running, memory, and the best that the device can do."""
 
 import time
 from collections.abc import Callable
@@ -10,21 +10,18 @@ import numpy as np
 
 from jcontour.kernels.dispatch import on_gpu
 
-FEWEST, MOST, SECONDS = (
-    3,
-    20,
-    1.0,
-)  # repetitions of a timed call, and how long they may take together
+FEWEST, MOST = 3, 20  # repetitions of a timed call
+SECONDS = 1.0  # that the repetitions may take together
 CHAIN = 512  # multiplications in a row, to measure the rate of arithmetic
 SIDE_BY_SIDE = {"cpu": 2**14, "gpu": 2**21}  # to keep the device busy
 
 
 class Timing(NamedTuple):
-    """One program."""
+    """Times and memory of one program."""
 
     compiling: float  # [s]
     running: float  # [s] median
-    memory: int  # [bytes] arguments, results and what lies between
+    memory: int  # [bytes] arguments, results and everything between
 
 
 def timed(function: Callable, *arguments) -> Timing:
@@ -40,31 +37,28 @@ def timed(function: Callable, *arguments) -> Timing:
     spent: list[float] = []
     while len(spent) < FEWEST or (len(spent) < MOST and sum(spent) < SECONDS):
         spent.append(seconds(call))
-    memory = program.memory_analysis()
-    needed = (
-        memory.temp_size_in_bytes + memory.argument_size_in_bytes + memory.output_size_in_bytes
-        if memory
-        else 0
-    )
-    return Timing(compiling, float(np.median(spent)), needed)
+    return Timing(compiling, float(np.median(spent)), _memory(program))
 
 
-def seconds(call: Callable[[], Any]) -> float:
-    """Wall time of a call."""
-    begin = time.perf_counter()
+def seconds(call: Callable[[], Any], clock: Callable[[], float] = time.perf_counter) -> float:
+    """Time of a call on a clock, wall time by default."""
+    begin = clock()
     call()
-    return time.perf_counter() - begin
+    return clock() - begin
 
 
 def arithmetic_rate(dtype: np.dtype) -> float:
     """Measured operations per second of multiplications and additions in registers."""
     run, operations = _fused_chains(dtype) if on_gpu() else _chains(dtype)
-    return (
-        operations
-        / timed(
-            run, jnp.linspace(0.0, 1.0, SIDE_BY_SIDE[jax.default_backend()], dtype=dtype)
-        ).running
-    )
+    start = jnp.linspace(0.0, 1.0, SIDE_BY_SIDE[jax.default_backend()], dtype=dtype)
+    return operations / timed(run, start).running
+
+
+def _memory(program: Any) -> int:
+    found = program.memory_analysis()
+    if not found:
+        return 0
+    return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
 
 
 def _chains(dtype: np.dtype) -> tuple[Callable, float]:
@@ -82,20 +76,21 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
 
     from jcontour.kernels.lanes import LANES, Lanes, Operand, fused, launch
 
-    chains, members = 8, SIDE_BY_SIDE["gpu"]
+    chains, members, unrolled = 8, SIDE_BY_SIDE["gpu"], 16
 
     def kernel(x, y):
         lanes = Lanes.of(pl.program_id(0), 1, members)
         start = x[lanes.index]
 
         def body(_, values):
-            for _ in range(16):
+            for _ in range(unrolled):
                 values = tuple(fused(value, start, start) for value in values)
             return values
 
         ends = jax.lax.fori_loop(0, CHAIN, body, tuple(start * (1 + k) for k in range(chains)))
         y[lanes.index] = sum(ends[1:], ends[0])
 
-    return lambda x: launch(kernel, members // LANES, [Operand(x)], [(members,)])[
-        0
-    ], 2.0 * 16 * CHAIN * chains * members
+    def run(x):
+        return launch(kernel, members // LANES, [Operand(x)], [(members,)])[0]
+
+    return run, 2.0 * unrolled * CHAIN * chains * members

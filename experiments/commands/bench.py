@@ -1,58 +1,86 @@
-"""`jcontour bench`: how fast the library is on this computer. Nothing is asserted; every number has something measured beside it."""
+"""`jcontour bench`: speed of the library on this computer.
+
+Nothing is asserted. Every number has something measured beside it.
+"""
 
 import os
 import platform
 import time
+from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 
 from experiments.files import run_folder
+from experiments.files.results import to_json
 from experiments.options import Bench
 from experiments.reports import tables
 
 PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite", "mujoco", "mujoco-mjx")
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """The computer that the numbers belong to, and how busy it was before."""
+
+    cpu: str
+    devices: str
+    load: str
+    versions: str
+    date: str
 
 
 def command(flags: Bench) -> int:
-    """Measure and print one part: a module with `rows(flags)` and `show(console, rows)`."""
-    part = import_module(f"experiments.bench_{flags.what}")
-    console, summary = tables.console_of(quiet=flags.json), {"machine": hardware()}
-    with console.status("measuring: keep the computer quiet"):
-        summary = run_folder.plain({**summary, **part.rows(flags)})
+    """Measure and print one part.
+
+    A part is a module with `measured(flags, tell)` and `show(console, result)`. `tell` receives a
+    line after every measurement; the lines appear on stderr as they come.
+
+    Raises:
+        ValueError: a batch is not above zero.
+    """
+    if any(batch < 1 for batch in flags.batch):
+        raise ValueError(f"batch: needs at least one run at once, received {min(flags.batch)}")
+    part = import_module(f"experiments.benchmarks.{flags.what}")
+    progress = tables.console_of(stderr=True)
+    machine = hardware()
+    with progress.status("measuring: keep the computer quiet"):
+        result = part.measured(flags, lambda line: tables.say(progress, line))
     if flags.json:
-        print(run_folder.json_text(summary))
+        print(run_folder.json_text({"machine": to_json(machine), **to_json(result)}))
         return 0
-    part.show(console, summary)
-    tables.say(console, *(f"{name:<10} {value}" for name, value in summary["machine"].items()))
+    console = tables.console_of()
+    part.show(console, result)
+    rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
+    tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")
     return 0
 
 
-def hardware() -> dict[str, str]:
-    """What the numbers belong to, and how busy it was before."""
+def hardware() -> Hardware:
+    """The computer that this process runs on."""
     import jax
 
+    load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else UNKNOWN
+    devices = jax.devices()
+    return Hardware(
+        cpu=f"{_processor()}, {os.cpu_count()} cores",
+        devices=f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
+        load=f"{load} (one minute average, before)",
+        versions=_versions(),
+        date=time.strftime("%Y-%m-%d"),
+    )
+
+
+def _processor() -> str:
+    """Model name of the processor."""
     try:
         with open("/proc/cpuinfo") as file:
-            model = next(
-                (line.split(":")[1].strip() for line in file if line.startswith("model name")),
-                platform.processor(),
-            )
+            names = [line.split(":")[1].strip() for line in file if line.startswith("model name")]
     except OSError:
-        model = platform.processor() or platform.machine()
-    load = f"{os.getloadavg()[0]:.2f}" if hasattr(os, "getloadavg") else "unknown"
-    devices = jax.devices()
-    return {
-        "cpu": f"{model}, {os.cpu_count()} cores",
-        "devices": f"{len(devices)} x {devices[0].device_kind} ({devices[0].platform})",
-        "load": f"{load} (one minute average, before)",
-        "versions": ", ".join(f"{name} {found}" for name in PACKAGES if (found := _version(name)))
-        + f", Python {platform.python_version()}",
-        "date": time.strftime("%Y-%m-%d"),
-    }
+        return platform.processor() or platform.machine()
+    return names[0] if names else platform.processor()
 
 
-def _version(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+def _versions() -> str:
+    found = {name: run_folder.version_of(name) for name in PACKAGES}
+    named = [f"{name} {version}" for name, version in found.items() if version]
+    return ", ".join([*named, f"Python {platform.python_version()}"])

@@ -1,12 +1,14 @@
-"""`jcontour front`: the least contour error for every budget of the control increment, under a tracking cap if one is given.
+"""`jcontour front`: the least contour error for every budget of the control increment.
 
-The search is `tuning.pareto`, from the smallest budget to the largest. Every budget has a folder of
-its own inside the run folder, with the state of its tuner, so that an interrupted front goes on
-within the budget.
+All other limits, as a tracking cap, hold at every point. The search is `tuning.pareto`. Where no
+largest budget is given, it first tunes without one: the increment that those weights need is the
+largest budget that can bite. Every search has a folder of its own inside the run folder, with the
+state of its tuner, so that an interrupted front goes on where it was.
 """
 
 import json
-from dataclasses import fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,111 +21,180 @@ from experiments.designs.design import plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
 from experiments.files.netcdf import metric_unit, save_dataset
+from experiments.files.results import BESIDE_OTHERS, write_result
 from experiments.options import Front, Spreading, Tune
-from experiments.reports import figures, tables
+from experiments.reports import tables
+from experiments.reports.front_figure import Spent, front
+from experiments.reports.png import save_figures
 from experiments.reports.progress import progress_of
-from experiments.runs.lifecycle import inputs, resumed
-from experiments.runs.tuning import TuningRun, start_metrics, tuning_run
+from experiments.runs.lifecycle import finished, opened
+from experiments.runs.tuning import TuningRun, tuning_run
+from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
+from tuning.problem import Problem
+from tuning.tune import QUICK, TuneState
 
-EFFORT = {
-    "scatter": 8,
-    "starts": 2,
-    "tolerance": 1e-4,
-}  # for each budget, which begins where the one before ended
+EFFORT = replace(QUICK, scatter=8, tolerance=1e-4)  # a budget begins where the one before ended
+NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
+LEAST = 0.5  # smallest budget over the largest, where none is given
+SLACK = 0.99  # part of a budget below which it is not used up
+WITHOUT_BUDGET, BUDGETS = "without-budget", "budgets.json"
+
+
+@dataclass(frozen=True)
+class MachineUnits:
+    """Units of the machine that the numbers need."""
+
+    control_unit: str
+
+
+@dataclass(frozen=True)
+class BudgetPoint:
+    """The best weights found within one budget, on the smooth machines.
+
+    Attributes:
+        budget: largest RMS control increment [control unit per sample].
+        weights: those that are one number.
+        rms_contour_error: worst over contours and family [m]; so are the next two.
+        rms_tracking_error: [m].
+        rms_increment: [control unit per sample].
+        objective: worst error that was made small [m].
+        feasible: whether every limit holds.
+        slack: whether the weights need clearly less than the budget.
+    """
+
+    budget: float
+    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
+    rms_contour_error: float
+    rms_tracking_error: float
+    rms_increment: float
+    objective: float
+    feasible: bool
+    slack: bool
+
+    def error(self, name: str) -> float:
+        """Worst RMS error of a name, contour or tracking [m]."""
+        return getattr(self, f"rms_{name}_error")
+
+
+@dataclass(frozen=True)
+class FrontResult:
+    """A front.
+
+    Attributes:
+        machine: its units.
+        error: name of the error that counts on the machine, contour or tracking.
+        controller: name in the catalogue.
+        weights: names of the free weights.
+        points: one for every budget, from the smallest.
+    """
+
+    machine: MachineUnits
+    error: str
+    controller: str
+    weights: list[str]
+    points: list[BudgetPoint]
+
+    @property
+    def slack(self) -> list[float]:
+        """Budgets that are not used up."""
+        return [point.budget for point in self.points if point.slack]
+
+
+@dataclass(frozen=True)
+class Search:
+    """A front that is asked for."""
+
+    flags: Front
+    run: TuningRun
+
+    def within(self, budget: float) -> Problem:
+        """The tuning problem under a budget; problems that differ in it only share one program."""
+        limits = AtMost(**{**self.run.limits, "rms_increment": budget})
+        return replace(self.run.problem, limits=limits)
 
 
 def command(flags: Front) -> int:
-    """The whole command: trace, print, exit code."""
-    folder, flags = resumed(flags, "front") if flags.resume else (None, flags)
+    """Trace, store and print a front; exit code."""
+    with opened(flags, "front", search_of) as (folder, search):
+        result = traced(search, folder, tables.console_of(quiet=flags.json))
+        _store(result, search.run.design.units(), folder)
+    return finished(folder, result, flags, show, next_steps(result))
+
+
+def search_of(flags: Front) -> Search:
+    """The search that flags describe.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
     if flags.max_rms_increment is not None or flags.points < 1:
         raise ValueError(
-            "front: points needs at least 1, and --max-rms-increment is what the front varies: leave it out"
+            "front: points needs at least 1, and --max-rms-increment is what the front varies: "
+            "leave it out"
         )
     for name in ("least_increment", "most_increment"):
         value = getattr(flags, name)
         if value is not None and not (np.isfinite(value) and value > 0):
-            raise ValueError(
-                f"{name.replace('_', '-')}: needs to be finite and above zero, received {value}"
-            )
-    first = _tuning_run(flags)
-    if folder is None:
-        folder = run_folder.create(
-            flags.out or run_folder.default_folder("front"),
-            "front",
-            replace(flags, json=False, out=None),
-            inputs(flags),
-        )
-    console = tables.console_of(quiet=flags.json)
-    with run_folder.locked(folder), run_folder.resumable("front", folder):
-        points = _traced(flags, first, folder, console)
-        summary = run_folder.plain(
-            {
-                "machine": {"control_unit": first.machine.control_unit},
-                "error": first.machine.error,
-                "controller": first.design.name,
-                "weights": first.design.free(),
-                "points": points,
-            }
-        )
-        _store(summary, first.design.units(), folder)
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
-        return 0
-    error = f"rms_{summary['error']}_error"
-    rows = [
-        [
-            tables.digits(p["budget"]),
-            *(tables.digits(p[n]) for n in ("rms_increment", *summary["weights"])),
-            tables.digits(1e6 * p[error]),
-            "yes" if p["feasible"] else "NO",
-        ]
-        for p in summary["points"]
-    ]
-    headings = [
-        "budget",
-        "RMS increment",
-        *summary["weights"],
-        f"worst RMS {summary['error']} um",
-        "feasible",
-    ]
-    console.print(tables.plain_table("Front (smooth machine)", headings, rows, text_columns=0))
-    tables.say(console, f"Run folder: {folder}")
-    return 0
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs to be finite and above zero, received {value}")
+    shared = {one.name: getattr(flags, one.name) for one in fields(Spreading)}
+    parts = flags.parts or machine_named(flags.plant).usual.front
+    run = tuning_run(Tune(**{**shared, "parts": parts}))
+    return Search(flags, replace(run, settings=replace(EFFORT, seed=flags.seed)))
 
 
-def _tuning_run(flags: Front) -> TuningRun:
-    shared = {f.name: getattr(flags, f.name) for f in fields(Spreading)}
-    return tuning_run(
-        Tune(**{**shared, "parts": flags.parts or machine_named(flags.plant).usual.front, **EFFORT})
+def traced(search: Search, folder: Path, console: Console) -> FrontResult:
+    """The front; what is stored in the run folder counts.
+
+    Raises:
+        ValueError: every start diverges, or the smallest budget is above the largest.
+    """
+    run = search.run
+    problems: list[Problem] = []
+    places: list[Path] = []
+    optimum = None
+    with progress_of(console, run.settings, run.machine.error) as show_progress:
+        if _optimum_needed(search.flags, folder):
+            problems, places = [search.within(NO_BUDGET)], [folder / WITHOUT_BUDGET]
+            state = _searched(problems, places, run, show_progress)
+            (optimum,) = front_points(problems, run.start, state)
+        needed = None if optimum is None else _worst(optimum.metrics, "increment")
+        budgets = _budgets(search.flags, needed, folder)
+        problems += [search.within(budget) for budget in budgets]
+        places += [folder / f"budget-{k}" for k in range(len(budgets))]
+        state = _searched(problems, places, run, show_progress)
+    found = front_points(problems, run.start, state)[-len(budgets) :]
+    return FrontResult(
+        machine=MachineUnits(run.machine.control_unit),
+        error=run.machine.error,
+        controller=run.design.name,
+        weights=list(run.design.free()),
+        points=[_point(budget, one) for budget, one in zip(budgets, found, strict=True)],
     )
 
 
-def _traced(flags: Front, job: TuningRun, folder: Path, console: Console) -> list[dict[str, Any]]:
-    budgets = _budgets(flags, job, folder)
-    problems = [
-        replace(job.problem, limits=AtMost(**{**job.limits, "rms_increment": budget}))
-        for budget in budgets
-    ]
-    places = [folder / f"budget-{k}" for k in range(len(budgets))]
+def _searched(
+    problems: Sequence[Problem],
+    places: Sequence[Path],
+    run: TuningRun,
+    show_progress: Callable[[TuneState], None],
+) -> FrontState:
+    """The search through all problems; it goes on from the states that are stored in the places."""
     state = _load(places)
-    with progress_of(console, job.settings, job.machine.error) as show:
-        while not done(problems, state):
-            state = advance_front(problems, job.start, job.settings, state)
-            k = len(state.histories)
-            if k < len(places) and state.run.history:
-                places[k].mkdir(exist_ok=True)
-                save_state(places[k], state.run)
-                show(state.run)
-    return [
-        _point(budget, found)
-        for budget, found in zip(budgets, front_points(problems, job.start, state), strict=True)
-    ]
+    while not done(problems, state):
+        state = advance_front(problems, run.start, run.settings, state)
+        k = len(state.histories)
+        if k < len(places) and state.run.history:
+            places[k].mkdir(exist_ok=True)
+            save_state(places[k], state.run)
+            show_progress(state.run)
+    return state
 
 
-def _load(places: list[Path]) -> FrontState:
-    """The state that the stored states of the budgets add up to."""
+def _load(places: Sequence[Path]) -> FrontState:
+    """State of the search that the stored states of its problems add up to."""
     histories = []
     for place in places:
         run = load_state(place)
@@ -133,50 +204,120 @@ def _load(places: list[Path]) -> FrontState:
     return FrontState(histories)
 
 
-def _budgets(flags: Front, job: TuningRun, folder: Path) -> list[float]:
-    """From the smallest to the largest, even in the logarithm; kept in the run folder once chosen."""
-    path = folder / "budgets.json"
+def _optimum_needed(flags: Front, folder: Path) -> bool:
+    """Whether the largest budget comes from a search without one; older runs have none."""
+    chosen_before = (folder / BUDGETS).exists() and not (folder / WITHOUT_BUDGET).exists()
+    return flags.most_increment is None and not chosen_before
+
+
+def _budgets(flags: Front, needed: float | None, folder: Path) -> list[float]:
+    """Budgets from the smallest to the largest, even in the logarithm.
+
+    They are kept in the run folder once they are chosen.
+
+    Raises:
+        ValueError: the smallest is above the largest.
+    """
+    path = folder / BUDGETS
     if not path.exists():
-        needed = float(np.max(start_metrics(job.problem, job.start).rms_increment))
-        least, most = flags.least_increment or needed / 2, flags.most_increment or 2 * needed
+        most = flags.most_increment or needed
+        assert most is not None
+        least = flags.least_increment or LEAST * most
+        if least > most:
+            raise ValueError(
+                f"least-increment: {least:.4g} is above the largest budget, {most:.4g}"
+                + ("" if flags.most_increment else ", which the best weights need without a budget")
+            )
         run_folder.write_json(path, {"budgets": np.geomspace(least, most, flags.points)})
     return json.loads(path.read_text())["budgets"]
 
 
-def _point(budget: float, found: FrontPoint) -> dict[str, Any]:
-    metrics = {
-        name: float(np.max(getattr(found.metrics, name)))
-        for name in ("rms_contour_error", "rms_tracking_error", "rms_increment")
-    }
-    weights = {
-        name: value
-        for name, value in plain_weights(found.weights).items()
-        if isinstance(value, float)
-    }
-    return {
-        "budget": budget,
-        **weights,
-        **metrics,
-        "objective": found.objective,
-        "feasible": bool(found.feasible),
-    }
+def _worst(metrics: Metrics, name: str) -> float:
+    return float(np.max(getattr(metrics, f"rms_{name}")))
 
 
-def _store(summary: dict[str, Any], weight_units: dict[str, str], folder: Path) -> None:
-    points, unit = summary["points"], summary["machine"]["control_unit"]
-    metrics = {
-        name: metric_unit(name, unit)
-        for name in ("rms_contour_error", "rms_tracking_error", "rms_increment")
-    }
-    units = weight_units | metrics | {"feasible": "1"}
-    data = {
-        name: (("budget",), np.array([float(p[name]) for p in points]), {"units": of})
-        for name, of in units.items()
-    }
-    budget = ("budget", [p["budget"] for p in points], {"units": unit})
-    save_dataset(
-        xr.Dataset(data, {"budget": budget}, {"title": "jcontour front", **run_folder.versions()}),
-        folder / "front.nc",
+def _point(budget: float, found: FrontPoint) -> BudgetPoint:
+    weights = plain_weights(found.weights).items()
+    increment = _worst(found.metrics, "increment")
+    feasible = bool(found.feasible)
+    return BudgetPoint(
+        budget=budget,
+        weights={name: value for name, value in weights if isinstance(value, float)},
+        rms_contour_error=_worst(found.metrics, "contour_error"),
+        rms_tracking_error=_worst(found.metrics, "tracking_error"),
+        rms_increment=increment,
+        objective=found.objective,
+        feasible=feasible,
+        slack=feasible and increment < SLACK * budget,
     )
-    figures.draw_front(summary, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
+
+
+def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
+    save_dataset(dataset_of(result, weight_units), folder / "front.nc")
+    unit = result.machine.control_unit
+    spent = [
+        Spent(point.rms_increment, point.error(result.error), point.feasible, point.slack)
+        for point in result.points
+    ]
+    save_figures({"front": lambda points: front(points, result.error, unit)}, spent, folder)
+    write_result(folder, result)
+
+
+def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
+    """The front along its budgets."""
+    unit = result.machine.control_unit
+
+    def along(values: Sequence[float], of: str) -> tuple[str, np.ndarray, dict[str, str]]:
+        return "budget", np.array(values, float), {"units": of}
+
+    data: dict[str, Any] = {}
+    for name, of in weight_units.items():
+        data[name] = along([point.weights[name] for point in result.points], of)
+    for name in ("rms_contour_error", "rms_tracking_error", "rms_increment"):
+        values = [getattr(point, name) for point in result.points]
+        data[name] = along(values, metric_unit(name, unit))
+    for name in ("feasible", "slack"):
+        data[name] = along([float(getattr(point, name)) for point in result.points], "1")
+    budgets = along([point.budget for point in result.points], unit)
+    attributes = {"title": "jcontour front", **run_folder.versions()}
+    return xr.Dataset(data, {"budget": budgets}, attributes)
+
+
+def show(result: FrontResult, console: Console) -> None:
+    """Print the front as a table."""
+    rows = []
+    for point in result.points:
+        numbers = [point.rms_increment, *(point.weights.get(name) for name in result.weights)]
+        rows.append(
+            [
+                tables.digits(point.budget),
+                *map(tables.digits, numbers),
+                tables.digits(1e6 * point.error(result.error)),
+                "yes" if point.feasible else "NO",
+                "no" if point.slack else "yes",
+            ]
+        )
+    error = f"worst RMS {result.error} um"
+    columns = ["budget", "RMS increment", *result.weights, error, "feasible", "used up"]
+    console.print(tables.plain_table("Front (smooth machine)", columns, rows, text_columns=0))
+
+
+def next_steps(result: FrontResult) -> list[str]:
+    """Lines that say which budgets are slack, and what to do next."""
+    lines = []
+    if result.slack:
+        slack = ", ".join(map(tables.digits, result.slack))
+        lines.append(
+            f"Slack: the best weights found need less than the budget {slack}. "
+            "Give smaller budgets with --least-increment and --most-increment."
+        )
+    tight = [point for point in result.points if point.feasible and not point.slack]
+    if tight:
+        budget = tables.digits(tight[0].budget)
+        lines.append(
+            "Next: choose a budget and tune for it, as "
+            f"jcontour tune --max-rms-increment {budget} with the same parts and machine."
+        )
+    else:
+        lines.append("Next: no budget is met and used up; give larger or smaller ones.")
+    return lines

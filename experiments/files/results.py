@@ -2,6 +2,8 @@
 
 A field with a default is left out of the JSON while it has its default.
 `stored_as("name")` keeps the name of a field in the JSON when its name in Python changes.
+`field(metadata=BESIDE_OTHERS)` puts the entries of a dict, as weights by name, beside the other
+fields.
 NaN and infinity become null; null in a field of type `float` is read as NaN.
 """
 
@@ -21,6 +23,8 @@ T = TypeVar("T")
 Weight = float | list[float] | None  # of one name: a number, one number per axis, or none
 Scalar = bool | int | float | str | None
 _NAME = "name in JSON"
+_BESIDE = "entries stand beside the other fields in JSON"
+BESIDE_OTHERS = {_BESIDE: True}  # metadata of a dict field
 
 
 def stored_as(name: str, **options: Any) -> Any:
@@ -72,11 +76,38 @@ def _names(kind: Any) -> dict[str, Any]:
 
 
 def _to_dict(kind: Any) -> Any:
-    return make_dict_unstructure_fn(kind, _converter, _cattrs_omit_if_default=True, **_names(kind))
+    write = make_dict_unstructure_fn(kind, _converter, _cattrs_omit_if_default=True, **_names(kind))
+    spread = _beside(kind)
+    if not spread:
+        return write
+
+    def write_beside(result: Any) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for name, value in write(result).items():
+            values |= value if name in spread else {name: value}
+        return values
+
+    return write_beside
 
 
 def _from_dict(kind: Any) -> Any:
-    return make_dict_structure_fn(kind, _converter, **_names(kind))
+    read = make_dict_structure_fn(kind, _converter, **_names(kind))
+    spread = _beside(kind)
+    if not spread:
+        return read
+    (gathered,) = spread
+    known = {one.metadata.get(_NAME, one.name) for one in fields(kind)} - {gathered}
+
+    def read_beside(values: dict[str, Any], of: Any) -> Any:
+        own = {name: value for name, value in values.items() if name in known}
+        others = {name: value for name, value in values.items() if name not in known}
+        return read({**own, gathered: others}, of)
+
+    return read_beside
+
+
+def _beside(kind: Any) -> list[str]:
+    return [one.name for one in fields(kind) if one.metadata.get(_BESIDE)]
 
 
 def _number(value: Any, _: Any) -> float:

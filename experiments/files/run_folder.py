@@ -83,20 +83,21 @@ def settings(command: str, flags: Any, inputs: dict[str, str]) -> dict[str, Any]
 
 
 def versions() -> dict[str, str]:
-    """Of everything that the numbers may depend on."""
-
-    def of(package: str) -> str:
-        try:
-            return version(package)
-        except PackageNotFoundError:
-            return "unknown"
-
+    """Versions of everything that the numbers may depend on."""
     packages = ("jcontour", "jax", "jaxlib", "equinox", "optax", "numpy", "scipy")
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
-        **{name: of(name) for name in packages},
+        **{name: version_of(name) or "unknown" for name in packages},
     }
+
+
+def version_of(package: str) -> str | None:
+    """Version of an installed package; None where it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def opened(folder: Path, command: str) -> dict[str, Any]:

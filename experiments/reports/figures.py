@@ -252,45 +252,6 @@ def trade_off(points: list[dict[str, Any]], summary: dict[str, Any]) -> Figure:
     return figure
 
 
-def draw_front(summary: dict[str, Any], folder: Path) -> list[Path]:
-    """Contour error against the budget of the control increment."""
-    return [_saved(folder / "front.png", lambda: front(summary))]
-
-
-def front(summary: dict[str, Any]) -> Figure:
-    """The least worst contour error of every budget; where no weights met it the point is open."""
-    figure, axes = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
-    sound = [p for p in summary["points"] if p["feasible"]]
-    missed = [p for p in summary["points"] if not p["feasible"]]
-    for points, style, label in (
-        (sound, "o-", "tuned for this budget"),
-        (missed, "o", "budget not met"),
-    ):
-        if points:
-            error = [1e6 * p[f"rms_{summary['error']}_error"] for p in points]
-            face = TUNED if points is sound else "none"
-            axes.plot(
-                [p["rms_increment"] for p in points],
-                error,
-                style,
-                color=TUNED,
-                mfc=face,
-                label=label,
-            )
-    axes.set(
-        xlabel=f"worst RMS control increment [{summary['machine']['control_unit']} per sample]",
-        ylabel=f"worst RMS {summary['error']} error [um]",
-        xscale="log",
-        yscale="log",
-        title="Front over contours and family (smooth machine)",
-    )
-    for one in (axes.xaxis, axes.yaxis):
-        _plain_ticks(one)
-    axes.grid(color="0.9", which="both")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    return figure
-
-
 def _plain_ticks(axis) -> None:
     """1, 2, 5, 10 instead of powers; closer within a decade."""
     low, high = axis.get_view_interval()

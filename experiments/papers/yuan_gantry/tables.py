@@ -5,7 +5,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from experiments.benchmarks.gantry_engines import show_engines
+from experiments.benchmarks.gantry_engines import EngineRate, show_engines
 from experiments.reports.tables import digits, plain_table, worded_table
 
 
@@ -35,7 +35,7 @@ def show(summary: dict[str, Any], console: Console) -> None:
         plain_table("Section 5.2.2: identified from chirps at two head positions", columns, found)
     )
     console.print(_emulated(summary["emulated"]["rows"]))
-    show_engines(summary["engines"], console)
+    show_engines([EngineRate(**row) for row in summary["engines"]], console)
     words = [
         (row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]
     ]

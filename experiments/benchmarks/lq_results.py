@@ -1,0 +1,99 @@
+"""Results of `jcontour bench lq`."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RunRates:
+    """Speed and cost of a batch of runs on the paper's machine.
+
+    Attributes:
+        type: of all numbers.
+        batch: runs at once.
+        forward: runs per second.
+        gradient: runs per second with the gradient of three weights.
+        gradient_ratio: time with gradient over time without.
+        profile_ratio: likewise, with the gradient of the profile too.
+        times_numpy: runs per second over those of the NumPy loop.
+        share_of_rate: operations of the Riccati sweeps over the device's measured rate.
+        compiling: [s].
+        compiling_gradient: [s].
+        memory: [bytes].
+        memory_gradient: [bytes].
+        by: formulation that is chosen, kernels or XLA.
+    """
+
+    type: str
+    batch: int
+    forward: float
+    gradient: float
+    gradient_ratio: float
+    profile_ratio: float
+    times_numpy: float
+    share_of_rate: float
+    compiling: float
+    compiling_gradient: float
+    memory: int
+    memory_gradient: int
+    by: str
+
+
+@dataclass(frozen=True)
+class SizeRate:
+    """Runs per second, forward, on a machine of another size."""
+
+    states: str
+    inputs: int
+    batch: int
+    by: str
+    forward: float
+    share_of_rate: float
+    compiling: float
+
+
+@dataclass(frozen=True)
+class PreviewTime:
+    """Time of a batch with one preview, forward, and its ratio to the shortest preview."""
+
+    preview: int
+    steps: int
+    batch: int
+    milliseconds: float
+    times_shortest: float
+
+
+@dataclass(frozen=True)
+class DeviceRate:
+    """Runs per second, forward, on several devices, and its ratio to one device."""
+
+    devices: int
+    batch: int
+    forward: float
+    times_one: float
+
+
+@dataclass(frozen=True)
+class ProgramTime:
+    """Time of one long program."""
+
+    steps: int
+    milliseconds: float
+    compiling: float
+
+
+@dataclass(frozen=True)
+class LQBench:
+    """All measurements.
+
+    Attributes:
+        rates: measured operations per second, by type.
+        loops: runs per second of the plain loops.
+    """
+
+    rates: dict[str, float]
+    loops: dict[str, float]
+    runs: list[RunRates]
+    sizes: list[SizeRate]
+    previews: list[PreviewTime]
+    devices: list[DeviceRate]
+    program: ProgramTime
