@@ -1,9 +1,12 @@
 """`jcontour front`: the least contour error for every budget of the control increment.
 
-All other limits, as a tracking cap, hold at every point. The search is `tuning.pareto`. Where no
-largest budget is given, it first tunes without one: the increment that those weights need is the
-largest budget that can bite. Every search has a folder of its own inside the run folder, with the
-state of its tuner, so that an interrupted front goes on where it was.
+All other limits hold at every point. The search is `tuning.pareto`. Where no largest budget is
+given, it first tunes without one: the increment that those weights need is the largest budget that
+can bite. Every search has a folder of its own inside the run folder, with the state of its tuner,
+so that an interrupted front goes on where it was.
+
+A machine that stands still at the start of its contour has no contour error. So the tracking error
+is limited too: as the flags say, or to a multiple of what the start weights have.
 """
 
 import json
@@ -28,7 +31,7 @@ from experiments.reports.front_figure import Spent, front
 from experiments.reports.png import save_figures
 from experiments.reports.progress import progress_of
 from experiments.runs.lifecycle import finished, opened
-from experiments.runs.tuning import TuningRun, tuning_run
+from experiments.runs.tuning import TuningRun, start_metrics, tuning_run
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
@@ -39,7 +42,8 @@ EFFORT = replace(QUICK, scatter=8, tolerance=1e-4)  # a budget begins where the 
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
 LEAST = 0.5  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up
-WITHOUT_BUDGET, BUDGETS = "without-budget", "budgets.json"
+TRACKING_CAP = 3.0  # largest tracking error over that of the start weights, where none is given
+WITHOUT_BUDGET, BUDGETS, CAP = "without-budget", "budgets.json", "tracking-cap.json"
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,7 @@ class FrontResult:
         controller: name in the catalogue.
         weights: names of the free weights.
         points: one for every budget, from the smallest.
+        tracking_cap: limit on the RMS tracking error that no flag asked for [m]; None without it.
     """
 
     machine: MachineUnits
@@ -95,6 +100,7 @@ class FrontResult:
     controller: str
     weights: list[str]
     points: list[BudgetPoint]
+    tracking_cap: float | None = None
 
     @property
     def slack(self) -> list[float]:
@@ -104,20 +110,29 @@ class FrontResult:
 
 @dataclass(frozen=True)
 class Search:
-    """A front that is asked for."""
+    """A front that is asked for.
+
+    Attributes:
+        flags: as they are given.
+        run: the tuning run without a budget.
+        tracking_cap: limit on the RMS tracking error that no flag asks for [m].
+    """
 
     flags: Front
     run: TuningRun
+    tracking_cap: float | None = None
 
     def within(self, budget: float) -> Problem:
         """The tuning problem under a budget; problems that differ in it only share one program."""
-        limits = AtMost(**{**self.run.limits, "rms_increment": budget})
+        cap = {} if self.tracking_cap is None else {"rms_tracking_error": self.tracking_cap}
+        limits = AtMost(**{**self.run.limits, **cap, "rms_increment": budget})
         return replace(self.run.problem, limits=limits)
 
 
 def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
     with opened(flags, "front", search_of) as (folder, search):
+        search = replace(search, tracking_cap=_tracking_cap(search.run, folder))
         result = traced(search, folder, tables.console_of(quiet=flags.json))
         _store(result, search.run.design.units(), folder)
     return finished(folder, result, flags, show, next_steps(result))
@@ -154,13 +169,13 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
     run = search.run
     problems: list[Problem] = []
     places: list[Path] = []
-    optimum = None
+    needed = None
     with progress_of(console, run.settings, run.machine.error) as show_progress:
         if _optimum_needed(search.flags, folder):
             problems, places = [search.within(NO_BUDGET)], [folder / WITHOUT_BUDGET]
             state = _searched(problems, places, run, show_progress)
             (optimum,) = front_points(problems, run.start, state)
-        needed = None if optimum is None else _worst(optimum.metrics, "increment")
+            needed = _worst(optimum.metrics, "increment")
         budgets = _budgets(search.flags, needed, folder)
         problems += [search.within(budget) for budget in budgets]
         places += [folder / f"budget-{k}" for k in range(len(budgets))]
@@ -172,6 +187,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
         controller=run.design.name,
         weights=list(run.design.free()),
         points=[_point(budget, one) for budget, one in zip(budgets, found, strict=True)],
+        tracking_cap=search.tracking_cap,
     )
 
 
@@ -202,6 +218,22 @@ def _load(places: Sequence[Path]) -> FrontState:
             return FrontState(histories, run)
         histories.append(run.history)
     return FrontState(histories)
+
+
+def _tracking_cap(run: TuningRun, folder: Path) -> float | None:
+    """Limit on the tracking error where the contour error counts and no flag limits it.
+
+    It is kept in the run folder once it is chosen; older runs have none.
+    """
+    path = folder / CAP
+    if path.exists():
+        return json.loads(path.read_text())["rms_tracking_error"]
+    limited = {"rms_tracking_error", "peak_tracking_error"} & set(run.limits)
+    if limited or run.machine.error != "contour" or (folder / BUDGETS).exists():
+        return None
+    cap = TRACKING_CAP * _worst(start_metrics(run.problem, run.start), "tracking_error")
+    run_folder.write_json(path, {"rms_tracking_error": cap})
+    return cap
 
 
 def _optimum_needed(flags: Front, folder: Path) -> bool:
@@ -305,6 +337,12 @@ def show(result: FrontResult, console: Console) -> None:
 def next_steps(result: FrontResult) -> list[str]:
     """Lines that say which budgets are slack, and what to do next."""
     lines = []
+    if result.tracking_cap is not None:
+        lines.append(
+            f"The RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um, "
+            f"{TRACKING_CAP:g} times that of the start weights: a machine that stands still has no "
+            "contour error. Another cap: --max-tracking-error-um."
+        )
     if result.slack:
         slack = ", ".join(map(tables.digits, result.slack))
         lines.append(

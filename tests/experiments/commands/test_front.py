@@ -39,6 +39,7 @@ def test_every_file_is_there(traced):
         "settings.json",
         "inputs",
         "budgets.json",
+        "tracking-cap.json",
         "without-budget",
         "budget-0",
         "budget-1",
@@ -59,6 +60,15 @@ def test_default_budgets_bite(traced):
         assert point.rms_increment <= point.budget * (1 + 1e-6)
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
     assert result.slack == []
+
+
+def test_a_machine_that_stands_still_is_no_answer(traced):
+    """It has no contour error; the tracking error is capped where no flag does."""
+    result = read_result(traced, FrontResult)
+    assert result.tracking_cap is not None
+    for point in result.points:
+        assert point.rms_tracking_error <= result.tracking_cap * (1 + 1e-6)
+    assert next_steps(result)[0].startswith("The RMS tracking error is held below ")
 
 
 def test_the_netcdf_file_holds_the_points(traced):

@@ -1,11 +1,77 @@
-"""What `jcontour sweep` makes of its flags."""
+"""`sweep`: what it makes of its flags, and a small one from the command line."""
+
+import json
 
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.commands.sweep import horizons, sampled_values
+from experiments.cli import main
+from experiments.commands.sweep import SweepResult, horizons, sampled_values
+from experiments.files.netcdf import load_dataset
+from experiments.files.results import read_result
 from experiments.options import Sweep
+
+NAMES = ("alpha", "beta")
+
+
+@pytest.fixture(scope="module")
+def flags(machine_file, part_file):
+    """Four designs with one preview; the large alpha diverges where a drive is late."""
+    vary = ["--vary", "alpha=2,2e6", "beta=0.5,5", "--previews", "4"]
+    return [str(part_file), "--plant", str(machine_file), *vary]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory, flags):
+    folder = tmp_path_factory.mktemp("sweep") / "run"
+    assert main(["sweep", *flags, "--devices", "1", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def dataset(swept):
+    return load_dataset(swept / "sweep.nc")
+
+
+def test_every_file_is_there(swept):
+    found = {path.name for path in swept.iterdir()}
+    assert found == {"settings.json", "inputs", "parts", "sweep.nc", "sweep.png", "result.json"}
+
+
+def test_designs_are_the_grid(dataset):
+    places = list(zip(dataset.alpha.values, dataset.beta.values, strict=True))
+    assert places == [(2, 0.5), (2, 5), (2e6, 0.5), (2e6, 5)]
+    assert dataset.rms_contour_error.dims == ("preview", "sample", "contour", "plant")
+    assert dataset.rms_contour_error.attrs["units"] == "m" and dataset.plant.values[0] == "nominal"
+
+
+def test_the_summary_is_that_of_the_metrics(swept, dataset):
+    result = read_result(swept, SweepResult)
+    lost = dataset.diverged.values.astype(bool).any(axis=(2, 3))[0]
+    assert lost.tolist() == [False, False, True, True]
+    assert (result.points, result.diverged) == (4, 2)
+    (best,) = result.best
+    errors = 1e6 * dataset.rms_contour_error.values[0]
+    i = int(np.argmin(np.where(lost, np.inf, errors.max(axis=(1, 2)))))
+    assert best.preview == 4
+    assert best.weights == {name: float(dataset[name][i]) for name in NAMES}
+    assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
+
+
+def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
+    assert main(["sweep", "--resume", str(swept)]) == 0
+    printed = capsys.readouterr().out
+    assert "4 points, 2 diverged." in printed
+    assert "Diverged: preview 4, alpha 2e+06, beta 0.5\n" in printed
+    assert "Drawn: sweep.png" in printed
+    assert "Next: tune from the best point with jcontour tune --plant" in printed
+    assert f"Run folder: {swept}" in printed
+
+
+def test_weights_stand_beside_the_errors_in_json(swept):
+    (best,) = json.loads((swept / "result.json").read_text())["best"]
+    assert list(best) == ["preview", "alpha", "beta", "worst_um", "nominal_um"]
 
 
 @pytest.mark.parametrize(

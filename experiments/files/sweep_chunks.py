@@ -1,4 +1,7 @@
-"""What a sweep has found so far: one file for every program that ended, numbered by its first row, never written again."""
+"""Rows that a sweep has found so far.
+
+Every program that ended has a file, numbered by its first row and never written again.
+"""
 
 import zipfile
 from pathlib import Path
@@ -8,41 +11,40 @@ import numpy as np
 from experiments.files.run_folder import RunError, write
 
 
-class SweptParts:
-    """Rows of metrics by name, in order; what is there already counts.
+class SweepChunks:
+    """Rows of metrics by name, in order; chunks that are in the folder already count.
 
     Args:
-        folder: of the parts; made when the first one is added.
+        folder: of the chunks; made when the first one is added.
 
     Raises:
-        RunError: a part cannot be read, or one is missing.
+        RunError: a chunk cannot be read, or one is missing.
     """
 
     def __init__(self, folder: Path):
-        self.folder, self.rows, self._parts = folder, 0, []
+        self.folder, self.rows, self._chunks = folder, 0, []
         for path in sorted(folder.glob("[0-9]*.npz")):
             if path != self._next():
                 raise RunError(f"{self._next()}: is missing")
             self._count(_read(path))
 
-    def add(self, part: dict[str, np.ndarray]) -> None:
+    def add(self, chunk: dict[str, np.ndarray]) -> None:
         """Keep the next rows."""
         self.folder.mkdir(exist_ok=True)
-        write(self._next(), lambda temporary: np.savez(temporary, **part))  # pyright: ignore[reportArgumentType]
-        self._count(part)
+        write(self._next(), lambda temporary: np.savez(temporary, **chunk))  # pyright: ignore[reportArgumentType]
+        self._count(chunk)
 
     def whole(self) -> dict[str, np.ndarray]:
         """All rows by name."""
-        return {
-            name: np.concatenate([part[name] for part in self._parts]) for name in self._parts[0]
-        }
+        names = self._chunks[0]
+        return {name: np.concatenate([chunk[name] for chunk in self._chunks]) for name in names}
 
     def _next(self) -> Path:
         return self.folder / f"{self.rows:09d}.npz"
 
-    def _count(self, part: dict[str, np.ndarray]) -> None:
-        self._parts.append(part)
-        self.rows += len(part["diverged"])
+    def _count(self, chunk: dict[str, np.ndarray]) -> None:
+        self._chunks.append(chunk)
+        self.rows += len(chunk["diverged"])
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
