@@ -29,8 +29,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/catalogue/machines.py": "experiments/catalogue/test_choices.py",
     "experiments/catalogue/plants.py": "test_contracts.py",
     # commands, from the command line
-    "experiments/commands/bench.py": "experiments/test_cli.py",
-    "experiments/commands/front.py": "experiments/test_cli.py",
     "experiments/commands/names.py": "experiments/test_cli.py",
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/commands/simulate.py": "experiments/test_cli.py",
@@ -48,8 +46,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/tuned_result.py": "experiments/test_cli.py",
     "experiments/runs/lifecycle.py": "experiments/test_cli.py",
     # what the commands drive, through the catalogue
-    "experiments/benchmarks/gantry.py": "experiments/benchmarks/test_lq.py",
-    "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_lq.py",
+    "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_gantry.py",
+    "experiments/benchmarks/lq_results.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/mpc.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/plain_loops.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/timings.py": "experiments/benchmarks/test_lq.py",

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 LOST, BEST = "tab:red", "white"
 COLUMNS = 3  # panels side by side
+TICKS = 8  # values of a weight that are all written at the axis
 MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
 
 
@@ -80,7 +81,9 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     for unused in panels[count:]:
         unused.set_axis_off()
     if shown is not None:
-        figure.colorbar(shown, ax=list(panels), label=f"worst RMS {error} error [um]")
+        label = f"worst RMS {error} error [um]"
+        bar = figure.colorbar(shown, ax=list(panels), label=label, format="{x:.3g}")
+        bar.ax.yaxis.set_minor_formatter("{x:.3g}")
     figure.suptitle("Star: best; red cross: diverged", fontsize=10)
     return figure
 
@@ -127,6 +130,11 @@ def _scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
             scale("log")
         elif positive.size and values.min() == 0:
             scale("symlog", linthresh=float(positive.min()))
+    for values, axis in ((x, axes.xaxis), (y, axes.yaxis)):
+        ticks = np.unique(values)
+        if ticks.size <= TICKS:
+            axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+            axis.set_ticks([], minor=True)
 
 
 def _counted(lost: np.ndarray) -> str:
