@@ -159,9 +159,9 @@ class Front(Spreading):
     points: int = 5
     """Budgets of the control increment along the front."""
     least_increment: float | None = None
-    """Smallest budget [control unit per sample, RMS]; half of what the start weights need when not given."""
+    """Smallest budget [control unit per sample, RMS]; two thirds of the largest when not given."""
     most_increment: float | None = None
-    """Largest budget [control unit per sample, RMS]; twice what the start weights need when not given."""
+    """Largest budget [control unit per sample, RMS]; what the best weights need without a budget when not given."""
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from tuning.tune import QUICK, TuneState
 
 EFFORT = replace(QUICK, scatter=8, tolerance=1e-4)  # a budget begins where the one before ended
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
-LEAST = 0.5  # smallest budget over the largest, where none is given
+LEAST = 2 / 3  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up
 TRACKING_CAP = 3.0  # largest tracking error over that of the start weights, where none is given
 WITHOUT_BUDGET, BUDGETS, CAP = "without-budget", "budgets.json", "tracking-cap.json"
@@ -326,7 +326,7 @@ def show(result: FrontResult, console: Console) -> None:
                 *map(tables.digits, numbers),
                 tables.digits(1e6 * point.error(result.error)),
                 "yes" if point.feasible else "NO",
-                "no" if point.slack else "yes",
+                "-" if not point.feasible else "no" if point.slack else "yes",
             ]
         )
     error = f"worst RMS {result.error} um"

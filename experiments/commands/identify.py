@@ -1,8 +1,11 @@
-"""`jcontour identify data.csv`: a flexible axis from its commissioning data, and the axis file that the other commands read."""
+"""`jcontour identify data.csv`: a flexible axis from the data of its commissioning.
+
+The axis file that it writes is read by the other commands.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -10,8 +13,10 @@ from rich.console import Console
 from experiments.files import run_folder
 from experiments.files.axis_file import AxisFile, Electrical, save_axis
 from experiments.files.record_file import load_records, save_records
+from experiments.files.results import write_result
 from experiments.options import Identify
 from experiments.reports import tables
+from experiments.runs.lifecycle import finished
 from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import LinearMotor, thesis_motor
 from tuning.identification.axis import IdentifiedAxis, identify
@@ -42,11 +47,71 @@ UNITS = {
     "pole_pitch": "m",
 }
 WAVES = ("amplitude", "sine", "cosine")  # of every harmonic of cogging [N]
+RESIDUALS = {  # RMS of what a fit leaves unexplained -> how it is printed
+    "force_N": "force {:.3g} N",
+    "current_A": "current {:.3g} A",
+    "tool_position_m": "end effector {:.3g} m",
+}
+UNKNOWN = "-"
+
+
+@dataclass(frozen=True)
+class RecordedTest:
+    """One test of the commissioning."""
+
+    name: str
+    rows: int
+    dt: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class FoundParameter:
+    """One parameter of the axis.
+
+    Attributes:
+        parameter: its name.
+        unit: its unit.
+        separated: whether the data determine it.
+        value: None where the data do not show it.
+        interval: 95 % interval, of infinite width where noise alone would explain anything.
+        truth: value of the simulated axis; None for recorded data.
+    """
+
+    parameter: str
+    unit: str
+    separated: bool
+    value: float | None
+    interval: tuple[float, float] | None
+    truth: float | None
+
+
+@dataclass(frozen=True)
+class IdentifyResult:
+    """An identified axis.
+
+    Attributes:
+        data: file, or how the data were simulated.
+        tests: tests in the data.
+        parameters: what was found, and what is not separated.
+        fastest: largest sliding speed [m/s].
+        residuals: RMS of what every fit leaves unexplained, by `RESIDUALS`.
+        notes: what the data cannot tell, and which experiment would.
+        model: name of the axis file; None where the data have no end effector.
+    """
+
+    data: str
+    tests: list[RecordedTest]
+    parameters: list[FoundParameter]
+    fastest: float
+    residuals: dict[str, float]
+    notes: list[str]
+    model: str | None
 
 
 def command(flags: Identify) -> int:
-    """The whole command: fit, store, print."""
-    records = _records(flags)
+    """Fit, store and print; exit code."""
+    records = records_of(flags)
     found = identify(records, flags.force_constant, flags.pole_pitch)
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
@@ -54,16 +119,18 @@ def command(flags: Identify) -> int:
         flags,
         [] if flags.data is None else [flags.data],
     )
-    summary = run_folder.plain(_summary(flags, records, found))
-    _store(flags, records, found, folder, summary)
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
-    else:
-        show(summary, folder, tables.console_of())
-    return 0
+    result = summary_of(flags, records, found)
+    _store(flags, records, found, folder)
+    write_result(folder, result)
+    return finished(folder, result, flags, show, _next_steps(result, folder))
 
 
-def _records(flags: Identify) -> list[Record]:
+def records_of(flags: Identify) -> list[Record]:
+    """Records of the file, or of a simulated commissioning.
+
+    Raises:
+        ValueError: neither or both are asked for, or the file cannot be read.
+    """
     if flags.demo == (flags.data is not None):
         raise ValueError("identify: needs a CSV file, or --demo for simulated data, and not both")
     if not (np.isfinite(flags.encoder_um) and flags.encoder_um > 0):
@@ -75,56 +142,55 @@ def _records(flags: Identify) -> list[Record]:
     return Commissioning(thesis_axis(), thesis_motor(), seed=flags.seed).thesis_tests()
 
 
-def _summary(flags: Identify, records: Sequence[Record], found: IdentifiedAxis) -> dict[str, Any]:
-    estimate, hidden = found.estimate, unseparated(found.estimate)
-    truth = _truth(thesis_axis(), thesis_motor()) if flags.demo else {}
-    waves = {f"{kind}_{j}": "N" for j in range(1, found.forces.cogging.count + 1) for kind in WAVES}
-    rows = [
-        {
-            "parameter": name,
-            "unit": unit,
-            "separated": name not in hidden,
-            "value": estimate[name] if name in estimate.names else None,
-            "interval": estimate.interval(name) if name in estimate.names else None,
-            "truth": truth.get(name),
-        }
-        for name, unit in (UNITS | waves).items()
-        if name in estimate.names or name in hidden
-    ]
-    return {
-        "data": str(flags.data) if flags.data else _demo(flags.seed),
-        "tests": [
-            {"name": one.name, "rows": one.rows, "dt": one.dt, "duration": one.duration}
-            for one in records
-        ],
-        "parameters": rows,
-        "fastest": found.forces.fastest,
-        "residuals": _residuals(found),
-        "notes": found.notes,
-        "model": None if found.parameters is None else AXIS,
-    }
-
-
-def _demo(seed: int) -> str:
-    i = Instruments()
-    return (
-        f"simulated: the axis of Yuan, section 3.3, encoders of {1e6 * i.resolution:g} um with {1e6 * i.encoder_noise:g} um of noise, "
-        f"currents with {1e3 * i.current_noise:g} mA of noise, seed {seed}"
+def summary_of(flags: Identify, records: Sequence[Record], found: IdentifiedAxis) -> IdentifyResult:
+    """The result of a fit to these records."""
+    return IdentifyResult(
+        data=str(flags.data) if flags.data else _demo(flags.seed),
+        tests=[RecordedTest(one.name, one.rows, one.dt, one.duration) for one in records],
+        parameters=_parameters(found, simulated=flags.demo),
+        fastest=found.forces.fastest,
+        residuals=_residuals(found),
+        notes=list(found.notes),
+        model=None if found.parameters is None else AXIS,
     )
 
 
-def _truth(axis: AxisParameters, motor: LinearMotor) -> dict[str, float]:
-    """Of a simulated axis, by the names of an estimate."""
-    names = ("motor_mass", "tool_mass", "stiffness", "damping", "pole_pitch")
-    values = {name: float(getattr(axis, name)[0]) for name in names}
-    values |= {
-        name: float(getattr(axis.friction, name)[0])
-        for name in ("coulomb", "stribeck", "stribeck_speed", "viscous")
-    }
-    values |= {
-        name: float(getattr(motor, name)[0])
-        for name in ("resistance", "inductance", "back_emf", "force_constant")
-    }
+def _demo(seed: int) -> str:
+    used = Instruments()
+    return (
+        "simulated: the axis of Yuan, section 3.3, "
+        f"encoders of {1e6 * used.resolution:g} um with {1e6 * used.encoder_noise:g} um of noise, "
+        f"currents with {1e3 * used.current_noise:g} mA of noise, seed {seed}"
+    )
+
+
+def _parameters(found: IdentifiedAxis, simulated: bool) -> list[FoundParameter]:
+    estimate, hidden = found.estimate, unseparated(found.estimate)
+    truth = _true_values(thesis_axis(), thesis_motor()) if simulated else {}
+    orders = range(1, found.forces.cogging.count + 1)
+    units = UNITS | {f"{kind}_{j}": "N" for j in orders for kind in WAVES}
+    rows = []
+    for name, unit in units.items():
+        seen = name in estimate.names
+        if seen or name in hidden:
+            value = float(estimate[name]) if seen else None
+            interval = estimate.interval(name) if seen else None
+            rows.append(
+                FoundParameter(name, unit, name not in hidden, value, interval, truth.get(name))
+            )
+    return rows
+
+
+def _true_values(axis: AxisParameters, motor: LinearMotor) -> dict[str, float]:
+    """Values of a simulated axis, by the names of an estimate."""
+    values = {}
+    for source, names in (
+        (axis, ("motor_mass", "tool_mass", "stiffness", "damping", "pole_pitch")),
+        (axis.friction, ("coulomb", "stribeck", "stribeck_speed", "viscous")),
+        (motor, ("resistance", "inductance", "back_emf", "force_constant")),
+    ):
+        for name in names:
+            values[name] = float(getattr(source, name)[0])
     values |= {
         "total_mass": values["motor_mass"] + values["tool_mass"],
         "break_away": values["coulomb"] + values["stribeck"],
@@ -132,14 +198,11 @@ def _truth(axis: AxisParameters, motor: LinearMotor) -> dict[str, float]:
         "damping_per_mass": values["damping"] / values["tool_mass"],
         "constant_force": 0.0,
     }
-    for j, (sine, cosine) in enumerate(
-        zip(axis.cogging_sine[0].tolist(), axis.cogging_cosine[0].tolist(), strict=True), 1
-    ):
-        values |= {
-            f"sine_{j}": sine,
-            f"cosine_{j}": cosine,
-            f"amplitude_{j}": float(np.hypot(sine, cosine)),
-        }
+    waves = zip(axis.cogging_sine[0].tolist(), axis.cogging_cosine[0].tolist(), strict=True)
+    for j, (sine, cosine) in enumerate(waves, 1):
+        values[f"sine_{j}"] = sine
+        values[f"cosine_{j}"] = cosine
+        values[f"amplitude_{j}"] = float(np.hypot(sine, cosine))
     return values
 
 
@@ -157,13 +220,7 @@ def _residuals(found: IdentifiedAxis) -> dict[str, float]:
     return left
 
 
-def _store(
-    flags: Identify,
-    records: list[Record],
-    found: IdentifiedAxis,
-    folder: Path,
-    summary: dict[str, Any],
-) -> None:
+def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder: Path) -> None:
     from experiments.reports.identification_figures import FIGURES
     from experiments.reports.png import save_figures
 
@@ -172,18 +229,14 @@ def _store(
     if found.parameters is not None:
         save_axis(_axis_file(flags, records, found, found.parameters), folder / AXIS)
     save_figures(FIGURES, found, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
 
 
 def _axis_file(
     flags: Identify, records: Sequence[Record], found: IdentifiedAxis, parameters: AxisParameters
 ) -> AxisFile:
-    winding = found.winding
-    electrical = (
-        None
-        if winding is None
-        else Electrical(*(np.array([value]) for value in winding.estimate.values))
-    )
+    electrical = None
+    if found.winding is not None:
+        electrical = Electrical(*(np.array([value]) for value in found.winding.estimate.values))
     return AxisFile(
         name="identified-axis" if flags.data is None else flags.data.stem,
         parameters=parameters,
@@ -195,60 +248,61 @@ def _axis_file(
     )
 
 
-def show(summary: dict[str, Any], folder: Path, console: Console) -> None:
-    """Parameters with their intervals, then what the data cannot tell."""
-    tests = ", ".join(
-        f"{one['name']} {one['duration']:.3g} s at {1 / one['dt']:.5g} Hz"
-        for one in summary["tests"]
-    )
-    tables.say(console, f"Data: {summary['data']}", f"Tests: {tests}")
-    simulated = any(row["truth"] is not None for row in summary["parameters"])
-    columns = [
-        "parameter",
-        "unit",
-        "value",
-        "95 % interval",
-        "+- %",
-        *(["truth", "off %"] if simulated else []),
-    ]
-    rows = [_cells(row, simulated) for row in summary["parameters"]]
+def show(result: IdentifyResult, console: Console) -> None:
+    """Print the parameters with their intervals, then what the data cannot tell."""
+    tests = []
+    for one in result.tests:
+        tests.append(f"{one.name} {one.duration:.3g} s at {1 / one.dt:.5g} Hz")
+    tables.say(console, f"Data: {result.data}", f"Tests: {', '.join(tests)}")
+    simulated = any(row.truth is not None for row in result.parameters)
+    columns = ["parameter", "unit", "value", "95 % interval", "+- %"]
+    columns += ["truth", "off %"] if simulated else []
+    rows = [_cells(row, simulated) for row in result.parameters]
     console.print(tables.plain_table("Identified axis", columns, rows, text_columns=2))
-    left = {
-        "force_N": "force {:.3g} N",
-        "current_A": "current {:.3g} A",
-        "tool_position_m": "end effector {:.3g} m",
-    }
-    unexplained = ", ".join(
-        left[name].format(value) for name, value in summary["residuals"].items()
-    )
-    tables.say(
-        console,
-        f"Left unexplained, RMS: {unexplained}",
-        *(f"NOTE: {note}" for note in summary["notes"]),
-    )
-    model = (
-        f"Axis file: {folder / AXIS}"
-        if summary["model"]
-        else "No axis file: the model has an end effector, the data do not"
-    )
-    tables.say(console, model, f"Run folder: {folder}")
+    left = [RESIDUALS[name].format(value) for name, value in result.residuals.items()]
+    notes = [f"NOTE: {note}" for note in result.notes]
+    tables.say(console, f"Left unexplained, RMS: {', '.join(left)}", *notes)
 
 
-def _cells(row: dict[str, Any], simulated: bool) -> list[str]:
-    """One line; of what is not separated only the interval is shown, where there is one."""
-    interval, relative, off = "-", "-", "-"
-    if row["interval"] is not None:
-        low, high = row["interval"]
-        interval = f"{_number(low)} ... {_number(high)}"
-        if row["separated"]:
-            relative = (
-                "-" if low <= 0 <= high else f"{100 * (high - low) / 2 / abs(row['value']):.2g}"
-            )
-            off = f"{100 * (row['value'] / row['truth'] - 1):+.2f}" if row["truth"] else "-"
-    value = _number(row["value"]) if row["separated"] else "not separated"
-    truth = [] if not simulated else ["-" if row["truth"] is None else _number(row["truth"]), off]
-    return [row["parameter"], row["unit"], value, interval, relative, *truth]
+def _cells(row: FoundParameter, simulated: bool) -> list[str]:
+    """One line of the table; a parameter that is not separated has an interval at most."""
+    value = _number(row.value) if row.separated else "not separated"
+    cells = [row.parameter, row.unit, value, _interval(row), _relative_width(row)]
+    return [*cells, _number(row.truth), _relative_error(row)] if simulated else cells
 
 
-def _number(value: float) -> str:
-    return f"{value:.5g}"
+def _interval(row: FoundParameter) -> str:
+    if row.interval is None or not np.isfinite(row.interval).all():
+        return UNKNOWN
+    low, high = row.interval
+    return f"{_number(low)} ... {_number(high)}"
+
+
+def _relative_width(row: FoundParameter) -> str:
+    """Half the interval over the value [%]; unknown where the interval holds zero."""
+    if not row.separated or not row.value or row.interval is None:
+        return UNKNOWN
+    low, high = row.interval
+    if low <= 0 <= high or not np.isfinite(high - low):
+        return UNKNOWN
+    return f"{100 * (high - low) / 2 / abs(row.value):.2g}"
+
+
+def _relative_error(row: FoundParameter) -> str:
+    """Error over the truth [%]."""
+    if not row.separated or row.value is None or row.interval is None or not row.truth:
+        return UNKNOWN
+    return f"{100 * (row.value / row.truth - 1):+.2f}"
+
+
+def _number(value: float | None) -> str:
+    return UNKNOWN if value is None or not np.isfinite(value) else f"{value:.5g}"
+
+
+def _next_steps(result: IdentifyResult, folder: Path) -> list[str]:
+    if result.model is None:
+        return ["No axis file: the model has an end effector, the data do not"]
+    return [
+        f"Axis file: {folder / result.model}",
+        f"Next: jcontour tune --plant {folder / result.model}",
+    ]

@@ -53,7 +53,7 @@ def test_default_budgets_bite(traced):
     """The largest is what the best weights need; a smaller one costs error."""
     result = read_result(traced, FrontResult)
     tight, loose = result.points
-    assert tight.budget == pytest.approx(loose.budget / 2)
+    assert tight.budget == pytest.approx(loose.budget * 2 / 3)
     assert loose.rms_increment == pytest.approx(loose.budget, rel=1e-6)
     for point in result.points:
         assert point.feasible and not point.slack
