@@ -172,12 +172,13 @@ def _parameters(found: IdentifiedAxis, simulated: bool) -> list[FoundParameter]:
     rows = []
     for name, unit in units.items():
         seen = name in estimate.names
-        if seen or name in hidden:
-            value = float(estimate[name]) if seen else None
-            interval = estimate.interval(name) if seen else None
-            rows.append(
-                FoundParameter(name, unit, name not in hidden, value, interval, truth.get(name))
-            )
+        if not (seen or name in hidden):
+            continue
+        value = estimate[name] if seen else None
+        interval = estimate.interval(name) if seen else None
+        told = interval is None or bool(np.isfinite(interval).all())
+        separated = told and name not in hidden
+        rows.append(FoundParameter(name, unit, separated, value, interval, truth.get(name)))
     return rows
 
 

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-COLOUR = "tab:blue"
+from experiments.reports.axes import TUNED, grid, logarithmic
 
 
 class Spent(NamedTuple):
@@ -28,26 +27,21 @@ def front(points: Sequence[Spent], error: str, unit: str) -> Figure:
     axes = figure.subplots()
     met = [point for point in points if point.feasible]
     kinds = {
-        "tuned for this budget": ("o", COLOUR, [point for point in met if not point.slack]),
-        "budget is slack": ("s", COLOUR, [point for point in met if point.slack]),
+        "tuned for this budget": ("o", TUNED, [point for point in met if not point.slack]),
+        "budget is slack": ("s", TUNED, [point for point in met if point.slack]),
         "budget not met": ("o", "none", [point for point in points if not point.feasible]),
     }
-    axes.plot(*_places(met), color=COLOUR, linewidth=1.0)
+    axes.plot(*_places(met), color=TUNED, linewidth=1.0)
     for label, (marker, face, shown) in kinds.items():
         if shown:
-            axes.plot(*_places(shown), marker, color=COLOUR, mfc=face, label=label)
-    axes.set(
-        xlabel=f"worst RMS control increment [{unit} per sample]",
-        ylabel=f"worst RMS {error} error [um]",
-        xscale="log",
-        yscale="log",
+            axes.plot(*_places(shown), marker, color=TUNED, mfc=face, label=label)
+    grid(
+        axes,
         title="Front over contours and family (smooth machine)",
+        x=f"worst RMS control increment [{unit} per sample]",
+        y=f"worst RMS {error} error [um]",
     )
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0), numticks=12))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
-    axes.grid(color="0.9", which="both")
+    logarithmic(axes)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     return figure
 

@@ -1,4 +1,4 @@
-"""A flexible axis from the records of its commissioning: every parameter with its interval, and what the data cannot tell.
+"""A flexible axis from the records of its commissioning: every parameter with its interval.
 
 The order is that of Yuan, section 3.3: the winding gives k_e and with it the force scale k_t = 3/2
 k_e; the link between motor and end effector follows from their two positions alone; one balance of
@@ -21,16 +21,15 @@ from tuning.identification.separability import notes, stribeck_separated
 from tuning.identification.slides import WINDOW
 from tuning.identification.winding import WindingFit, fit_winding
 
-PASSED = (
-    0.9  # periods of the link in one window of the force balance: the vibration has to show in it
-)
+# periods of the link in one window of the force balance: the vibration has to show in it
+PASSED = 0.9
 LIGHT = 1e-3  # of the total mass
 NOT_FORCES = ("curvature", "pole_pitch")  # of the balance: what does not depend on the force scale
 
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """What the data say.
+    """An axis as its data show it.
 
     Attributes:
         estimate: every parameter under its name in `AxisParameters`, `Friction` and `LinearMotor`;
@@ -54,7 +53,7 @@ class IdentifiedAxis:
 def identify(
     records: Sequence[Record], force_constant: float | None = None, pole_pitch: float | None = None
 ) -> IdentifiedAxis:
-    """Fit all there is.
+    """Winding, link and balance of forces, each fitted to the records that show it.
 
     Args:
         records: electrical tests (with a voltage) and motion; where some motion has the end
@@ -73,29 +72,33 @@ def identify(
         )
     if not mechanical(records):
         raise ValueError(
-            "motion: there is no test of the moving axis (without voltage_q); masses, friction and cogging need one"
+            "motion: there is no test of the moving axis (without voltage_q); "
+            "masses, friction and cogging need one"
         )
     winding = fit_winding(records) if electrical(records) else None
-    scale = (
-        _given(force_constant)
-        if winding is None
-        else winding.estimate.derived(lambda v: v | {"force_constant": 1.5 * v["back_emf"]})
-    )
+    scale = _given(force_constant) if winding is None else winding.estimate.derived(_with_constant)
     flexible = with_tool(records)
-    link = fit_link(flexible) if flexible else None
-    window = (
-        WINDOW
-        if link is None
-        else min(WINDOW, PASSED * 2 * np.pi / np.sqrt(link.estimate["stiffness_per_mass"]))
-    )
-    forces = fit_forces(
-        flexible or mechanical(records), scale["force_constant"], pole_pitch, window
-    )
+    link, window = None, WINDOW
+    if flexible:
+        link = fit_link(flexible)
+        period = 2 * np.pi / np.sqrt(link.estimate["stiffness_per_mass"])
+        window = min(WINDOW, PASSED * period)
+    moving = flexible or mechanical(records)
+    forces = fit_forces(moving, scale["force_constant"], pole_pitch, window)
     estimate = _together(scale, link, forces)
-    parameters = None if link is None else _parameters(estimate, forces)
     return IdentifiedAxis(
-        estimate, winding, link, forces, parameters, (*_left_out(records), *notes(estimate, forces))
+        estimate=estimate,
+        winding=winding,
+        link=link,
+        forces=forces,
+        parameters=None if link is None else _parameters(estimate, forces),
+        notes=(*_left_out(records), *notes(estimate, forces)),
     )
+
+
+def _with_constant(values: dict) -> dict:
+    """Values of a winding, and k_t = 3/2 k_e."""
+    return values | {"force_constant": 1.5 * values["back_emf"]}
 
 
 def _check_positive(**values: float | None) -> None:
@@ -109,7 +112,8 @@ def _left_out(records: Sequence[Record]) -> list[str]:
     if not (without and with_tool(records)):
         return []
     return [
-        f"motion: the tests {', '.join(without)} do not count, for they have no tool_position and others have it; record it in all"
+        f"motion: the tests {', '.join(without)} do not count, "
+        "for they have no tool_position and others have it; record it in all"
     ]
 
 
@@ -138,9 +142,8 @@ def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estima
             found["stribeck_speed"] = jnp.abs(value["curvature"]) ** -0.5
         return found
 
-    return joined(scale, *([] if link is None else [link.estimate]), forces.estimate).derived(
-        physical
-    )
+    links = [] if link is None else [link.estimate]
+    return joined(scale, *links, forces.estimate).derived(physical)
 
 
 def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
@@ -154,9 +157,13 @@ def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
         stribeck, stribeck_speed = estimate["stribeck"], estimate["stribeck_speed"]
     else:
         stribeck_speed = 2 * forces.fastest
-        stribeck = float(np.clip(estimate["drop"] * stribeck_speed**2, 0.0, estimate["break_away"]))
+        most = max(estimate["break_away"], 0.0)
+        stribeck = float(np.clip(estimate["drop"] * stribeck_speed**2, 0.0, most))
     tool_mass = max(estimate["tool_mass"], LIGHT * estimate["total_mass"])
     orders = range(1, forces.cogging.count + 1)
+    pole_pitch = forces.cogging.pole_pitch
+    if "pole_pitch" in estimate.names:
+        pole_pitch = estimate["pole_pitch"]
     return AxisParameters(
         motor_mass=estimate["total_mass"] - tool_mass,
         tool_mass=tool_mass,
@@ -171,7 +178,5 @@ def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
         ),
         cogging_sine=[estimate[f"sine_{j}"] for j in orders],
         cogging_cosine=[estimate[f"cosine_{j}"] for j in orders],
-        pole_pitch=estimate["pole_pitch"]
-        if "pole_pitch" in estimate.names
-        else forces.cogging.pole_pitch,
+        pole_pitch=pole_pitch,
     )

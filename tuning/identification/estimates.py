@@ -52,17 +52,24 @@ class Estimate:
         return self[name] - half, self[name] + half
 
     def derived(self, function: Callable[[dict], dict]) -> "Estimate":
-        """Of what `function` makes of the values by name: a traceable map of such dictionaries; covariance to first order."""
+        """Estimate of functions of the values, with their covariance to first order.
+
+        Args:
+            function: values by name to other values by name, traceable.
+        """
+
+        def named(values):
+            return function(dict(zip(self.names, values, strict=True)))
 
         def row(values):
-            return jnp.stack(list(function(dict(zip(self.names, values, strict=True))).values()))
+            return jnp.stack(list(named(values).values()))
 
-        names = tuple(function(dict(zip(self.names, self.values, strict=True))))
+        names = tuple(named(self.values))
         values, slopes = np.asarray(row(self.values)), np.asarray(jax.jacfwd(row)(self.values))
         return Estimate(names, values, slopes @ self.covariance @ slopes.T)
 
     def chosen(self, names: Sequence[str]) -> "Estimate":
-        """Some of them."""
+        """Estimate of these names only."""
         rows = [self.names.index(name) for name in names]
         return Estimate(tuple(names), self.values[rows], self.covariance[np.ix_(rows, rows)])
 
@@ -80,7 +87,10 @@ def joined(*estimates: Estimate) -> Estimate:
 def coloured_covariance(
     jacobians: Sequence[Float[np.ndarray, "T n"]], correlations: Sequence[Float[np.ndarray, " L"]]
 ) -> Float[np.ndarray, "n n"]:
-    """Covariance of a least-squares fit to runs of rows without gaps; residuals of run k have the autocorrelation `correlations[k]`."""
+    """Covariance of a least-squares fit to runs of rows without gaps.
+
+    The residuals of run k have the autocorrelation `correlations[k]`.
+    """
     spread, information = 0.0, 0.0
     for J, one_sided in zip(jacobians, correlations, strict=True):
         c = one_sided[: len(J)]
@@ -88,28 +98,35 @@ def coloured_covariance(
         spread = spread + J.T @ fftconvolve(J, two_sided, axes=0)[len(c) - 1 : len(c) - 1 + len(J)]
         information = information + J.T @ J
     inverse = scaled_inverse(np.asarray(information))
-    return inverse @ np.asarray(spread) @ inverse
+    with np.errstate(invalid="ignore"):  # infinite where nothing is seen
+        return inverse @ np.asarray(spread) @ inverse
 
 
 def autocorrelation(
     residuals: Sequence[Float[np.ndarray, " T"]], lags: int
 ) -> Float[np.ndarray, " lags+1"]:
-    """Mean of r(k) r(k + l) for l = 0..lags, as it is over the first half of them and tapered to nothing over the second.
+    """Mean of r(k) r(k + l) for l = 0..lags, tapered to nothing over the second half of the lags.
 
     The flat top keeps correlations of up to half the lags unbiased (Politis & Romano, J. Time
     Series Analysis 16, 1995).
     """
     rows = sum(len(r) for r in residuals)
-    products = [
-        sum(float(r[: max(len(r) - lag, 0)] @ r[lag:]) for r in residuals)
-        for lag in range(lags + 1)
-    ]
-    return np.array(products) / rows * np.minimum(1, 2 * (1 - np.arange(lags + 1) / (lags + 1)))
+
+    def product(lag: int) -> float:
+        return sum(float(r[: max(len(r) - lag, 0)] @ r[lag:]) for r in residuals)
+
+    products = np.array([product(lag) for lag in range(lags + 1)])
+    taper = np.minimum(1, 2 * (1 - np.arange(lags + 1) / (lags + 1)))
+    return products / rows * taper
 
 
 def scaled_inverse(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
-    """Inverse of a positive matrix whose rows may differ by many orders of magnitude; directions that are not seen come out huge."""
+    """Inverse of a positive matrix whose rows may differ by many orders of magnitude.
+
+    Directions that are not seen come out huge, or infinite.
+    """
     scale = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     values = np.maximum(values, np.finfo(float).eps * len(scale))
-    return (vectors / values) @ vectors.T / np.outer(scale, scale)
+    with np.errstate(over="ignore"):
+        return (vectors / values) @ vectors.T / np.outer(scale, scale)

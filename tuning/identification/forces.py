@@ -28,19 +28,18 @@ from tuning.identification.slides import SLOWEST, WINDOW, Slide, slides
 # little more
 CORRELATED = 12
 CURVATURES = (0.0, 10.0)  # starts of w, over the largest speed squared: it has local minima
-SIGNIFICANT = (
-    3.5**2
-)  # what w has to gain of the squares, over the variance of noise: as much as 3.5 deviations
+# squares that w has to gain, over the variance of noise: as much as 3.5 deviations
+SIGNIFICANT = 3.5**2
 BOUNDS = {
-    "curvature": (-0.9, np.inf),
-    "pole_pitch": (-0.5, 0.5),
-}  # of w, likewise: friction has a pole at -1; of the pitch's stretch
+    "curvature": (-0.9, np.inf),  # of w, over the largest speed squared: friction has a pole at -1
+    "pole_pitch": (-0.5, 0.5),  # of the pitch's stretch
+}
 NO_COGGING = Harmonics(1.0, 0)
 COMPLEX_STEP = 1e-30  # for derivatives that are exact to rounding
 
 
 class ForceFit(NamedTuple):
-    """The balance as fitted at a known k_t.
+    """Fitted balance of forces at a known k_t.
 
     Attributes:
         estimate: total_mass, tool_mass, break_away f_0, viscous, constant_force, drop q, curvature
@@ -86,7 +85,8 @@ def fit_forces(
     found = [slide for record in records for slide in slides(record, window)]
     if {slide.direction for slide in found} != {-1.0, 1.0}:
         raise ValueError(
-            f"motion: the motor needs to slide both ways, faster than {1e3 * SLOWEST:g} mm/s for longer than {2 * window:.2g} s at a time"
+            f"motion: the motor needs to slide both ways, faster than {1e3 * SLOWEST:g} mm/s "
+            f"for longer than {2 * window:.2g} s at a time"
         )
     lines = _left_over(_fit(found, force_constant, NO_COGGING, ("curvature",)), found)
     cogging = harmonics(lines, pole_pitch)
@@ -108,16 +108,19 @@ class _Fit(NamedTuple):
 def _fit(
     found: Sequence[Slide], force_constant: float, cogging: Harmonics, searched: tuple[str, ...]
 ) -> _Fit:
-    """Least squares over all slides; of pole_pitch and curvature those in `searched` are free, the others pitch as given and zero."""
+    """Least squares over all slides.
+
+    Pole pitch and curvature are free where they are in `searched`; otherwise the pitch is the given
+    one, and the curvature zero.
+    """
     fixed = {"curvature": 0.0, "pole_pitch": cogging.pole_pitch}
     scale = {"curvature": _fastest(found) ** -2, "pole_pitch": cogging.pole_pitch}
     ends = np.cumsum([len(slide.time) for slide in found])[:-1]
     force = force_constant * np.concatenate([slide.current for slide in found])
 
     def shape(z):
-        return fixed | {
-            name: fixed[name] + scale[name] * x for name, x in zip(searched, z, strict=True)
-        }
+        moved = zip(searched, z, strict=True)
+        return fixed | {name: fixed[name] + scale[name] * x for name, x in moved}
 
     def columns(z):
         return np.concatenate([_columns(slide, cogging.count, **shape(z)) for slide in found])
@@ -133,41 +136,38 @@ def _fit(
     z = np.zeros(0)
     if searched:
         bounds = tuple(zip(*(BOUNDS[name] for name in searched), strict=True))
-        starts = [
-            np.array([w if name == "curvature" else 0.0 for name in searched]) for w in CURVATURES
-        ]
-        z = min(
-            (least_squares(residual, start, bounds=bounds) for start in starts),
-            key=lambda one: one.cost,
-        ).x
-    steps = COMPLEX_STEP * 1j * np.eye(len(searched))
+        curved = np.array([float(name == "curvature") for name in searched])
+        tries = [least_squares(residual, w * curved, bounds=bounds) for w in CURVATURES]
+        z = min(tries, key=lambda one: one.cost).x
     linear, left = solved(z)
-    bent = [
-        (columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name]
-        for step, name in zip(steps, searched, strict=True)
-    ]
+    bent = []
+    for step, name in zip(COMPLEX_STEP * 1j * np.eye(len(searched)), searched, strict=True):
+        bent.append((columns(z + step) @ linear).imag / COMPLEX_STEP / scale[name])
     slopes = np.split(np.column_stack([columns(z), *bent]), ends)
     residuals = np.split(left, ends)
-    covariance = coloured_covariance(slopes, [autocorrelation(residuals, CORRELATED)] * len(slopes))
+    correlations = [autocorrelation(residuals, CORRELATED)] * len(slopes)
     names = (*_linear_names(found, cogging.count), *searched)
-    return _Fit(
-        Estimate(names, np.append(linear, [shape(z)[name] for name in searched]), covariance),
-        residuals,
-    )
+    values = np.append(linear, [shape(z)[name] for name in searched])
+    return _Fit(Estimate(names, values, coloured_covariance(slopes, correlations)), residuals)
 
 
 def _gain(fit: _Fit, wider: _Fit) -> float:
-    """How much more of the squares the wider fit explains, over the variance of its slow noise; of noise alone it is a chi-square."""
+    """Squares that the wider fit explains more, over the variance of its slow noise.
+
+    Of noise alone it is a chi-square. Without noise it is infinite, or zero if both explain alike.
+    """
     correlation = autocorrelation(wider.residuals, CORRELATED)
     variance = correlation[0] + 2 * correlation[1:].sum()
     squares, wider_squares = (
         float(np.sum(np.concatenate(one.residuals) ** 2)) for one in (fit, wider)
     )
+    if variance == 0:
+        return np.inf if squares > wider_squares else 0.0
     return (squares - wider_squares) / variance
 
 
 def _columns(slide: Slide, count: int, curvature: complex, pole_pitch: complex) -> np.ndarray:
-    """What every linear parameter is multiplied by (R, n), in the order of `_linear_names`."""
+    """Factors of all linear parameters (R, n), in the order of `_linear_names`."""
     squared, ones = slide.speed**2, np.ones(len(slide.time))
     fall = squared / (1 + curvature * squared) @ slide.weights
     angle = 2 * np.pi / pole_pitch * slide.position
@@ -199,7 +199,10 @@ def _linear_names(found: Sequence[Slide], count: int) -> list[str]:
 
 
 def _left_over(fit: _Fit, found: Sequence[Slide]) -> Spectrum:
-    """Spectrum of minus the residual over the slower half of all rows, where windows are short against a pole pitch."""
+    """Spectrum of minus the residual over the slower half of all rows.
+
+    There windows are short against a pole pitch.
+    """
     speed = np.concatenate([np.abs(slide.speed @ slide.weights) for slide in found])
     position = np.concatenate([slide.position @ slide.weights for slide in found])
     slow = speed <= np.median(speed)

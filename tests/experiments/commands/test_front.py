@@ -1,11 +1,13 @@
 """`front` on a small machine, from the command line."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands import front as command_front
 from experiments.commands.front import (
     BudgetPoint,
     FrontResult,
@@ -30,7 +32,9 @@ def flags(machine_file, part_file):
 @pytest.fixture(scope="module")
 def traced(tmp_path_factory, flags):
     folder = tmp_path_factory.mktemp("front") / "run"
-    assert main(["front", *flags, "--out", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(command_front, "EFFORT", replace(command_front.EFFORT, starts=1, scatter=2))
+        assert main(["front", *flags, "--out", str(folder)]) == 0
     return folder
 
 

@@ -2,10 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.identify import FoundParameter, IdentifyResult, RecordedTest, show
 from experiments.files.axis_file import axis_from
+from experiments.files.results import read_result
+from experiments.reports.tables import console_of
 
 HEADER = "time,motor_position,current_q"
 
@@ -48,11 +52,8 @@ def test_the_demonstration(demo):
 
 
 def test_what_is_printed(demo, capsys):
-    from experiments.commands.identify import show
-    from experiments.reports.tables import console_of
-
-    folder, summary = demo
-    show(summary, folder, console_of())
+    folder, _ = demo
+    show(read_result(folder, IdentifyResult), console_of())
     printed = capsys.readouterr().out
     assert "simulated: the axis of Yuan, section 3.3, encoders of 1 um" in printed
     (line,) = [line for line in printed.splitlines() if line.split()[:1] == ["stribeck_speed"]]
@@ -75,6 +76,56 @@ def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
         if one["separated"]:  # written to nine digits
             width = one["interval"][1] - one["interval"][0]
             assert other["value"] == pytest.approx(one["value"], abs=0.01 * width), one["parameter"]
+
+
+def shown(capsys, **changed):
+    """Cells that are printed for a parameter that is found like this."""
+    values = {"separated": True, "value": 0.0, "interval": (-1.0, 1.0), "truth": None} | changed
+    parameter = FoundParameter("viscous", "N", **values)
+    test = RecordedTest("sweep", 10, 0.1, 1.0)
+    show(
+        IdentifyResult("a.csv", [test], [parameter], 0.1, {"force_N": 0.0}, [], None), console_of()
+    )
+    lines = capsys.readouterr().out.splitlines()
+    (line,) = [line for line in lines if line.split()[:1] == ["viscous"]]
+    return line.split()[2:]
+
+
+def test_a_parameter_that_is_not_determined_has_no_numbers(capsys):
+    unknown = (-np.inf, np.inf)
+    assert shown(capsys, value=3.0, interval=unknown, separated=False) == [
+        "not",
+        "separated",
+        "-",
+        "-",
+    ]
+    assert shown(capsys, value=3.0, interval=(np.nan, np.nan)) == ["3", "-", "-"]
+    assert shown(capsys, value=None, interval=None) == ["-", "-", "-"]
+    assert shown(capsys, value=0.0, interval=(0.0, 0.0)) == ["0", "0", "...", "0", "-"]
+    assert shown(capsys, value=0.0, truth=0.0) == ["0", "-1", "...", "1", "-", "0", "-"]
+
+
+def sliding_without_current():
+    """To and fro at four speeds, the current zero throughout: no force at all is seen."""
+    dt, place, rows = 1e-3, 0.0, [HEADER]
+    for speed in (0.05, 0.1, 0.2, 0.3):
+        for direction in (1, -1):
+            for k in range(1000):
+                rows.append(f"{dt * (len(rows) - 1):.6f},{place:.9f},0")
+                place += direction * dt * min(speed, 2 * dt * k, 2 * dt * (1000 - k))
+    return "\n".join(rows)
+
+
+def test_a_break_away_force_of_zero_is_an_answer(tmp_path, capsys):
+    data, folder = tmp_path / "free.csv", tmp_path / "run"
+    data.write_text(sliding_without_current())
+    assert main(["identify", str(data), "--force-constant", "80", "--out", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "a sweep to 0.45 m/s or more would separate them" in printed
+    assert "Drawn: model.png, residuals.png" in printed
+    assert "No axis file: the model has an end effector, the data do not" in printed
+    rows = {row.parameter: row for row in read_result(folder, IdentifyResult).parameters}
+    assert rows["break_away"].value == 0 and not rows["coulomb"].separated
 
 
 @pytest.mark.parametrize(
