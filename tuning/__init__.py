@@ -1,1 +1,17 @@
-"""Tuning by gradient: weights in, closed-loop metrics out, better weights back. Knows controllers and plants only by their contracts."""
+"""Tuning by gradient: weights in, closed-loop metrics out, better weights back.
+
+The tuner knows controllers and plants only by their contracts. All files are reached from here, as
+`tuning.tune.tune` or `tuning.problem.Problem`; each is imported when it is first used.
+"""
+
+from importlib import import_module
+from types import ModuleType
+
+_FILES = ("objectives", "parameters", "pareto", "problem", "sweep", "tune", "verify")
+
+
+def __getattr__(name: str) -> ModuleType:
+    """A file of the tuner, on first use."""
+    if name in _FILES:
+        return import_module(f"tuning.{name}")
+    raise AttributeError(f"module 'tuning' has no attribute {name!r}")

@@ -1,8 +1,7 @@
-"""What to make small and what to respect: functions of Metrics with axes (contour, plant).
+"""Objectives and limits: functions of Metrics with axes (contour, plant).
 
-An objective returns positive values, the largest of which is made small (one value is simply made
-small). A limit returns a vector
-that must not be above zero: ln(value / limit), so that a per cent counts alike on every machine.
+An objective returns positive values; the largest is made small. A limit returns a vector that must
+not be above zero, ln(value / limit), so that a per cent counts alike on every machine.
 """
 
 from collections.abc import Callable
@@ -43,7 +42,11 @@ def no_limits(metrics: Metrics) -> Float[Array, " 0"]:
 
 
 class AtMost(eqx.Module):
-    """Limits on metrics by name, for every contour and plant: `AtMost(rms_increment=0.114, rms_tracking_error=100e-6)`.
+    """Limits on metrics by name, for every contour and plant.
+
+    >>> limits = AtMost(rms_increment=0.114, rms_tracking_error=100e-6)
+    >>> limits.names
+    ('rms_increment', 'rms_tracking_error')
 
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
@@ -75,6 +78,5 @@ class AtMost(eqx.Module):
 
 
 def _log(value: Float[Array, "..."]) -> Float[Array, "..."]:
-    return jnp.log(
-        jnp.maximum(value, 1e-30)
-    )  # 1e-30: nothing measurable is smaller, and ln 0 would have no gradient
+    least = 1e-30  # nothing measurable is smaller, and ln 0 would have no gradient
+    return jnp.log(jnp.maximum(value, least))

@@ -1,4 +1,4 @@
-"""Which weights are free, and where they may go: a tree of constraints that mirrors the tree of weights.
+"""Constraints of weights: a tree that mirrors the tree of weights.
 
     space = LQWeights-shaped tree, one entry per weight:  Positive() | Interval(low, high) | Free()
     | Fixed()
@@ -19,7 +19,7 @@ Weights = Any  # any pytree of arrays
 
 
 class Parameter(eqx.Module):
-    """How one weight (a scalar or an array) is tuned."""
+    """Constraint of one weight, a scalar or an array."""
 
     @abc.abstractmethod
     def coordinate(self, weight: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -35,7 +35,11 @@ class Parameter(eqx.Module):
 
 
 class Positive(Parameter):
-    """w = exp z: any positive weight, moved by ratios."""
+    """w = exp z: any positive weight, moved by ratios.
+
+    >>> round(float(Positive().weight(Positive().coordinate(3.0))), 12)
+    3.0
+    """
 
     def coordinate(self, weight):
         """log w."""
@@ -51,7 +55,12 @@ class Positive(Parameter):
 
 
 class Interval(Parameter):
-    """Strictly between two bounds; on a logarithmic scale when both are positive, so that decades count alike.
+    """Strictly between two bounds.
+
+    The scale is logarithmic when both are positive, so that decades count alike.
+
+    >>> round(float(Interval(0.01, 100.0).weight(0.0)), 12)  # the middle of four decades
+    1.0
 
     Raises:
         ValueError: the bounds are not finite or not in order.
@@ -63,7 +72,8 @@ class Interval(Parameter):
     def __check_init__(self):
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
             raise ValueError(
-                f"Interval: needs finite bounds with low < high, received {self.low} and {self.high}"
+                "Interval: needs finite bounds with low < high, "
+                f"received {self.low} and {self.high}"
             )
 
     def coordinate(self, weight):
@@ -119,18 +129,27 @@ class Fixed(Parameter):
 
 
 class LQSpace(NamedTuple):
-    """Space of `LQWeights`; the stage profile is tuned only when both the weights and the space have one."""
+    """Space of `LQWeights`.
+
+    The stage profile is tuned only when both the weights and the space have one.
+    """
 
     alpha: Parameter = Positive()
     beta: Parameter = Positive()
-    rho: Parameter = (
-        Fixed()
-    )  # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
+    # only alpha/rho and beta/rho matter: with rho free one direction of the weights is flat
+    rho: Parameter = Fixed()
     stage: Parameter | None = None
 
 
 class Chart(NamedTuple):
-    """The coordinates of a space around a start: `weights(z)` with every fixed weight as it started."""
+    """Coordinates of a space around a start; every fixed weight stays as it started.
+
+    >>> chart = Chart({"gain": Positive(), "time": Fixed()}, {"gain": 2.0, "time": 0.5})
+    >>> chart.coordinates().shape
+    (1,)
+    >>> float(chart.weights(jnp.zeros(1))["gain"])
+    1.0
+    """
 
     space: Any
     start: Weights
@@ -174,6 +193,7 @@ class Chart(NamedTuple):
         weights = jax.tree.leaves(self.start)
         if len(parameters) != len(weights):
             raise ValueError(
-                f"space: needs one parameter per weight, received {len(parameters)} for {len(weights)} weights"
+                f"space: needs one parameter per weight, "
+                f"received {len(parameters)} for {len(weights)} weights"
             )
         return parameters, weights

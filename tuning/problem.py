@@ -1,4 +1,4 @@
-"""What is tuned: how weights build a controller, which machines and contours it meets, what is made small and what is respected."""
+"""A tuning problem: controller, machines, contours, objective and limits."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -20,11 +20,10 @@ from tuning.parameters import Chart, Weights
 
 Numbers = Array | np.ndarray  # inside jit or on the host
 
-# of the smooth maximum: low enough for a curved valley to stay easy, the shares do the rest
+# exponent of the smooth maximum: low enough for a curved valley to stay easy
 SHARPNESS = 16.0
 LEAST_SHARE = 1e-6  # a value that does not matter now may come back
-# the tuner aims this hair inside every limit, so that its last point is feasible to 1e-6 without a
-# repair
+# the tuner aims this much inside every limit: its last point is feasible to 1e-6 without a repair
 LIMIT_MARGIN = 1e-5
 
 
@@ -63,12 +62,8 @@ class Problem(eqx.Module):
         runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
 
         def both():
-            metrics = Metrics(
-                **{
-                    row.name: jnp.ones(runs, bool if row.name == "diverged" else float)
-                    for row in fields(Metrics)
-                }
-            )
+            ones = {row.name: jnp.ones(runs) for row in fields(Metrics)}
+            metrics = Metrics(**{**ones, "diverged": jnp.ones(runs, bool)})
             return self.limits(metrics), self.objective(metrics)
 
         limits, values = jax.eval_shape(both)
@@ -76,7 +71,14 @@ class Problem(eqx.Module):
 
 
 def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[Array, ""]:
-    """(sum of share v^p)^(1/p), p = SHARPNESS: exactly the maximum once the shares are its multipliers, smooth at any time."""
+    """(sum of share v^p)^(1/p), p = SHARPNESS.
+
+    It is smooth, and exactly the maximum once the shares are its multipliers.
+
+    >>> values = jnp.array([3.0, 3.0])
+    >>> round(float(smooth_maximum(values, jnp.array([0.5, 0.5]))), 12)
+    3.0
+    """
     largest = jax.lax.stop_gradient(jnp.max(values))
     return largest * jnp.sum(shares * (values / largest) ** SHARPNESS) ** (1 / SHARPNESS)
 
@@ -84,20 +86,21 @@ def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -
 def earned_shares(
     values: Float[Numbers, " v"], shares: Float[Numbers, " v"]
 ) -> Float[np.ndarray, " v"]:
-    """Next shares, in proportion to share v^p (the exponential method of multipliers for a minimax)."""
+    """Next shares, in proportion to share v^p.
+
+    This is the exponential method of multipliers for a minimax.
+    """
     earned = shares * (values / np.max(values)) ** SHARPNESS
     return np.maximum(earned / np.sum(earned), LEAST_SHARE)
 
 
 class Merit(NamedTuple):
-    """How the augmented Lagrangian weighs the objective against the limits."""
+    """Weights of objective and limits in the augmented Lagrangian."""
 
     multipliers: Float[Numbers, " c"]
     penalty: Float[Numbers, ""]
     scale: Float[Numbers, ""]  # of the objective
-    shares: Float[
-        Numbers, " v"
-    ]  # of the objective's values in the smooth maximum: their multipliers, with sum one
+    shares: Float[Numbers, " v"]  # multipliers of the objective's values, with sum one
 
 
 class Point(NamedTuple):
@@ -113,7 +116,9 @@ class Point(NamedTuple):
 
 @eqx.filter_jit
 def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"], merit: Merit) -> Point:
-    """Augmented Lagrangian L = f / scale + sum(max(0, lambda + mu (c + margin))^2 - lambda^2) / (2 mu) and its gradient at z.
+    """Augmented Lagrangian at z, with its gradient.
+
+        L = f / scale + sum(max(0, lambda + mu (c + margin))^2 - lambda^2) / (2 mu)
 
     f is the smooth maximum of the objective's values under the shares they have earned so far.
 

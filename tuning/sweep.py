@@ -1,4 +1,4 @@
-"""Many designs at once: metrics (design, contour, plant) of a batch of weights, and the batches to sweep.
+"""Many designs at once: metrics (design, contour, plant) of a batch of weights.
 
 The preview is an integer that shapes the program, so it is swept by the caller, one compiled
 program each.
@@ -45,7 +45,12 @@ def sweep(
 
 
 def grid(**values: Sequence[float]) -> dict[str, Float[Array, " D"]]:
-    """Every combination of the named values, the last name fastest: `LQWeights(**...)` of it is a batch of designs.
+    """Every combination of the named values, the last name fastest.
+
+    `LQWeights(**grid(...))` is a batch of designs.
+
+    >>> {name: column.tolist() for name, column in grid(alpha=[1, 2], rho=[0.1]).items()}
+    {'alpha': [1.0, 2.0], 'rho': [0.1, 0.1]}
 
     Raises:
         ValueError: a name has no values.
@@ -60,7 +65,11 @@ def grid(**values: Sequence[float]) -> dict[str, Float[Array, " D"]]:
 def random_sample(
     count: int, seed: int, **ranges: tuple[float, float]
 ) -> dict[str, Float[Array, " D"]]:
-    """`count` designs, each named value drawn on a logarithmic scale between its two positive bounds.
+    """`count` designs, each value drawn on a logarithmic scale between two positive bounds.
+
+    >>> sample = random_sample(3, seed=0, alpha=(0.1, 10.0))
+    >>> sample["alpha"].shape
+    (3,)
 
     Raises:
         ValueError: the count is below one, or bounds are not positive and in order.

@@ -56,6 +56,9 @@ FIRST_PENALTY = 4.0
 class Effort:
     """How much a run may try: `QUICK`, `THOROUGH`, or numbers of your own.
 
+    >>> replace(QUICK, seed=1).outer_steps
+    4
+
     Attributes:
         starts: descents, from the given weights first, then from promising scattered points;
             hopeless ones are given up early.

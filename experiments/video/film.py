@@ -1,4 +1,4 @@
-"""A film of a run, whatever the machine: what it shows, who makes it, and what a user is told of it."""
+"""A film of a run: its content, its maker, and the lines that tell a user of it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,11 +12,11 @@ MP4_NEEDS = "an MP4 needs `pip install 'jcontour[video]'`, or `uv run --extra vi
 
 
 class VideoError(ValueError):
-    """There is no video; one line that says why and what helps."""
+    """A video that cannot be made; one line says why and what helps."""
 
 
 class Film(NamedTuple):
-    """What is shown, sample by sample.
+    """Content of a film, sample by sample.
 
     Attributes:
         time: [s] (T,).
@@ -24,7 +24,7 @@ class Film(NamedTuple):
         tool: (T, 2) [m].
         error: (T, 2) [m], from the nearest point of the contour to the tool.
         path: (T, 2) [m], where the tool should be.
-        title: what it is.
+        title: heading of every frame.
     """
 
     time: np.ndarray
@@ -36,7 +36,7 @@ class Film(NamedTuple):
 
 
 class FilmMaker(NamedTuple):
-    """What films one machine.
+    """Functions that film one machine.
 
     Attributes:
         watch: the pose (n,) of a plant in a state, traced; what a replay has to keep.
@@ -49,8 +49,9 @@ class FilmMaker(NamedTuple):
 
 
 def lines(video: dict[str, Any], folder: Path) -> list[str]:
-    """What a user is told of a recorded film."""
-    told = [
-        f"Video: {folder / video['file']}, {video['seconds']:.3g} s, {video['pace']}, {video['magnified']}"
-    ]
-    return told + ([f"It is a GIF: {MP4_NEEDS}"] if video["file"].endswith(".gif") else [])
+    """Lines that tell a user of a recorded film."""
+    file = video["file"]
+    told = (
+        f"Video: {folder / file}, {video['seconds']:.3g} s, {video['pace']}, {video['magnified']}"
+    )
+    return [told, f"It is a GIF: {MP4_NEEDS}"] if file.endswith(".gif") else [told]

@@ -1,4 +1,4 @@
-"""One frame of a gantry's video after the other: MuJoCo's picture, the plan of the path, twist and contour error up to now.
+"""Frames of a gantry's video: MuJoCo's picture, plan of the path, twist and contour error.
 
 The twist theta is drawn n times as large, about the tool, which stays where it is: the pose (x_h,
 y_N, n theta) whose tool is at P_e of `gantry_parameters`. The contour error is magnified in the
@@ -27,19 +27,21 @@ SIZE, DPI = (960, 672), 100  # [pixels] of a frame: whole blocks of a codec
 
 
 def twist_factor(film: Film) -> int:
-    """How many times the twist is magnified."""
+    """Factor by which the twist is magnified."""
     return magnification(np.abs(film.pose[:, 2]).max(), TWIST_SHOWN)
 
 
 def error_factor(film: Film) -> int:
-    """How many times the contour error is magnified."""
-    return magnification(
-        np.linalg.norm(film.error, axis=1).max(), ERROR_SHOWN * np.ptp(film.path, axis=0).max()
-    )
+    """Factor by which the contour error is magnified."""
+    largest = np.linalg.norm(film.error, axis=1).max()
+    return magnification(largest, ERROR_SHOWN * np.ptp(film.path, axis=0).max())
 
 
 def magnification(peak: float, shown: float) -> int:
-    """Largest factor 1, 2, 5, 10, 20, ... under which the peak is at most `shown`; within 1 and `LARGEST_FACTOR`."""
+    """Largest factor 1, 2, 5, 10, 20, ... under which the peak is at most `shown`.
+
+    It is at least 1 and at most `LARGEST_FACTOR`.
+    """
     if peak * LARGEST_FACTOR <= shown:
         return LARGEST_FACTOR
     return max(1, round(1 / least_round(peak / shown)))
@@ -64,8 +66,8 @@ class Frames:
     Args:
         scene: a `gantry_scene.Scene`, or whatever has its `picture`.
         parameters: of the machine.
-        film: what is shown; its poses are (x_h, y_N, theta) [m, m, rad].
-        pace: of the video, in words.
+        film: its poses are (x_h, y_N, theta) [m, m, rad].
+        pace: speed of the video, in words.
     """
 
     def __init__(self, scene: Any, parameters: GantryParameters, film: Film, pace: str):
@@ -92,18 +94,17 @@ class Frames:
 
     @property
     def title(self) -> str:
-        """What stands above the frame."""
+        """Heading of the frame."""
         return self._heading.get_text()
 
     def pixels(self, sample: int) -> np.ndarray:
-        """(height, width, 3) of a sample."""
+        """Pixels (height, width, 3) of the frame at a sample."""
         film, seen = self._film, slice(0, sample + 1)
         pose = posed(self._parameters, film.tool[sample], twist_factor(film) * film.pose[sample, 2])
         straight = film.tool[sample, 1] + float(self._parameters.tool_offset)
         self._machine.set_data(self._scene.picture(pose, straight))
-        self._heading.set_text(
-            f"{film.title}    t = {film.time[sample]:.3f} s, {self._pace}    twist x {twist_factor(film):,}"
-        )
+        time = f"t = {film.time[sample]:.3f} s, {self._pace}"
+        self._heading.set_text(f"{film.title}    {time}    twist x {twist_factor(film):,}")
         self._traced.set_data(*self._trace[seen].T)
         self._tip.set_data(*self._trace[sample : sample + 1].T)
         for line, values in zip(self._lines, self._signals, strict=True):
@@ -117,19 +118,11 @@ class Frames:
 def _machine_panel(axes: Axes) -> tuple[AxesImage, Text]:
     axes.set_axis_off()
     axes.set_title(" ")  # its room
-    picture = axes.imshow(
-        np.full((*PICTURE[::-1], 3), 255, np.uint8), interpolation="nearest", animated=True
-    )
-    return picture, axes.text(
-        0.5,
-        1.01,
-        "",
-        ha="center",
-        va="bottom",
-        fontsize=12,
-        transform=axes.transAxes,
-        animated=True,
-    )
+    white = np.full((*PICTURE[::-1], 3), 255, np.uint8)
+    picture = axes.imshow(white, interpolation="nearest", animated=True)
+    heading = axes.text(0.5, 1.01, "", ha="center", va="bottom", fontsize=12, animated=True)
+    heading.set_transform(axes.transAxes)
+    return picture, heading
 
 
 def _plan_panel(axes: Axes, film: Film, trace: np.ndarray) -> tuple[Line2D, Line2D]:
@@ -143,10 +136,8 @@ def _plan_panel(axes: Axes, film: Film, trace: np.ndarray) -> tuple[Line2D, Line
         ylabel="y [mm]",
     )
     axes.set_title(f"contour error x {error_factor(film):,}", fontsize=11)
-    (traced,), (tip,) = (
-        axes.plot([], [], color="C1", linewidth=1.1, animated=True),
-        axes.plot([], [], "o", color="C1", animated=True),
-    )
+    (traced,) = axes.plot([], [], color="C1", linewidth=1.1, animated=True)
+    (tip,) = axes.plot([], [], "o", color="C1", animated=True)
     return traced, tip
 
 

@@ -1,4 +1,4 @@
-"""A video of the gantry along its contour, from a run that is already there: its pace, its file, and what stands in its way."""
+"""A video of the gantry along its contour, from a run that is already there."""
 
 import os
 import platform
@@ -25,62 +25,66 @@ QUALITY = 8  # of an MP4, of 10: lines stay sharp
 COLOURS = 64  # of a GIF
 
 
-class Pace(NamedTuple):
+class Playback(NamedTuple):
     """Seconds of the run per second of the video, and the samples that are shown."""
 
     speed: float
     samples: np.ndarray
 
     @classmethod
-    def of(cls, time: np.ndarray) -> "Pace":
-        """Real time; the least round number of times slower, or faster, where the video would be too short, or too long."""
+    def of(cls, time: np.ndarray) -> "Playback":
+        """Real time, or a round number of times slower or faster.
+
+        The number is the least that keeps the video within `SHORTEST` and `LONGEST`.
+        """
         duration = float(time[-1] - time[0])
-        speed = (
-            1 / least_round(SHORTEST / duration)
-            if duration < SHORTEST
-            else max(1.0, least_round(duration / LONGEST))
-        )
+        if duration < SHORTEST:
+            speed = 1 / least_round(SHORTEST / duration)
+        else:
+            speed = max(1.0, least_round(duration / LONGEST))
         shown = np.arange(int(duration / speed * FPS) + 1) * speed / FPS
         return cls(speed, np.rint(shown / duration * (len(time) - 1)).astype(int))
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Speed in words."""
         if self.speed == 1:
             return "real time"
         return f"slowed {1 / self.speed:.4g} x" if self.speed < 1 else f"sped up {self.speed:.4g} x"
 
 
 def pose(plant: Plant, state: State) -> Float[Array, "3"]:
-    """(x_h, y_N, theta) of the gantry behind sensors, delays and limits: what a replay has to watch."""
-    gantry, own = unwrapped(plant, state)
-    return gantry.measure(own)[:3]
+    """Pose (x_h, y_N, theta) of the gantry behind sensors, delays and limits.
+
+    A replay has to watch it.
+    """
+    gantry, inner_state = unwrapped(plant, state)
+    return gantry.measure(inner_state)[:3]
 
 
 def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, Any]:
-    """Draw the film and write it into the folder: MP4 where the optional packages are, GIF elsewhere; its file, pace and factors.
+    """Draw the film and write it into the folder; its file, pace and factors.
+
+    The file is an MP4 where the optional packages are installed, a GIF elsewhere.
 
     Raises:
         VideoError: there is no OpenGL, or another MuJoCo.
     """
-    pace = Pace.of(film.time)
+    playback = Playback.of(film.time)
     path = film.path[np.linspace(0, len(film.path) - 1, SEGMENTS + 1).astype(int)]
     suffix, save = _format()
     with _scene(parameters, path) as scene:
-        frames = Frames(scene, parameters, film, pace.words)
+        frames = Frames(scene, parameters, film, playback.words)
         file = run_folder.write(
             folder / f"video{suffix}",
-            lambda temporary: save(temporary, map(frames.pixels, pace.samples)),
+            lambda temporary: save(temporary, map(frames.pixels, playback.samples)),
         )
-    twist, turned, off = (
-        float(np.abs(film.pose[:, 2]).max()),
-        twist_factor(film),
-        error_factor(film),
-    )
+    twist = float(np.abs(film.pose[:, 2]).max())
+    turned, off = twist_factor(film), error_factor(film)
     return {
         "file": file.name,
-        "pace": pace.words,
-        "seconds": len(pace.samples) / FPS,
+        "pace": playback.words,
+        "seconds": len(playback.samples) / FPS,
         "twist_factor": turned,
         "error_factor": off,
         "peak_twist_rad": twist,
@@ -89,11 +93,10 @@ def record(parameters: GantryParameters, film: Film, folder: Path) -> dict[str, 
 
 
 def _scene(parameters: GantryParameters, path: np.ndarray):
-    """A `gantry_scene.Scene`: everything that imports the engine, and OpenGL with it."""
+    """A `scene.Scene`: it imports the engine, and OpenGL with it."""
     if platform.system() == "Linux":
-        os.environ.setdefault(
-            "MUJOCO_GL", "egl"
-        )  # needs no display; the engine reads it when it is first imported
+        # needs no display; the engine reads it when it is first imported
+        os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         import_module("jcontour.plants.gantry.mujoco_engine")
     except ImportError as error:  # names the version that is needed
@@ -109,14 +112,15 @@ def _scene(parameters: GantryParameters, path: np.ndarray):
 
 def _no_opengl(error: Exception) -> VideoError:
     how = os.environ.get("MUJOCO_GL") or "not set"
-    helps = "install it (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri) or set MUJOCO_GL to another: egl, osmesa, glfw"
     return VideoError(
-        f"video: OpenGL cannot be opened (MUJOCO_GL is {how}: {checks.line(error)}); {helps}"
+        f"video: OpenGL cannot be opened (MUJOCO_GL is {how}: {checks.line(error)}); "
+        "install it (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri) "
+        "or set MUJOCO_GL to another: egl, osmesa, glfw"
     )
 
 
 def _format() -> tuple[str, Callable[[Path, Iterable[np.ndarray]], None]]:
-    """Suffix of the file, and what writes frames to it."""
+    """Suffix of the file, and the function that writes frames to it."""
     try:
         from imageio_ffmpeg import write_frames
     except ImportError:
@@ -133,12 +137,11 @@ def _format() -> tuple[str, Callable[[Path, Iterable[np.ndarray]], None]]:
 
 
 def _save_gif(path: Path, frames: Iterable[np.ndarray]) -> None:
-    """With one palette for all, that of the middle frame, so that what stands still costs nothing."""
+    """Write a GIF with one palette, that of the middle frame: still pixels then cost nothing."""
     pictures = [Image.fromarray(frame) for frame in frames]
-    palette = pictures[len(pictures) // 2].quantize(
-        COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3
-    )  # lines keep their colours
-    first, *others = (
-        picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures
-    )
+    middle = pictures[len(pictures) // 2]
+    # lines keep their colours
+    palette = middle.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3)
+    undithered = Image.Dither.NONE
+    first, *others = (one.quantize(palette=palette, dither=undithered) for one in pictures)
     first.save(path, save_all=True, append_images=others, duration=1000 // FPS, loop=0)

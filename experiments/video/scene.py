@@ -1,4 +1,7 @@
-"""Pictures of the gantry by MuJoCo: the machine at a pose, its path on the table. Loads OpenGL, which a machine may not have."""
+"""Pictures of the gantry by MuJoCo: the machine at a pose, its path on the table.
+
+It loads OpenGL, which a computer may not have.
+"""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -17,9 +20,8 @@ from jcontour.plants.gantry.parameters import GantryParameters
 PATH_RADIUS, STRAIGHT_RADIUS = 0.004, 0.003  # [m] of the lines that are drawn
 PATH_COLOUR, STRAIGHT_COLOUR = (0.1, 0.3, 0.75, 1.0), (0.85, 0.1, 0.1, 1.0)
 ABOVE_BEAM = 0.06  # [m]
-TILT = (
-    -60.0
-)  # [degrees] of the camera from the horizon: the beam's angle shows, and so do the drives
+# [degrees] of the camera from the horizon: the beam's angle shows, and so do the drives
+TILT = -60.0
 DISTANCE = 2.75  # of the camera, in half spans with their drives
 
 
@@ -28,7 +30,9 @@ class OpenGLError(Exception):
 
 
 class Scene(AbstractContextManager):
-    """The machine and the path (P, 2) [m] on its table; `picture` puts it to a pose. Close it, or use it in a `with`.
+    """The machine and the path (P, 2) [m] on its table; `picture` puts it to a pose.
+
+    Close it, or use it in a `with`.
 
     Raises:
         OpenGLError: no OpenGL can be opened.
@@ -46,12 +50,16 @@ class Scene(AbstractContextManager):
         self._shown = mujoco.MjvOption()
         self._shown.sitegroup[:] = False
         self._renderer = _opened(self._model, size)
-        self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = (
-            False  # half the time where the processor draws
-        )
+        shadows = mujoco.mjtRndFlag.mjRND_SHADOW  # half the time where the processor draws
+        self._renderer.scene.flags[shadows] = False
 
     def picture(self, pose: np.ndarray, straight: float) -> np.ndarray:
-        """Pixels (height, width, 3) at (x_h, y_N, theta), with a line where the beam's axis would be without twist, at y = `straight`."""
+        """Pixels (height, width, 3) of the machine at a pose.
+
+        Args:
+            pose: (x_h, y_N, theta) [m, m, rad].
+            straight: y of the line that is drawn where the beam's axis would be without twist [m].
+        """
         self._data.qpos[:] = pose[ENGINE_ORDER]
         mujoco.mj_forward(self._model, self._data)
         self._renderer.update_scene(self._data, self._camera, self._shown)

@@ -1,1 +1,4 @@
-"""Parameters of an axis from recorded data, each with an interval: `axis.identify` is all of it, every other file a part."""
+"""Parameters of an axis from recorded data, each with an interval.
+
+`axis.identify` does all of it; every other file is a part.
+"""

@@ -1,4 +1,4 @@
-"""Which harmonics cogging has: the force that friction and inertia leave over, as a spectrum over position."""
+"""Harmonics of cogging: the spectrum over position of the force that the other terms leave over."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ LEAST_PITCHES = 2.5
 
 
 class Spectrum(NamedTuple):
-    """Amplitude [N] of every line over its wavenumber [1/m], (F,) each, and the travel it was taken over [m]."""
+    """Amplitude [N] of every line over its wavenumber [1/m], (F,) each, and the travel [m]."""
 
     wavenumber: Float[np.ndarray, " F"]
     amplitude: Float[np.ndarray, " F"]
@@ -25,14 +25,20 @@ class Spectrum(NamedTuple):
 
 
 class Harmonics(NamedTuple):
-    """Pole pitch [m] and number of harmonics of it that stand out; where none does and the pitch was not given, it is the travel."""
+    """Pole pitch [m] and number of its harmonics that stand out.
+
+    Where none does and no pitch was given, the pitch is the travel.
+    """
 
     pole_pitch: float
     count: int
 
 
 def spectrum(position: Float[np.ndarray, " N"], force: Float[np.ndarray, " N"]) -> Spectrum:
-    """Spectrum over position of scattered values of the force, averaged in bins; Hann window, amplitudes of sines."""
+    """Spectrum over position of scattered values of the force.
+
+    The values are averaged in bins, under a Hann window; the amplitudes are those of sines.
+    """
     edges = np.linspace(position.min(), position.max(), BINS + 1)
     filled, _ = np.histogram(position, edges)
     sums, _ = np.histogram(position, edges, weights=force)
@@ -49,7 +55,7 @@ def spectrum(position: Float[np.ndarray, " N"], force: Float[np.ndarray, " N"]) 
 
 
 def harmonics(found: Spectrum, pole_pitch: float | None = None) -> Harmonics:
-    """The largest peak as the fundamental, unless the pitch is given, and how many of its multiples stand out.
+    """The largest peak as the fundamental, unless the pitch is given, and its multiples.
 
     Raises:
         ValueError: the travel is too short for the harmonics of the given pitch.
@@ -66,7 +72,8 @@ def harmonics(found: Spectrum, pole_pitch: float | None = None) -> Harmonics:
         pole_pitch = 1 / _top(found, peaks[np.argmax(found.amplitude[peaks])])
     if found.travel < LEAST_PITCHES * pole_pitch:
         raise ValueError(
-            f"pole_pitch: the slow passes travel {found.travel:.3g} m, {found.travel / pole_pitch:.2g} pole pitches of {pole_pitch:.3g} m; "
+            f"pole_pitch: the slow passes travel {found.travel:.3g} m, "
+            f"{found.travel / pole_pitch:.2g} pole pitches of {pole_pitch:.3g} m; "
             f"telling the harmonics of cogging apart needs {LEAST_PITCHES}"
         )
     near = gaussian_filter1d(found.amplitude, PADDED / 4)

@@ -1,4 +1,4 @@
-"""The tests of a commissioning on a simulated axis: what `identify` gets, from a plant whose parameters are known.
+"""The tests of a commissioning on a simulated axis, whose parameters are known.
 
 The plant is the d-q motor with its current loop in front of the flexible axis with stick and slip.
 A cascade moves it on the readings of its own encoders, so that their counts and noise are in the

@@ -1,4 +1,4 @@
-"""How noisy the encoders of motor and end effector are, from what a fit of the link leaves of the end effector's motion.
+"""Noise of the encoders of motor and end effector, from the residual of a fit of the link.
 
 White noise s_e of the end effector's encoder stays white; that of the motor's, s_m, goes through
 the link and rings. Their sum has the spectrum
@@ -16,7 +16,10 @@ from scipy.optimize import minimize
 def encoder_noise(
     residual: Float[np.ndarray, " T"], dt: float, link: Float[np.ndarray, " 2"]
 ) -> Float[np.ndarray, " 2"]:
-    """Standard deviations (s_m, s_e) [m] that best explain the residual; `link` is k_s / M_e [1/s^2], c_s / M_e [1/s]."""
+    """Standard deviations (s_m, s_e) [m] that best explain the residual.
+
+    `link` is k_s / M_e [1/s^2] and c_s / M_e [1/s].
+    """
     power = np.abs(np.fft.rfft(residual)[1:]) ** 2 / len(residual) / np.var(residual)
     passed = _passed(np.fft.rfftfreq(len(residual), dt)[1:], link)
 

@@ -1,4 +1,4 @@
-"""Masses, inertia, friction and joint stiffness of a gantry, from chirps on its drives with the head at several places.
+"""Masses, inertia, friction and joint stiffness of a gantry, from chirps on its drives.
 
 First the frequency responses, in which (5.7)-(5.9) of Yuan are linear for the small twists of such
 a test: with q the spectrum of the measured motion and m = M_e x - M_d L,
@@ -73,7 +73,10 @@ class Sheet(NamedTuple):
 def identify_gantry(
     records: Sequence[GantryRecord], sheet: Sheet, band: tuple[float, float] = BAND
 ) -> Estimate:
-    """Total mass [kg], inertia J_0 [kg m^2], head mass [kg], M_d L [kg m], b_y, b_x [N s/m] and k_r [N m/rad], with 95 % intervals.
+    """Masses, inertia, friction and stiffness of a gantry, with 95 % intervals.
+
+    They are total mass [kg], inertia J_0 [kg m^2], head mass [kg], M_d L [kg m], b_y, b_x [N s/m]
+    and k_r [N m/rad].
 
     The intervals hold for encoder noise that is white. Rounding is white too where the noise before
     it is half a count or more; with 0.3 of a count, 16 simulated commissionings had the truth in 88
@@ -92,7 +95,8 @@ def identify_gantry(
     if np.any(guess[POSITIVE] <= 0):
         found = ", ".join(f"{name} {value:.4g}" for name, value in zip(NAMES, guess, strict=True))
         raise ValueError(
-            f"records: no gantry of this sheet explains them ({found}); check signs, units and the order of the drives"
+            f"records: no gantry of this sheet explains them ({found}); "
+            "check signs, units and the order of the drives"
         )
     fit = output_error(
         _residual, signals, np.where(POSITIVE, np.log(np.where(POSITIVE, guess, 1.0)), guess), own
@@ -117,7 +121,10 @@ def first_guess(
 
 
 def antiresonance(estimate: Estimate, sheet: Sheet, head: float, coupled: bool) -> Estimate:
-    """Where the speed of drive 1 hardly answers its current [Hz]: by (5.12), or with the coupling m that it drops."""
+    """Frequency at which the speed of drive 1 hardly answers its current [Hz].
+
+    By (5.12), or with the coupling m that it drops.
+    """
 
     def frequency(p):
         coupling = (
@@ -158,7 +165,10 @@ def motion_of(shared: Float[Array, "7"], sheet: Float[Array, "5"]) -> EquationOf
 def _spectral_equations(
     record: GantryRecord, sheet: Sheet, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the three equations, over s^2 so that what encoders add counts alike at every frequency."""
+    """Rows of the three equations, divided by s^2.
+
+    Noise of the encoders then counts alike at every frequency.
+    """
     L, d, _, k_x, k_y = sheet
     hertz = np.fft.rfftfreq(len(record.readings) - 1, record.dt)
     inside = (hertz >= band[0]) & (hertz <= band[1])
@@ -200,7 +210,11 @@ def _from_logarithms(searched: dict) -> dict:
 def _residual(
     shared: Float[Array, "7"], own: Float[Array, "2"], currents, readings, sheet, dt
 ) -> Float[Array, " 3T"]:
-    """Simulated minus measured encoders; logarithms of what is positive; `own` is where head and beam begin."""
+    """Simulated minus measured encoders.
+
+    Positive parameters are given by their logarithms; `own` is the place of head and beam at the
+    beginning.
+    """
     motion, L, step = (
         motion_of(jnp.where(POSITIVE, jnp.exp(shared), shared), sheet),
         sheet[0],
@@ -225,28 +239,33 @@ def _residual(
 def _check(records: Sequence[GantryRecord], band: tuple[float, float]) -> None:
     if len(records) < 2:
         raise ValueError(
-            f"records: needs two head positions at least to tell the head's mass from the inertia, received {len(records)}"
+            "records: needs two head positions at least to tell the head's mass from the inertia, "
+            f"received {len(records)}"
         )
     places = np.sort([record.readings[:, 0].mean() for record in records])
     if np.diff(places).max() < 0.05:
         raise ValueError(
-            f"records: the head needs to be at places 50 mm apart at least, received {np.round(places, 4).tolist()} m"
+            "records: the head needs to be at places 50 mm apart at least, "
+            f"received {np.round(places, 4).tolist()} m"
         )
     for number, record in enumerate(records):
         for name in ("currents", "readings"):
             values = getattr(record, name)
             if values.ndim != 2 or values.shape[1] != 3 or not np.all(np.isfinite(values)):
                 raise ValueError(
-                    f"records: {name} of number {number} need shape (T, 3) and finite values, received {values.shape}"
+                    f"records: {name} of number {number} need shape (T, 3) and finite values, "
+                    f"received {values.shape}"
                 )
         if (
             len(record.currents) != len(record.readings)
             or len(record.readings) * record.dt < 2 / band[0]
         ):
             raise ValueError(
-                f"records: number {number} needs as many currents as readings, and two periods of {band[0]:g} Hz at least"
+                f"records: number {number} needs as many currents as readings, "
+                f"and two periods of {band[0]:g} Hz at least"
             )
         if band[1] > 0.25 / record.dt:
             raise ValueError(
-                f"band: {band[1]:g} Hz needs four rows in a period, received rows every {record.dt} s"
+                f"band: {band[1]:g} Hz needs four rows in a period, "
+                f"received rows every {record.dt} s"
             )

@@ -27,7 +27,9 @@ RESOLUTION, NOISE = (
 def commissioned(
     parameters: GantryParameters, seed: int, heads: Sequence[float] = HEADS, noise: float = NOISE
 ) -> list[GantryRecord]:
-    """A record for each head position: a chirp on drive 1, the same backwards on the held head, drive 2 without current.
+    """A record for each head position.
+
+    Drive 1 gets a chirp, the held head the same backwards, drive 2 no current.
 
     `noise` [m] is the standard deviation of what is added to the encoders before they count.
     """

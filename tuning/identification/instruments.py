@@ -1,4 +1,4 @@
-"""A driven axis as its instruments see it: encoders that count, and the mean current of every sample."""
+"""A driven axis as its instruments see it: counting encoders, mean current of every sample."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,11 @@ class Instruments(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The driven axis, the number of the sample, the motor's reading one sample ago [m], and the mean i_q since then [A]."""
+    """The driven axis, and what its instruments remember.
+
+    They are the number of the sample, the motor's reading one sample ago [m], and the mean i_q
+    since then [A].
+    """
 
     driven: DrivenState
     sample: Int[Array, ""]
@@ -35,7 +39,7 @@ class Seen(NamedTuple):
 
 
 class InstrumentedAxis(Plant):
-    """A single driven axis that measures the motor's encoder, and as its speed the difference of two readings.
+    """A single driven axis that measures its motor, the speed by the difference of two readings.
 
     Args:
         driven: sampled at the period of the drive.

@@ -1,4 +1,4 @@
-"""Stiffness and damping of the link, over the mass of the end effector, from how the end effector follows the motor.
+"""Stiffness and damping of the link over the end effector's mass, from the two positions.
 
 The end effector is driven by the motion of the motor alone, whatever moves the motor, so that
 friction, cogging and the force scale play no part:
@@ -35,7 +35,7 @@ LINES, DAMPED = 40, 0.1  # resonances tried for a start, and twice their damping
 
 
 class LinkFit(NamedTuple):
-    """k_s / M_e and c_s / M_e, what of the end effector's position they leave unexplained, and the noise it tells of.
+    """k_s / M_e and c_s / M_e, the residual of the end effector's position, and its noise.
 
     Attributes:
         residuals: of every record (T,) [m].
@@ -57,13 +57,15 @@ def fit_link(records: Sequence[Record]) -> LinkFit:
     records = with_tool(records)
     if not records:
         raise ValueError(
-            "tool_position: no test has the end effector; stiffness, damping and its mass cannot be seen without"
+            "tool_position: no test has the end effector; "
+            "stiffness, damping and its mass cannot be seen without"
         )
     signals = [_signals(record) for record in records]
     fit = output_error(_residual, signals, _start(signals), np.zeros((len(records), OWN)))
     if not (fit.converged and np.all(fit.shared > 0)):
         raise ValueError(
-            "tool_position: no spring and damper explain how the end effector follows the motor; check signs and units"
+            "tool_position: no spring and damper explain how the end effector follows the motor; "
+            "check signs and units"
         )
     noise = [
         encoder_noise(r, record.dt, fit.shared)
@@ -83,9 +85,8 @@ def _signals(record: Record) -> tuple[np.ndarray, np.ndarray, float]:
     assert record.tool is not None
     apart = record.tool - record.motor
     if np.ptp(record.motor) == 0 or np.ptp(apart) == 0:
-        raise ValueError(
-            f"{record.name}: the {'motor' if np.ptp(record.motor) == 0 else 'end effector against the motor'} does not move"
-        )
+        still = "motor" if np.ptp(record.motor) == 0 else "end effector against the motor"
+        raise ValueError(f"{record.name}: the {still} does not move")
     time = record.dt * np.arange(record.rows)
     return CubicSpline(time, record.motor)(time, 2), apart, record.dt
 

@@ -1,4 +1,4 @@
-"""Output-error fits: what a simulation leaves of several records, as small as its parameters can make it.
+"""Output-error fits: parameters under which a simulation comes nearest to several records.
 
 A simulation starts from recorded inputs only and never corrects itself by the recorded output, so
 that noise in the output is not mistaken for dynamics. Parameters are shared by all records, but for
@@ -40,7 +40,7 @@ class OutputError(NamedTuple):
     def covariance(
         self, correlations: Sequence[Float[np.ndarray, " L"]]
     ) -> Float[np.ndarray, "n n"]:
-        """Of the shared parameters, for residuals that have these autocorrelations in every record."""
+        """Covariance of the shared parameters, for these autocorrelations of every record."""
         n = len(self.shared)
         return coloured_covariance(self.slopes, correlations)[:n, :n]
 
@@ -51,7 +51,10 @@ def output_error(
     shared: Float[np.ndarray, " n"],
     own: Float[np.ndarray, "R m"],
 ) -> OutputError:
-    """Fit from a start; `signals` are what `residual` takes beside the parameters, for every record."""
+    """Fit from a start.
+
+    `signals` holds the arguments of `residual` beside the parameters, for every record.
+    """
     n, m = len(shared), own.shape[1]
 
     def parts(theta):

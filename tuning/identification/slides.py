@@ -92,7 +92,10 @@ def slides(record: Record, window: float = WINDOW) -> Iterator[Slide]:
 
 
 def _runs(direction: Float[np.ndarray, " T"], margin: int) -> Iterator[tuple[float, slice]]:
-    """Runs of one sign without `margin` samples at either end, where the smoothed speed sees beyond the run."""
+    """Runs of one sign without `margin` samples at either end.
+
+    There the smoothed speed sees beyond the run.
+    """
     ends = np.concatenate([[0], np.flatnonzero(np.diff(direction)) + 1, [len(direction)]])
     for a, b in zip(ends[:-1], ends[1:], strict=True):
         if direction[a] != 0 and b - a > 2 * margin:
@@ -100,5 +103,8 @@ def _runs(direction: Float[np.ndarray, " T"], margin: int) -> Iterator[tuple[flo
 
 
 def _second_difference(position: Float[np.ndarray, " T"], dt: float) -> Float[np.ndarray, " T-2"]:
-    """(x(k-1) - 2 x(k) + x(k+1)) / dt^2: the mean of the acceleration under a triangle from k-1 to k+1, exactly."""
+    """(x(k-1) - 2 x(k) + x(k+1)) / dt^2.
+
+    This is exactly the mean of the acceleration under a triangle from k-1 to k+1.
+    """
     return (position[2:] - 2 * position[1:-1] + position[:-2]) / dt**2

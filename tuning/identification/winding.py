@@ -60,7 +60,8 @@ def fit_winding(records: Sequence[Record]) -> WindingFit:
     )
     if not (fit.converged and np.all(fit.shared[:3] > 0)):
         raise ValueError(
-            "electrical: the fit gives a resistance, inductance or back EMF that is not above zero; check signs and units"
+            "electrical: the fit gives a resistance, inductance or back EMF that is not above "
+            "zero; check signs and units"
         )
     time_constant = fit.shared[1] / fit.shared[0]
     lags = int(np.ceil(CORRELATED * time_constant / min(record.dt for record in records)))
@@ -79,13 +80,15 @@ def _check(record: Record) -> None:
     ):
         if np.ptp(values) == 0:
             raise ValueError(
-                f"{record.name}: the {name} is constant; the electrical test needs a moving motor and changing current"
+                f"{record.name}: the {name} is constant; "
+                "the electrical test needs a moving motor and changing current"
             )
     if record.current_d is not None:
         stray = np.sqrt(np.mean(record.current_d**2) / np.mean(record.current**2))
         if stray > STRAY:
             raise ValueError(
-                f"{record.name}: current_d is {100 * stray:.0f} % of current_q; the electrical test needs it kept at zero"
+                f"{record.name}: current_d is {100 * stray:.0f} % of current_q; "
+                "the electrical test needs it kept at zero"
             )
 
 

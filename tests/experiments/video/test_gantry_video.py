@@ -15,7 +15,7 @@ from PIL import Image
 from experiments.catalogue.choices import job_named
 from experiments.cli import main
 from experiments.commands.simulate import film_of
-from experiments.jobs.job import Pace as PathPace
+from experiments.jobs.job import Playback as PathPace
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.gantry import gantry_machine
 from experiments.video import gantry_video
@@ -32,7 +32,7 @@ from experiments.video.frames import (
     posed,
     twist_factor,
 )
-from experiments.video.gantry_video import FPS, LONGEST, SHORTEST, Pace, pose
+from experiments.video.gantry_video import FPS, LONGEST, SHORTEST, Playback, pose
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
@@ -81,7 +81,7 @@ def test_factor_has_ends():
 )
 def test_pace(duration, speed, words):
     time = 3.0 + 1e-3 * np.arange(round(1000 * duration) + 1)
-    pace = Pace.of(time)
+    pace = Playback.of(time)
     assert pace.speed == pytest.approx(speed) and pace.words == words
     assert SHORTEST * 0.99 <= len(pace.samples) / FPS <= LONGEST + 1
     np.testing.assert_allclose(
