@@ -15,7 +15,7 @@ from PIL import Image
 from experiments.catalogue.choices import job_named
 from experiments.cli import main
 from experiments.commands.simulate import film_of
-from experiments.jobs.job import Playback as PathPace
+from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.gantry import gantry_machine
 from experiments.video import gantry_video
@@ -146,7 +146,7 @@ def test_pose_is_that_of_the_gantry_inside():
 def test_film_is_the_scored_part_of_the_stored_run():
     """The second lap of the nominal plant, in the run's own numbers."""
     machine = gantry_machine()
-    job = job_named("ring-left", PathPace(machine, None, None))
+    job = job_named("ring-left", Pace(machine, None, None))
     scenarios = Scenarios.of([job], [False], machine, "outputs", 1)
     rows = np.arange(job.samples, dtype=float)
     signals = {
