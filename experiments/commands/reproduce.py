@@ -78,21 +78,24 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 
 def _run(module: Any, name: str, flags: Any) -> int:
     from experiments.files import run_folder
+    from experiments.papers.verdicts import tally
     from experiments.reports import tables
 
     folder = run_folder.create(
         flags.out or run_folder.default_folder(name), f"reproduce {name}", flags, []
     )
-    summary = run_folder.plain(module.run(flags.settings, folder))
-    module.draw(summary, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
+    result = module.run(flags.settings, folder)
+    drawn = module.draw(result, folder)
+    stored = run_folder.plain(result)
+    run_folder.write_json(folder / run_folder.RESULT, stored)
     if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
+        print(run_folder.json_text({"run": str(folder), **stored}))
         return 0
     console = tables.console_of()
     tables.say(console, str(module.SOURCE))
-    module.show(summary, console)
-    tables.say(console, f"Run folder: {folder}")
+    module.show(result, console)
+    tables.say(console, f"Drawn: {', '.join(path.name for path in drawn)}")
+    tables.say(console, tally(result.claims, flags.settings.quick), f"Run folder: {folder}")
     return 0
 
 

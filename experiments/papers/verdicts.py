@@ -1,6 +1,15 @@
-"""How a published result fares here."""
+"""How published statements and numbers fare here: the verdict on each, and their table."""
 
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import StrEnum
+
+from rich.table import Table
+
+from experiments.reports.tables import worded_table
+
+HEADINGS = ("where", "the paper", "the simulation", "verdict")
 
 
 class Verdict(StrEnum):
@@ -10,3 +19,42 @@ class Verdict(StrEnum):
     SAME_ORDERING = "same ordering"
     EXPERIMENTAL = "experimental: shown, not matched"
     NOT_REPRODUCED = "not reproduced"
+    UNDECIDED = "undecided: quick run"  # the full run may turn it round
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Statement of a paper, and how it fares.
+
+    Attributes:
+        item: where the paper says it.
+        claim: the statement.
+        finding: the same quantity in the simulation.
+        verdict: the comparison of the two.
+    """
+
+    item: str
+    claim: str
+    finding: str
+    verdict: Verdict
+
+
+def verdict(holds: bool, partly: bool = False) -> Verdict:
+    """Verdict on a statement that holds, holds in part (same ordering), or does not hold."""
+    if holds:
+        return Verdict.REPRODUCED
+    return Verdict.SAME_ORDERING if partly else Verdict.NOT_REPRODUCED
+
+
+def claims_table(claims: Sequence[Claim], title: str = "Statements") -> Table:
+    """Table of the statements, one row each."""
+    rows = [(row.item, row.claim, row.finding, row.verdict.value) for row in claims]
+    return worded_table(title, HEADINGS, rows)
+
+
+def tally(claims: Sequence[Claim], quick: bool = False) -> str:
+    """Line with the number of statements for each verdict."""
+    counts = Counter(row.verdict for row in claims)
+    words = ", ".join(f"{counts[one]} {one.value}" for one in Verdict if counts[one])
+    run = " of the quick run" if quick else ""
+    return f"Verdicts{run} on {len(claims)} statements: {words}."

@@ -1,49 +1,39 @@
-"""The figures of Lam, drawn from the numbers of a run."""
+"""Figures of Lam, Manzie & Good, drawn from a result."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.lam.claims import MPCC, MPTC, PI_FAST, PI_SLOW, curve
+from experiments.papers.lam.claims import CONTROLLERS, curve
+from experiments.papers.lam.result import Result
+from experiments.papers.legends import legend_below
 from experiments.reports.png import save_figures
 
-COLOURS = {MPCC: "tab:blue", MPTC: "tab:green", PI_SLOW: "tab:orange", PI_FAST: "tab:red"}
+COLOURS = dict(zip(CONTROLLERS, ("tab:blue", "tab:green", "tab:orange", "tab:red"), strict=True))
 TRACE_COLOURS = ("tab:blue", "tab:orange")
 MAGNIFIED = 50.0  # contour error in Fig. 8, which else could not be seen
 
 
-def draw(summary: dict[str, Any], folder: Path) -> list[Path]:
-    """All figures, as PNG files in `folder`."""
-    figures: dict[str, Callable[[dict[str, Any]], Figure]] = {
+def draw(result: Result, folder: Path) -> list[Path]:
+    """Save all figures as PNG files in `folder`."""
+    figures = {
         "figure-8": contour,
         "figures-9-to-11": along_the_path,
         "figure-13": trade_off,
     }
-    return save_figures(figures, summary, folder)
+    return save_figures(figures, result, folder)
 
 
-def contour(summary: dict[str, Any]) -> Figure:
+def contour(result: Result) -> Figure:
     """Fig. 8: the path and the tool, the distance between them enlarged."""
     figure = Figure(figsize=(6.5, 6.5), layout="constrained")
     axes = figure.subplots()
-    axes.plot(
-        *np.array(summary["path"]["points_mm"]).T,
-        color="0.3",
-        linestyle="--",
-        linewidth=0.8,
-        label="path",
-    )
-    for colour, trace in zip(TRACE_COLOURS, summary["traces"], strict=True):
-        tool, foot = np.array(trace["tool_mm"]), np.array(trace["foot_mm"])
-        axes.plot(
-            *(foot + MAGNIFIED * (tool - foot)).T,
-            color=colour,
-            linewidth=1.0,
-            label=f"q_theta = {trace['q_theta']:g}",
-        )
+    x, y = result.path.points_mm.T
+    axes.plot(x, y, color="0.3", linestyle="--", linewidth=0.8, label="path")
+    for colour, trace in zip(TRACE_COLOURS, result.traces, strict=True):
+        x, y = (trace.foot_mm + MAGNIFIED * (trace.tool_mm - trace.foot_mm)).T
+        axes.plot(x, y, color=colour, linewidth=1.0, label=f"q_theta = {trace.q_theta:g}")
     axes.set(
         aspect="equal",
         xlabel="x [mm]",
@@ -54,51 +44,39 @@ def contour(summary: dict[str, Any]) -> Figure:
     return figure
 
 
-def along_the_path(summary: dict[str, Any]) -> Figure:
+def along_the_path(result: Result) -> Figure:
     """Figs 9 to 11: currents, path speed and contour error over the path parameter."""
     figure = Figure(figsize=(8.0, 9.0), layout="constrained")
     rows = figure.subplots(4, 1, sharex=True)
-    for colour, trace in zip(TRACE_COLOURS, summary["traces"], strict=True):
-        control = np.array(trace["control_a"])
-        curves = (control[:, 0], control[:, 1], trace["speed_mm_s"], trace["contour_error_um"])
+    for colour, trace in zip(TRACE_COLOURS, result.traces, strict=True):
+        label = f"q_theta = {trace.q_theta:g}"
+        curves = (*trace.control_a.T, trace.speed_mm_s, trace.contour_error_um)
         for axes, values in zip(rows, curves, strict=True):
-            axes.plot(
-                trace["theta_mm"],
-                values,
-                color=colour,
-                linewidth=0.9,
-                label=f"q_theta = {trace['q_theta']:g}",
-            )
+            axes.plot(trace.theta_mm, values, color=colour, linewidth=0.9, label=label)
     labels = ("i_x [A]", "i_y [A]", "path speed [mm/s]", "contour error [um]")
     for axes, label in zip(rows, labels, strict=True):
         axes.set(ylabel=label)
         axes.grid(color="0.9")
         axes.margins(x=0.01)
-    rows[0].set(title="Figs 9, 10, 11: MPCC on the friction plant")
-    rows[0].legend(frameon=False, ncols=2)
+    figure.suptitle("Figs 9, 10, 11: MPCC on the friction plant")
+    legend_below(figure, rows[0], columns=2)
     rows[-1].set(xlabel="path parameter theta [mm]")
     return figure
 
 
-def trade_off(summary: dict[str, Any]) -> Figure:
+def trade_off(result: Result) -> Figure:
     """Fig. 13: RMS contour error over traversal time, one panel for each plant."""
-    plants = summary["plants"]
-    figure = Figure(figsize=(4.2 * len(plants), 4.4), layout="constrained")
-    for axes, plant in zip(
-        np.atleast_1d(figure.subplots(1, len(plants), sharey=True)), plants, strict=True
-    ):
+    count = len(result.plants)
+    figure = Figure(figsize=(max(5.5, 4.2 * count), 4.6), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, count, sharey=True))
+    for axes, plant in zip(panels, result.plants, strict=True):
         for controller, colour in COLOURS.items():
-            axes.plot(
-                *curve(summary, controller, plant),
-                "o-",
-                color=colour,
-                markersize=4,
-                linewidth=1.0,
-                label=controller,
-            )
+            times, errors = curve(result, controller, plant)
+            style = {"color": colour, "markersize": 4, "linewidth": 1.0, "label": controller}
+            axes.plot(times, errors, "o-", **style)
         axes.set(xlabel="traversal time [s]", title=f"{plant} plant", yscale="log")
         axes.grid(color="0.9", which="both")
-    figure.axes[0].set(ylabel="RMS contour error [% of the largest radius]")
-    figure.axes[-1].legend(frameon=False)
+    panels[0].set(ylabel="RMS contour error [% of the largest radius]")
+    legend_below(figure, panels[0], columns=4)
     figure.suptitle("Fig. 13: accuracy against traversal time")
     return figure

@@ -1,9 +1,10 @@
-"""The runs behind Lam's figures: MPCC, MPTC and cascaded PI around one contour, on three machines."""
+"""Runs behind Lam's figures: MPCC, MPTC and cascaded PI around one contour, on three machines."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.papers.lam.result import Point, Trace
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
@@ -25,18 +26,16 @@ from jcontour.sensors import Sensors
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.traversal import Score, traversal_score
 
-SAMPLE = 1e-3  # [s] at which the machine is looked at
+SAMPLE = 1e-3  # [s] of the simulation
 PERIOD = 4e-3  # [s] of MPCC, MPTC and the slow PI
 HORIZON, LARGEST_CURRENT = 7, 0.5  # section 5; [A]
 LONGEST = 12.0  # [s] beyond which a run counts as one that does not arrive
+ARRIVED = 5e-4  # [m] of arc length before the end: there a trace ends
 SETTLING = 1.0  # [s] that the tool is given after its reference has come to the end
-HEAVIER, WEAKER = (
-    1.1,
-    0.9,
-)  # the mismatched machine: inertias and viscous friction, link and torque constant
-TRACKING = TrackingWeights(
-    output=1e8, increment=60.0
-)  # Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
+HEAVIER = 1.1  # inertias and viscous friction of the mismatched machine
+WEAKER = 0.9  # its link and its torque constant
+# Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
+TRACKING = TrackingWeights(output=1e8, increment=60.0)
 # PI gains are not printed: the best of a grid of 336 (240) on the friction machine at 0.1 m/s;
 # feedforward made them worse
 CASCADE = {
@@ -47,7 +46,7 @@ SENSORS = Sensors(position=(2, 6), velocity=(1, 5), scale=0.7958e-3)  # tool pos
 
 
 class Outcome(NamedTuple):
-    """A rollout and how it is scored."""
+    """A rollout and its score."""
 
     rollout: Rollout
     score: Score
@@ -55,12 +54,15 @@ class Outcome(NamedTuple):
 
 
 def lobes() -> Contour:
-    """Four lobes of 30 +- 10 mm: the paper's contour is not printed; this one has its size and its tight curves."""
+    """Contour of four lobes, 30 +- 10 mm.
+
+    The paper's contour is not printed. This one has its size and its tight curves.
+    """
     return polar_lobes(30e-3, 10e-3, 4)
 
 
 def machines(dt: float) -> dict[str, Plant]:
-    """As modelled, with Coulomb friction, and with friction and other parameters than the model's."""
+    """Machines of Fig. 13: as modelled, with Coulomb friction, with other parameters besides."""
     other = tuple(drive.scaled(HEAVIER, HEAVIER, WEAKER, WEAKER) for drive in (X_DRIVE, Y_DRIVE))
     return {
         "nominal": xy_table(dt),
@@ -89,17 +91,16 @@ def tracked(
     model = with_input_delay(xy_table(PERIOD), 1)
     limits = Limits.within(control=LARGEST_CURRENT)
     tracking = TrackingMPC(model, weights, HORIZON, limits, form=VelocityForm())
-    steps = PERIOD / SAMPLE
-    return _driven(
-        machine,
-        OneSampleLate(tracking, model),
-        at_speed(contour, speed, SAMPLE, int(HORIZON * steps)),
-        contour,
-    )
+    preview = int(HORIZON * PERIOD / SAMPLE)
+    reference = at_speed(contour, speed, SAMPLE, preview)
+    return _driven(machine, OneSampleLate(tracking, model), reference, contour)
 
 
 def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
-    """Cascaded PI along the same reference, without a delay of its own; looked at, as it acts, once in the machine's sample period."""
+    """Cascaded PI along the same reference, without computing delay.
+
+    It acts, and the run is scored, once in the machine's sample period.
+    """
     controller = Cascade(CASCADE[machine.dt], SENSORS, machine.dt, LARGEST_CURRENT)
     rollout = simulate(machine, controller, at_speed(contour, speed, machine.dt, 1))
     limited = np.mean(np.any(np.abs(rollout.control) >= LARGEST_CURRENT, axis=1))
@@ -107,7 +108,7 @@ def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
 
 
 def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Reference:
-    """The paper's reference for tracking controllers: full speed at once, then at rest at the end."""
+    """Reference for tracking controllers: full speed at once, then at rest at the end."""
     arc = constant_feed(contour, speed, dt)
     rest = np.full(int(SETTLING / dt), float(contour.length))
     return along(contour, np.append(arc, rest), dt, preview, at_rest=True)
@@ -120,11 +121,8 @@ def _driven(
         run = reported_loop(machine, Held(controller, round(PERIOD / SAMPLE), 2), reference)
     except Stopped as stopped:  # scored as far as it came: its time says that it did not arrive
         run = stopped.run
-    return Outcome(
-        run.rollout,
-        traversal_score(contour, run.rollout.output, SAMPLE),
-        run.report.active_fraction,
-    )
+    score = traversal_score(contour, run.rollout.output, SAMPLE)
+    return Outcome(run.rollout, score, run.report.active_fraction)
 
 
 class LateMemory(NamedTuple):
@@ -159,38 +157,35 @@ class OneSampleLate(HostWrapper):
         return LateMemory(inner, control), memory.waiting
 
 
-def row(
-    controller: str, plant: str, setting: str, outcome: Outcome, radius: float
-) -> dict[str, Any]:
-    """One point of Fig. 13."""
+def point(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> Point:
+    """One point of Fig. 13; `radius` is the largest of the contour [m]."""
     score = outcome.score
-    return {
-        "controller": controller,
-        "plant": plant,
-        "setting": setting,
-        "finished": bool(np.isfinite(score.time)),
-        "time_s": float(score.time),
-        "rms_um": 1e6 * score.rms,
-        "peak_um": 1e6 * score.peak,
-        "rms_percent": 100 * score.rms / radius,
-        "limited_percent": 100 * outcome.limited,
-    }
+    return Point(
+        controller=controller,
+        plant=plant,
+        setting=setting,
+        finished=bool(np.isfinite(score.time)),
+        time_s=float(score.time),
+        rms_um=1e6 * score.rms,
+        peak_um=1e6 * score.peak,
+        rms_percent=100 * score.rms / radius,
+        limited_percent=100 * outcome.limited,
+    )
 
 
-def trace_of(
-    contour: Contour, controller: MPCC, outcome: Outcome, progress: float
-) -> dict[str, Any]:
-    """The signals of Figs 8 to 11 up to the end of the path."""
+def trace_of(contour: Contour, controller: MPCC, outcome: Outcome, progress: float) -> Trace:
+    """Signals of Figs 8 to 11 up to the end of the path."""
     score, rollout = outcome.score, outcome.rollout
-    done = int(np.argmax(score.arc >= float(contour.length) - 5e-4)) or len(score.arc)
+    length = float(contour.length)
+    done = int(np.argmax(score.arc >= length - ARRIVED)) or len(score.arc)
     arc = score.arc[:done]
-    return {
-        "q_theta": progress,
-        "theta_mm": 1e3 * (arc - float(contour.length)),
-        "tool_mm": 1e3 * np.asarray(rollout.output)[:done],
-        "foot_mm": 1e3 * np.asarray(contour.position(arc)),
-        "control_a": np.asarray(rollout.control)[:done],
-        "speed_mm_s": 1e3 * controller.speed(rollout.memory.inner)[:done],
-        "contour_error_um": 1e6 * score.error[:done],
-        "curvature_per_mm": 1e-3 * np.asarray(contour.curvature(arc)),
-    }
+    return Trace(
+        q_theta=progress,
+        theta_mm=1e3 * (arc - length),
+        tool_mm=1e3 * np.asarray(rollout.output)[:done],
+        foot_mm=1e3 * np.asarray(contour.position(arc)),
+        control_a=np.asarray(rollout.control)[:done],
+        speed_mm_s=1e3 * controller.speed(rollout.memory.inner)[:done],
+        contour_error_um=1e6 * score.error[:done],
+        curvature_per_mm=1e-3 * np.asarray(contour.curvature(arc)),
+    )

@@ -1,49 +1,32 @@
-"""What `jcontour reproduce lam` prints."""
-
-from typing import Any
+"""Tables that `jcontour reproduce lam` prints."""
 
 from rich.console import Console
 
-from experiments.reports.tables import digits, plain_table, worded_table
+from experiments.papers.lam.result import Point, Result
+from experiments.papers.verdicts import claims_table
+from experiments.reports.tables import digits, plain_table
+
+COLUMNS = (
+    "controller",
+    "plant",
+    "setting",
+    "time s",
+    "RMS contour\nerror %",
+    "RMS\num",
+    "peak\num",
+    "at a limit\n% of steps",
+)
 
 
-def show(summary: dict[str, Any], console: Console) -> None:
+def show(result: Result, console: Console) -> None:
     """Fig. 13 in numbers, then the verdicts."""
-    columns = (
-        "controller",
-        "plant",
-        "setting",
-        "time s",
-        "RMS contour\nerror %",
-        "RMS\num",
-        "peak\num",
-        "at a limit\n% of steps",
-    )
-    rows = [
-        [
-            row["controller"],
-            row["plant"],
-            row["setting"],
-            digits(row["time_s"]) if row["finished"] else "did not arrive",
-            *(
-                digits(row[name])
-                for name in ("rms_percent", "rms_um", "peak_um", "limited_percent")
-            ),
-        ]
-        for row in summary["trade_off"]
-    ]
-    radius = summary["path"]["max_radius_mm"]
-    console.print(
-        plain_table(
-            f"Fig. 13: errors are in % of the largest radius, {radius:g} mm",
-            columns,
-            rows,
-            text_columns=3,
-        )
-    )
-    words = [
-        (row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]
-    ]
-    console.print(
-        worded_table("Statements", ("where", "the paper", "the simulation", "verdict"), words)
-    )
+    title = f"Fig. 13: errors are in % of the largest radius, {result.path.max_radius_mm:g} mm"
+    rows = [_cells(point) for point in result.trade_off]
+    console.print(plain_table(title, COLUMNS, rows, text_columns=3))
+    console.print(claims_table(result.claims))
+
+
+def _cells(point: Point) -> list[str]:
+    time = digits(point.time_s) if point.finished else "did not arrive"
+    errors = (point.rms_percent, point.rms_um, point.peak_um, point.limited_percent)
+    return [point.controller, point.plant, point.setting, time, *map(digits, errors)]

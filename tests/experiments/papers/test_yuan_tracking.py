@@ -1,32 +1,44 @@
 """Yuan's tables of chapter 3 against reference numbers, and the verdicts against made-up ones."""
 
 import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from experiments.papers.verdicts import Verdict
-from experiments.papers.yuan_tracking.claims import OURS, claims, row_of, table_rows
+from experiments.papers.yuan_tracking.claims import COLUMNS, OBSERVERS, claims, row_of, table_rows
 from experiments.papers.yuan_tracking.experiment import CONFIRMED, PUBLISHED, Settings, run
-from experiments.papers.yuan_tracking.figures import draw
-from experiments.papers.yuan_tracking.runs import Bench, Signals, gap_curve, metrics, tuned_weights
+from experiments.papers.yuan_tracking.figures import draw, errors, positions, ranking, twin
+from experiments.papers.yuan_tracking.result import (
+    TASKS,
+    FamilyRow,
+    GapRow,
+    RankingRow,
+    Result,
+    Signals,
+    TaskMetrics,
+)
+from experiments.papers.yuan_tracking.runs import Setup, gap_curve, metrics, tuned_weights
 
 DATA = Path(__file__).parents[2] / "data" / "single_axis"
 LESO = json.loads((DATA / "metrics_only.json").read_text())
 PLAIN = {
     row["name"]: row for row in json.loads((DATA / "trajectories.json").read_text())["trajectories"]
 }
-OBSERVERS = {
+FORMS = {  # of the observer, in the reference numbers
     "exact": "cascade-leso-exact",
     "euler": "cascade-leso-euler",
     "current": "cascade-leso",
 }
+YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
 
 
 @pytest.fixture(scope="module")
-def bench():
-    return Bench()
+def setup():
+    return Setup()
 
 
 def test_metrics_of_signals_by_hand():
@@ -48,120 +60,118 @@ def test_metrics_of_signals_by_hand():
         "u_rms": 3,
         "u_max": 3,
     }
-    assert found == pytest.approx(wanted)
+    assert asdict(found) == pytest.approx(wanted)
 
 
-def test_the_cascade_is_the_reference(bench):
-    design = bench.design("cascade")
-    found = bench.signals(design.build(design.start))
-    for task in "AB":
+def test_the_cascade_is_the_reference(setup):
+    design = setup.design("cascade")
+    found = setup.signals(design.build(design.start))
+    for task in TASKS:
         row = PLAIN[f"{task} PI"]
-        np.testing.assert_allclose(
-            found[task].current[:-1][:: row["every"]],
-            row["U"][: found[task].current[:-1][:: row["every"]].size],
-            atol=1e-8,
-        )
-        np.testing.assert_allclose(metrics(found[task])["ee_mean"], row["ee_mean_mm"], rtol=1e-8)
+        current = found[task].current[:-1][:: row["every"]]
+        np.testing.assert_allclose(current, row["U"][: current.size], atol=1e-8)
+        np.testing.assert_allclose(metrics(found[task]).ee_mean, row["ee_mean_mm"], rtol=1e-8)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", LESO)
-def test_observers_are_the_reference(bench, row):
+def test_observers_are_the_reference(setup, row):
     task, _, form = row.split()
-    design = bench.design(OBSERVERS[form])
-    found = metrics(bench.signals(design.build(design.start))[task])
+    design = setup.design(FORMS[form])
+    found = metrics(setup.signals(design.build(design.start))[task])
     for name, value in LESO[row].items():
-        assert found[name] == pytest.approx(value, rel=1e-6), name
+        assert getattr(found, name) == pytest.approx(value, rel=1e-6), name
 
 
 @pytest.mark.slow
-def test_the_twin_is_near_and_nearer_the_sharper(bench):
-    gap = gap_curve(bench)
-    for task in "AB":
-        curve = [row[task] for row in gap]
-        assert (
-            curve[-1] < curve[0]
-            and next(row[task] for row in gap if row["sharpness"] == 1e3) <= 0.03
-        )
+def test_the_twin_is_near_and_nearer_the_sharper(setup):
+    gap = gap_curve(setup)
+    at_default = next(row for row in gap if row.sharpness == 1e3)
+    for task in TASKS:
+        assert gap[-1].on(task) < gap[0].on(task)
+        assert at_default.on(task) <= 0.03
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "most"), [("cascade", 0.6), ("cascade-feedforward", 0.15)])
-def test_tuned_gains_reach_the_targets_on_the_true_axis(bench, name, most):
+def test_tuned_gains_reach_the_targets_on_the_true_axis(setup, name, most):
     """1.54 mm is the mean error that the reference finds for the thesis's gains."""
-    design = bench.design(name)
-    found = metrics(bench.signals(design.build(tuned_weights(name)))["A"])
-    assert found["ee_mean"] <= most * PLAIN["A PI"]["ee_mean_mm"]
-    start = bench.design("cascade")
-    assert found["u_rms"] <= 1.2 * metrics(bench.signals(start.build(start.start))["A"])["u_rms"]
+    design = setup.design(name)
+    found = metrics(setup.signals(design.build(tuned_weights(name)))["A"])
+    assert found.ee_mean <= most * PLAIN["A PI"]["ee_mean_mm"]
+    start = setup.design("cascade")
+    before = metrics(setup.signals(start.build(start.start))["A"])
+    assert found.u_rms <= 1.2 * before.u_rms
+
+
+def ranking_row(name, gains, scale, member_error, member_current=1.0):
+    """A row whose metrics are all `scale`, the end effector's largest error 1.1 times that."""
+    numbers = {**dict.fromkeys(COLUMNS, scale), "ee_max": 1.1 * scale}
+    found = TaskMetrics(**numbers, u_rms=scale, u_max=scale)
+    family = tuple(
+        FamilyRow(task, plant, False, member_error, member_current)
+        for task in TASKS
+        for plant in ("nominal", "off")
+    )
+    return RankingRow(name, gains, {}, found, found, family, time_us=1.0)
 
 
 def made_up(error, tuned_error, current=1.0):
-    """A ranking in which the notch lowers everything by 15 %, the observers by 5 %, and tuned gains have another error."""
-    columns = ("em_max", "em_mean", "ee_mean", "def_max", "u_mean", "u_rms", "u_max")
-
-    def row(name, gains, scale, member_error, member_current):
-        numbers = {**dict.fromkeys(columns, scale), "ee_max": 1.1 * scale}
-        family = [
-            {
-                "task": t,
-                "plant": p,
-                "diverged": False,
-                "ee_mean": member_error,
-                "u_rms": member_current,
-            }
-            for t in "AB"
-            for p in ("nominal", "off")
-        ]
-        return {
-            "controller": name,
-            "gains": gains,
-            "weights": {},
-            "A": numbers,
-            "B": numbers,
-            "time_us": 1.0,
-            "family": family,
-        }
-
-    scales = {
-        "cascade": 1.0,
-        "cascade-notch": 0.85,
-        **dict.fromkeys(OURS["Cascaded PI with LESO"], 0.95),
-    }
-    rows = [row(name, "start", scale, error, 1.0) for name, scale in scales.items()]
-    rows += [row(name, "tuned", 0.1, tuned_error, current) for name in CONFIRMED]
-    gap = [{"sharpness": s, "A": g, "B": g} for s, g in ((100.0, 0.05), (1e3, 0.01), (1e4, 1e-3))]
-    return {"ranking": rows, "gap": gap}
+    """The notch lowers everything by 15 %, the observers by 5 %; tuned gains have another error."""
+    scales = {"cascade": 1.0, "cascade-notch": 0.85, **dict.fromkeys(OBSERVERS, 0.95)}
+    rows = [ranking_row(name, "start", scale, error) for name, scale in scales.items()]
+    rows += [ranking_row(name, "tuned", 0.1, tuned_error, current) for name in CONFIRMED]
+    gap = (GapRow(100.0, 0.05, 0.05), GapRow(1e3, 0.01, 0.01), GapRow(1e4, 1e-3, 1e-3))
+    still = {task: Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in TASKS}
+    names = ("cascade", "cascade-notch", "cascade-leso-exact")
+    return Result("", Settings(), tuple(rows), dict.fromkeys(names, still), gap)
 
 
 def test_verdicts_follow_the_numbers():
-    def verdicts(summary):
-        return [row["verdict"] for row in claims(summary, CONFIRMED)]
+    def verdicts(result):
+        return [claim.verdict for claim in claims(result, CONFIRMED)]
 
-    yes, no = Verdict.REPRODUCED.value, Verdict.NOT_REPRODUCED.value
-    assert verdicts(made_up(1.0, 0.1)) == [
-        yes,
-        no,
-        yes,
-        yes,
-        Verdict.EXPERIMENTAL.value,
-        yes,
-        yes,
-        yes,
-    ]
-    assert verdicts(made_up(1.0, 0.3))[-2:] == [yes, no]
-    assert verdicts(made_up(1.0, 0.1, current=1.3))[-2:] == [no, no]
-    blunt = made_up(1.0, 0.1)
-    blunt["gap"][1]["B"] = 0.04
-    assert verdicts(blunt)[5] == no
+    shown = Verdict.EXPERIMENTAL
+    assert verdicts(made_up(1.0, 0.1)) == [YES, NO, YES, YES, shown, YES, YES, YES]
+    assert verdicts(made_up(1.0, 0.3))[-2:] == [YES, NO]
+    assert verdicts(made_up(1.0, 0.1, current=1.3))[-2:] == [NO, NO]
+    sharp = made_up(1.0, 0.1)
+    blunt = replace(sharp.gap[1], B=0.04)
+    assert verdicts(replace(sharp, gap=(sharp.gap[0], blunt, sharp.gap[2])))[5] == NO
+
+
+def test_a_diverged_member_misses_the_target():
+    result = made_up(1.0, 0.1)
+    row = row_of(result.ranking, "cascade", "tuned")
+    lost = replace(row.family[3], diverged=True, ee_mean=None, u_rms=None)
+    family = (*row.family[:3], lost)
+    ranking = [replace(one, family=family) if one is row else one for one in result.ranking]
+    found = claims(replace(result, ranking=tuple(ranking)), CONFIRMED)
+    assert [claim.verdict for claim in found[-2:]] == [NO, YES]
 
 
 def test_tables_hold_what_is_published():
-    rows = table_rows(PUBLISHED, made_up(1.0, 0.1)["ranking"])
-    assert len(rows) == 6 and {row["verdict"] for row in rows} == {Verdict.EXPERIMENTAL.value}
-    assert rows[2]["paper"]["ee_max"] == 8.953 and len(rows[2]["ours"]) == 3
+    rows = table_rows(PUBLISHED, made_up(1.0, 0.1).ranking)
+    assert len(rows) == 6 and {row.verdict for row in rows} == {Verdict.EXPERIMENTAL}
+    assert rows[2].paper.ee_max == 8.953 and len(rows[2].ours) == 3
     with pytest.raises(KeyError, match="lqr, tuned"):
         row_of([], "lqr", "tuned")
+
+
+def test_figures_show_the_numbers():
+    result = made_up(1.0, 0.1)
+    motor, tool = positions(result, "A", "3.8").axes
+    assert [line.get_label() for line in motor.lines][-1] == "reference"
+    assert motor.lines[0].get_ydata() == pytest.approx([100.0])  # [mm]
+    assert tool.lines[0].get_ydata() == pytest.approx([200.0])
+    motor, tool = errors(result, "A", "3.9").axes
+    assert (motor.lines[0].get_ydata()[0], tool.lines[0].get_ydata()[0]) == pytest.approx(
+        (200.0, 100.0)
+    )
+    lengths = [bar.get_width() for bar in ranking(result).axes[0].patches]
+    assert sorted(lengths) == pytest.approx(sorted(2 * [1.0, 0.85, *3 * [0.95], *2 * [0.1]]))
+    gap: Figure = twin(result)
+    assert gap.axes[0].lines[1].get_ydata() == pytest.approx([5.0, 1.0, 0.1])  # [%]
 
 
 def test_unknown_controllers_are_refused(tmp_path):
@@ -171,9 +181,6 @@ def test_unknown_controllers_are_refused(tmp_path):
 
 @pytest.mark.slow
 def test_whole_chapter_in_its_quick_form(tmp_path):
-    summary = run(Settings(quick=True), tmp_path)
-    assert (
-        len(summary["tables"]) == 6
-        and len(summary["claims"]) == 6
-        and len(draw(summary, tmp_path)) == 6
-    )
+    result = run(Settings(quick=True), tmp_path)
+    assert len(result.tables) == 6 and len(result.claims) == 6
+    assert len(draw(result, tmp_path)) == 6
