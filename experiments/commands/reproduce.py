@@ -1,9 +1,9 @@
-"""`jcontour reproduce NAME`: run the experiment module of that name.
+"""`jcontour reproduce NAME`: the experiment module of that name, its figures and its verdicts.
 
 An experiment is a module `experiments/papers/NAME/experiment.py` with SOURCE, PUBLISHED, Settings
-(a dataclass: its fields are the flags), and
-    run(settings, folder) -> dict of plain values,   draw(summary, folder) -> list of figures,
-    show(summary, console).
+(a dataclass: its fields are the flags, `quick` among them), and
+    run(settings, folder) -> result: a frozen dataclass, `claims` among its fields,
+    draw(result, folder) -> paths of the figures,   show(result, console).
 """
 
 import ast
@@ -27,9 +27,8 @@ def experiments_found() -> dict[str, str]:
     for path in sorted(Path(papers.__file__).parent.glob("*/experiment.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         if NEEDED <= set(_names(tree)):
-            found[path.parent.name.replace("_", "-")] = (ast.get_docstring(tree) or "").split("\n")[
-                0
-            ]
+            first_line, *_ = (ast.get_docstring(tree) or "").split("\n")
+            found[path.parent.name.replace("_", "-")] = first_line
     return found
 
 
@@ -78,29 +77,26 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 
 def _run(module: Any, name: str, flags: Any) -> int:
     from experiments.files import run_folder
+    from experiments.files.results import write_result
     from experiments.papers.verdicts import tally
     from experiments.reports import tables
+    from experiments.runs.lifecycle import finished
 
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder(name), f"reproduce {name}", flags, []
-    )
+    place = flags.out or run_folder.default_folder(name)
+    folder = run_folder.create(place, f"reproduce {name}", flags, [])
     result = module.run(flags.settings, folder)
-    drawn = module.draw(result, folder)
-    stored = run_folder.plain(result)
-    run_folder.write_json(folder / run_folder.RESULT, stored)
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **stored}))
-        return 0
-    console = tables.console_of()
-    tables.say(console, str(module.SOURCE))
-    module.show(result, console)
-    tables.say(console, f"Drawn: {', '.join(path.name for path in drawn)}")
-    tables.say(console, tally(result.claims, flags.settings.quick), f"Run folder: {folder}")
-    return 0
+    module.draw(result, folder)
+    write_result(folder, result)
+
+    def show(result: Any, console: Any) -> None:
+        tables.say(console, str(module.SOURCE))
+        module.show(result, console)
+
+    return finished(folder, result, flags, show, [tally(result.claims, flags.settings.quick)])
 
 
 def command(flags: Any) -> int:
-    """Without a name: say which there are."""
+    """Tell which experiments there are, where no name is given."""
     print(
         f"jcontour: reproduce: give one of {', '.join(experiments_found()) or 'none yet'}",
         file=sys.stderr,

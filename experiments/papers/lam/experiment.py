@@ -5,14 +5,14 @@ baselines are not printed: ours are named in `runs`. Only the comparison of the 
 reproduced.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from experiments.papers.lam.claims import MPCC, MPTC, PI_FAST, PI_SLOW, claims
 from experiments.papers.lam.figures import draw
-from experiments.papers.lam.result import Lobes, Point, Result, Settings, Trace
+from experiments.papers.lam.result import Lobes, Point, Result, Trace
 from experiments.papers.lam.runs import (
     PERIOD,
     SAMPLE,
@@ -41,6 +41,14 @@ SPEEDS = (0.05, 0.075, 0.1, 0.125, 0.15)  # [m/s] of the tracking controllers, s
 SHOWN_PLANT = "friction"  # of Figs 8 to 11: the nearest there is to the paper's machine
 
 
+@dataclass(frozen=True)
+class Settings:
+    """Flags of `jcontour reproduce lam`."""
+
+    quick: bool = False
+    """The friction machine alone, instead of the nominal, the frictional and the mismatched one."""
+
+
 def run(settings: Settings, folder: Path) -> Result:
     """Simulate everything; nothing is written to the folder."""
     contour = lobes()
@@ -51,7 +59,7 @@ def run(settings: Settings, folder: Path) -> Result:
         found, shown = _on_plant(contour, plant)
         points += found
         traces += shown if plant == SHOWN_PLANT else []
-    found = Result(SOURCE, settings, plants, _path(contour), tuple(traces), tuple(points))
+    found = Result(SOURCE, asdict(settings), plants, _path(contour), tuple(traces), tuple(points))
     return replace(found, claims=claims(found))
 
 

@@ -1,19 +1,12 @@
-"""Settings and result of the reproduction of Lam, Manzie & Good."""
+"""Result of the reproduction of Lam, Manzie & Good."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from experiments.papers.verdicts import Claim
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce lam`."""
-
-    quick: bool = False
-    """The friction machine alone, instead of the nominal, the frictional and the mismatched one."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +52,7 @@ class Result:
     """All that is found."""
 
     source: str
-    settings: Settings
+    settings: dict[str, Any]
     plants: tuple[str, ...]
     path: Lobes
     traces: tuple[Trace, ...]  # q_theta ascending

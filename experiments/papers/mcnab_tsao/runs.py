@@ -1,8 +1,8 @@
-"""What the reproduction of McNab & Tsao simulates: their circle, a line at 37 degrees, a family of machines, frozen loops on lines.
+"""Runs behind McNab & Tsao: their circle, a line at 37 degrees, a family of machines, frozen loops.
 
-Compiling costs more than simulating here, so that controllers of every weight and horizon share one
-compiled plan and one
-compiled closed loop: the horizon is an array, and the nominal machine is a member of the family.
+Compiling costs more than simulating here. Controllers of every weight and horizon therefore share
+one compiled plan and one compiled closed loop: the horizon is an array, and the nominal machine is
+a member of the family.
 """
 
 from typing import NamedTuple
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from experiments.papers.mcnab_tsao.result import PREVIEW, TERMINALS, Case, Member
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
@@ -45,37 +46,15 @@ from jcontour.simulation.metrics import Metrics, score_signals
 RADIUS = 1e-3  # [m] of the paper's circle
 FEED = 3 / 60  # [m/s] the paper's 3 m/min
 RHO = 2e-9  # [1/control unit^2] the paper's control weight
-PREVIEW = 10  # [samples] the paper's horizon, where it does not vary it
-STEPS, WINDOW = (
-    753,
-    (502, 753),
-)  # three laps of 251.3 samples, the last is scored: the transient is gone
+STEPS = 753  # three laps of 251.3 samples
+WINDOW = (502, 753)  # the last lap is scored: the transient is gone
 LINE_ANGLE = np.deg2rad(37.0)  # no symmetry of the machine in this direction
 LONGEST = 30  # [samples] of the preview lengths in Figs 9 and 10
-RADIUS_STRIDE = (
-    5  # frozen loops every 7 degrees of the circle: the radius varies slowly with the direction
-)
+RADIUS_STRIDE = 5  # frozen loops every 7 degrees of the circle: the radius varies slowly
 
 
-class Member(NamedTuple):
-    """A machine: factors on its two inputs, and an input delay [samples], neither known to the controller."""
-
-    gain_x: float
-    gain_y: float
-    delay: int
-
-
-class Law(NamedTuple):
-    """A controller of the study; rho is the paper's."""
-
-    terminal: str
-    alpha: float
-    beta: float
-    preview: int = PREVIEW
-
-
-class Run(NamedTuple):
-    """One controller on the whole family: metrics and frozen radius per member, and the output of every machine."""
+class FamilyRun(NamedTuple):
+    """One controller on the whole family, axis (member): metrics, frozen radius, output."""
 
     metrics: Metrics
     spectral_radius: Float[np.ndarray, " members"]
@@ -83,10 +62,11 @@ class Run(NamedTuple):
 
 
 class AnyHorizonLQ(Controller):
-    """`ContouringLQ` whose horizon is an array between 1 and `preview`, so that all horizons share one compilation.
+    """`ContouringLQ` whose horizon is an array: all horizons share one compilation.
 
-    The backward sweep starts at the longest horizon and leaves the terminal cost as it is until j <
-    horizon. Same gains as `ContouringLQ`, for the time of the longest.
+    The horizon is between 1 and `preview`. The backward sweep starts at the longest horizon and
+    leaves the terminal cost as it is until j < horizon. The gains are those of `ContouringLQ`, the
+    time is that of the longest horizon.
     """
 
     model: LinearPlant
@@ -96,17 +76,13 @@ class AnyHorizonLQ(Controller):
     preview: int = eqx.field(static=True)
 
     def __init__(self, model: LinearPlant, weights: LQWeights, horizon: int, terminal: Terminal):
-        self.model, self.weights, self.horizon, self.terminal = (
-            model,
-            weights,
-            jnp.asarray(horizon),
-            terminal,
-        )
+        self.model, self.weights, self.terminal = model, weights, terminal
+        self.horizon = jnp.asarray(horizon)
         self.preview = LONGEST
 
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference."""
-        steps = reference.steps
+        steps, position = reference.steps, reference.position
         Q = contour_weight(self.weights.alpha, self.weights.beta, reference.tangent)
         R = control_weight(self.model, self.weights)
 
@@ -114,25 +90,23 @@ class AnyHorizonLQ(Controller):
             return jax.lax.dynamic_slice_in_dim(values, first, count)
 
         def sweep(cost, j):
-            earlier = one_stage_back(
-                self.model, R, cost, samples(Q, j), samples(reference.position, j)
-            )
-            return jax.tree.map(
-                lambda new, old: jnp.where(j < self.horizon, new, old), earlier, cost
-            ), None
+            earlier = one_stage_back(self.model, R, cost, samples(Q, j), samples(position, j))
 
-        last_two = samples(
-            reference.position, self.horizon - 1, steps + 1
-        )  # then the terminal sees a horizon of one
-        end = eqx.tree_at(lambda r: r.position, reference, last_two)
-        terminal = self.terminal.cost(
-            self.model, self.weights, samples(Q, self.horizon - 1, steps + 1), end, 1
-        )
+            def kept(new, old):
+                return jnp.where(j < self.horizon, new, old)
+
+            return jax.tree.map(kept, earlier, cost), None
+
+        # the terminal cost from the last two samples of the horizon, as for a horizon of one
+        last = self.horizon - 1
+        end = eqx.tree_at(lambda r: r.position, reference, samples(position, last, steps + 1))
+        last_weight = samples(Q, last, steps + 1)
+        terminal = self.terminal.cost(self.model, self.weights, last_weight, end, 1)
         first, _ = jax.lax.scan(sweep, terminal, jnp.arange(self.preview - 1, 0, -1))
         return first_control(self.model, R, first)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """No memory: the controller is static."""
         return None
 
     def step(
@@ -142,7 +116,7 @@ class AnyHorizonLQ(Controller):
         return None, plan.f - plan.F @ measurement
 
 
-class Bench:
+class Setup:
     """The table with everything that all runs share.
 
     Args:
@@ -153,76 +127,64 @@ class Bench:
         self.model = bridgeport()
         self.family = family
         self.motion = eqx.filter_jit(steady_motion)(self.model)
-        self.terminals: dict[str, Terminal] = {
-            "output": OutputTerminal(),
-            "dare": RiccatiTerminal(self.motion),
-        }
-        self.perturbed = [with_input_gains(self.model, (m.gain_x, m.gain_y)) for m in family]
-        depth = max(1, *(m.delay for m in family))
-        self.machines = stack_plants(
-            [_delayed(p, m.delay, depth) for p, m in zip(self.perturbed, family, strict=True)]
-        )
+        ends = (OutputTerminal(), RiccatiTerminal(self.motion))
+        self.terminals: dict[str, Terminal] = dict(zip(TERMINALS, ends, strict=True))
+        gains = [(member.gain_x, member.gain_y) for member in family]
+        self.perturbed = [with_input_gains(self.model, pair) for pair in gains]
+        delays = [member.delay for member in family]
+        depth = max(1, *delays)
+        pairs = zip(self.perturbed, delays, strict=True)
+        self.machines = stack_plants([_delayed(plant, delay, depth) for plant, delay in pairs])
         self.circle, self.line = _references(self.model.dt)
-        self._player = ContouringLQ(
-            self.model, LQWeights(1.0, 0.0, RHO), PREVIEW
-        )  # applies the gains of any plan
+        # applies the gains of any plan
+        self._player = ContouringLQ(self.model, LQWeights(1.0, 0.0, RHO), PREVIEW)
 
-    def plan(self, law: Law, reference: Reference) -> AffinePlan:
-        """The gain schedule of a receding-horizon controller."""
-        weights = LQWeights(law.alpha, law.beta, RHO)
-        return prepared(
-            AnyHorizonLQ(self.model, weights, law.preview, self.terminals[law.terminal]), reference
-        )
+    def plan(self, case: Case, reference: Reference) -> AffinePlan:
+        """Gain schedule of a receding-horizon controller."""
+        return self._planned(case, self.terminals[case.terminal], reference)
 
-    def plan_holding(self, law: Law, reference: Reference) -> AffinePlan:
-        """The same with H_s, but a path that stops at the end of the preview in place of the Appendix continuation."""
-        standing = RiccatiTerminal(SteadyMotion(self.motion.Sy, jnp.zeros_like(self.motion.Sv)))
-        return prepared(
-            AnyHorizonLQ(self.model, LQWeights(law.alpha, law.beta, RHO), law.preview, standing),
-            reference,
-        )
+    def plan_holding(self, case: Case, reference: Reference) -> AffinePlan:
+        """Gain schedule with H_s, for a path that stops at the end of the preview.
+
+        The Appendix continues the path there.
+        """
+        standing = SteadyMotion(self.motion.Sy, jnp.zeros_like(self.motion.Sv))
+        return self._planned(case, RiccatiTerminal(standing), reference)
 
     def plan_finite_preview(self, alpha: float, reference: Reference) -> AffinePlan:
-        """The gain schedule of Tomizuka & Whitney's controller."""
+        """Gain schedule of Tomizuka & Whitney's controller."""
         return prepared(PreviewLQ(self.model, alpha, RHO, PREVIEW, self.motion), reference)
 
-    def run(self, plan: AffinePlan, reference: Reference) -> Run:
+    def run(self, plan: AffinePlan, reference: Reference) -> FamilyRun:
         """The plan on every machine of the family."""
         metrics, output = _play(self.machines, self._player, plan, reference)
-        return Run(
-            metrics,
-            self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)]),
-            np.asarray(output),
-        )
+        radius = self.frozen_radius(np.asarray(plan.F)[slice(*WINDOW, RADIUS_STRIDE)])
+        return FamilyRun(metrics, radius, np.asarray(output))
 
     def frozen_radius(self, F: Float[np.ndarray, "T p n"]) -> Float[np.ndarray, " members"]:
         """Largest spectral radius of A - B F on each machine; a delay line is not fed back."""
-        return np.array(
-            [
-                _frozen_radius(p, m.delay, F)
-                for p, m in zip(self.perturbed, self.family, strict=True)
-            ]
-        )
+        pairs = zip(self.perturbed, self.family, strict=True)
+        return np.array([_frozen_radius(plant, member.delay, F) for plant, member in pairs])
+
+    def _planned(self, case: Case, terminal: Terminal, reference: Reference) -> AffinePlan:
+        weights = LQWeights(case.alpha, case.beta, RHO)
+        return prepared(AnyHorizonLQ(self.model, weights, case.preview, terminal), reference)
 
 
 def family(gain_error: float, delay: int) -> tuple[Member, ...]:
-    """The nominal machine, one axis stronger and the other weaker both ways round, and delays 1..`delay`."""
+    """The nominal machine, one axis stronger and the other weaker, and delays 1..`delay`."""
     up, down = 1 + gain_error, 1 - gain_error
-    return (
-        Member(1.0, 1.0, 0),
-        Member(up, down, 0),
-        Member(down, up, 0),
-        *(Member(1.0, 1.0, d + 1) for d in range(delay)),
-    )
+    late = [Member(1.0, 1.0, samples + 1) for samples in range(delay)]
+    return (Member(1.0, 1.0, 0), Member(up, down, 0), Member(down, up, 0), *late)
 
 
 def radii_on_lines(
     model: LinearPlant, weights: LQWeights, angles: Float[np.ndarray, " D"], longest: int
 ) -> Float[np.ndarray, "N two D"]:
-    """Spectral radius of A - B K on straight lines for horizons 1..`longest`, both terminals (output weight, H_s), all directions.
+    """Spectral radius of A - B K on straight lines; axes (horizon, terminal, direction).
 
-    The weights are constant on a line, so that one backward recursion passes through H_1 of every
-    horizon (eqs. 12, 23).
+    Horizons are 1..`longest`, terminals those of `TERMINALS`. The weights are constant on a line:
+    one backward recursion passes through H_1 of every horizon (eqs. 12, 23).
     """
     tangents = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=-1)
     return spectral_radius(_loops_on_lines(model, weights, tangents, longest))
@@ -235,15 +197,13 @@ def _loops_on_lines(
     Q = contour_weight(weights.alpha, weights.beta, tangents)
     R = control_weight(model, weights)
     output = model.C.T @ Q @ model.C
-    H = jnp.concatenate(
-        [output, jnp.broadcast_to(RiccatiTerminal().solution(model, weights), output.shape)]
-    )
+    riccati = RiccatiTerminal().solution(model, weights)
+    H = jnp.concatenate([output, jnp.broadcast_to(riccati, output.shape)])
     Q, still = jnp.concatenate([Q, Q]), jnp.zeros((2 * len(tangents), model.axes))
 
     def back(cost, _):
-        return one_stage_back(model, R, cost, Q, still), model.A - model.B @ first_control(
-            model, R, cost
-        ).F
+        loop = model.A - model.B @ first_control(model, R, cost).F
+        return one_stage_back(model, R, cost, Q, still), loop
 
     _, loops = jax.lax.scan(back, CostToGo(H, jnp.zeros(H.shape[:2])), length=longest)
     return loops.reshape(longest, 2, len(tangents), model.states, model.states)
@@ -261,21 +221,19 @@ def _play(
 
 
 def _references(dt: float) -> tuple[Reference, Reference]:
-    """The circle and the line, padded alike so that they share what is compiled."""
+    """Circle and line, padded alike: they share what is compiled."""
     travelled = FEED * dt * np.arange(STEPS)
     length = FEED * dt * (STEPS + LONGEST)
     straight = line((0.0, 0.0), (length * np.cos(LINE_ANGLE), length * np.sin(LINE_ANGLE)))
+    contours = (circle(RADIUS), straight)
     both = stack_references(
-        [
-            along(contour, travelled, dt, LONGEST, at_rest=False)
-            for contour in (circle(RADIUS), straight)
-        ]
+        [along(contour, travelled, dt, LONGEST, at_rest=False) for contour in contours]
     )
     return member(both, 0), member(both, 1)
 
 
 def _delayed(machine: LinearPlant, samples: int, depth: int) -> Plant:
-    return Delayed(machine, jnp.asarray(samples), depth, machine.inputs)  # pyright: ignore[reportCallIssue]  # it takes `dt` for a field
+    return Delayed(machine, jnp.asarray(samples), depth, machine.inputs)
 
 
 def _frozen_radius(machine: LinearPlant, delay: int, F: Float[np.ndarray, "T p n"]) -> float:

@@ -1,182 +1,137 @@
-"""What `jcontour reproduce mcnab-tsao` prints."""
-
-from typing import Any
+"""Tables that `jcontour reproduce mcnab-tsao` prints."""
 
 from rich.console import Console
 from rich.table import Table
 
-from experiments.papers.mcnab_tsao.claims import run_of
+from experiments.papers.mcnab_tsao.result import TERMINALS, Case, CaseRun, Result, Table1Row
+from experiments.papers.verdicts import claims_table
 from experiments.reports.tables import worded_table
 
+TABLE_1 = (
+    "case",
+    "weights",
+    "te\npaper",
+    "te\nours",
+    "ratio",
+    "ce\npaper",
+    "ce\nours",
+    "ratio",
+    "verdict",
+)
+FAMILY = (
+    "weights",
+    "terminal",
+    "ce\nnominal",
+    "ce\nworst",
+    "te\nworst",
+    "largest\nradius",
+    "verdict",
+)
+THEOREM_1 = ("alpha/beta/rho", "terminal", "horizon", "directions", "largest\nradius", "verdict")
 
-def show(summary: dict[str, Any], console: Console) -> None:
-    """Table 1, the verdicts on figures and statements, the U-shape, and the unstable cases of Theorem 1."""
-    for table in (
-        _table_1(summary),
-        _claims(summary),
-        _family(summary),
-        _u_shape(summary),
-        _theorem_1(summary),
-    ):
+
+def show(result: Result, console: Console) -> None:
+    """Table 1, the verdicts, the family, the U-shape, and the unstable cases of Theorem 1."""
+    tables = (
+        _table_1(result),
+        claims_table(result.claims, "Figures and statements"),
+        _family(result),
+        _u_shape(result),
+        _theorem_1(result),
+    )
+    for table in tables:
         console.print(table)
         console.print()
 
 
-def _table_1(summary: dict[str, Any]) -> Table:
-    rows = []
-    for row in summary["table_1"]:
-        pairs = [row[error] for error in ("te_um", "ce_um")]
-        errors = [
-            cell
-            for pair in pairs
-            for cell in (f"{pair['paper']:.2f}", f"{pair['ours']:.3f}", f"{pair['ratio']:.2f}")
-        ]
-        rows.append(
-            (
-                row["case"].replace(" ", "\n"),
-                f"{row['terminal']}\n{row['alpha']:g}/{row['beta']:g}",
-                *errors,
-                row["verdict"],
-            )
-        )
-    headings = (
-        "case",
-        "weights",
-        "te\npaper",
-        "te\nours",
-        "ratio",
-        "ce\npaper",
-        "ce\nours",
-        "ratio",
-        "verdict",
+def _table_1(result: Result) -> Table:
+    title = (
+        "Table 1: RMS errors over a lap of the circle [um], "
+        "the machine (paper) beside the simulation (ours)"
     )
-    return worded_table(
-        "Table 1: RMS errors over a lap of the circle [um], the machine (paper) beside the simulation (ours)",
-        headings,
-        rows,
-    )
+    return worded_table(title, TABLE_1, [_table_1_cells(row) for row in result.table_1])
 
 
-def _claims(summary: dict[str, Any]) -> Table:
-    rows = [
-        (row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]
-    ]
-    return worded_table(
-        "Figures and statements", ("where", "the paper", "the simulation", "verdict"), rows
-    )
+def _table_1_cells(row: Table1Row) -> list[str]:
+    weights = f"{row.terminal}\n{row.alpha:g}/{row.beta:g}"
+    cells = [row.case.replace(" ", "\n"), weights]
+    for pair in (row.te_um, row.ce_um):
+        cells += [f"{pair.paper:.2f}", f"{pair.ours:.3f}", f"{pair.ratio:.2f}"]
+    return [*cells, row.verdict.value]
 
 
-def _family(summary: dict[str, Any]) -> Table:
+def _family(result: Result) -> Table:
     """The weights the authors found on the machine, on a family of machines."""
-    seen = dict.fromkeys((row["terminal"], row["alpha"], row["beta"]) for row in summary["table_1"])
-    rows = [
-        _on_family(summary, f"Table 1: {alpha:g}/{beta:g}", run_of(summary, t, alpha, beta))
-        for t, alpha, beta in seen
-    ]
-    for terminal in ("output", "dare"):
-        alphas, betas = summary["weights"]["alpha"], summary["weights"]["beta"]
-        grid = [run_of(summary, terminal, alpha, beta) for alpha in alphas for beta in betas]
-        stable = [run for run in grid if _radius(run) < 1]
-        if stable:
-            best = min(stable, key=lambda run: _worst(run, "ce_um"))
-            rows.append(
-                _on_family(
-                    summary, f"best stable of the grid: {best['alpha']:g}/{best['beta']:g}", best
-                )
-            )
-    headings = (
-        "weights",
-        "terminal",
-        "ce\nnominal",
-        "ce\nworst",
-        "te\nworst",
-        "largest\nradius",
-        "verdict",
-    )
-    return worded_table(
-        "Table 1's weights on the family of machines: unknown input gains and delays [um]",
-        headings,
-        rows,
-    )
+    cases = dict.fromkeys(Case(row.terminal, row.alpha, row.beta) for row in result.table_1)
+    rows = []
+    for case in cases:
+        name = f"Table 1: {case.alpha:g}/{case.beta:g}"
+        rows.append(_on_family(result, name, result.run_of(case)))
+    for terminal in TERMINALS:
+        best = _best_stable(result, terminal)
+        if best is not None:
+            name = f"best stable of the grid: {best.alpha:g}/{best.beta:g}"
+            rows.append(_on_family(result, name, best))
+    title = "Table 1's weights on the family of machines: unknown input gains and delays [um]"
+    return worded_table(title, FAMILY, rows)
 
 
-def _on_family(summary: dict[str, Any], name: str, run: dict[str, Any]) -> tuple[str, ...]:
-    unstable = [
-        str(m["delay"])
-        for m, found in zip(summary["family"], run["machines"], strict=True)
-        if found["spectral_radius"] >= 1
-    ]
-    verdict = (
-        f"frozen loops unstable at delay {', '.join(unstable)}"
-        if unstable
-        else "stable on every machine"
-    )
-    worst = [_number(_worst(run, error)) for error in ("ce_um", "te_um")]
-    return (
-        name,
-        run["terminal"],
-        _number(run["machines"][0]["ce_um"]),
-        *worst,
-        f"{_radius(run):.4f}",
-        verdict,
-    )
+def _best_stable(result: Result, terminal: str) -> CaseRun | None:
+    """Run of the grid with the least worst contour error among those stable on every machine."""
+    pairs = [(alpha, beta) for alpha in result.weights.alpha for beta in result.weights.beta]
+    runs = [result.run_of(Case(terminal, *pair)) for pair in pairs]
+    stable = [run for run in runs if _radius(run) < 1]
+    return min(stable, key=lambda run: _worst(run, "ce_um"), default=None)
 
 
-def _radius(run: dict[str, Any]) -> float:
-    return max(machine["spectral_radius"] for machine in run["machines"])
+def _on_family(result: Result, name: str, run: CaseRun) -> list[str]:
+    pairs = zip(result.family, run.machines, strict=True)
+    unstable = [str(member.delay) for member, found in pairs if not found.stable]
+    verdict = "stable on every machine"
+    if unstable:
+        verdict = f"frozen loops unstable at delay {', '.join(unstable)}"
+    errors = (run.machines[0].ce_um, _worst(run, "ce_um"), _worst(run, "te_um"))
+    return [name, run.terminal, *map(_number, errors), f"{_radius(run):.4f}", verdict]
 
 
-def _worst(run: dict[str, Any], error: str) -> float:
-    return max(
-        float("inf") if machine["diverged"] else machine[error] for machine in run["machines"]
-    )
+def _radius(run: CaseRun) -> float:
+    return max(machine.spectral_radius for machine in run.machines)
 
 
-def _u_shape(summary: dict[str, Any]) -> Table:
-    delay, rows = summary["family"][-1]["delay"], []
-    for alpha in (*summary["weights"]["alpha"], summary["weights"]["too_high_alpha"]):
-        machines = run_of(summary, "output", alpha, 0.0)["machines"]
+def _worst(run: CaseRun, error: str) -> float:
+    """Largest error on the family; infinite where a run diverges."""
+    if any(machine.diverged for machine in run.machines):
+        return float("inf")
+    return max(getattr(machine, error) for machine in run.machines)
+
+
+def _u_shape(result: Result) -> Table:
+    delay = result.family[-1].delay
+    rows = []
+    for alpha in result.weights.all_alphas:
+        machines = result.run_of(Case("output", alpha, 0.0)).machines
         ideal, late = machines[0], machines[-1]
-        numbers = [_number(m[error]) for m in (ideal, late) for error in ("te_um", "ce_um")]
-        verdict = "stable" if late["spectral_radius"] < 1 else "unstable: the numbers mean nothing"
-        rows.append((f"{alpha:g}", *numbers, f"{late['spectral_radius']:.4f}", verdict))
-    headings = (
-        "alpha",
-        "te\nnominal",
-        "ce\nnominal",
-        f"te\ndelay {delay}",
-        f"ce\ndelay {delay}",
-        "frozen\nradius",
-        "verdict",
+        errors = (ideal.te_um, ideal.ce_um, late.te_um, late.ce_um)
+        verdict = "stable" if late.stable else "unstable: the numbers mean nothing"
+        radius = f"{late.spectral_radius:.4f}"
+        rows.append([f"{alpha:g}", *map(_number, errors), radius, verdict])
+    nominal, delayed = ("te\nnominal", "ce\nnominal"), (f"te\ndelay {delay}", f"ce\ndelay {delay}")
+    title = (
+        "Figs 3 and 5: beta 0, output terminal, "
+        f"unknown input delay [samples]: {delay}; errors [um]"
     )
-    return worded_table(
-        f"Figs 3 and 5: beta 0, output terminal, unknown input delay [samples]: {delay}; errors [um]",
-        headings,
-        rows,
-    )
+    return worded_table(title, ("alpha", *nominal, *delayed, "frozen\nradius", "verdict"), rows)
 
 
-def _theorem_1(summary: dict[str, Any]) -> Table:
-    theorem, rows = summary["theorem_1"], []
-    for case in theorem["unstable"]:
-        directions = f"{case['unstable_directions']} of {theorem['directions']}"
-        weights = f"{case['alpha']:g}/{case['beta']:g}/{case['rho']:.0e}"
-        rows.append(
-            (
-                weights,
-                case["terminal"],
-                str(case["preview"]),
-                directions,
-                f"{case['largest_radius']:.4f}",
-                "unstable",
-            )
-        )
-    headings = ("alpha/beta/rho", "terminal", "horizon", "directions", "largest\nradius", "verdict")
-    return worded_table(
-        "Theorem 1: every unstable case on straight lines" + ("" if rows else ": none"),
-        headings,
-        rows,
-    )
+def _theorem_1(result: Result) -> Table:
+    theorem, rows = result.theorem_1, []
+    for loop in theorem.unstable:
+        weights = f"{loop.alpha:g}/{loop.beta:g}/{loop.rho:.0e}"
+        directions = f"{loop.unstable_directions} of {theorem.directions}"
+        radius = f"{loop.largest_radius:.4f}"
+        rows.append([weights, loop.terminal, str(loop.preview), directions, radius, "unstable"])
+    title = "Theorem 1: every unstable case on straight lines" + ("" if rows else ": none")
+    return worded_table(title, THEOREM_1, rows)
 
 
 def _number(value: float | None) -> str:

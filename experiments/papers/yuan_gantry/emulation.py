@@ -1,6 +1,7 @@
-"""What is computed for Yuan's section 5.6: the path of Fig. 5.11 with a motor bench as the gantry's head."""
+"""Runs behind Yuan's section 5.6: the path of Fig. 5.11 with a motor bench as the gantry's head."""
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.papers.yuan_gantry.result import Emulated, EmulatedRun
 from experiments.papers.yuan_gantry.runs import SAMPLE, Follower, reference_path
 from jcontour.controller import Controller
 from jcontour.controllers.wrappers.compensated import Compensated
@@ -25,18 +27,15 @@ DAMPED = 2000.0
 
 
 class TwistDamping(eqx.Module):
-    """The two drives apart against the twist: k_y L (i_2 - i_1) = -c theta'."""
+    """Damping of the twist by the two drives: k_y L (i_2 - i_1) = -c theta'."""
 
     parameters: GantryParameters
     damping: Scalar  # c [N m s/rad]
 
     def __call__(self, state: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
         """Currents to add [A]."""
-        apart = (
-            -self.damping
-            * state[5]
-            / (2 * self.parameters.drive_constant * self.parameters.half_span)
-        )
+        lever = 2 * self.parameters.drive_constant * self.parameters.half_span
+        apart = -self.damping * state[5] / lever
         return jnp.stack([jnp.zeros_like(apart), -apart, apart])
 
 
@@ -59,33 +58,42 @@ CASES = (
 )
 
 
-def emulated() -> dict[str, Any]:
-    """The gantry and the bench in every condition along the path, and what damps the twist of either without a controller."""
+def emulated() -> Emulated:
+    """The gantry, and the bench in every condition, along the path."""
     p, reference = thesis_gantry(), reference_path()
     gantry = Gantry(p, SAMPLE)
     true = simulate(gantry, _controller(p, True), reference)
-    rows = [_row("gantry", true, true.state, reference) | {"distance_m": 0.0}]
-    for case in CASES:
-        plant = HardwareInLoop(
-            gantry, servo_bench() if case.dry else _without_dry_friction(servo_bench()), case.delay
-        )
-        run = simulate(plant, _controller(p, case.damped), reference)
-        away = {
-            "distance_m": _peak(run.output - true.output),
-            "twist_damping": float(twist_damping(plant)),
-        }
-        rows.append(_row(case.name, run, run.measurement, reference) | away | _bench(plant, run))
-    own = 2 * p.drive_viscous * p.half_span**2
-    return {
-        "time_s": SAMPLE * np.arange(reference.steps),
-        "added_damping": DAMPED,
-        "own_damping": float(own),
-        "rows": rows,
-    }
+    rows = [_row("gantry", true, true.state, reference, distance=0.0)]
+    rows += [_emulated(case, gantry, reference, true.output) for case in CASES]
+    return Emulated(
+        time_s=SAMPLE * np.arange(reference.steps),
+        added_damping=DAMPED,
+        viscous_damping=float(2 * p.drive_viscous * p.half_span**2),
+        rows=tuple(rows),
+    )
+
+
+def _emulated(
+    case: Case, gantry: Gantry, reference: Reference, wanted: Float[Array, "T 2"]
+) -> EmulatedRun:
+    """One condition; `wanted` is the tool of the gantry itself."""
+    bench = servo_bench() if case.dry else _without_dry_friction(servo_bench())
+    plant = HardwareInLoop(gantry, bench, case.delay)
+    run = simulate(plant, _controller(gantry.parameters, case.damped), reference)
+    row = _row(case.name, run, run.measurement, reference, _peak(run.output - wanted))
+    return replace(
+        row,
+        twist_damping=float(twist_damping(plant)),
+        peak_load_a=_peak(_load(plant, run)),
+        # (5.50) is about a bench that is one sample late
+        peak_remainder_m_per_s=_peak(_remainder(plant, run)) if plant.delay == 1 else None,
+    )
 
 
 def _controller(p: GantryParameters, damped: bool) -> Controller:
-    return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED))) if damped else Follower(p)
+    if not damped:
+        return Follower(p)
+    return Compensated(Follower(p), TwistDamping(p, jnp.asarray(DAMPED)))
 
 
 def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
@@ -95,32 +103,24 @@ def _without_dry_friction(bench: BackToBackMotors) -> BackToBackMotors:
 
 
 def _row(
-    name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference
-) -> dict[str, Any]:
+    name: str, run: Rollout, state: Float[Array, "T 6"], reference: Reference, distance: float
+) -> EmulatedRun:
     """Errors as section 5.6.4 has them: of the tool along X and Y, and from the contour."""
-    metrics, tracking = (
-        score(run, reference),
-        np.abs(np.asarray(tracking_error(run.output, reference))),
+    metrics = score(run, reference)
+    tracking = np.abs(np.asarray(tracking_error(run.output, reference)))
+    contour = np.asarray(contour_error(run.output, reference))
+    return EmulatedRun(
+        name=name,
+        peak_x_error_m=float(tracking[:, 0].max()),
+        peak_y_error_m=float(tracking[:, 1].max()),
+        peak_contour_error_m=float(metrics.peak_contour_error),
+        rms_contour_error_m=float(metrics.rms_contour_error),
+        peak_twist_rad=_peak(state[:, 2:3]),
+        twist_rad=np.asarray(state[:, 2]),
+        diverged=bool(metrics.diverged),
+        contour_error_m=np.linalg.norm(contour, axis=-1),
+        distance_m=distance,
     )
-    return {
-        "name": name,
-        "peak_x_error_m": float(tracking[:, 0].max()),
-        "peak_y_error_m": float(tracking[:, 1].max()),
-        "peak_contour_error_m": float(metrics.peak_contour_error),
-        "rms_contour_error_m": float(metrics.rms_contour_error),
-        "peak_twist_rad": _peak(state[:, 2:3]),
-        "twist_rad": state[:, 2],
-        "diverged": bool(metrics.diverged),
-        "contour_error_m": np.linalg.norm(
-            np.asarray(contour_error(run.output, reference)), axis=-1
-        ),
-    }
-
-
-def _bench(plant: HardwareInLoop, run: Rollout) -> dict[str, float | None]:
-    """What the load motor takes [A], and what (5.50), which is about a bench one sample late, leaves to F_Nx [m/s]."""
-    remainder = _peak(_remainder(plant, run)) if plant.delay == 1 else None
-    return {"peak_load_a": _peak(_load(plant, run)), "peak_remainder_m_per_s": remainder}
 
 
 @eqx.filter_jit
@@ -137,5 +137,6 @@ def _remainder(plant: HardwareInLoop, run: Rollout) -> Float[Array, "before_last
     return (state[1:] - jax.vmap(model.step)(state, run.control[:, :1])[:-1])[:, 1:2]
 
 
-def _peak(vectors) -> float:
+def _peak(vectors: Float[Array, "T k"]) -> float:
+    """Largest length of the rows."""
     return float(np.linalg.norm(np.asarray(vectors), axis=-1).max())

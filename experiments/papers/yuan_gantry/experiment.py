@@ -1,24 +1,28 @@
-"""Yuan, sections 5.1, 5.2, 5.5 and 5.6: a dual-drive gantry, its resonances, its twist along a path, its head emulated, three engines.
+"""Yuan 2020, sections 5.1, 5.2, 5.5 and 5.6: a dual-drive gantry and its emulated head.
 
+Its resonances, its twist along a path, its head emulated by a motor bench, and three engines.
 Hardly a mass or a stiffness of the machine is printed. Ours solve (5.12) for the two
-anti-resonances that are; so these two are what the model was made for, and everything else follows
-from it. The thesis's set-based controllers are not built here.
+anti-resonances that are. These two are therefore an input of the model, and everything else
+follows from it. The thesis's set-based controllers are not built here.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from experiments.benchmarks.gantry_engines import engine_rates
+from experiments.benchmarks.gantry_engines import engines
 from experiments.papers.yuan_gantry.claims import claims
 from experiments.papers.yuan_gantry.emulation import emulated
 from experiments.papers.yuan_gantry.figures import draw
+from experiments.papers.yuan_gantry.result import Result
 from experiments.papers.yuan_gantry.runs import along_the_path, identified, responses
 from experiments.papers.yuan_gantry.tables import show
 
 __all__ = ["PUBLISHED", "SOURCE", "Settings", "draw", "run", "show"]
 
-SOURCE = "M. Yuan: Modelling and contouring control of industrial machine tools. Doctoral thesis, The University of Melbourne (2020), ch. 5"
+SOURCE = (
+    "M. Yuan: Modelling and contouring control of industrial machine tools. Doctoral thesis, "
+    "The University of Melbourne (2020), ch. 5"
+)
 PUBLISHED = ("antiresonance_hz", "largest_twist_rad")
 
 
@@ -30,16 +34,15 @@ class Settings:
     """Time the engines briefly: their rates are rougher."""
 
 
-def run(settings: Settings, folder: Path) -> dict[str, Any]:
-    """Compute everything; all that is found is in the summary, nothing is written to the folder."""
-    summary: dict[str, Any] = {
-        "source": SOURCE,
-        "settings": asdict(settings),
-        "responses": responses(),
-        "path": along_the_path(),
-        "emulated": emulated(),
-        "identified": identified(),
-        "engines": list(map(asdict, engine_rates(0.2 if settings.quick else 1.0))),
-    }
-    summary["claims"] = claims(summary)
-    return summary
+def run(settings: Settings, folder: Path) -> Result:
+    """Compute everything; nothing is written to the folder."""
+    found = Result(
+        source=SOURCE,
+        settings=asdict(settings),
+        responses=responses(),
+        path=along_the_path(),
+        emulated=emulated(),
+        identified=identified(),
+        engines=engines(0.2 if settings.quick else 1.0),
+    )
+    return replace(found, claims=claims(found))

@@ -1,53 +1,56 @@
-"""What is computed for Yuan's chapter 5: frequency responses of a drive, and the gantry along a line, a circle and a line."""
-
-from typing import Any
+"""Runs behind Yuan's chapter 5: responses of a drive, the gantry along a path, its parameters."""
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.papers.yuan_gantry.result import Identified, PathRun, Response
 from jcontour.controller import Controller
 from jcontour.geometry.contours import chain, circle, line
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import Reference, in_time
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import drive_response
-from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import contour_error, score
+from tuning.identification.estimates import Estimate
 from tuning.identification.gantry import NAMES, Sheet, antiresonance, identify_gantry
 from tuning.identification.gantry_commissioning import HEADS as CHIRP_HEADS
 from tuning.identification.gantry_commissioning import commissioned
 
 HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
 FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]
-SAMPLE, RADIUS, FEED, ACCELERATION = 2e-3, 0.08, 0.1, 1.0  # section 5.5
+SAMPLE = 2e-3  # [s] section 5.5, as the three below
+RADIUS = 0.08  # [m]
+FEED = 0.1  # [m/s]
+ACCELERATION = 1.0  # [m/s^2]
 UNITS = ("kg", "kg m^2", "kg", "kg m", "N s/m", "N s/m", "N m/rad")  # of what is identified
-FREQUENCY, DAMPING = 30.0, 0.8  # [rad/s] of the follower: ours
+FREQUENCY = 30.0  # [rad/s] w of the follower: ours
+DAMPING = 0.8  # z of the follower: ours
 
 
 class Follower(Controller):
-    """Both axes pulled to where they should be, the two drives with the same current: no set, no horizon, no knowledge of the twist.
+    """A plain controller of both axes, with the same current in the two drives.
 
-    f = M (w^2 (r - q) + 2 z w (v_r - q') + a_r) + b v_r with M = M_e for x_h and M_t for y_N.
+        f = M (w^2 (r - q) + 2 z w (v_r - q') + a_r) + b v_r,   M = M_e for x_h, M_t for y_N
+
+    It has no constraints, no horizon and no model of the twist.
     """
 
     parameters: GantryParameters
     preview: int = eqx.field(static=True, default=1)
 
     def prepare(self, reference: Reference) -> tuple[Float[Array, "T 2"], ...]:
-        """Where the head and the beam should be [m], how fast they should move [m/s] and gather speed [m/s^2]."""
+        """Desired position [m], speed [m/s] and acceleration [m/s^2] of head and beam."""
         wanted = reference.position.at[:, 1].add(self.parameters.tool_offset)
         speed = jnp.diff(wanted, axis=0)[: reference.steps] / reference.dt
-        return (
-            wanted[: reference.steps],
-            speed,
-            jnp.diff(speed, axis=0, prepend=jnp.zeros((1, 2))) / reference.dt,
-        )
+        acceleration = jnp.diff(speed, axis=0, prepend=jnp.zeros((1, 2))) / reference.dt
+        return wanted[: reference.steps], speed, acceleration
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """No memory: the controller is static."""
         return None
 
     def step(
@@ -66,33 +69,30 @@ class Follower(Controller):
         return None, jnp.stack([along / p.head_constant, drive, drive])
 
 
-def responses() -> list[dict[str, Any]]:
-    """Fig. 5.6: from the current i_1 to the speed y_1', as printed and with the coupling M_e x_h kept."""
-    p, rows = thesis_gantry(), []
-    for head in HEADS:
-        for coupling in (False, True):
-            if head == 0 and coupling:
-                continue  # there is none
-            numerator, denominator = drive_response(
-                p, head, p.head_mass * head if coupling else 0.0
-            )
-            s = 2j * np.pi * FREQUENCIES
-            response = np.polyval(np.asarray(numerator), s) / np.polyval(np.asarray(denominator), s)
-            rows.append(
-                {
-                    "head_m": head,
-                    "coupling": coupling,
-                    "antiresonance_hz": _ringing(numerator),
-                    "resonance_hz": _ringing(denominator),
-                    "frequency_hz": FREQUENCIES,
-                    "gain_db": 20 * np.log10(np.abs(response)),
-                    "phase_deg": np.rad2deg(np.unwrap(np.angle(response))),
-                }
-            )
-    return rows
+def responses() -> tuple[Response, ...]:
+    """Fig. 5.6: from the current i_1 to the speed y_1', as printed and with the coupling kept."""
+    cases = [(head, coupling) for head in HEADS for coupling in (False, True)]
+    # in the middle of the beam there is no coupling
+    return tuple(_response(head, kept) for head, kept in cases if head != 0 or not kept)
 
 
-def _ringing(polynomial) -> float:
+def _response(head: float, coupling: bool) -> Response:
+    p = thesis_gantry()
+    numerator, denominator = drive_response(p, head, p.head_mass * head if coupling else 0.0)
+    s = 2j * np.pi * FREQUENCIES
+    response = np.polyval(np.asarray(numerator), s) / np.polyval(np.asarray(denominator), s)
+    return Response(
+        head_m=head,
+        coupling=coupling,
+        antiresonance_hz=_ringing(numerator),
+        resonance_hz=_ringing(denominator),
+        frequency_hz=FREQUENCIES,
+        gain_db=20 * np.log10(np.abs(response)),
+        phase_deg=np.rad2deg(np.unwrap(np.angle(response))),
+    )
+
+
+def _ringing(polynomial: Float[Array, " d"]) -> float:
     """Frequency of the pair of complex roots [Hz]."""
     roots = np.roots(np.asarray(polynomial))
     return float(np.abs(roots[np.abs(roots.imag) > 0][0]) / (2 * np.pi))
@@ -106,31 +106,49 @@ def reference_path() -> Reference:
     return in_time(contour, law, SAMPLE * np.ceil(law.duration / SAMPLE), SAMPLE)
 
 
-def along_the_path() -> dict[str, Any]:
-    """The run along Fig. 5.11: twist, tool and errors."""
+def along_the_path() -> PathRun:
+    """Run along Fig. 5.11: twist, tool and errors."""
     p, reference = thesis_gantry(), reference_path()
     rollout = simulate(Gantry(p, SAMPLE), Follower(p), reference)
     metrics, error = score(rollout, reference), np.asarray(contour_error(rollout.output, reference))
-    return {
-        "time_s": SAMPLE * np.arange(reference.steps),
-        "twist_rad": rollout.state[:, 2],
-        "tool_m": rollout.output,
-        "wanted_m": reference.position[: reference.steps],
-        "contour_error_m": np.linalg.norm(error, axis=-1),
-        "control_a": rollout.control,
-        "peak_twist_rad": float(jnp.max(jnp.abs(rollout.state[:, 2]))),
-        "peak_contour_error_m": float(metrics.peak_contour_error),
-        "rms_contour_error_m": float(metrics.rms_contour_error),
-        "diverged": bool(metrics.diverged),
-    }
+    twist = np.asarray(rollout.state[:, 2])
+    return PathRun(
+        time_s=SAMPLE * np.arange(reference.steps),
+        twist_rad=twist,
+        tool_m=np.asarray(rollout.output),
+        wanted_m=np.asarray(reference.position[: reference.steps]),
+        contour_error_m=np.linalg.norm(error, axis=-1),
+        control_a=np.asarray(rollout.control),
+        peak_twist_rad=float(np.max(np.abs(twist))),
+        peak_contour_error_m=float(metrics.peak_contour_error),
+        rms_contour_error_m=float(metrics.rms_contour_error),
+        diverged=bool(metrics.diverged),
+    )
 
 
-def identified() -> list[dict[str, Any]]:
-    """Section 5.2.2 on records of our machine: what the identification finds, and what is true."""
+def identified() -> tuple[Identified, ...]:
+    """Section 5.2.2 on simulated records of our machine: found beside true."""
     p, sheet = thesis_gantry(), Sheet.of(thesis_gantry())
     estimate = identify_gantry(commissioned(p, seed=0), sheet)
+
+    def row(name: str, true: float, found: Estimate, key: str) -> Identified:
+        return Identified(name, true, found[key], found.interval(key))
+
+    rows = [
+        row(f"{name.replace('_', ' ')}, {unit}", float(value), estimate, name)
+        for name, unit, value in zip(NAMES, UNITS, _true_values(p), strict=True)
+    ]
+    for head in CHIRP_HEADS:
+        found = antiresonance(estimate, sheet, head, coupled=False)
+        name = f"anti-resonance by (5.12), head at {head:g} m, Hz"
+        rows.append(row(name, _printed_antiresonance(p, head), found, "antiresonance"))
+    return tuple(rows)
+
+
+def _true_values(p: GantryParameters) -> tuple[Scalar, ...]:
+    """Values of `NAMES`."""
     imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-    true = (
+    return (
         p.total_mass,
         p.inertia(0.0),
         p.head_mass,
@@ -139,27 +157,9 @@ def identified() -> list[dict[str, Any]]:
         p.head_viscous,
         p.joint_stiffness,
     )
-    rows = [
-        _found(f"{name}, {unit}", value, estimate, name)
-        for name, unit, value in zip(NAMES, UNITS, true, strict=True)
-    ]
-    for head in CHIRP_HEADS:
-        printed = np.sqrt(
-            2 * p.joint_stiffness / (p.inertia(head) + p.half_span**2 * p.total_mass)
-        ) / (2 * np.pi)
-        found = antiresonance(estimate, sheet, head, coupled=False)
-        rows.append(
-            _found(
-                f"anti-resonance by (5.12), head at {head:g} m, Hz", printed, found, "antiresonance"
-            )
-        )
-    return rows
 
 
-def _found(name: str, true, estimate, key: str) -> dict[str, Any]:
-    return {
-        "name": name.replace("_", " "),
-        "true": float(true),
-        "found": estimate[key],
-        "interval": estimate.interval(key),
-    }
+def _printed_antiresonance(p: GantryParameters, head: float) -> float:
+    """Frequency by (5.12) [Hz]."""
+    inertia = p.inertia(head) + p.half_span**2 * p.total_mass
+    return float(np.sqrt(2 * p.joint_stiffness / inertia) / (2 * np.pi))

@@ -1,82 +1,73 @@
-"""What `jcontour reproduce yuan-gantry` prints."""
-
-from typing import Any
+"""Tables that `jcontour reproduce yuan-gantry` prints."""
 
 from rich.console import Console
 from rich.table import Table
 
-from experiments.benchmarks.gantry_engines import EngineRate, show_engines
-from experiments.reports.tables import digits, plain_table, worded_table
+from experiments.benchmarks.gantry_engines import show_engines
+from experiments.papers.verdicts import claims_table
+from experiments.papers.yuan_gantry.result import EmulatedRun, Result
+from experiments.reports.tables import digits, plain_table
+
+EMULATED = (
+    "head",
+    "X\num",
+    "Y\num",
+    "contour\num",
+    "from the\ngantry um",
+    "twist\nurad",
+    "load\nA",
+    "F_Nx\nmm/s",
+)
 
 
-def show(summary: dict[str, Any], console: Console) -> None:
-    """Frequencies, what is identified, the emulated head, engines, statements."""
-    rows = [
-        [
-            f"{row['head_m']:g}",
-            "kept" if row["coupling"] else "as printed",
-            f"{row['antiresonance_hz']:.2f}",
-            f"{row['resonance_hz']:.2f}",
-        ]
-        for row in summary["responses"]
-    ]
+def show(result: Result, console: Console) -> None:
+    """Frequencies, identified quantities, the emulated head, engines, statements."""
+    console.print(_responses(result))
+    console.print(_identified(result))
+    console.print(_emulated(result))
+    show_engines(result.engines, console)
+    console.print(claims_table(result.claims))
+
+
+def _responses(result: Result) -> Table:
+    rows = []
+    for row in result.responses:
+        coupling = "kept" if row.coupling else "as printed"
+        frequencies = (row.antiresonance_hz, row.resonance_hz)
+        rows.append([f"{row.head_m:g}", coupling, *(f"{value:.2f}" for value in frequencies)])
     columns = ("head m", "coupling M_e x_h", "anti-resonance Hz", "resonance Hz")
-    console.print(
-        plain_table(
-            "Fig. 5.6: from the current of a drive to its speed", columns, rows, text_columns=2
-        )
-    )
-    found = [
-        [r["name"], *(f"{v:.6g}" for v in (r["true"], r["found"], *r["interval"]))]
-        for r in summary["identified"]
-    ]
+    title = "Fig. 5.6: from the current of a drive to its speed"
+    return plain_table(title, columns, rows, text_columns=2)
+
+
+def _identified(result: Result) -> Table:
+    rows = []
+    for row in result.identified:
+        numbers = (row.true, row.found, *row.interval)
+        rows.append([row.name, *(f"{value:.6g}" for value in numbers)])
     columns = ("", "true", "found", "95 % from", "to")
-    console.print(
-        plain_table("Section 5.2.2: identified from chirps at two head positions", columns, found)
-    )
-    console.print(_emulated(summary["emulated"]["rows"]))
-    show_engines([EngineRate(**row) for row in summary["engines"]], console)
-    words = [
-        (row["item"], row["claim"], row["finding"], row["verdict"]) for row in summary["claims"]
-    ]
-    console.print(
-        worded_table("Statements", ("where", "the paper", "the simulation", "verdict"), words)
-    )
+    return plain_table("Section 5.2.2: identified from chirps at two head positions", columns, rows)
 
 
-def _emulated(rows: list[dict[str, Any]]) -> Table:
-    shown = [
-        [row["name"], *(["diverged", *["-"] * 6] if row["diverged"] else _numbers(row))]
-        for row in rows
-    ]
-    columns = (
-        "head",
-        "X\num",
-        "Y\num",
-        "contour\num",
-        "from the\ngantry um",
-        "twist\nurad",
-        "load\nA",
-        "F_Nx\nmm/s",
+def _emulated(result: Result) -> Table:
+    title = (
+        "Section 5.6: a motor bench for the head, at once or one sample late, along Fig. 5.11; "
+        "largest errors of the tool"
     )
-    return plain_table(
-        "Section 5.6: a motor bench for the head, at once or one sample late, along Fig. 5.11; largest errors of the tool",
-        columns,
-        shown,
-    )
+    return plain_table(title, EMULATED, [_cells(row) for row in result.emulated.rows])
 
 
-def _numbers(row: dict[str, Any]) -> list[str]:
-    names = (
-        "peak_x_error_m",
-        "peak_y_error_m",
-        "peak_contour_error_m",
-        "distance_m",
-        "peak_twist_rad",
+def _cells(row: EmulatedRun) -> list[str]:
+    if row.diverged:
+        return [row.name, "diverged", *["-"] * 6]
+    errors = (
+        row.peak_x_error_m,
+        row.peak_y_error_m,
+        row.peak_contour_error_m,
+        row.distance_m,
+        row.peak_twist_rad,
     )
-    load, remainder = row.get("peak_load_a"), row.get("peak_remainder_m_per_s")
-    return [
-        *(digits(1e6 * row[name]) for name in names),
-        digits(load),
-        digits(None if remainder is None else 1e3 * remainder),
-    ]
+    remainder = row.peak_remainder_m_per_s
+    remainder_mm = None if remainder is None else 1e3 * remainder
+    cells = [digits(1e6 * error) for error in errors]
+    return [row.name, *cells, digits(row.peak_load_a), digits(remainder_mm)]

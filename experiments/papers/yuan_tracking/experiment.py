@@ -6,7 +6,7 @@ its test bench: our simulation of its model stands beside them and is not fitted
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ from experiments.papers.yuan_tracking.result import (
     FamilyRow,
     RankingRow,
     Result,
-    Settings,
     Signals,
 )
 from experiments.papers.yuan_tracking.runs import (
@@ -53,6 +52,16 @@ CONFIRMED = (BASELINE, "cascade-feedforward")  # controllers with a target of ou
 DRAWN = (BASELINE, "cascade-notch", "cascade-leso-exact")  # Figs 3.8 to 3.11
 
 
+@dataclass(frozen=True)
+class Settings:
+    """Flags of `jcontour reproduce yuan-tracking`."""
+
+    quick: bool = False
+    """Finish within a minute: nothing is tuned, the ranking is that of the first gains."""
+    tuned: tuple[str, ...] = ()
+    """Controllers that are tuned, by their names in `jcontour list`; all when none is given."""
+
+
 def run(settings: Settings, folder: Path) -> Result:
     """Simulate everything; nothing is written to the folder.
 
@@ -70,7 +79,7 @@ def run(settings: Settings, folder: Path) -> Result:
     to_tune = () if settings.quick else settings.tuned or tuple(known)
     rows, signals = _all_runs(setup, known, to_tune)
     tables = table_rows(PUBLISHED, rows)
-    found = Result(SOURCE, settings, rows, signals, gap_curve(setup), tables)
+    found = Result(SOURCE, asdict(settings), rows, signals, gap_curve(setup), tables)
     return replace(found, claims=claims(found, CONFIRMED))
 
 

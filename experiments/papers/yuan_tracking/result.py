@@ -1,4 +1,4 @@
-"""Settings and result of the reproduction of Yuan's chapter 3."""
+"""Result of the reproduction of Yuan's chapter 3."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,16 +10,6 @@ from experiments.papers.verdicts import Claim, Verdict
 
 TASKS = ("A", "B")  # point to point, to and fro along a cosine
 KEPT_PERIOD = 5e-3  # [s] between the samples of a signal: a fourteenth of the link's period
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Flags of `jcontour reproduce yuan-tracking`."""
-
-    quick: bool = False
-    """Finish within a minute: nothing is tuned, the ranking is that of the first gains."""
-    tuned: tuple[str, ...] = ()
-    """Controllers that are tuned, by their names in `jcontour list`; all when none is given."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +112,7 @@ class Result:
     """All that is found."""
 
     source: str
-    settings: Settings
+    settings: dict[str, Any]
     ranking: tuple[RankingRow, ...]
     signals: dict[str, dict[str, Signals]]  # by controller and task, every `KEPT_PERIOD`
     gap: tuple[GapRow, ...]  # sharpness ascending

@@ -65,7 +65,7 @@ def made_up(mpcc, others):
     )
     fast = replace(slow, q_theta=5.0, speed_mm_s=200 - 50 * bend, contour_error_um=2 * np.ones(100))
     path = Lobes(100.0, 100.0, line)
-    return Result("", Settings(), ("p",), path, (slow, fast), tuple(points))
+    return Result("", {}, ("p",), path, (slow, fast), tuple(points))
 
 
 def verdicts(result):
