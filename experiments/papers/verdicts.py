@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from rich.table import Table
@@ -44,6 +44,11 @@ def verdict(holds: bool, partly: bool = False) -> Verdict:
     if holds:
         return Verdict.REPRODUCED
     return Verdict.SAME_ORDERING if partly else Verdict.NOT_REPRODUCED
+
+
+def undecided(claims: Sequence[Claim]) -> tuple[Claim, ...]:
+    """The same statements without a verdict: the run is too short for one."""
+    return tuple(replace(row, verdict=Verdict.UNDECIDED) for row in claims)
 
 
 def claims_table(claims: Sequence[Claim], title: str = "Statements") -> Table:

@@ -1,81 +1,69 @@
-"""The figures of the comparison of contouring schemes, drawn from the numbers of a run."""
+"""Figures of the comparison of contouring schemes, drawn from a result."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.papers.contouring_schemes.claims import mean
+from experiments.papers.contouring_schemes.result import Result
+from experiments.papers.legends import legend_below
 from experiments.reports.png import save_figures
 
-
-def draw(summary: dict[str, Any], folder: Path) -> list[Path]:
-    """All figures, as PNG files in `folder`."""
-    return save_figures({"held-out-errors": errors, "tuning": tuning}, summary, folder)
+BARS = 0.8  # of the distance between two schemes
 
 
-def errors(summary: dict[str, Any]) -> Figure:
+def draw(result: Result, folder: Path) -> list[Path]:
+    """Save all figures as PNG files in `folder`."""
+    return save_figures({"held-out-errors": errors, "tuning": tuning}, result, folder)
+
+
+def errors(result: Result) -> Figure:
     """RMS contour error on held-out contours: every scheme on every machine."""
-    schemes = list(dict.fromkeys(row["scheme"] for row in summary["tuning"]))
-    plants = list(dict.fromkeys(row["plant"] for row in summary["rows"]))
-    figure, panels = _panels(summary)
-    width = 0.8 / len(plants)
+    figure, panels = _panels(result)
     for loops, axes in panels.items():
-        for k, plant in enumerate(plants):
-            heights = [
-                mean(summary, scheme, "contour_um", loops=loops, plant=plant, training=False)
-                for scheme in schemes
-            ]
-            axes.bar(
-                np.arange(len(schemes)) + (k - (len(plants) - 1) / 2) * width,
-                heights,
-                width,
-                label=plant,
-            )
-        axes.set_xticks(np.arange(len(schemes)), schemes, rotation=25, ha="right")
-        axes.set(title=loops)
-        axes.grid(color="0.9", axis="y")
-        axes.set_axisbelow(True)
+        _bars(axes, result, loops)
+    legend_below(figure, figure.axes[0], columns=2 * len(panels))
     figure.axes[0].set(ylabel="RMS contour error [um]")
-    _legend(figure)
     figure.suptitle("Held-out contours, machine with stick and slip")
     return figure
 
 
-def tuning(summary: dict[str, Any]) -> Figure:
-    """The best objective so far: the cascade first, then every scheme from there, then from the start again."""
-    figure, panels = _panels(summary)
-    for row in summary["tuning"]:
-        panels[row["loops"]].plot(
-            np.arange(1, len(row["best_um"]) + 1),
-            row["best_um"],
-            label=row["scheme"],
-            linewidth=1.0,
-        )
+def tuning(result: Result) -> Figure:
+    """Best feasible objective over the evaluations.
+
+    First those of the cascade, then every scheme from there, then from the start again.
+    """
+    figure, panels = _panels(result)
+    for row in result.tuning:
+        count = np.arange(1, len(row.best_um) + 1)
+        panels[row.loops].plot(count, row.best_um, label=row.scheme, linewidth=1.0)
     for loops, axes in panels.items():
         axes.set(xlabel="evaluations", yscale="log", title=loops)
         axes.grid(color="0.9", which="both")
     figure.axes[0].set(ylabel="mean RMS contour error [um]")
-    _legend(figure)
+    legend_below(figure, figure.axes[0], columns=3 * len(panels))
     figure.suptitle("Tuning on the smooth twin")
     return figure
 
 
-def _panels(summary: dict[str, Any]):
+def _bars(axes: Axes, result: Result, loops: str) -> None:
+    """A group for each scheme, in it a bar for each machine."""
+    schemes, plants = result.schemes, result.plants
+    width = BARS / len(plants)
+    for k, plant in enumerate(plants):
+        heights = [result.mean(scheme, loops, plant, training=False) for scheme in schemes]
+        place = np.arange(len(schemes)) + (k - (len(plants) - 1) / 2) * width
+        axes.bar(place, heights, width, label=plant)
+    axes.set_xticks(np.arange(len(schemes)), schemes, rotation=25, ha="right")
+    axes.set(title=loops)
+    axes.grid(color="0.9", axis="y")
+    axes.set_axisbelow(True)
+
+
+def _panels(result: Result) -> tuple[Figure, dict[str, Axes]]:
     """One panel for each kind of loops."""
-    loops = list(dict.fromkeys(row["loops"] for row in summary["tuning"]))
-    figure = Figure(figsize=(5.5 * len(loops), 4.6), layout="constrained")
-    return figure, dict(
-        zip(loops, np.atleast_1d(figure.subplots(1, len(loops), sharey=True)), strict=True)
-    )
-
-
-def _legend(figure: Figure) -> None:
-    """One for all panels."""
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=6,
-        frameon=False,
-    )
+    loops = result.loops
+    figure = Figure(figsize=(6.0 * len(loops), 4.8), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(loops), sharey=True))
+    return figure, dict(zip(loops, panels, strict=True))

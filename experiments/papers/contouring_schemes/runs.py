@@ -1,38 +1,29 @@
-"""The runs behind the comparison of contouring schemes: the same tuning for every scheme, and its numbers on the true machines."""
+"""Runs of the comparison of contouring schemes: the same tuning for each, and the true machines."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.papers.contouring_schemes.machine import (
-    DT,
-    held_out,
-    references,
-    smooth_family,
-    training,
-    true_family,
-)
+from experiments.catalogue.choices import design_for
+from experiments.designs.design import Design, by_name
+from experiments.machines.families import LATE, members
+from experiments.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
+from experiments.options import Simulate
+from experiments.papers.contouring_schemes.contours import held_out, references, training
+from experiments.papers.contouring_schemes.result import Row
 from jcontour.controller import Controller
-from jcontour.controllers.contouring.command_shaping import CommandShaped
-from jcontour.controllers.contouring.cross_coupled import (
-    ConstantCoupling,
-    CrossCoupled,
-    CrossGains,
-    VariableCoupling,
-)
-from jcontour.controllers.contouring.precompensation import Precompensated
-from jcontour.controllers.contouring.task_frame import TaskFrame
-from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedback.cascade import CascadeGains
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.sensors import motors
+from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, SmoothFlexibleAxis
+from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import follow
-from jcontour.simulation.evaluation import one_by_one
+from jcontour.simulation.evaluation import one_by_one, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
 from tuning.objectives import AtMost, mean_contour_error
 from tuning.parameters import Fixed, Interval, Parameter, Positive
@@ -40,11 +31,22 @@ from tuning.problem import Problem
 from tuning.tune import THOROUGH, Evaluated, Tuned, TuneState, advance, result
 
 ARRIVED = 50e-6  # [m] from the end: there the contour counts as done
-CURRENT, INCREMENT = (
-    1.2,
-    2.0,
-    # limits, times what the thesis's gains with feedforward need of RMS current and of RMS increments
-)
+# limits of RMS current and of RMS increments, times what the thesis's gains with feedforward need
+CURRENT, INCREMENT = 1.2, 2.0
+# of the smooth twin while it is tuned: four change its errors by 5e-6; the true plant takes its 20
+SUBSTEPS = 2
+
+NOMINAL, *CORNERS, DELAYED = members(stiffness=0.2, mass=0.2)
+STIFF, SOFT = (1.2, 0.8), (0.8, 1.2)  # factors on stiffness and on masses
+LATE_DRIVES = "one sample late"
+MODEL_ERRORS = {  # members of the family of flexible machines
+    "nominal": NOMINAL,
+    LATE_DRIVES: DELAYED,
+    "heavy and soft": next(one for one in CORNERS if (one.stiffness, one.mass) == SOFT),
+    "light and stiff": next(one for one in CORNERS if (one.stiffness, one.mass) == STIFF),
+}
+# without the late one the velocity gains would grow until they ring
+TUNED_ON = ("nominal", LATE_DRIVES)
 STRONG = 10.0  # times the small gains of a scheme where its cascade is not tuned yet
 ONE_DESCENT = replace(THOROUGH, starts=1, scatter=0)  # ended by the budget
 
@@ -84,43 +86,80 @@ class Weights(NamedTuple):
     """Gains of the cascade, and those of the scheme around it."""
 
     cascade: CascadeGains
-    scheme: tuple
+    scheme: tuple[Float[Array, ""], ...]
 
 
-class Scheme(NamedTuple):
-    """How a scheme is built around a cascade, and where its own gains start: small, for a tuned cascade is not to be disturbed."""
-
-    build: Callable[[Weights], Controller]
-    start: tuple[float, ...]
-
-    def around(self, gains: CascadeGains, strength: float = 1.0) -> Weights:
-        """First weights, the scheme's own times a factor."""
-        return Weights(gains, tuple(jnp.asarray(strength * value) for value in self.start))
-
-
-def _cascade(weights: Weights) -> Cascade:
-    return Cascade(weights.cascade, motors(2), DT)
-
-
-CASCADE = "cascade"
-SCHEMES = {
-    CASCADE: Scheme(_cascade, ()),
-    "cross-coupled, constant": Scheme(
-        lambda w: CrossCoupled(_cascade(w), CrossGains(*w.scheme), ConstantCoupling()),
-        (3.0, 3.0, 0.01),
-    ),
-    "cross-coupled, variable": Scheme(
-        lambda w: CrossCoupled(_cascade(w), CrossGains(*w.scheme), VariableCoupling()),
-        (3.0, 3.0, 0.01),
-    ),
-    "task frame": Scheme(lambda w: TaskFrame(_cascade(w)), ()),
-    "pre-compensation": Scheme(lambda w: Precompensated(_cascade(w), *w.scheme), (1.0,)),
-    "command shaping": Scheme(lambda w: CommandShaped(_cascade(w), *w.scheme), (0.1,)),
+CASCADE, CONSTANT, VARIABLE = "cascade", "cross-coupled, constant", "cross-coupled, variable"
+TASK_FRAME, PRECOMPENSATION, SHAPING = "task frame", "pre-compensation", "command shaping"
+CATALOGUE = {  # name of a scheme here -> in the catalogue
+    CASCADE: "cascade",
+    CONSTANT: "cross-coupled",
+    VARIABLE: "cross-coupled-variable",
+    TASK_FRAME: "task-frame",
+    PRECOMPENSATION: "precompensation",
+    SHAPING: "command-shaping",
 }
 
 
-class Bench:
-    """What every scheme is tuned with: the same machines, contours, limits and number of evaluations.
+@dataclass(frozen=True)
+class Scheme:
+    """A scheme of the catalogue around a cascade.
+
+    Attributes:
+        design: of the catalogue.
+        names: gains of the scheme itself. They start small: a tuned cascade is not to be disturbed.
+    """
+
+    design: Design
+    names: tuple[str, ...]
+
+    def build(self, weights: Weights) -> Controller:
+        """The scheme with these gains."""
+        gains = dict(zip(self.names, weights.scheme, strict=True))
+        return self.design.build({**by_name(weights.cascade), **gains})
+
+    def around(self, gains: CascadeGains, strength: float = 1.0) -> Weights:
+        """First weights, the scheme's own times a factor."""
+        start = [strength * self.design.start[name] for name in self.names]
+        return Weights(gains, tuple(jnp.asarray(value) for value in start))
+
+
+def schemes() -> dict[str, Scheme]:
+    """All schemes of the survey, the plain cascade first."""
+    machine = biaxial_machine()
+    designs = {
+        name: design_for(machine, Simulate(controller=known)) for name, known in CATALOGUE.items()
+    }
+    return {name: Scheme(design, _own_gains(design)) for name, design in designs.items()}
+
+
+def _own_gains(design: Design) -> tuple[str, ...]:
+    """Names of the gains that are not the cascade's."""
+    return tuple(name for name in design.start if name not in CascadeGains.__dataclass_fields__)
+
+
+def smooth_family(names: Sequence[str]) -> Plant:
+    """Smooth twins, to tune on."""
+    return _family(names, lambda p: SmoothFlexibleAxis(p, SAMPLE, substeps=SUBSTEPS))
+
+
+def true_family(names: Sequence[str]) -> Plant:
+    """Machines with stick and slip."""
+    return _family(names, lambda p: FlexibleAxis(p, SAMPLE))
+
+
+def _family(names: Sequence[str], axes: Callable[[AxisParameters], Plant]) -> Plant:
+    """Members of the family without encoders: the schemes are fed exact positions and speeds."""
+    nominal, plants = biaxial_machine().parameters, []
+    for name in names:
+        member = MODEL_ERRORS[name]
+        plant = axes(scaled(nominal, member.stiffness, member.mass))
+        plants.append(Delayed(plant, jnp.asarray(member.late), LATE, nominal.axes))
+    return stack_plants(plants)
+
+
+class Setup:
+    """Conditions of the tuning, the same for every scheme: machines, contours, limits, budget.
 
     Args:
         plants: of `MODEL_ERRORS`, as smooth twins.
@@ -128,14 +167,11 @@ class Bench:
     """
 
     def __init__(self, plants: Sequence[str], budget: int):
-        self.plants, self.references, self.budget = (
-            smooth_family(plants),
-            references(training()),
-            budget,
-        )
-        start = scored(
-            _cascade(Weights(LOOPS[FEEDFORWARD].start, ())), self.plants, self.references
-        ).tool
+        self.plants, self.budget = smooth_family(plants), budget
+        self.references = references(training())
+        cascade = schemes()[CASCADE]
+        with_feedforward = cascade.build(cascade.around(LOOPS[FEEDFORWARD].start))
+        start = scored(with_feedforward, self.plants, self.references).tool
         self.limits = AtMost(
             rms_control=CURRENT * float(jnp.max(start.rms_control)),
             rms_increment=INCREMENT * float(jnp.max(start.rms_increment)),
@@ -143,10 +179,9 @@ class Bench:
 
     def tuned(self, scheme: Scheme, loops: Loops, starts: Sequence[Weights]) -> Tuned:
         """The best of one descent from each of these starts."""
-        space = Weights(loops.space, tuple(Positive() for _ in scheme.start))  # type: ignore[arg-type]
-        problem = Problem(
-            scheme.build, self.plants, self.references, mean_contour_error, space, self.limits
-        )
+        space = Weights(loops.space, tuple(Positive() for _ in scheme.names))  # type: ignore[arg-type]
+        machines = (self.plants, self.references)
+        problem = Problem(scheme.build, *machines, mean_contour_error, space, self.limits)
         history = [row for start in starts for row in self._descent(problem, start)]
         return result(problem, starts[0], TuneState(history))
 
@@ -158,7 +193,10 @@ class Bench:
 
 
 class Scores(NamedTuple):
-    """Axes (contour, plant): metrics at the end effectors and at the motors, where the schemes measure, and when the tool is there [s]."""
+    """Metrics at the end effectors and at the motors, and arrival of the tool [s].
+
+    Axes (contour, plant). The schemes measure at the motors.
+    """
 
     tool: Metrics
     motors: Metrics
@@ -186,40 +224,36 @@ def scored(controller: Controller, plants: Plant, references: Reference) -> Scor
 
 
 def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, ""]:
-    """When the tool has come to the end of a run from rest to rest, to stay [s]; not finite when it has not."""
+    """Time at which the tool has come to the end of its run, to stay [s].
+
+    Not finite when it has not.
+    """
     away = jnp.linalg.norm(output - reference.position[-1], axis=-1) > ARRIVED
     last = jnp.max(jnp.where(away, jnp.arange(reference.steps), -1))
     return jnp.where(away[-1], jnp.inf, (last + 1) * reference.dt)
 
 
-def rows(
-    name: str, loops: str, controller: Controller, plants: Sequence[str]
-) -> list[dict[str, Any]]:
+def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
     """The controller on these true machines along every contour."""
-    contours = {**training(), **held_out()}
-    scores = scored(controller, true_family(plants), references(contours))
+    seen, new = training(), held_out()
+    scores = scored(controller, true_family(plants), references({**seen, **new}))
+    tool = scores.tool
     return [
-        {
-            "scheme": name,
-            "loops": loops,
-            "contour": contour,
-            "training": i < len(training()),
-            "plant": plant,
-            **_numbers(scores.tool, i, j),
-            "motor_um": 1e6 * float(scores.motors.rms_contour_error[i, j]),
-            "time_s": float(scores.arrival[i, j]),
-        }
-        for i, contour in enumerate(contours)
+        Row(
+            scheme=name,
+            loops=loops,
+            contour=contour,
+            training=contour in seen,
+            plant=plant,
+            contour_um=1e6 * float(tool.rms_contour_error[i, j]),
+            peak_um=1e6 * float(tool.peak_contour_error[i, j]),
+            tracking_um=1e6 * float(tool.rms_tracking_error[i, j]),
+            current_a=float(tool.rms_control[i, j]),
+            increment_a=float(tool.rms_increment[i, j]),
+            diverged=bool(tool.diverged[i, j]),
+            motor_um=1e6 * float(scores.motors.rms_contour_error[i, j]),
+            time_s=float(scores.arrival[i, j]),
+        )
+        for i, contour in enumerate((*seen, *new))
         for j, plant in enumerate(plants)
     ]
-
-
-def _numbers(metrics: Metrics, i: int, j: int) -> dict[str, Any]:
-    return {
-        "contour_um": 1e6 * float(metrics.rms_contour_error[i, j]),
-        "peak_um": 1e6 * float(metrics.peak_contour_error[i, j]),
-        "tracking_um": 1e6 * float(metrics.rms_tracking_error[i, j]),
-        "current_a": float(metrics.rms_control[i, j]),
-        "increment_a": float(metrics.rms_increment[i, j]),
-        "diverged": bool(metrics.diverged[i, j]),
-    }

@@ -1,140 +1,159 @@
-"""The comparison of contouring schemes: verdicts, tables and figures from made-up numbers, and one whole run."""
+"""Comparison of contouring schemes: verdicts, tables, figures from made-up numbers; one whole run."""
+
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.papers.contouring_schemes.claims import (
-    CCPM,
-    CONSTANT,
-    CPSCS,
-    TASK,
-    VARIABLE,
-    claims,
-)
-from experiments.papers.contouring_schemes.experiment import Settings, draw, run, show
-from experiments.papers.contouring_schemes.machine import (
-    DT,
-    MODEL_ERRORS,
-    held_out,
-    run_along,
-    training,
-)
+from experiments.machines.flexible_axis import SAMPLE
+from experiments.papers.contouring_schemes.claims import claims
+from experiments.papers.contouring_schemes.contours import held_out, run_along, training
+from experiments.papers.contouring_schemes.experiment import Settings, run, show
+from experiments.papers.contouring_schemes.figures import errors, tuning
+from experiments.papers.contouring_schemes.result import Result, Row, TunedScheme
 from experiments.papers.contouring_schemes.runs import (
     ARRIVED,
     CASCADE,
+    CONSTANT,
     FEEDBACK,
     LOOPS,
-    SCHEMES,
+    MODEL_ERRORS,
+    PRECOMPENSATION,
+    SHAPING,
+    STRONG,
+    TASK_FRAME,
+    TUNED_ON,
+    VARIABLE,
     arrival,
+    schemes,
 )
-from experiments.papers.verdicts import Verdict
+from experiments.papers.verdicts import Verdict, tally, undecided
 
-GOOD = {
-    "start": 90.0,
-    CASCADE: 30.0,
-    CONSTANT: 33.0,
-    VARIABLE: 20.0,
-    TASK: 31.0,
-    CCPM: 20.0,
-    CPSCS: 20.5,
-}
-BAD = {
-    "start": 90.0,
-    CASCADE: 30.0,
-    CONSTANT: 33.0,
-    VARIABLE: 40.0,
-    TASK: 15.0,
-    CCPM: 25.0,
-    CPSCS: 50.0,
-}
+YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
+NAMES = ("start", CASCADE, CONSTANT, VARIABLE, TASK_FRAME, PRECOMPENSATION, SHAPING)
+GOOD = dict(zip(NAMES, (90.0, 30.0, 33.0, 20.0, 31.0, 20.0, 20.5), strict=True))  # [um]
+BAD = dict(zip(NAMES, (90.0, 30.0, 33.0, 40.0, 15.0, 25.0, 50.0), strict=True))
 
 
-def made_up(errors, tracking=None):
-    """A summary with these contour errors [um] on every contour and machine."""
+def made_up(errors, tracking=None, loops=tuple(LOOPS)):
+    """A result with these contour errors [um] on every contour and machine."""
     tracking = tracking or dict.fromkeys(errors, 100.0)
-    rows = [
-        {
-            "scheme": scheme,
-            "loops": loops,
-            "contour": contour,
-            "training": contour in training(),
-            "plant": plant,
-            "contour_um": error,
-            "peak_um": 2 * error,
-            "motor_um": error / 3,
-            "tracking_um": tracking[scheme],
-            "current_a": 1.0,
-            "increment_a": 0.1,
-            "time_s": 2.0,
-            "diverged": False,
-        }
+    rows = tuple(
+        Row(
+            scheme=scheme,
+            loops=one,
+            contour=contour,
+            training=contour in training(),
+            plant=plant,
+            contour_um=error,
+            peak_um=2 * error,
+            tracking_um=tracking[scheme],
+            current_a=1.0,
+            increment_a=0.1,
+            diverged=False,
+            motor_um=error / 3,
+            time_s=2.0,
+        )
         for scheme, error in errors.items()
         for contour in (*training(), *held_out())
         for plant in MODEL_ERRORS
-        for loops in LOOPS
-    ]
-    tuning = [
-        {
-            "scheme": name,
-            "loops": loops,
-            "feasible": loops == FEEDBACK or name != TASK,
-            "best_um": [3.0, 2.0, 1.0],
-        }
+        for one in loops
+    )
+    tuned = tuple(
+        TunedScheme(
+            scheme=name,
+            loops=one,
+            cascade={},
+            gains=[],
+            feasible=one == FEEDBACK or name != TASK_FRAME,
+            diverged_points=0,
+            smooth_um=1.0,
+            best_um=[3.0, 2.0, 1.0],
+        )
         for name in errors
         if name != "start"
-        for loops in LOOPS
-    ]
+        for one in loops
+    )
     limits = {"rms_control": 1.5, "rms_increment": 0.1}
-    return {
-        "rows": rows,
-        "tuning": tuning,
-        "tuned_on": ["nominal"],
-        "evaluations": 7,
-        "limits": limits,
-    }
+    return Result("", {}, ("nominal",), 7, limits, tuned, rows)
+
+
+def verdicts(result):
+    return [claim.verdict for claim in claims(result)]
 
 
 def test_verdicts_follow_the_numbers():
-    by_claim = [
-        row["verdict"]
-        for row in claims(made_up(GOOD, {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}))
-    ]
-    assert (
-        by_claim
-        == [Verdict.REPRODUCED.value] * 3
-        + [Verdict.NOT_REPRODUCED.value]
-        + [Verdict.REPRODUCED.value] * 2
-    )
-    turned = [row["verdict"] for row in claims(made_up(BAD))]
-    assert turned == [Verdict.NOT_REPRODUCED.value] * 6
+    tracking = {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}
+    assert verdicts(made_up(GOOD, tracking)) == [YES, YES, YES, NO, YES, YES]
+    assert verdicts(made_up(BAD)) == [NO] * 6
 
 
 def test_a_diverged_run_never_wins():
-    summary = made_up(GOOD)
-    for row in summary["rows"]:
-        row["diverged"] = row["scheme"] == VARIABLE and row["contour"] == "wave"
-    assert [row["verdict"] for row in claims(summary)][:2] == [Verdict.NOT_REPRODUCED.value] * 2
-
-
-def test_shown_and_drawn(tmp_path):
-    summary = made_up(GOOD)
-    summary["claims"] = claims(summary)
-    summary["rows"][0]["time_s"] = None  # this one does not arrive
-    console = Console(width=140, record=True, quiet=False, file=(tmp_path / "shown").open("w"))
-    show(summary, console)
-    text = console.export_text()
-    assert (
-        all(name in text for name in SCHEMES)
-        and "7 evaluations" in text
-        and "0.67 x the error of the plain cascade" in text
+    result = made_up(GOOD)
+    rows = tuple(
+        replace(row, diverged=row.scheme == VARIABLE and row.contour == "wave")
+        for row in result.rows
     )
+    assert verdicts(replace(result, rows=rows))[:2] == [NO] * 2
+
+
+def test_a_quick_run_decides_nothing():
+    statements = undecided(claims(made_up(GOOD)))
+    assert {row.verdict for row in statements} == {Verdict.UNDECIDED}
+    assert tally(statements, quick=True) == (
+        "Verdicts of the quick run on 6 statements: 6 undecided: quick run."
+    )
+
+
+def test_shown_with_its_rules_and_its_outcome(tmp_path):
+    result = made_up(GOOD)
+    first, *others = result.rows
+    late = replace(first, time_s=np.inf)  # this one does not arrive
+    result = replace(result, rows=(late, *others), claims=claims(result))
+    console = Console(width=140, record=True, quiet=False, file=(tmp_path / "shown").open("w"))
+    show(result, console)
+    text = console.export_text()
+    assert all(name in text for name in schemes())
+    assert "7 evaluations" in text and "0.67 x the error of the plain cascade" in text
     assert "no gains within the limits were found for task frame, with feedforward" in text
-    assert sorted(path.name for path in draw(summary, tmp_path)) == [
-        "held-out-errors.png",
-        "tuning.png",
-    ]
+
+
+@pytest.mark.parametrize("loops", [tuple(LOOPS), (FEEDBACK,)])
+@pytest.mark.parametrize("drawn", [errors, tuning])
+def test_legend_is_whole_and_beside_the_panels(loops, drawn):
+    figure = drawn(made_up(GOOD, loops=loops))
+    figure.draw_without_rendering()
+    legend = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1
+    assert figure.bbox.y0 <= legend.y0
+    assert not any(legend.overlaps(axes.get_tightbbox()) for axes in figure.axes)
+
+
+def test_bars_are_the_held_out_errors():
+    panel = errors(made_up(GOOD)).axes[0]
+    heights = [[bar.get_height() for bar in group] for group in panel.containers]
+    assert heights == [[GOOD[name] for name in NAMES[1:]]] * len(MODEL_ERRORS)
+    curves = tuning(made_up(GOOD)).axes[0].lines
+    assert [list(line.get_ydata()) for line in curves] == [[3.0, 2.0, 1.0]] * (len(NAMES) - 1)
+
+
+def test_schemes_are_those_of_the_catalogue_around_the_same_cascade():
+    own = {name: scheme.names for name, scheme in schemes().items()}
+    assert own == {
+        CASCADE: (),
+        CONSTANT: ("cross", "cross_integral", "cross_derivative"),
+        VARIABLE: ("cross", "cross_integral", "cross_derivative"),
+        TASK_FRAME: (),
+        PRECOMPENSATION: ("precompensation",),
+        SHAPING: ("shaping",),
+    }
+    gains = LOOPS[FEEDBACK].start
+    weights = schemes()[CONSTANT].around(gains, STRONG)
+    assert weights.cascade is gains
+    np.testing.assert_allclose(weights.scheme, [30.0, 30.0, 0.1])
+    assert TUNED_ON == tuple(MODEL_ERRORS)[:2] and MODEL_ERRORS[TUNED_ON[1]].late == 1
 
 
 def test_runs_are_from_rest_to_rest_and_held_out_contours_are_new():
@@ -151,7 +170,7 @@ def test_arrival_is_when_the_tool_stays():
     output = np.tile(end, (reference.steps, 1))
     output[:400] += far
     output[600] += far  # it comes back once
-    assert float(arrival(jnp.asarray(output), reference)) == pytest.approx(601 * DT, rel=1e-12)
+    assert float(arrival(jnp.asarray(output), reference)) == pytest.approx(601 * SAMPLE, rel=1e-12)
     output[-1] += far
     assert float(arrival(jnp.asarray(output), reference)) == np.inf
 
@@ -164,9 +183,10 @@ def test_bad_settings_are_one_line():
 
 @pytest.mark.slow
 def test_every_scheme_gets_the_same_budget_and_none_ends_behind_where_it_starts(tmp_path):
-    summary = run(Settings(quick=True, evaluations=40), tmp_path)
-    assert summary["evaluations"] == 8
-    for row in summary["tuning"]:
-        assert len(row["best_um"]) == 24 and row["feasible"]
-        assert row["best_um"][-1] <= row["best_um"][7]
-    assert not any(row["diverged"] for row in summary["rows"])
+    result = run(Settings(quick=True, evaluations=40), tmp_path)
+    assert result.evaluations == 8
+    for row in result.tuning:
+        assert len(row.best_um) == 24 and row.feasible
+        assert row.best_um[-1] <= row.best_um[7]
+    assert not any(row.diverged for row in result.rows)
+    assert {claim.verdict for claim in result.claims} == {Verdict.UNDECIDED}
