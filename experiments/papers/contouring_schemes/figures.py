@@ -42,7 +42,7 @@ def tuning(result: Result) -> Figure:
         axes.set(xlabel="evaluations", yscale="log", title=loops)
         axes.grid(color="0.9", which="both")
     figure.axes[0].set(ylabel="mean RMS contour error [um]")
-    legend_below(figure, figure.axes[0], columns=3 * len(panels))
+    legend_below(figure, figure.axes[0], columns=2 * len(panels))
     figure.suptitle("Tuning on the smooth twin")
     return figure
 

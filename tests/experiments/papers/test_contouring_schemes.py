@@ -1,4 +1,4 @@
-"""Comparison of contouring schemes: verdicts, tables, figures from made-up numbers; one whole run."""
+"""Comparison of contouring schemes: verdicts, tables, figures and the legends; one whole run."""
 
 from dataclasses import replace
 
