@@ -108,7 +108,7 @@ def _bench(result: Result) -> Claim:
 
 
 def _model(result: Result) -> Claim:
-    worst = max(row["difference"] for row in result.engines)
+    worst = max(row.difference for row in result.engines)
     words = (
         "MuJoCo and MJX, made of the same masses and springs, "
         f"differ from (5.7)-(5.9) by {worst:.1e} of a step"

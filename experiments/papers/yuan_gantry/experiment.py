@@ -9,7 +9,7 @@ follows from it. The thesis's set-based controllers are not built here.
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from experiments.benchmarks.gantry_engines import engines
+from experiments.benchmarks.gantry_engines import engine_rates
 from experiments.papers.yuan_gantry.claims import claims
 from experiments.papers.yuan_gantry.emulation import emulated
 from experiments.papers.yuan_gantry.figures import draw
@@ -43,6 +43,6 @@ def run(settings: Settings, folder: Path) -> Result:
         path=along_the_path(),
         emulated=emulated(),
         identified=identified(),
-        engines=engines(0.2 if settings.quick else 1.0),
+        engines=engine_rates(0.2 if settings.quick else 1.0),
     )
     return replace(found, claims=claims(found))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from experiments.benchmarks.gantry_engines import EngineRate
 from experiments.files.results import stored_as
 from experiments.papers.verdicts import Claim
 
@@ -111,7 +112,7 @@ class Result:
     path: PathRun
     emulated: Emulated
     identified: tuple[Identified, ...]
-    engines: list[Any]  # rows of `experiments.benchmarks.gantry_engines`, our model first
+    engines: Sequence[EngineRate]  # our model first
     claims: tuple[Claim, ...] = ()
 
     def response(self, head: float, coupling: bool) -> Response:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
+from experiments.benchmarks.gantry_engines import EngineRate
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
 from experiments.papers.yuan_gantry.emulation import CASES, DAMPED, TwistDamping, emulated
@@ -30,7 +31,7 @@ YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTA
 
 @pytest.fixture(scope="module")
 def result():
-    ours = {"engine": "jcontour", "difference": 0.0, "single": 1.0, "batch": 1000, "batched": 1.0}
+    ours = EngineRate("jcontour", 0.0, single=1.0, batch=1000, batched=1.0)
     return Result(
         source="",
         settings={},
@@ -148,7 +149,7 @@ def test_verdicts_follow_the_numbers(result):
     twisted = replace(
         result,
         path=replace(result.path, peak_twist_rad=1e-3),
-        engines=[{**result.engines[0], "difference": 1e-3}],
+        engines=[replace(result.engines[0], difference=1e-3)],
     )
     assert verdicts(twisted) == [YES, NO, NO, SHOWN, YES, SHOWN, SHOWN, NO]
     shifted = tuple(
