@@ -83,11 +83,11 @@ def window_plan(
 def _cost_entries(Q: Float[Array, "S m m"], y_d: Float[Array, "S m"]) -> Float[Array, "q S"]:
     """Entries of [Q, -Q y_d] of every sample."""
     outputs = range(y_d.shape[1])
-    Q = [[(Q[:, a, b] + Q[:, b, a]) / 2 for b in outputs] for a in outputs]
+    even = [[(Q[:, a, b] + Q[:, b, a]) / 2 for b in outputs] for a in outputs]
     rows = []
     for a, b in seen_entries(len(outputs)).T:
         of_Q = b < len(outputs)
-        rows.append(Q[a][b] if of_Q else -sum(Q[a][c] * y_d[:, c] for c in outputs))
+        rows.append(even[a][b] if of_Q else -sum(even[a][c] * y_d[:, c] for c in outputs))
     return jnp.stack(rows)
 
 
@@ -189,7 +189,7 @@ def _extended(order, A, B, C):
     return bordered(A[order][:, order]), jnp.pad(B[order], ((0, 1), (0, 0))), bordered(C[:, order])
 
 
-def _maps(pattern: Pattern, A, B, C) -> list[tuple[Float[Array, "z h"], Float[Array, "h q"]]]:
+def _maps(pattern: Pattern, A, B, C) -> list[tuple[Array | np.ndarray, Array | np.ndarray]]:
     """Matrix from H to Hz and matrix from Q to C' Q C, for every block."""
     pack = packing(pattern)
     A, B, C = _extended(pack.order, A, B, C)

@@ -53,7 +53,7 @@ class SteadyMotion(eqx.Module):
         increment: Float[Array | np.ndarray, "*batch m"],
     ) -> Float[Array, "*batch n"]:
         """State of a tool at `position` [m] that moves `increment` [m] per sample."""
-        return position @ self.Sy.T + increment @ self.Sv.T
+        return jnp.asarray(position) @ self.Sy.T + jnp.asarray(increment) @ self.Sv.T
 
 
 class LinearPlant(Plant):

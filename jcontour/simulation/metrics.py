@@ -47,7 +47,7 @@ def tracking_error(
     output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
     """Tracking error e = y - y_d [m]."""
-    return output - _over_runs(reference.position[: reference.steps], output)
+    return jnp.asarray(output) - _over_runs(reference.position[: reference.steps], output)
 
 
 def projected_error(
