@@ -1,4 +1,7 @@
-"""Filters, observers and the poles of whole loops against python-control, none of whose mathematics is shared."""
+"""Filters, observers and the poles of whole loops against python-control.
+
+None of its mathematics is shared.
+"""
 
 import control
 import jax
@@ -71,7 +74,10 @@ def test_filters(found, analogue, prewarp):
 
 
 def estimates(observer, controls, positions):
-    """(T, 3) of an observer that starts at zero: row k is the estimate at k, from what was before it and the position there."""
+    """Estimates (T, 3) of an observer that starts at zero.
+
+    Row k is the estimate at k, from what was before it and the position there.
+    """
 
     def step(carry, sample):
         estimate, control, before = carry
@@ -128,7 +134,10 @@ def poles(controller, plant=MACHINE):
 
 
 def closed(*blocks):
-    """Poles of the negative feedback loop through these blocks, the first at its input, by python-control in state space."""
+    """Poles of the negative feedback loop through these blocks, the first at its input.
+
+    They are by python-control in state space.
+    """
     around = blocks[0]
     for block in blocks[1:]:
         around = block * around
@@ -160,7 +169,10 @@ def test_poles_of_the_cascade_behind_a_notch():
 
 
 def test_poles_of_disturbance_rejection():
-    """The current estimator of the motor as a double integrator, closed by hand: xi+ = (I - l C)(A xi + b u) + l y+."""
+    """The current estimator of the motor as a double integrator, closed by hand.
+
+    xi+ = (I - l C)(A xi + b u) + l y+
+    """
     w, p = 300.0, np.exp(-0.3)
     A, b = (
         np.array([[1, DT, DT**2 / 2], [0, 1, DT], [0, 0, 1]]),
@@ -181,7 +193,10 @@ def test_poles_of_disturbance_rejection():
 
 
 def test_poles_of_a_disturbance_observer():
-    """u = u_inside - d, d = Q (P_n^-1 x_m - u), so u = (u_inside - Q P_n^-1 x_m) / (1 - Q), with twice the states of the loop."""
+    """The disturbance observer solved for u: u = (u_inside - Q P_n^-1 x_m) / (1 - Q).
+
+    From u = u_inside - d and d = Q (P_n^-1 x_m - u); it has twice the states of the loop.
+    """
     w = 120.0
     D = np.poly(np.exp(DT * np.roots([1.0, np.sqrt(2) * w, w**2])))
     low_passed = D.sum() / 2 * np.array([1.0, 1.0])

@@ -1,4 +1,7 @@
-"""The library against numbers computed by other code: see tests/data/mcnab/README.md for their definitions."""
+"""The library against numbers computed by other code.
+
+See tests/data/mcnab/README.md for their definitions.
+"""
 
 import json
 from pathlib import Path
@@ -84,7 +87,10 @@ def reference_of(inputs):
 
 @pytest.fixture(scope="module")
 def references():
-    """References of all cases; those of the same shape are padded alike, so that they share what is compiled."""
+    """References of all cases.
+
+    Those of the same shape are padded alike, so that they share what is compiled.
+    """
     single = {name: reference_of(case["inputs"]) for name, case in CASES.items()}
     alike = [name for name in single if name not in SLOW_CASES]
     stacked = stack_references([single[name] for name in alike])
@@ -367,7 +373,10 @@ def test_observer_cases(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("terminal", TERMINALS)
 def test_line_spectral_radii(terminal):
-    """Horizon 10 in two directions; all rows: test_mcnab_tsao, where one recursion gives all horizons."""
+    """Horizon 10 in two directions.
+
+    All rows are in test_mcnab_tsao, where one recursion gives all horizons.
+    """
     for row in (row for row in load("line_spectral_radii") if row["terminal"] == terminal):
         controller = ContouringLQ(bridgeport(), weights_of(row), 10, TERMINALS[terminal])
         radii = dict(zip(row["theta_deg"], row["radius"][row["Np"].index(10)], strict=True))

@@ -53,7 +53,10 @@ class Proportional(Controller):
 
 
 class Leaning(Plant):
-    """Integrators whose inputs act (1 + lean x_1) as much as at x = 0, with x_1 the first position."""
+    """Integrators whose inputs act (1 + lean x_1) as much as at x = 0.
+
+    The first position is x_1.
+    """
 
     lean: float
     dt: float = eqx.field(static=True, default=1e-3)
@@ -80,7 +83,10 @@ def straight():
 
 @pytest.mark.parametrize(("gain", "delay"), [(0.3, 3), (0.7, 0), (0.2, 6)])
 def test_margins_of_an_integrator_have_closed_forms(gain, delay, integrators, straight):
-    """x+ = x - g u: stable for 0 < g < 2; with d samples of delay for 0 < g < 2 sin(pi / (2 (2 d + 1)))."""
+    """The loop x+ = x - g u is stable for 0 < g < 2.
+
+    With d samples of delay it is stable for 0 < g < 2 sin(pi / (2 (2 d + 1))).
+    """
     found = margins(integrators, Proportional(gain), straight)
     assert found.spectral_radius == pytest.approx(max(abs(1 - gain), 0))
     np.testing.assert_allclose(found.gain[:, 1], 2 / gain, rtol=2 * GAIN_RESOLUTION)
@@ -202,7 +208,9 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
 
 
 def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
-    """From rest to 0.1 mm per sample: the control that a lag of v / g asks for is at its limit until the path stands still again.
+    """From rest to 0.1 mm per sample the control is at its limit until the path stands still again.
+
+    A lag of v / g asks for it.
 
     Before the limit or behind it, a delay line that is not used hides nothing.
     """
@@ -233,7 +241,10 @@ def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
 
 
 def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrators, straight):
-    """Two samples late, the loop is open at the samples that apply an old control beyond the limit, whatever is asked meanwhile."""
+    """Two samples late, the loop is open at the samples that apply an old control beyond the limit.
+
+    The control that is asked for meanwhile does not matter.
+    """
     gain, limit, late = 0.2, 5e-5, 2
     reference = along(line([0, 0], [1e-2, 0]), np.r_[0.0, np.full(39, 1e-3)], 1e-3, 0, at_rest=True)
     x, line_of, saturated = 0.0, [0.0] * late, 0
@@ -255,7 +266,10 @@ def test_a_zero_gain_closes_no_loop(integrators, straight):
 
 
 def test_margins_of_a_machine_that_changes_along_the_path():
-    """At rest x+ = x - g (1 + lean x_1) (x - x_d) is lost at 2 / (g (1 + lean x_1)), first where x_1 is largest: in the middle."""
+    """At rest x+ = x - g (1 + lean x_1) (x - x_d) is lost at 2 / (g (1 + lean x_1)).
+
+    It is lost first where x_1 is largest: in the middle.
+    """
     arc, scored = (
         np.repeat([1.0, 1.5, 0.25], 60),
         np.tile(np.arange(60) >= 50, 3),
@@ -296,7 +310,10 @@ class Held(Controller):
 
 
 def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
-    """The nonlinear machine with its limits, still on two places of its beam, against A - B G K of each by SciPy; K knows the centre."""
+    """The nonlinear machine with its limits, at rest, against A - B G K by SciPy.
+
+    It rests on two places of its beam; K knows the centre.
+    """
     p, dt, heads = thesis_gantry(), 1e-3, (-0.55, 0.3)
 
     def model(head):

@@ -1,4 +1,7 @@
-"""The kernels of the gains with a batch on the last axis; `test_lane_plan` asks for values and derivatives."""
+"""The kernels of the gains with a batch on the last axis.
+
+`test_lane_plan` asks for values and derivatives.
+"""
 
 import jax
 import jax.numpy as jnp

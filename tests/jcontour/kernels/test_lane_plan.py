@@ -1,4 +1,7 @@
-"""The GPU's plan against the readable sweep; without a GPU its kernels are interpreted, so the cases are tiny."""
+"""The GPU's plan against the readable sweep.
+
+Without a GPU its kernels are interpreted, so the cases are tiny.
+"""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,7 @@
-"""The kernels of the closed loop with a batch behind time; `test_lane_score` asks for values and derivatives."""
+"""The kernels of the closed loop with a batch behind time.
+
+`test_lane_score` asks for values and derivatives.
+"""
 
 import jax.numpy as jnp
 import numpy as np

@@ -66,7 +66,10 @@ def along(beta, samples):
 
 @pytest.mark.parametrize("preview", [dispatch.SHORTEST_WINDOW["cpu"] + 1, 1000])
 def test_long_windows_of_the_paper_s_machine(problems, preview):
-    """Without a tracking weight the position along the path costs nothing: Q is singular and the open loop drifts."""
+    """Without a tracking weight Q is singular and the open loop drifts.
+
+    The position along the path costs nothing.
+    """
     plant = bridgeport()
     spans = problems.quick(
         lambda *data: receding_horizon_plan(plant, *data[:2], np.ones(preview), data[2], None)

@@ -1,4 +1,4 @@
-"""Feed laws against closed forms, finite differences and a second integration of the same limits."""
+"""Feed laws against closed forms, differences and a second integration of the same limits."""
 
 from pathlib import Path
 
@@ -178,7 +178,10 @@ def test_two_full_circles_in_opposite_directions_stop_between():
 
 
 def differences(contour, arc):
-    """Speed, velocity, acceleration along the path and acceleration vector; on the host, since every shape would compile anew."""
+    """Speed, velocity, acceleration along the path and acceleration vector.
+
+    On the host, since every shape would compile anew.
+    """
     pieces = jax.tree.map(np.asarray, contour.pieces)
     index = np.searchsorted(pieces.start, arc, side="right") - 1
     position = jax.tree.map(lambda rows: rows[index], pieces).jet(arc - pieces.start[index])[0]
@@ -187,7 +190,7 @@ def differences(contour, arc):
 
 
 def at_corner(contour, arc, most=1e-6):
-    """Which second differences straddle a joint at which the direction turns by more than `most` rad."""
+    """Second differences across a joint at which the direction turns by more than `most` rad."""
     start = np.asarray(contour.start)[1:]
     pieces = jax.tree.map(np.asarray, contour.pieces)
     before, after = pieces.jet(pieces.extent)[1][:-1], pieces.jet(0 * pieces.extent)[1][1:]
@@ -254,7 +257,10 @@ def test_axis_limits_on_a_circle_are_used_and_kept():
 
 @pytest.mark.parametrize("part", ["bracket", "cam"])
 def test_duration_agrees_with_a_fine_grid(part):
-    """The same limits integrated anew: 2 um apart, speed ceilings from the contour's own curvature and tangents."""
+    """The same limits integrated anew, 2 um apart.
+
+    Speed ceilings are from the curvature and tangents of the contour.
+    """
     toolpath = read_gcode(PARTS / f"{part}.ngc")
     contour, acceleration, deviation = toolpath.contour, 2.0, 5e-6
     feed = np.where(toolpath.rapid, 0.1, toolpath.feed)

@@ -83,7 +83,10 @@ def test_damped_ei_has_its_zeros_where_the_decay_is_the_same(zeta):
 
 
 def test_residual_vibration_is_that_of_an_oscillator():
-    """Unit impulses through x'' + 2 zeta w x' + w^2 x, its free motion added up by an integrator."""
+    """Unit impulses through x'' + 2 zeta w x' + w^2 x.
+
+    Its free motion is added up by an integrator.
+    """
     shaper, w, zeta = in_series(zvd(70.0, 0.05), zv(200.0)), 90.0, 0.12
     state, time = np.zeros(2), 0.0
     for t, a in zip(np.asarray(shaper.times), np.asarray(shaper.amplitudes), strict=True):
@@ -118,7 +121,10 @@ def test_several_modes_at_once():
 
 
 def left_to_vibrate(reference, step, zeta=ZETA):
-    """Amplitude at the end of w^2 / (s^2 + 2 zeta w s + w^2) along a reference, linear in between, as it would be at time zero."""
+    """Amplitude at the end of w^2 / (s^2 + 2 zeta w s + w^2) along a reference.
+
+    The reference is linear in between; the amplitude is as it would be at time zero.
+    """
     time = step * np.arange(len(reference))
     x = lsim(
         ([[0, 1], [-(W**2), -2 * zeta * W]], [[0], [W**2]], np.eye(2), np.zeros((2, 1))),

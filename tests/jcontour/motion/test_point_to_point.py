@@ -67,7 +67,10 @@ def test_it_arrives_at_rest_within_its_limits_and_uses_one_of_them_all_the_time(
 
 
 def test_s_curve_by_hand():
-    """0.01 m at 0.1 m/s, 2 m/s^2 and 100 m/s^3: 20 ms of jerk, 30 ms of acceleration, 30 ms of cruise."""
+    """A move of 0.01 m at 0.1 m/s, 2 m/s^2 and 100 m/s^3.
+
+    It has 20 ms of jerk, 30 ms of acceleration and 30 ms of cruise.
+    """
     law = PointToPoint(0.01, 0.1, 2.0, 100.0)
     assert law.duration == pytest.approx(0.1 + 0.07)
     assert law(np.array([0.02]))[0] == pytest.approx(100 * 0.02**3 / 6)

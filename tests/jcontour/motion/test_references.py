@@ -80,7 +80,10 @@ def test_three_axes():
     ids=["circle", "corners", "self-crossing"],
 )
 def test_samples_of_a_contour_keep_their_place_on_it(contour):
-    """Otherwise the contour error is measured from the wrong place, and comes out larger than the tracking error."""
+    """Otherwise the contour error is measured from the wrong place.
+
+    It would come out larger than the tracking error.
+    """
     arc = 3.7e-2 * float(contour.length) * np.arange(25)
     position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
     reference = from_samples(position, tangent, DT, 2, contour)

@@ -32,7 +32,10 @@ def test_both_devices_work():
 
 
 def test_gradient_reaches_what_all_members_share():
-    """f(w) = sum over i of sin(w x_i): its slope is sum of x_i cos(w x_i); a copy that fills the batch up adds nothing."""
+    """The slope of sum sin(w x_i) is sum x_i cos(w x_i).
+
+    A copy that fills the batch up adds nothing.
+    """
     x = np.array([0.3, -1.0, 2.0, 0.7, 1.1])
     slope = jax.jit(jax.grad(lambda w: jnp.sum(TWO(lambda one: jnp.sin(w * one), jnp.asarray(x)))))(
         0.8

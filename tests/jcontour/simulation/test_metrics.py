@@ -45,7 +45,10 @@ def test_constant_offset_from_a_line(straight):
 
 
 def test_lag_and_radial_offset_on_a_circle(bent):
-    """Behind by 0.02 rad and 5 um outside: true contour error 5 um, tracking and projected error by trigonometry."""
+    """A tool behind by 0.02 rad and 5 um outside has a true contour error of 5 um.
+
+    Tracking and projected error are by trigonometry.
+    """
     lag, out = 0.02, RADIUS + 5e-6
     angle = np.arange(T) * STEP / RADIUS - lag
     metrics = score(out * np.stack([np.cos(angle), np.sin(angle)], -1), NO_CONTROL, bent)
