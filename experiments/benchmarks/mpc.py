@@ -1,7 +1,8 @@
-"""`jcontour bench mpc`: how long one step of a constrained controller takes, by part and by solver."""
+"""`jcontour bench mpc`: time of one step of a constrained controller, by part and by solver."""
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,23 +38,17 @@ def show(console: Console, summary: dict[str, Any]) -> None:
         "99 %\nus",
         "times NumPy's\nlinear solve",
     ]
-    lines = [
-        [
-            r["controller"],
-            r["solver"],
-            *(tables.digits(r[n]) for n in ("build", "solve", "step", "step_99", "ratio")),
-        ]
-        for r in summary["steps"]
-    ]
-    console.print(
-        tables.plain_table(
-            "One step of MPCC on the X-Y table, process time", columns, lines, text_columns=2
-        )
-    )
+    numbers = ("build", "solve", "step", "step_99", "ratio")
+    lines = []
+    for row in summary["steps"]:
+        times = [tables.digits(row[name]) for name in numbers]
+        lines.append([row["controller"], row["solver"], *times])
+    title = "One step of MPCC on the X-Y table, process time"
+    console.print(tables.plain_table(title, columns, lines, text_columns=2))
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Every horizon with DAQP, the paper's horizon with every solver, and the fast period with blocked moves."""
+    """Every horizon with DAQP, the paper's with every solver, blocks at the fast period."""
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
     cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
     cases.append(("0.1 ms, 28 ms in 9 blocks", DAQP(), FAST_PERIOD, FAST_BLOCKS))
@@ -68,24 +63,17 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
     contour = polar_lobes(30e-3, 10e-3, 4)
     controller = MPCC(xy_table(period), contour, solver=solver, horizon=horizon)
     reference = along(contour, np.zeros(STEPS + WARM), period, 0, at_rest=True)
-    state = np.asarray(reported_loop(xy_table(period), controller, reference).rollout.state)
+    run = reported_loop(xy_table(period), controller, reference)
+    states = list(np.asarray(run.rollout.state))
     memories, problems = [controller.initial_memory(reference)], []
-    for x in state:
-        problems.append(controller.problem(memories[-1], x))
-        memories.append(controller.step(memories[-1], None, x)[0])
-    build, _ = _times(
-        [lambda m=m, x=x: controller.problem(m, x) for m, x in zip(memories, state, strict=False)]
-    )
-    step, step_99 = _times(
-        [
-            lambda m=m, x=x: controller.step(m, None, x)
-            for m, x in zip(memories, state, strict=False)
-        ]
-    )
-    solve, _ = _times([lambda problem=problem: solver.solve(problem) for problem in problems])
-    unconstrained, _ = _times(
-        [lambda problem=problem: np.linalg.solve(problem.H, problem.g) for problem in problems]
-    )
+    for state in states:
+        problems.append(controller.problem(memories[-1], state))
+        memories.append(controller.step(memories[-1], None, state)[0])
+    samples = list(zip(memories[:-1], states, strict=True))
+    build, _ = _times([partial(controller.problem, *sample) for sample in samples])
+    step, step_99 = _times([partial(controller.step, memory, None, x) for memory, x in samples])
+    solve, _ = _times([partial(solver.solve, problem) for problem in problems])
+    linear, _ = _times([partial(np.linalg.solve, problem.H, problem.g) for problem in problems])
     return {
         "controller": name,
         "solver": solver.name,
@@ -93,12 +81,12 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
         "solve": solve,
         "step": step,
         "step_99": step_99,
-        "ratio": step / unconstrained,
+        "ratio": step / linear,
     }
 
 
 def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
-    """Median and 99th percentile [us] of calls made one after the other, each the median over all rounds."""
+    """Median and 99th percentile [us] of calls, each the median over all rounds."""
     rounds = [[seconds(call, time.process_time) for call in calls][WARM:] for _ in range(REPEATS)]
     median, last = np.median([np.percentile(times, (50, 99)) for times in rounds], axis=0)
     return 1e6 * float(median), 1e6 * float(last)

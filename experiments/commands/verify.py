@@ -262,7 +262,7 @@ def _next(rows: list[GapRow]) -> list[str]:
     if not any(row.active_fraction > 0 for row in rows):
         return [
             "No limit was ever active: the tuned controller itself keeps to all of them.",
-            "Next: give a tighter limit, such as --max-control or --max-increment, to see its cost.",
+            "Next: a tighter limit, such as --max-control or --max-increment, shows its cost.",
         ]
     worst = max(rows, key=_added_error)
     added = 1e6 * _added_error(worst)

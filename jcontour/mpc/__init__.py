@@ -1,1 +1,1 @@
-"""Constrained control on the host: a QP at every step, solved and checked; the only place that imports solvers."""
+"""Predictive controllers under limits: a QP at every sample, which `jcontour.qp` solves."""

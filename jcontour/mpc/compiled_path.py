@@ -1,7 +1,7 @@
-"""A contour for a controller on the host: position and derivative at a path parameter, compiled, without allocation.
+"""A contour for a controller on the host: position and derivative at a path parameter.
 
-The pieces are the contour's own (`jcontour.pieces`), waves included, in a chosen unit of length:
-nothing is fitted anew.
+Compiled, without allocation. The pieces are the contour's own (`jcontour.geometry.pieces`), waves
+included, in a chosen unit of length: nothing is fitted anew.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,11 @@ from jcontour.qp.compiled import compiled
 
 
 class Path(NamedTuple):
-    """Pieces p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s), s from the start of each, in one unit of length."""
+    """Pieces of a path in one unit of length, s from the start of each.
+
+    p(s) = sum_i polynomial[i] s^i + cosine cos(rate s) + sine sin(rate s); `waves` holds cosine and
+    sine.
+    """
 
     polynomial: Float[np.ndarray, "P 6 m"]
     waves: Float[np.ndarray, "P 2 m"]
@@ -23,7 +27,7 @@ class Path(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Of the parameter."""
+        """Largest path parameter."""
         return float(self.start[-1])
 
     @property
@@ -65,7 +69,10 @@ def path_of(contour: Contour, unit: float) -> Path:
 
 @compiled
 def path_at(polynomial, waves, rate, start, arc, position, slope) -> None:
-    """Write p(arc) and dp/darc, of the piece that begins at or before `arc`; the last piece goes on beyond the end."""
+    """Write p(arc) and dp/darc, of the piece that begins at or before `arc`.
+
+    The last piece goes on beyond the end.
+    """
     low, high = 0, rate.size - 1
     while low < high:
         middle = (low + high + 1) // 2

@@ -83,7 +83,14 @@ class Cost(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Limits lower <= C z + F s <= upper, `size` is what each row was divided by, `soft` which give way."""
+    """Limits lower <= C z + F s <= upper.
+
+    Attributes:
+        C, F: maps of z and s.
+        lower, upper: bounds.
+        size: what each row was divided by.
+        soft: rows that give way when there is a penalty.
+    """
 
     C: Float[np.ndarray, "r z"]
     F: Float[np.ndarray, "r q"]

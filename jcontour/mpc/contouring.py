@@ -116,7 +116,7 @@ class MPCC(HostController):
         self._row = np.append(self._constants.share, np.zeros(count * model.inputs))[None]
 
     def prepare(self, reference: Reference) -> None:
-        """Nothing: the path is known at construction, the speed along it the controller's choice."""
+        """Nothing: the path is known at construction, and the speed is chosen on the way."""
         return None
 
     def initial_memory(self, reference: Reference) -> Traversal:

@@ -1,4 +1,4 @@
-"""The two ways in which a tracking MPC predicts: in absolute controls, or from the change seen last.
+"""The two ways in which a tracking MPC predicts: in absolute controls, or from the last change.
 
 Absolute form: x_{j+1} = A x_j + B u_j. Velocity form: the prediction goes on from the last change,
     x_{j+1} - x_j = A (x_j - x_{j-1}) + B (u_j - u_{j-1}),
@@ -37,7 +37,8 @@ class Form(abc.ABC):
         """The constant w of the prediction.
 
         Args:
-            A, B: of the model.
+            A: of the model.
+            B: of the model.
             before: x_{-1}, NaN before the first sample.
             control: u_{-1}, which acted on it.
             state: x_0.

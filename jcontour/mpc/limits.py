@@ -8,9 +8,8 @@ from jaxtyping import ArrayLike
 from jcontour.linear.plant import LinearPlant
 from jcontour.qp.problem import check_limits
 
-Bounds = tuple[
-    ArrayLike, ArrayLike
-]  # (lower, upper), each one number or one per component; infinite where there is none
+# (lower, upper), each one number or one per component; infinite where there is none
+Bounds = tuple[ArrayLike, ArrayLike]
 
 
 class Limits(NamedTuple):
@@ -61,7 +60,8 @@ def full_limits(limits: Limits, model: LinearPlant) -> Limits:
             bound = np.asarray(bound, float)
             if bound.ndim > 1 or (bound.ndim == 1 and bound.size != size):
                 raise ValueError(
-                    f"{name}: needs one bound or one per component, shape ({size},), received {bound.shape}"
+                    f"{name}: needs one bound or one per component, shape ({size},), "
+                    f"received {bound.shape}"
                 )
             bounds.append(np.broadcast_to(bound, (size,)).copy())
         check_limits(name, *bounds)

@@ -1,7 +1,7 @@
 """Numba's compiler, with its cache where there is a place for one."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numba
 
@@ -9,8 +9,12 @@ Function = TypeVar("Function", bound=Callable)
 
 
 def compiled(function: Function) -> Function:
-    """The function compiled at its first call, and kept on disk for the next process; without a writable place it is compiled anew."""
+    """The function compiled at its first call, and kept on disk for the next process.
+
+    Without a writable place it is compiled anew. The result is numba's dispatcher, which is called
+    like the function.
+    """
     try:
-        return numba.njit(cache=True)(function)  # type: ignore  # a dispatcher that is called like the function
+        return cast(Function, numba.njit(cache=True)(function))
     except RuntimeError:  # numba found no place for its cache
-        return numba.njit(function)  # type: ignore
+        return cast(Function, numba.njit(function))

@@ -90,16 +90,17 @@ class Unsolved(RuntimeError):
     def __str__(self) -> str:
         where = "" if self.step is None else f"step {self.step}: "
         sizes = f"{self.qp.g.size} variables, {self.qp.lower_rows.size} rows"
-        numbers = (
-            ""
-            if np.isnan(self.residuals).all()
-            else "; residuals primal {:.2g}, dual {:.2g}, gap {:.2g}".format(*self.residuals)
-        )
+        numbers = ""
+        if not np.isnan(self.residuals).all():
+            numbers = "; residuals primal {:.2g}, dual {:.2g}, gap {:.2g}".format(*self.residuals)
         return f"{where}{self.solver} did not solve the QP ({sizes}): {self.status}{numbers}"
 
 
 def check_qp(qp: QP) -> None:
-    """Raise ValueError, naming the field, unless the problem is well posed: shapes, finite numbers, limits in order, H symmetric PSD."""
+    """Raise ValueError, naming the field, unless the problem is well posed.
+
+    Shapes fit, numbers are finite, limits are in order, H is symmetric and positive semidefinite.
+    """
     check_shapes(qp)
     for name in ("H", "g", "C"):
         if not np.isfinite(getattr(qp, name)).all():
@@ -110,7 +111,7 @@ def check_qp(qp: QP) -> None:
 
 
 def check_shapes(qp: QP) -> None:
-    """Raise ValueError, naming the field, unless every array has the shape that goes with `g` (n,) and `lower_rows` (r,)."""
+    """Raise ValueError, naming the field, unless all arrays fit `g` (n,) and `lower_rows` (r,)."""
     n, r = qp.g.size, qp.lower_rows.size
     needed = {
         "H": (n, n),
@@ -127,31 +128,33 @@ def check_shapes(qp: QP) -> None:
 
 
 def check_limits(name: str, lower, upper) -> None:
-    """Raise ValueError unless lower <= upper, with room for a number in between (no NaN, no lower limit of +inf)."""
-    crossed = (
-        ~(np.asarray(lower) <= np.asarray(upper))
-        | (np.asarray(lower) == np.inf)
-        | (np.asarray(upper) == -np.inf)
-    )
+    """Raise ValueError unless lower <= upper, with room for a number in between.
+
+    There is none next to NaN, above +inf or below -inf.
+    """
+    low, high = np.broadcast_arrays(lower, upper)
+    crossed = ~(low <= high) | (low == np.inf) | (high == -np.inf)
     if crossed.any():
         i = int(np.argmax(crossed))
-        low, high = np.broadcast_arrays(lower, upper)
         raise ValueError(
-            f"{name}: the limits need lower <= upper, received {low.flat[i]} and {high.flat[i]} in entry {i}"
+            f"{name}: the limits need lower <= upper, "
+            f"received {low.flat[i]} and {high.flat[i]} in entry {i}"
         )
 
 
 def check_weight(name: str, weight: np.ndarray) -> None:
-    """Raise ValueError unless a square matrix is finite, symmetric and positive semidefinite up to rounding."""
+    """Raise ValueError unless a square matrix is finite, symmetric and positive semidefinite.
+
+    Symmetric and semidefinite up to rounding.
+    """
     if weight.ndim != 2 or weight.shape[0] != weight.shape[1]:
         raise ValueError(f"{name}: needs to be square, received {weight.shape}")
     if not np.isfinite(weight).all():
         raise ValueError(f"{name}: every entry needs to be finite, received NaN or inf")
     size = np.abs(weight).max(initial=0.0)
-    if np.abs(weight - weight.T).max(initial=0.0) > SYMMETRY * size:
-        raise ValueError(
-            f"{name}: needs to be symmetric, received an asymmetry of {np.abs(weight - weight.T).max():.3g}"
-        )
+    asymmetry = np.abs(weight - weight.T).max(initial=0.0)
+    if asymmetry > SYMMETRY * size:
+        raise ValueError(f"{name}: needs to be symmetric, received an asymmetry of {asymmetry:.3g}")
     lowest = np.linalg.eigvalsh(weight).min(initial=0.0)
     if lowest < -SYMMETRY * size:
         raise ValueError(
@@ -163,33 +166,14 @@ def check_weight(name: str, weight: np.ndarray) -> None:
 def residuals(
     H, g, C, lower_rows, upper_rows, lower, upper, z, multipliers
 ) -> tuple[float, float, float]:
-    """Scaled primal residual, dual residual and duality gap of an answer: the definitions of `Solution`, 2 us for 21 variables."""
-    n, r = g.size, lower_rows.size
-    scale, dual, gap, orphan, size = 0.0, 0.0, 0.0, 0.0, 0.0
-    pull = multipliers[:n].copy()
-    values = np.empty(n + r)
-    for i in range(r):
-        value, force = 0.0, multipliers[n + i]
-        for j in range(n):
-            value += C[i, j] * z[j]
-        if force != 0:
-            for j in range(n):
-                pull[j] += C[i, j] * force
-        values[n + i] = value
-    for i in range(n):
-        Hz = 0.0
-        for j in range(n):
-            Hz += H[i, j] * z[j]
-        size = _larger(size, abs(H[i, i]))  # the largest entry of a PSD matrix is on its diagonal
-        values[i] = z[i]
-        gap += z[i] * (Hz + g[i])
-        dual = _larger(dual, abs(Hz + g[i] + pull[i]))
-        scale = _larger(_larger(_larger(scale, abs(Hz)), abs(g[i])), abs(pull[i]))
-    scale = _larger(scale, min(1.0, size))
-    scale = scale if scale != 0 else 1.0
+    """Scaled primal residual, dual residual and duality gap of an answer, see `Solution`."""
+    n = g.size
+    pull, values = multipliers[:n].copy(), np.empty(multipliers.size)
+    _add_rows(C, z, multipliers, pull, values)
+    dual, gap, scale = _stationarity(H, g, z, pull, values)
     allowance = max(1.0, scale)
-    primal = 0.0
-    for i in range(n + r):
+    primal, orphan = 0.0, 0.0
+    for i in range(values.size):
         low, high = (lower[i], upper[i]) if i < n else (lower_rows[i - n], upper_rows[i - n])
         force = multipliers[i]
         primal = _larger(primal, (values[i] - high) / min(allowance, max(1.0, abs(high))))
@@ -202,6 +186,37 @@ def residuals(
         else:
             gap += force * bound
     return primal, _larger(dual, orphan) / scale, abs(gap) / scale
+
+
+@compiled
+def _add_rows(C, z, multipliers, pull, values):
+    """Write the values C z of the rows, and add C' lambda to `pull`."""
+    r, n = C.shape
+    for i in range(r):
+        value, force = 0.0, multipliers[n + i]
+        for j in range(n):
+            value += C[i, j] * z[j]
+        if force != 0:
+            for j in range(n):
+                pull[j] += C[i, j] * force
+        values[n + i] = value
+
+
+@compiled
+def _stationarity(H, g, z, pull, values):
+    """|H z + g + pull|, z' H z + g' z and the scale of both; writes z into `values`."""
+    scale, dual, gap, size = 0.0, 0.0, 0.0, 0.0
+    for i in range(g.size):
+        Hz = 0.0
+        for j in range(g.size):
+            Hz += H[i, j] * z[j]
+        size = _larger(size, abs(H[i, i]))  # the largest entry of a PSD matrix is on its diagonal
+        values[i] = z[i]
+        gap += z[i] * (Hz + g[i])
+        dual = _larger(dual, abs(Hz + g[i] + pull[i]))
+        scale = _larger(_larger(_larger(scale, abs(Hz)), abs(g[i])), abs(pull[i]))
+    scale = _larger(scale, min(1.0, size))
+    return dual, gap, scale if scale != 0 else 1.0
 
 
 @compiled

@@ -7,27 +7,33 @@ claims) or solved again from cold, and is `Unsolved` otherwise.
 
 import abc
 import warnings
-from typing import Any
+from typing import Any, NamedTuple
 
 import daqp
 import numpy as np
-import proxsuite  # type: ignore  # compiled, without stubs
+import proxsuite  # pyright: ignore[reportMissingImports]  # compiled, without stubs
 import qpsolvers
+from jaxtyping import Bool, Float
 
 from jcontour.qp.compiled import compiled
 from jcontour.qp.problem import QP, RESIDUAL_LIMIT, Solution, Unsolved, check_shapes, residuals
 
 REFINEMENTS = 3  # of the polished answer: each gains several digits, the third one none
-PROX_TOLERANCE = (
-    1e-11  # at 1e-9 controls of badly conditioned problems are off by 1e-6 of their limits
-)
-NAMED_SETTINGS: dict[str, dict[str, Any]] = {
+# at 1e-9 controls of badly conditioned problems are off by 1e-6 of their limits
+PROX_TOLERANCE = 1e-11
+PROX_COLD_TOLERANCE = 1e-12
+PROX_INFEASIBLE = 1e-7  # at 1e-4 it calls feasible problems infeasible
+PROX_ITERATIONS = 200  # a feasible problem needs some tens
+DAQP_TOLERANCE = 1e-10  # 1e-6 leaves limits violated
+NAMED_SETTINGS: dict[str, dict[str, Any]] = {  # of qpsolvers' solvers that need tighter ones
     "proxqp": {"eps_abs": PROX_TOLERANCE, "eps_rel": 0.0}
-}  # of qpsolvers' solvers that need tighter ones
-DAQP_RETRIES = (
+}
+DAQP_RETRIES = (  # polished, so these may be loose
     {"primal_tol": 1e-6, "eps_prox": 1e-4},
     {"primal_tol": 1e-8, "zero_tol": 1e-9},
-)  # polished, so these may be loose
+)
+FINE, NOT_FINITE, CROSSED, SHAPES = 0, 1, 2, 3  # what `_stack` finds
+EQUATION = 5  # DAQP's sense of a row whose limits are equal
 DAQP_STATUS = {
     -1: "infeasible",
     -2: "cycling",
@@ -39,7 +45,12 @@ DAQP_STATUS = {
 
 
 class Solver(abc.ABC):
-    """Solves one problem after another; problems of a run have the same shapes, which lets it keep its memory."""
+    """A solver of one problem after another.
+
+    Problems of a run have the same shapes, which lets it keep its memory. What it keeps may speed
+    up the next answer, or change its last digits where the solver starts from the answer before
+    (`ProxQP`); an answer passes the same check either way.
+    """
 
     name: str
 
@@ -53,7 +64,10 @@ class Solver(abc.ABC):
 
 
 class DAQP(Solver):
-    """Dual active set (Arnström, Bemporad & Axehill 2022), from cold every time: the real-time choice, exact to rounding."""
+    """Dual active set (Arnström, Bemporad & Axehill 2022), the real-time choice.
+
+    It starts from cold every time and is exact to rounding.
+    """
 
     name = "daqp"
 
@@ -61,19 +75,18 @@ class DAQP(Solver):
         self._stacked = _Stacked()
 
     def solve(self, qp: QP) -> Solution:
-        """See `Solver`; a failure is tried again with a proximal term and looser tolerances, and then polished."""
+        """See `Solver`.
+
+        A failure is tried again with a proximal term and looser tolerances, and then polished.
+        """
         lower, upper, sense = self._stacked.limits(self.name, qp)
         z, _, flag, info = daqp.solve(
-            qp.H, qp.g, qp.C, upper, lower, sense, primal_tol=1e-10
-        )  # 1e-6 leaves limits violated
+            qp.H, qp.g, qp.C, upper, lower, sense, primal_tol=DAQP_TOLERANCE
+        )
         if flag == 1:
-            found = residuals(*qp, z, info["lam"])
-            if (
-                found[0] <= RESIDUAL_LIMIT
-                and found[1] <= RESIDUAL_LIMIT
-                and found[2] <= RESIDUAL_LIMIT
-            ):
-                return Solution(z, info["lam"], *found, self.name, info["iterations"])
+            checked = _checked(self.name, qp, z, info["lam"], info["iterations"])
+            if checked is not None:
+                return checked
         candidates = [(z, info["lam"], info["iterations"])] * (flag > 0)
         for settings in DAQP_RETRIES:
             z, _, again, info = daqp.solve(qp.H, qp.g, qp.C, upper, lower, sense, **settings)
@@ -82,8 +95,9 @@ class DAQP(Solver):
 
 
 class ProxQP(Solver):
-    """Primal-dual proximal augmented Lagrangian (Bambade et al. 2022), warm-started from the answer before.
+    """Primal-dual proximal augmented Lagrangian (Bambade et al. 2022), warm-started.
 
+    It starts from the answer before, so its last digits depend on the problems it has seen.
     The objective is divided by its largest entry, so that the absolute tolerance means the same for
     every problem.
     """
@@ -103,10 +117,11 @@ class ProxQP(Solver):
             if checked is not None:
                 return checked
         self._warm = None
-        second, cold = _prox_solved(_prox_object(qp, size, 1e-12), size)
-        candidates = [
-            a for s, a in ((status, answer), (second, cold)) if s in (None, "max iter reached")
-        ]
+        second, cold = _prox_solved(_prox_object(qp, size, PROX_COLD_TOLERANCE), size)
+        usable = (None, "max iter reached")
+        candidates = [answer] if status in usable else []
+        if second in usable:
+            candidates.append(cold)
         return best_checked(self.name, second or status or "inaccurate", qp, candidates)
 
     def _continued(self, qp: QP, size: float):
@@ -129,52 +144,69 @@ class Named(Solver):
 
     def __init__(self, name: str):
         if name not in qpsolvers.available_solvers:
-            raise ValueError(
-                f"solver: {name!r} is not installed; there are {', '.join(sorted(qpsolvers.available_solvers))}"
-            )
+            known = ", ".join(sorted(qpsolvers.available_solvers))
+            raise ValueError(f"solver: {name!r} is not installed; there are {known}")
         self.name, self._stacked = name, _Stacked()
 
     def solve(self, qp: QP) -> Solution:
         """See `Solver`."""
         self._stacked.limits(self.name, qp)
-        equal = qp.lower_rows == qp.upper_rows
-        above, below = ~equal & np.isfinite(qp.upper_rows), ~equal & np.isfinite(qp.lower_rows)
-        G = np.concatenate([qp.C[above], -qp.C[below]])
-        h = np.concatenate([qp.upper_rows[above], -qp.lower_rows[below]])
+        parts = _Parts.of(qp)
+        found = self._found(qp, parts)
+        multipliers = np.zeros(qp.g.size + len(qp.C))
+        if found.z_box is not None and np.size(found.z_box):
+            multipliers[: qp.g.size] = found.z_box
+        rows, count = multipliers[qp.g.size :], parts.above.sum()
+        if parts.h.size and found.z is not None and np.size(found.z):
+            rows[parts.above] += found.z[:count]
+            rows[parts.below] -= found.z[count:]
+        if parts.equal.any() and found.y is not None:
+            rows[parts.equal] = found.y
+        return best_checked(self.name, "inaccurate", qp, [(found.x, multipliers, 0)])
+
+    def _found(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
+        """What the solver says, not checked."""
+        some, equal = parts.h.size > 0, parts.equal
         problem = qpsolvers.Problem(
             qp.H,
             qp.g,
-            G if h.size else None,
-            h if h.size else None,
+            parts.G if some else None,
+            parts.h if some else None,
             qp.C[equal] if equal.any() else None,
             qp.upper_rows[equal] if equal.any() else None,
             qp.lower,
             qp.upper,
         )
+        settings = NAMED_SETTINGS.get(self.name, {})
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # qpsolvers warns of what the check below finds
+            warnings.simplefilter("ignore")  # qpsolvers warns of what the check finds
             try:
-                found = qpsolvers.solve_problem(
-                    problem, solver=self.name, **NAMED_SETTINGS.get(self.name, {})
-                )
+                found = qpsolvers.solve_problem(problem, solver=self.name, **settings)
             except Exception as error:  # every backend has its own kind
-                raise Unsolved(
-                    self.name,
-                    str(error).splitlines()[0] if str(error) else type(error).__name__,
-                    qp,
-                ) from error
+                lines = str(error).splitlines() or [type(error).__name__]
+                raise Unsolved(self.name, lines[0], qp) from error
         if found.x is None or not found.found:
             raise Unsolved(self.name, "infeasible or not converged", qp)
-        multipliers = np.zeros(qp.g.size + equal.size)
-        if found.z_box is not None and np.size(found.z_box):
-            multipliers[: qp.g.size] = found.z_box
-        rows = multipliers[qp.g.size :]
-        if h.size and found.z is not None and np.size(found.z):
-            rows[above] += found.z[: above.sum()]
-            rows[below] -= found.z[above.sum() :]
-        if equal.any() and found.y is not None:
-            rows[equal] = found.y
-        return best_checked(self.name, "inaccurate", qp, [(found.x, multipliers, 0)])
+        return found
+
+
+class _Parts(NamedTuple):
+    """Rows as qpsolvers has them: equations, and inequalities G z <= h from above and below."""
+
+    equal: Bool[np.ndarray, " r"]
+    above: Bool[np.ndarray, " r"]
+    below: Bool[np.ndarray, " r"]
+    G: Float[np.ndarray, "q n"]
+    h: Float[np.ndarray, " q"]
+
+    @classmethod
+    def of(cls, qp: QP) -> "_Parts":
+        equal = qp.lower_rows == qp.upper_rows
+        above = ~equal & np.isfinite(qp.upper_rows)
+        below = ~equal & np.isfinite(qp.lower_rows)
+        G = np.concatenate([qp.C[above], -qp.C[below]])
+        h = np.concatenate([qp.upper_rows[above], -qp.lower_rows[below]])
+        return cls(equal, above, below, G, h)
 
 
 def solver_named(name: str) -> Solver:
@@ -207,17 +239,16 @@ def best_checked(
 
 
 def polished(qp: QP, z: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The answer with the limits it holds active made equations: [H A'; A 0] (z, lambda) = (-g, b), refined.
+    """The answer with the limits it holds active made equations, and refined.
 
+        [H A'; A 0] (z, lambda) = (-g, b)
     A limit counts as active where the multiplier is larger than the distance to it (complementary
     slackness).
     """
     n = qp.g.size
     rows = np.concatenate([np.eye(n), qp.C])
-    lower, upper = (
-        np.concatenate([qp.lower, qp.lower_rows]),
-        np.concatenate([qp.upper, qp.upper_rows]),
-    )
+    lower = np.concatenate([qp.lower, qp.lower_rows])
+    upper = np.concatenate([qp.upper, qp.upper_rows])
     values = rows @ z
     size = max(1.0, np.abs(qp.g).max(initial=0.0))
     at_upper = (multipliers / size > np.abs(upper - values)) | (lower == upper)
@@ -243,7 +274,7 @@ class _Stacked:
         self._shape = None
 
     def limits(self, solver: str, qp: QP):
-        """(lower, upper, sense) with sense 5 for an equation.
+        """(lower, upper, sense).
 
         Raises:
             ValueError: an array has the wrong shape.
@@ -252,61 +283,60 @@ class _Stacked:
         if qp.C.shape != self._shape:
             check_shapes(qp)
             size = sum(qp.C.shape)
-            self._lower, self._upper, self._sense = (
-                np.empty(size),
-                np.empty(size),
-                np.zeros(size, np.int32),
-            )
+            self._lower, self._upper = np.empty(size), np.empty(size)
+            self._sense = np.zeros(size, np.int32)
             self._shape = qp.C.shape
         wrong = _stack(*qp, self._lower, self._upper, self._sense)
-        if wrong == 3:
+        if wrong == SHAPES:
             check_shapes(qp)
-        if wrong == 1:
+        if wrong == NOT_FINITE:
             raise Unsolved(
                 solver, "the problem is not finite (NaN or inf in H, g or C, or NaN in a limit)", qp
             )
-        if wrong == 2:
+        if wrong == CROSSED:
             raise Unsolved(solver, "infeasible: limits are crossed", qp)
         return self._lower, self._upper, self._sense
 
 
 @compiled
 def _stack(H, g, C, lower_rows, upper_rows, lower, upper, all_lower, all_upper, sense) -> int:
-    """Fill the stacked limits; 1: not finite, 2: crossed, 3: shapes, 0: fine."""
+    """Fill the stacked limits; FINE, NOT_FINITE, CROSSED or SHAPES."""
     n, r = g.size, lower_rows.size
-    if (
-        H.shape != (n, n)
-        or C.shape != (r, n)
-        or upper_rows.size != r
-        or lower.size != n
-        or upper.size != n
-        or all_lower.size != n + r
-    ):
-        return 3
-    total = 0.0
-    for i in range(n):
-        total += g[i] * 0.0
-        for j in range(n):
-            total += H[i, j] * 0.0
-    for i in range(r):
-        for j in range(n):
-            total += C[i, j] * 0.0
-    if total != 0.0:
-        return 1
+    matrices = H.shape == (n, n) and C.shape == (r, n)
+    limits = upper_rows.size == r and lower.size == n and upper.size == n
+    if not (matrices and limits and all_lower.size == n + r):
+        return SHAPES
+    if not _finite(H, g, C):
+        return NOT_FINITE
     for i in range(n + r):
         low, high = (lower[i], upper[i]) if i < n else (lower_rows[i - n], upper_rows[i - n])
         if low != low or high != high:
-            return 1
+            return NOT_FINITE
         if low > high or low == np.inf or high == -np.inf:
-            return 2
-        all_lower[i], all_upper[i], sense[i] = low, high, 5 if low == high else 0
-    return 0
+            return CROSSED
+        all_lower[i], all_upper[i] = low, high
+        sense[i] = EQUATION if low == high else 0
+    return FINE
+
+
+@compiled
+def _finite(H, g, C) -> bool:
+    """Whether all entries are finite: zero times another is not zero."""
+    total = 0.0
+    for i in range(g.size):
+        total += g[i] * 0.0
+        for j in range(g.size):
+            total += H[i, j] * 0.0
+    for i in range(C.shape[0]):
+        for j in range(g.size):
+            total += C[i, j] * 0.0
+    return total == 0.0
 
 
 def _checked(solver: str, qp: QP, z, multipliers, iterations) -> Solution | None:
-    found = residuals(*qp, z, multipliers)
-    if all(value <= RESIDUAL_LIMIT for value in found):
-        return Solution(z, multipliers, *found, solver, iterations)
+    primal, dual, gap = residuals(*qp, z, multipliers)
+    if primal <= RESIDUAL_LIMIT and dual <= RESIDUAL_LIMIT and gap <= RESIDUAL_LIMIT:
+        return Solution(z, multipliers, primal, dual, gap, solver, iterations)
     return None
 
 
@@ -326,10 +356,9 @@ def _prox_object(qp: QP, size: float, tolerance: float):
     r, n = qp.C.shape
     problem = proxsuite.proxqp.dense.QP(n, 0, r, True)
     problem.settings.eps_abs, problem.settings.eps_rel = tolerance, 0.0
-    problem.settings.eps_primal_inf = problem.settings.eps_dual_inf = (
-        1e-7  # at 1e-4 it calls feasible problems infeasible
-    )
-    problem.settings.max_iter = 200  # a feasible problem needs some tens
+    problem.settings.eps_primal_inf = PROX_INFEASIBLE
+    problem.settings.eps_dual_inf = PROX_INFEASIBLE
+    problem.settings.max_iter = PROX_ITERATIONS
     problem.settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
     problem.init(**_prox_numbers(qp, size), compute_preconditioner=True)
     return problem
@@ -341,10 +370,7 @@ def _prox_solved(problem, size: float):
     results, n = problem.results, problem.model.dim
     rows = results.z.size - n
     multipliers = size * np.concatenate([results.z[rows:], results.z[:rows]])
-    solved = results.info.status == proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
-    status = (
-        None
-        if solved
-        else results.info.status.name.removeprefix("PROXQP_").lower().replace("_", " ")
-    )
+    status = None
+    if results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
+        status = results.info.status.name.removeprefix("PROXQP_").lower().replace("_", " ")
     return status, (np.array(results.x), multipliers, results.info.iter)

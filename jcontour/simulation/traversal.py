@@ -1,4 +1,4 @@
-"""How long a tool took along a path, and how far from it, when the controller chose the speed itself."""
+"""Time and contour error of a tool whose controller chose the speed itself."""
 
 from typing import NamedTuple
 
@@ -9,14 +9,15 @@ from jaxtyping import Array, Float
 
 from jcontour.geometry.contour import Contour
 
-# times step and error: the foot of a tool that cuts a corner of 28 degrees jumps so far from leg to
-# leg
+# times step and error: where a tool cuts a corner of 28 degrees, its nearest point jumps so far
 REACH = 8.0
 END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as done
 
 
 class Score(NamedTuple):
-    """A run up to where its tool has passed the end of the path less the margin; t = 0 does not count, that last sample does.
+    """A run up to where its tool has passed the end of the path less the margin.
+
+    The first sample, t = 0, does not count, the last one does.
 
     Attributes:
         time: until then [s]; NaN when the tool did not get there.
@@ -41,18 +42,23 @@ def traversal_score(
     margin: float = END_MARGIN,
     progress=None,
 ) -> Score:
-    """Time and contour error of a tool path (T, m) [m] sampled every `dt` [s], which begins at the arc length `start` [m].
+    """Time and contour error of a tool path.
 
-    `progress` (T,) is where the controller holds the tool to be [m]: the nearest point is then
-    sought around it, which finds its way around sharp corners; without it, it is sought around the
-    one before.
+    Args:
+        contour: the path.
+        output: tool points [m].
+        dt: sample period [s].
+        start: arc length at which it begins [m].
+        margin: before the end of the path [m]: there the run counts as done.
+        progress: (T,) where the controller holds the tool to be [m]. The nearest point is then
+            sought around it, which finds its way around sharp corners; without it, it is sought
+            around the one before.
     """
     output = jnp.asarray(output)
-    found = (
-        _followed(contour, output, jnp.asarray(float(start)))
-        if progress is None
-        else _around(contour, output, jnp.asarray(progress))
-    )
+    if progress is None:
+        found = _followed(contour, output, jnp.asarray(float(start)))
+    else:
+        found = _around(contour, output, jnp.asarray(progress))
     arc, error = (np.asarray(values) for values in found)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
@@ -63,7 +69,10 @@ def traversal_score(
 
 @jax.jit
 def _followed(contour: Contour, output, start):
-    """Nearest point of every sample, each sought around the one before: start and end of a closed path coincide, laps unroll."""
+    """Nearest point of every sample, each sought around the one before.
+
+    Start and end of a closed path coincide, laps unroll.
+    """
     length = contour.length
 
     def advance(carry, samples):
@@ -71,15 +80,13 @@ def _followed(contour: Contour, output, start):
         before, here = samples
         reach = REACH * (jnp.linalg.norm(here - before) + error) + 1e-6 * length
         nearest = contour.nearest(here, arc, reach)
-        moved = nearest - contour.within(arc)
-        arc = arc + jnp.where(contour.closed, moved - length * jnp.round(moved / length), moved)
+        arc = _unrolled(contour, arc, nearest)
         error = jnp.linalg.norm(here - contour.position(arc))
         return (arc, error), (arc, error)
 
     first = jnp.linalg.norm(output[0] - contour.position(start))
-    return jax.lax.scan(
-        advance, (start, first), (jnp.concatenate([output[:1], output[:-1]]), output)
-    )[1]
+    before = jnp.concatenate([output[:1], output[:-1]])
+    return jax.lax.scan(advance, (start, first), (before, output))[1]
 
 
 @jax.jit
@@ -87,8 +94,11 @@ def _around(contour: Contour, output, progress):
     """Nearest point of every sample around a known progress."""
     gap = jnp.linalg.norm(output - contour.position(progress), axis=-1)
     nearest = contour.nearest(output, progress, REACH * gap + 1e-6 * contour.length)
-    moved = nearest - contour.within(progress)
-    arc = progress + jnp.where(
-        contour.closed, moved - contour.length * jnp.round(moved / contour.length), moved
-    )
+    arc = _unrolled(contour, progress, nearest)
     return arc, jnp.linalg.norm(output - contour.position(arc), axis=-1)
+
+
+def _unrolled(contour: Contour, arc, nearest):
+    """The nearest point as an arc length on the lap that `arc` is on."""
+    moved, length = nearest - contour.within(arc), contour.length
+    return arc + jnp.where(contour.closed, moved - length * jnp.round(moved / length), moved)

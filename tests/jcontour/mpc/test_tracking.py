@@ -1,4 +1,4 @@
-"""Tracking MPC: equal to ContouringLQ without limits, within limits with them, without offset in velocity form."""
+"""Tracking MPC: ContouringLQ without limits, within them with limits, no offset in velocity form."""
 
 from functools import cache
 
@@ -136,7 +136,7 @@ def test_every_limit_holds_along_the_run():
 
 
 def test_the_plan_is_the_minimum_that_scipy_finds():
-    """The cost written as a simulation of the model, minimised by a general solver under the same limits."""
+    """The cost as a simulation of the model, minimised by a general solver under the same limits."""
     plant, reference = table(), still([2e-3, -1e-3])
     weights = TrackingWeights(3.0, 5.0, 2e-7, 1e-7, np.linspace(1, 2, N))
     mpc = TrackingMPC(plant, weights, N, Limits.within(control=0.4, increment=0.3, speed=0.15))
@@ -215,7 +215,7 @@ def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer():
 
 
 def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way():
-    """The tool comes in too fast to stay inside: hard is infeasible, soft returns as soon as it can."""
+    """The tool comes in too fast to stay inside: hard is infeasible, soft returns early."""
     plant, reference = table(), still([0.9e-3, 0.0])
     limits = Limits(control=(-0.4, 0.4), output=(-1e-3, 1e-3))
     fast = np.array([0.99e-3, 0.5, 0.0, 0.0])
@@ -267,7 +267,10 @@ def test_the_velocity_form_leaves_no_offset(terminal):
 
 
 def test_the_x_y_table_under_a_constant_torque():
-    """0.03 N m on each lead screw (issue: below 1e-3 um at rest; the absolute form leaves tens of micrometres)."""
+    """0.03 N m on each lead screw: below 1e-3 um at rest is asked for.
+
+    The absolute form leaves tens of micrometres.
+    """
     dt, preview = 4e-3, 7
     model = xy_table(dt)
     plant = FrictionXYTable(dt, motor_coulomb=0.0, load_coulomb=0.0, load_torque=0.03)

@@ -5,7 +5,10 @@ from jcontour.qp.problem import QP, residuals
 
 
 def test_two_parallel_coordinates_by_hand():
-    """minimise |z - (2, 0)|^2 / 2 under z_1 + z_2 <= 1 and z_1 <= 1: z = (1, 0) with multipliers 1 on z_1 and 0 on the row."""
+    """minimise |z - (2, 0)|^2 / 2 under z_1 + z_2 <= 1 and z_1 <= 1.
+
+    z = (1, 0) with multipliers 1 on z_1 and 0 on the row.
+    """
     inf = np.inf
     qp = QP(
         np.eye(2),

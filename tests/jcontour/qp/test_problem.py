@@ -83,9 +83,9 @@ def test_nan_stays_nan():
 def test_unsolved_is_one_line_and_keeps_a_copy():
     qp = some_qp()
     error = Unsolved("daqp", "infeasible", qp, (1e-3, 2.0, 0.5))
-    assert (
-        str(error)
-        == "daqp did not solve the QP (4 variables, 3 rows): infeasible; residuals primal 0.001, dual 2, gap 0.5"
+    assert str(error) == (
+        "daqp did not solve the QP (4 variables, 3 rows): infeasible; "
+        "residuals primal 0.001, dual 2, gap 0.5"
     )
     error.step = 12
     assert str(error).startswith("step 12: daqp")

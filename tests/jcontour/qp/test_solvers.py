@@ -15,7 +15,10 @@ KINDS = [DAQP, ProxQP]
 
 
 def feasible(random: np.random.Generator) -> QP:
-    """10-60 variables around a point that keeps to every limit: some limits tight, some infinite, some equations, H at times singular."""
+    """10-60 variables around a point that keeps to every limit.
+
+    Some limits are tight, some infinite, some equations; H is at times singular.
+    """
     n = int(random.integers(10, 61))
     r = int(random.integers(0, 2 * n))
     rank = n if random.random() < 0.7 else int(random.integers(1, n))
@@ -309,8 +312,8 @@ def test_polish_recovers_an_inaccurate_answer():
 
 def test_names():
     assert isinstance(solver_named("daqp"), DAQP) and isinstance(solver_named("proxqp"), ProxQP)
-    message = f"^solver: 'gurobi' is not installed; there are {', '.join(sorted(qpsolvers.available_solvers))}$"
-    with pytest.raises(ValueError, match=message):
+    known = ", ".join(sorted(qpsolvers.available_solvers))
+    with pytest.raises(ValueError, match=f"^solver: 'gurobi' is not installed; there are {known}$"):
         solver_named("gurobi")
 
 

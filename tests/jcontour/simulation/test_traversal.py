@@ -39,7 +39,10 @@ def test_a_run_that_does_not_arrive_has_no_time():
 
 
 def test_around_a_sharp_corner_the_progress_finds_the_way():
-    """A tool that cuts a corner of ten degrees: seen from the sample before, the other leg is too far along the path."""
+    """A tool that cuts a corner of ten degrees.
+
+    Seen from the sample before, the other leg is too far along the path.
+    """
     tip = 0.02 * np.array([np.cos(0.1745), np.sin(0.1745)])
     contour = contours.polyline([[0.0, 0.0], [0.02, 0.0], np.array([0.02, 0.0]) - tip * [1, -1]])
     arc = np.linspace(0, 0.04, 401)
