@@ -37,7 +37,10 @@ def build(weights):
 
 @pytest.fixture(scope="session")
 def proportional_problem():
-    """Two gains on two integrators around a circle: (limits, objective) -> Problem that compiles in a second."""
+    """Two gains on two integrators around a circle: (limits, objective) -> Problem.
+
+    It compiles in a second.
+    """
     plant = LinearPlant(np.eye(2), np.diag([1.0, 0.7]), np.eye(2), 1e-3)
     plants = stack_plants([plant, LinearPlant(np.eye(2), np.diag([0.9, 0.8]), np.eye(2), 1e-3)])
     references = stack_references(

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tuning import pareto
 from tuning.objectives import AtMost
 from tuning.pareto import FrontState, advance_front, done, front_points, trade_off_front
 from tuning.tune import THOROUGH
@@ -42,7 +43,7 @@ def test_points_respect_their_budgets_and_larger_budgets_are_never_worse(states)
 
 
 def test_every_point_counts_for_every_budget(problems, states):
-    """Searched the wrong way round, with no search at all for the tight budgets, the loose ones are as good."""
+    """The order in which the budgets were searched does not matter for the points."""
     histories = states[0][-1].histories
     swapped = front_points(problems, START, FrontState(histories[::-1]))
     assert [p.objective for p in swapped] == [p.objective for p in states[1]]
@@ -59,6 +60,15 @@ def test_interrupted_it_goes_on_with_the_same_bits(problems, states):
         assert len(leaves[0]) == len(leaves[1])
         assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*leaves, strict=True))
     assert done(problems, seen[-1]) and not done(problems, seen[-2])
+
+
+def test_a_history_is_read_once_a_budget(problems, states, monkeypatch):
+    """Every later step of the budget begins where the first one did, without looking again."""
+    begun = next(s for s in states[0] if len(s.histories) == 1 and s.run.history)
+    assert begun.begin is not None
+    monkeypatch.setattr(pareto, "_best", lambda *_: pytest.fail("the history is read again"))
+    after = advance_front(problems, START, SETTINGS, begun)
+    np.testing.assert_array_equal(after.begin, begun.begin)
 
 
 def test_no_budget_is_refused():

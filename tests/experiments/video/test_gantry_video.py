@@ -1,4 +1,4 @@
-"""What a video of the gantry shows: pace, factors, poses, frames; and what is said where there can be none."""
+"""A video of the gantry: speed, factors, poses, frames; and the answer where none can be made."""
 
 import json
 import os
@@ -133,7 +133,7 @@ def test_frames_show_the_factors_and_move_on(film):
 
 
 def test_pose_is_that_of_the_gantry_inside():
-    """It has the tool where the plant's output has it, though delay and limits are around the machine."""
+    """Its tool is where the plant's output has it, with delay and limits around the machine."""
     parameters = thesis_gantry()
     plant = Delayed(Saturated(Gantry(parameters, 1e-3), jnp.full(3, 10.0)), jnp.asarray(1), 2, 3)
     state = jnp.array([-0.5, 0.3, 2e-6, 0.1, 0.2, 1e-4]), jnp.zeros((2, 3))

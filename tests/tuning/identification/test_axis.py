@@ -54,7 +54,7 @@ def test_thesis_axis_within_a_few_per_cent(found):
 
 
 def test_intervals_hold_the_truth(found):
-    """None of twenty errors beyond four deviations; the slow test counts how many are within two."""
+    """No error is beyond four deviations; the slow test counts how many are within two."""
     for name, truth in TRUTH.items():
         assert abs(found.estimate[name] - truth) < 4 * found.estimate.deviation(name), name
 
@@ -75,7 +75,7 @@ def test_model_is_that_of_the_estimate(found):
 
 
 def test_forces_scale_with_a_given_force_constant(found, records):
-    """The same motion at twice the force constant means twice the masses and forces, and the same link."""
+    """The same motion at twice the force constant: twice the masses and forces, the same link."""
     moved = [record for record in records if record.voltage is None]
     twice = identify(moved, force_constant=2 * found.estimate["force_constant"], pole_pitch=0.0875)
     for name in ("total_mass", "break_away", "viscous", "sine_1"):
@@ -97,7 +97,8 @@ def test_motion_without_the_end_effector_beside_motion_with_it(found, records):
     """It is left out, and that is said."""
     more = identify([*records, records[1]._replace(name="bare", tool=None)])
     assert more.notes == (
-        "motion: the tests bare do not count, for they have no tool_position and others have it; record it in all",
+        "motion: the tests bare do not count, "
+        "for they have no tool_position and others have it; record it in all",
         *found.notes,
     )
     np.testing.assert_array_equal(more.estimate.values, found.estimate.values)
@@ -136,9 +137,10 @@ def test_what_is_missing_or_wrong(records):
 
 @pytest.mark.slow
 def test_intervals_cover_as_often_as_they_promise():
-    """Commissionings with their own noise, in the loop and in the records: the 95 % intervals hold the truth in 90 to 99 %.
+    """The 95 % intervals hold the truth in 90 to 99 % of commissionings.
 
-    Here all parameters together; the README says how often each one is held over 200 seeds.
+    Each has noise of its own, in the loop and in the records. All parameters are counted together;
+    `tuning/identification/README.md` says how often each one is held over 200 seeds.
     """
     errors = []
     for seed in range(40):

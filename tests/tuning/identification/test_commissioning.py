@@ -23,7 +23,10 @@ def test_passes_there_and_back():
 
 
 def test_the_electrical_test_obeys_the_winding():
-    """(3.4) integrated over rows, by the trapezoid rule: R, L and k_e of the plant explain the recorded voltage."""
+    """R, L and k_e of the plant explain the recorded voltage.
+
+    (3.4) is integrated over rows by the trapezoid rule.
+    """
     record = Commissioning(thesis_axis(), thesis_motor(), PERFECT).electrical()
     i, v = record.current, np.diff(record.motor) / DRIVE
     voltage = 12.51 * (i[1:] + i[:-1]) / 2 + 10.7e-3 * np.diff(i) / DRIVE + 52.89 * v

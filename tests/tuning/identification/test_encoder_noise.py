@@ -23,7 +23,7 @@ def test_tells_the_two_noises_apart(motor, tool):
 
 
 def test_correlation_is_that_of_noise_through_the_link():
-    """Sums over the impulse response of the same link give the autocorrelation without any spectrum."""
+    """Sums over the impulse response of the link give the autocorrelation, without a spectrum."""
     rows, impulse = 4000, np.zeros(4000)
     impulse[0] = 1.0
     link = lti([C, K], [1, C, K]).to_ss()

@@ -73,7 +73,10 @@ def test_covariance_over_runs_is_that_of_the_whole_matrix():
 
 
 def test_autocorrelation_by_hand():
-    """Products within runs only: (1 + 4 + 9 + 16) / 4, then (1 * 2 + 3 * 4) / 4; the third and last lag of four counts half."""
+    """Products within runs only: (1 + 4 + 9 + 16) / 4, then (1 * 2 + 3 * 4) / 4.
+
+    The third and last lag of four counts half.
+    """
     runs = [np.array([1.0, 2.0]), np.array([3.0, 4.0])]
     np.testing.assert_allclose(autocorrelation(runs, 1), [7.5, 3.5])
     np.testing.assert_allclose(autocorrelation([np.ones(8)], 3), [1, 7 / 8, 6 / 8, 5 / 8 / 2])

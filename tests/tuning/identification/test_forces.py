@@ -11,7 +11,10 @@ SINE, COSINE = (3.0, -0.8), (5.0, 1.1)
 
 
 def swung(distance, pace, noise=0.0, seed=0, tool=True, cogging=True, falling=True):
-    """To and fro as d (1 - cos w t), the end effector with a wobble; the current is what the balance asks for, in closed form."""
+    """To and fro as d (1 - cos w t), the end effector with a wobble.
+
+    The current is what the balance asks for, in closed form.
+    """
     random, time = np.random.default_rng(seed), DT * np.arange(round(2 * 2 * np.pi / pace / DT))
 
     def x(t):
@@ -65,28 +68,25 @@ def test_recovers_all_of_the_balance():
         assert fit.estimate[name] == pytest.approx(TRUTH.get(name, 0.0), rel=0.01, abs=0.02), name
 
 
-def test_intervals_under_noise():
-    """8 realisations: the deviations are as large as promised, and the errors nowhere beyond four of them."""
+@pytest.mark.parametrize("realisations", [4, pytest.param(8, marks=pytest.mark.slow)])
+def test_intervals_under_noise(realisations):
+    """The deviations are as large as promised, and no error is far beyond four of them."""
     errors = []
-    for seed in range(8):
-        fit = fit_forces(
-            [swung(*swing, noise=0.1, seed=10 * seed + k) for k, swing in enumerate(SWINGS)], K_T
-        )
-        assert "curvature" in fit.estimate.names
-        errors.append(
-            [
-                (fit.estimate[name] - value) / fit.estimate.deviation(name)
-                for name, value in TRUTH.items()
-            ]
-        )
+    for seed in range(realisations):
+        records = []
+        for k, swing in enumerate(SWINGS):
+            records.append(swung(*swing, noise=0.1, seed=10 * seed + k))
+        estimate = fit_forces(records, K_T).estimate
+        assert "curvature" in estimate.names
+        for name, value in TRUTH.items():
+            errors.append((estimate[name] - value) / estimate.deviation(name))
     assert np.abs(errors).max() < 4.5 and 0.8 < np.std(errors) < 1.2
 
 
 def test_friction_that_falls_within_the_speeds_of_a_sweep():
-    """At four speeds a parabola fits such a curve to 0.1 N with half the drag; it is the curve that has to be found."""
-    fit = fit_forces(
-        [swung(*one, noise=0.1) for one in ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))], K_T
-    )
+    """The curve has to be found, although a parabola with half the drag fits it to 0.1 N."""
+    slow = ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))
+    fit = fit_forces([swung(*one, noise=0.1) for one in slow], K_T)
     low, high = fit.estimate.interval("viscous")
     assert low - (high - low) / 2 < VISCOUS < high + (high - low) / 2
     assert fit.estimate["curvature"] == pytest.approx(STRIBECK_SPEED**-2, rel=0.15)
@@ -113,14 +113,10 @@ def test_known_pitch_no_end_effector_no_cogging():
 def test_needs_both_directions():
     record = swung(0.1, 1.5)
     half = slice(100, 1900)
+    forwards = record._replace(
+        motor=record.motor[half], current=record.current[half], tool=record.tool[half]
+    )
     with pytest.raises(ValueError, match="needs to slide both ways, faster than 5 mm/s"):
-        fit_forces(
-            [
-                record._replace(
-                    motor=record.motor[half], current=record.current[half], tool=record.tool[half]
-                )
-            ],
-            K_T,
-        )
+        fit_forces([forwards], K_T)
     with pytest.raises(ValueError, match="needs to slide both ways"):
         fit_forces([record._replace(motor=0 * record.motor)], K_T)

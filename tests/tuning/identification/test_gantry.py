@@ -1,4 +1,7 @@
-"""The identified machine against the one that was measured; the model that generates has twice the substeps of the model that is fitted."""
+"""The identified gantry against the one that was measured.
+
+The model that generates the data has twice the substeps of the model that is fitted.
+"""
 
 import numpy as np
 import pytest
@@ -98,7 +101,7 @@ def test_fifty_seeds():
 
 @pytest.mark.slow
 def test_intervals_hold_where_noise_makes_rounding_white():
-    """Half a count of it: a signal that hardly moves is then rounded up and down as often as it should be."""
+    """With half a count of noise a signal that hardly moves is rounded up and down evenly."""
     p, sheet, inside = thesis_gantry(), Sheet.of(thesis_gantry()), []
     for seed in range(25):
         estimate = identify_gantry(commissioned(p, seed, noise=RESOLUTION / 2), sheet)

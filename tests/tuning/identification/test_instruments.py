@@ -21,7 +21,10 @@ def axis(noise=0.0, rows=20, seed=0):
 
 
 def test_moves_as_the_drive_inside_and_means_its_current():
-    """The same 20 ms by `DrivenAxis` sampled at 1 ms; the mean current by the trapezoids of its 200 periods."""
+    """The same 20 ms by `DrivenAxis` sampled at 1 ms.
+
+    The mean current is that of the trapezoids of its 200 periods.
+    """
     seen, whole = axis(), DrivenAxis(FlexibleAxis(thesis_axis(), PERIOD), thesis_motor(), DT)
     a, b = (plant.initial_state(jnp.zeros(1), jnp.zeros(1)) for plant in (seen, whole))
     single, rows, step, coarse = (

@@ -9,7 +9,10 @@ DT = 1e-3
 
 
 def swung(stiffness, damping, rows=1200, offset=2e-4, noise=0.0, seed=0):
-    """A motor on a smooth path, x = 0.05 (1 - cos 4 t) + 1 mm sin 31 t; (3.2) for the end effector by an adaptive integrator."""
+    """A motor on a smooth path, x = 0.05 (1 - cos 4 t) + 1 mm sin 31 t.
+
+    The end effector follows (3.2), by an adaptive integrator.
+    """
 
     def motor(t):
         return 0.05 * (1 - np.cos(4 * t)) + 1e-3 * np.sin(31 * t), 0.2 * np.sin(

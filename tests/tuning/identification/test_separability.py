@@ -1,4 +1,4 @@
-"""That the experiments which the notes ask for do separate what they say."""
+"""Parameters that are not separated, and the experiments that separate them."""
 
 from dataclasses import replace
 
@@ -61,6 +61,13 @@ def test_what_usual_data_tell_and_these_do_not(found):
     assert any(note.startswith("damping_per_mass: not separated; sharper moves") for note in said)
 
 
+@pytest.mark.parametrize("break_away", [0.0, -3.0])
+def test_without_a_break_away_force_the_least_speed_is_proposed(break_away):
+    """There is nothing to guess the fall of the friction from."""
+    one = Estimate(("break_away", "drop"), np.array([break_away, 2.0]), np.diag([0.1, 0.1]))
+    assert telling_speed(one, 0.4) == pytest.approx(0.6)
+
+
 def test_a_constant_push_is_mentioned(found):
     names = np.array(found.estimate.names)
     pushed = replace(
@@ -73,7 +80,7 @@ def test_a_constant_push_is_mentioned(found):
 
 @pytest.mark.slow
 def test_the_sweep_asked_for_separates_them(found, records):
-    """On a travel that is long enough, the note's speed and the one in the middle added to the sweep."""
+    """The note's speed and half of it are added to the sweep, on a travel that is long enough."""
     speed = telling_speed(found.estimate, found.forces.fastest)
     assert 0.5 < speed < 2.82
     law = Passes(3.0, (0.1, 0.5 * speed, speed, speed), pause=0.1)

@@ -7,7 +7,10 @@ DT = 1e-3
 
 
 def parabola(tool=True, dt=DT):
-    """1 s with a = 0.4 m/s^2 from -0.2 to 0.2 m/s; the end effector has 0.5 m/s^2 more; the current is a ramp."""
+    """1 s with a = 0.4 m/s^2 from -0.2 to 0.2 m/s.
+
+    The end effector has 0.5 m/s^2 more. The current is a ramp.
+    """
     time = dt * np.arange(round(1 / dt) + 1)
     motor = -0.2 * time + 0.2 * time**2
     return Record("ramp", dt, motor, 3.0 * time, motor + 0.25 * time**2 if tool else None)
@@ -32,7 +35,7 @@ def test_windows_over_a_parabola():
 
 
 def test_current_acts_from_row_to_row():
-    """A current held from row k to k + 1 acts in the middle of it: half a row later than its time stamp."""
+    """A current held from row k to k + 1 acts half a row later than its time stamp."""
     one = next(slides(parabola()))
     np.testing.assert_allclose(one.current, 3.0 * (one.time - DT / 2), atol=1e-12)
 

@@ -9,7 +9,10 @@ R, L, K_E, DT = 8.0, 6e-3, 30.0, 2e-4
 
 
 def electrical_test(noise=0.0, offset=0.0, seed=0, rows=1500):
-    """A motor that swings at 5 Hz while the voltage jumps at random: (3.4) by an adaptive integrator, row by row."""
+    """A motor that swings at 5 Hz while the voltage jumps at random.
+
+    (3.4) is integrated row by row, by an adaptive integrator.
+    """
     random = np.random.default_rng(seed)
     voltage = np.repeat(random.uniform(-30, 30, rows // 25), 25)
     amplitude, pace = 0.01, 2 * np.pi * 5
