@@ -44,7 +44,7 @@ def sweep(
     return batching(lambda weights: evaluate(build(weights), plants, references, window), designs)
 
 
-def grid(**values: Sequence[float]) -> dict[str, Float[Array, " D"]]:
+def grid(**values: Sequence[float | int]) -> dict[str, Float[Array, " D"]]:
     """Every combination of the named values, the last name fastest.
 
     `LQWeights(**grid(...))` is a batch of designs.
