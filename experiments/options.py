@@ -9,6 +9,7 @@ from tyro.conf import Positional
 Terminal = Literal["output", "riccati"]
 Objective = Literal["worst", "mean"]
 Fallback = Literal["stop", "hold", "soft"]
+Rollouts = Literal["auto", "full", "thinned", "none"]
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,8 @@ class Tune(Spreading):
         1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
     )
     """Relative change of objective and weights at which a descent ends."""
+    rollouts: Rollouts = "auto"  # all that fits into 100 MB
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large. Figures are drawn from all."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,8 @@ class Simulate(Controlled):
     """A name from `jcontour list`, or a toolpath file (.ngc, .csv); what is usual on the machine when not given."""
     video: bool = False
     """Of a gantry: a video of its MuJoCo model on the contour, the twist of the beam magnified; MP4 with the extra `video`, else GIF."""
+    rollouts: Rollouts = "auto"  # all that fits into 100 MB
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large. Figures are drawn from all."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 

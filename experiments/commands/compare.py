@@ -1,140 +1,195 @@
 """`jcontour compare`: what changed between two tuned runs, and which is better where."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from experiments.files import run_folder
+from experiments.files.results import Weight, read_result, stored_as, to_json
+from experiments.files.tuned_result import TunedContour, TunedResult
 from experiments.options import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
 
-UNCOMPARED = ("json", "out", "resume")
+UNCOMPARED = ("json", "out", "resume", "rollouts")
 SAME = 1e-3  # relative: a smaller difference is called none
+SIDES = ("first", "second", "same")
+HEADINGS = {name: heading.replace("\n", " ") for name, heading, _ in COLUMNS}
+FACTORS = {name: factor for name, _, factor in COLUMNS}
 
 
-def run(first: Path, second: Path) -> dict[str, Any]:
+@dataclass(frozen=True)
+class ComparedMetric:
+    """One metric of one contour in both runs, SI units; smaller is better.
+
+    Attributes:
+        training: whether the contour is for training, in either run.
+        better: "first", "second" or "same".
+    """
+
+    contour: str
+    plant: str
+    metric: str
+    first: float
+    second: float
+    training: tuple[bool, bool]
+    better: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedResult:
+    """Two tuned runs side by side; every pair is first, second.
+
+    Attributes:
+        machines: their names.
+        settings, versions: those that differ.
+        weights: None where a run has no such weight.
+        margins: largest spectral radius and delay margin.
+        better: number of metrics in which either is better, or both are the same.
+    """
+
+    runs: list[str]
+    machines: list[str]
+    settings: dict[str, Any]
+    versions: dict[str, Any]
+    weights: dict[str, list[Weight]]
+    margins: dict[str, list[float]] = stored_as("safety")
+    metrics: list[ComparedMetric]
+    better: dict[str, int]
+
+
+def command(flags: Compare) -> int:
+    """The whole command: compare, print, exit code."""
+    found = run(flags.first, flags.second)
+    if flags.json:
+        print(run_folder.json_text(to_json(found)))
+    else:
+        show(found, tables.console_of())
+    return 0
+
+
+def run(first: Path, second: Path) -> ComparedResult:
     """Settings that differ, weights, and every metric of every contour that both runs have.
 
     Raises:
-        RunError: a folder is not that of a finished tuning run.
+        RunError: a folder is not that of a finished tuning run, or of an older version.
     """
-    settings = [run_folder.opened(folder, "tune") for folder in (first, second)]
-    results = [run_folder.read_json(folder, run_folder.RESULT) for folder in (first, second)]
-    flags = [one["flags"] for one in settings]
-    keys = sorted({key for one in flags for key in one} - set(UNCOMPARED))
-    changed = {
-        key: [one.get(key) for one in flags]
-        for key in keys
-        if flags[0].get(key) != flags[1].get(key)
-    }
-    try:
-        rows = _rows(*results)
-        weights = {
-            name: [one["weights"][name] for one in results] for name in results[0]["weights"]
-        }
-        safety = {
-            name: [one["safety"][name] for one in results]
-            for name in ("largest_frozen_spectral_radius", "delay_samples")
-        }
-    except (KeyError, TypeError):
-        raise run_folder.RunError(
-            f"{first}, {second}: their results are not those of this version's tune"
-        ) from None
-    versions = {
-        key: [one.get("versions", {}).get(key) for one in settings]
-        for key in settings[0].get("versions", {})
-        if settings[0]["versions"].get(key) != settings[1].get("versions", {}).get(key)
-    }
-    return {
-        "runs": [str(first), str(second)],
-        "settings": changed,
-        "versions": versions,
-        "weights": weights,
-        "safety": safety,
-        "metrics": rows,
-        "better": {
-            side: sum(row["better"] == side for row in rows) for side in ("first", "second", "same")
+    folders = (first, second)
+    settings = [run_folder.opened(folder, "tune") for folder in folders]
+    a, b = (read_result(folder, TunedResult) for folder in folders)
+    rows = _rows(a, b)
+    names = list(dict.fromkeys((*a.weights, *b.weights)))
+    return ComparedResult(
+        runs=[str(folder) for folder in folders],
+        machines=[a.machine.name, b.machine.name],
+        settings=_changed([one["flags"] for one in settings], without=UNCOMPARED),
+        versions=_changed([one.get("versions", {}) for one in settings]),
+        weights={name: [a.weights.get(name), b.weights.get(name)] for name in names},
+        margins={
+            "largest_frozen_spectral_radius": [
+                a.margins.spectral_radius,
+                b.margins.spectral_radius,
+            ],
+            "delay_samples": [a.margins.delay_samples, b.margins.delay_samples],
         },
-    }
+        metrics=rows,
+        better={side: sum(row.better == side for row in rows) for side in SIDES},
+    )
 
 
-def _rows(first: dict[str, Any], second: dict[str, Any]) -> list[dict[str, Any]]:
-    others = {contour["name"]: contour for contour in second["contours"]}
-    rows = []
-    for contour in first["contours"]:
-        other = others.get(contour["name"])
-        if other is None:
-            continue
-        for plant in ("nominal", "worst"):
-            for name, _, _ in columns_of(first["error"]):
-                values = [one["metrics"]["tuned"][plant][name] for one in (contour, other)]
-                row = {
-                    "contour": contour["name"],
-                    "plant": plant,
-                    "metric": name,
-                    "first": values[0],
-                    "second": values[1],
-                }
-                rows.append(
-                    {
-                        **row,
-                        "training": [contour["training"], other["training"]],
-                        "better": _better(*values),
-                    }
-                )
-    return rows
+def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
+    """Entries that differ between two dictionaries."""
+    first, second = both
+    keys = sorted({*first, *second} - set(without))
+    pairs = {key: [first.get(key), second.get(key)] for key in keys}
+    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _better(first: float | None, second: float | None) -> str:
-    if first is None or second is None:
-        return "same" if first is second else ("second" if first is None else "first")
+def _rows(first: TunedResult, second: TunedResult) -> list[ComparedMetric]:
+    others = {contour.name: contour for contour in second.contours}
+    both_contour = first.error == second.error == "contour"
+    metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
+    return [
+        _row(contour, others[contour.name], plant, metric)
+        for contour in first.contours
+        if contour.name in others
+        for plant in ("nominal", "worst")
+        for metric in metrics
+    ]
+
+
+def _row(first: TunedContour, second: TunedContour, plant: str, metric: str) -> ComparedMetric:
+    both = (first, second)
+    a, b = (getattr(getattr(one.metrics["tuned"], plant), metric) for one in both)
+    training = (first.training, second.training)
+    return ComparedMetric(first.name, plant, metric, a, b, training, _better(a, b))
+
+
+def _better(first: float, second: float) -> str:
+    """Side with the smaller number; NaN is a run that diverged."""
+    lost = [value != value for value in (first, second)]
+    if any(lost):
+        return "same" if all(lost) else ("second" if lost[0] else "first")
     if abs(first - second) <= SAME * max(abs(first), abs(second)):
         return "same"
     return "first" if first < second else "second"
 
 
-def command(flags: Compare) -> int:
-    """The whole command: compare, print, exit code."""
-    summary = run_folder.plain(run(flags.first, flags.second))
-    if flags.json:
-        print(run_folder.json_text(summary))
-        return 0
-    console = tables.console_of()
+def show(found: ComparedResult, console: Console) -> None:
+    """Two tables and one sentence."""
     changes = [
         [key, str(a), str(b)]
-        for part in ("settings", "versions", "weights")
-        for key, (a, b) in summary[part].items()
+        for part in (found.settings, found.versions, found.weights)
+        for key, (a, b) in part.items()
         if a != b
     ]
-    changes += [
-        [key.replace("_", " "), digits(a), digits(b)] for key, (a, b) in summary["safety"].items()
-    ]
-    console.print(tables.plain_table("What changed", ["", *summary["runs"]], changes))
-    factors = {name: (heading.replace("\n", " "), factor) for name, heading, factor in COLUMNS}
-    rows = [
-        [
-            row["contour"],
-            row["plant"],
-            factors[row["metric"]][0],
-            *(
-                digits(None if row[side] is None else row[side] * factors[row["metric"]][1])
-                for side in ("first", "second")
-            ),
-            row["better"],
-        ]
-        for row in summary["metrics"]
-    ]
-    console.print(
-        tables.plain_table(
-            "Tuned weights of both, smaller is better",
-            ["contour", "plant", "metric", "first", "second", "better"],
-            rows,
-            3,
+    for name, pair in found.margins.items():
+        changes.append([name.replace("_", " "), *map(digits, pair)])
+    console.print(tables.plain_table("What changed", ["", *found.runs], changes))
+    headings = ["contour", "plant", "metric", "first", "second", "better"]
+    rows = [_cells(row) for row in found.metrics]
+    title = "Tuned weights of both, smaller is better"
+    console.print(tables.plain_table(title, headings, rows, 3))
+    tables.say(console, *warnings(found), sentence(found))
+
+
+def _cells(row: ComparedMetric) -> list[str]:
+    factor = FACTORS[row.metric]
+    values = (digits(factor * value) for value in (row.first, row.second))
+    return [row.contour, row.plant, HEADINGS[row.metric], *values, row.better]
+
+
+def warnings(found: ComparedResult) -> list[str]:
+    """What makes the numbers hard to compare."""
+    lines = []
+    first, second = found.machines
+    if first != second:
+        lines.append(
+            f"WARNING: the runs are of different machines, {first} and {second}: a smaller error "
+            "does not mean better weights"
         )
+    elif "plant" in found.settings:
+        lines.append("WARNING: the machine comes from different files: it may not be the same")
+    if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
+        lines.append("WARNING: feed or acceleration differ, and errors grow with both")
+    return lines
+
+
+def sentence(found: ComparedResult) -> str:
+    """Which run is better, in words."""
+    if not found.metrics:
+        return "The runs have no contour in common: there is nothing to compare."
+    counts, total = found.better, len(found.metrics)
+    if counts["first"] == counts["second"]:
+        verdict = "Neither run is better"
+    else:
+        side = max(("first", "second"), key=lambda side: counts[side])
+        name = found.runs[0] if side == "first" else found.runs[1]
+        verdict = f"The {side} run, {name}, is better more often"
+    return (
+        f"{verdict}: of {total} numbers the first is smaller in {counts['first']}, the second in "
+        f"{counts['second']}, and {counts['same']} are the same within 0.1 %."
     )
-    count = summary["better"]
-    tables.say(
-        console,
-        f"first better in {count['first']}, second in {count['second']}, same within 0.1 % in {count['same']}",
-    )
-    return 0

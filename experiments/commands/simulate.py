@@ -1,23 +1,42 @@
-"""`jcontour simulate`: one controller on one contour, on the nominal plant and the rest of its family; a video of what can be drawn."""
+"""`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design, plain_weights
-from experiments.files import run_folder
+from experiments.files.results import from_json, write_result
+from experiments.files.run_metrics import RunMetrics
+from experiments.files.simulated_result import SimulatedResult, VideoResult
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
-from experiments.reports import tables
+from experiments.reports.contour_figures import draw_runs
+from experiments.reports.rollouts import save_rollouts
+from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.runs_drawn import contour_runs
+from experiments.runs.tuning_results import machine_summary
 from experiments.video.film import Film, FilmMaker, VideoError, lines
 
 
-def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
-    """Simulate and store; the summary and the run folder.
+def command(flags: Simulate) -> int:
+    """The whole command: simulate, print, exit code."""
+    found, folder, line = run(flags)
+    video = found.video or VideoResult()
+    told = lines(vars(video), folder) if video.file else []
+    code = finished(folder, found, flags, show_simulated, [*told, line, *next_steps(flags)])
+    if video.failure:
+        raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
+    return code
+
+
+def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
+    """Simulate and store; the result, the run folder, and what is said of the rollouts.
 
     Raises:
         ValueError: bad input; nothing has been written then.
@@ -27,35 +46,48 @@ def run(flags: Simulate) -> tuple[dict[str, Any], Path]:
     design = design_for(machine, flags)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
-    found = replay(design.build(design.start), scenarios, maker and maker.watch)
-    inputs = [Path(name) for name in (flags.plant, flags.contour) if name and Path(name).suffix]
-    folder = run_folder.create(
-        flags.out or run_folder.default_folder("simulate"), "simulate", flags, inputs
-    )
-    summary = run_folder.plain(_summary(design, scenarios, found))
-    _store(machine, scenarios, found, folder, summary)
+    replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
+    folder = created(flags, "simulate")
+    found = simulated_result(design, scenarios, replayed)
+    title = f"jcontour simulate: {found.controller} on {found.contour}"
+    named = {found.controller: replayed}
+    line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+    draw_runs(contour_runs(named, scenarios, 0, machine), folder)
+    write_result(folder, found)
     if maker:
-        summary["video"] = _filmed(
-            maker, scenarios, found, folder, f"{design.name} on {summary['contour']}"
-        )
-        run_folder.write_json(folder / run_folder.RESULT, summary)
-    return summary, folder
+        title = f"{design.name} on {found.contour}"
+        found = replace(found, video=_filmed(maker, scenarios, replayed, folder, title))
+        write_result(folder, found)
+    return found, folder, line
 
 
-def command(flags: Simulate) -> int:
-    """The whole command: run, print, exit code."""
-    summary, folder = run(flags)
-    video = summary.get("video", {})
-    if flags.json:
-        print(run_folder.json_text({"run": str(folder), **summary}))
-    else:
-        console = tables.console_of()
-        console.print(tables.plant_table(summary))
-        told = lines(video, folder) if "file" in video else []
-        tables.say(console, *told, f"Run folder: {folder}")
-    if "failure" in video:
-        raise ValueError(f"{video['failure']}; the rest of the run is in {folder}")
-    return 0
+def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
+    """The result of one contour."""
+    machine, job = design.machine, scenarios.jobs[0]
+    metrics = [
+        RunMetrics.of(replayed.metrics, lambda values, k=k: values[0, k])
+        for k in range(len(scenarios.plants))
+    ]
+    return SimulatedResult(
+        machine=machine_summary(machine),
+        controller=design.name,
+        weights=plain_weights(design.start),
+        error=machine.error,
+        contour=job.name,
+        feed_law=job.feed_law,
+        samples=job.samples,
+        **design.settings(),
+        plants=dict(zip(scenarios.plants, metrics, strict=True)),
+        read=contour_read(scenarios, 0),
+        peak=peak_place(scenarios, replayed, 0, machine.error),
+    )
+
+
+def next_steps(flags: Simulate) -> list[str]:
+    """What to do after a simulation."""
+    part = flags.contour if flags.contour and Path(flags.contour).suffix else ""
+    plant = f" --plant {flags.plant}" if flags.plant != Simulate.plant else ""
+    return [f"Next: jcontour tune {part}{plant}".replace("  ", " ").rstrip()]
 
 
 def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:
@@ -88,52 +120,9 @@ def _film_maker(machine: Machine) -> FilmMaker:
 
 def _filmed(
     maker: FilmMaker, scenarios: Scenarios, found: Replay, folder: Path, title: str
-) -> dict[str, Any]:
-    """What is known of the video; its failure, where there is none: the run itself is good."""
+) -> VideoResult:
+    """The video, or the reason why there is none: the run itself is good."""
     try:
-        return run_folder.plain(maker.record(film_of(scenarios, found, title), folder))
+        return from_json(maker.record(film_of(scenarios, found, title), folder), VideoResult)
     except VideoError as error:
-        return {"failure": str(error)}
-
-
-def _summary(design: Design, scenarios: Scenarios, found: Replay) -> dict[str, Any]:
-    metrics = {
-        plant: {name: np.asarray(values)[0, k] for name, values in vars(found.metrics).items()}
-        for k, plant in enumerate(scenarios.plants)
-    }
-    machine, job = design.machine, scenarios.jobs[0]
-    return {
-        "machine": {
-            "name": machine.name,
-            "control_unit": machine.control_unit,
-            "axes": machine.axes,
-            "truth": machine.nonsmooth_effects,
-        },
-        "controller": design.name,
-        "weights": plain_weights(design.start),
-        "error": machine.error,
-        "contour": job.name,
-        "feed_law": job.feed_law,
-        "samples": job.samples,
-        **design.settings(),
-        "plants": metrics,
-    }
-
-
-def _store(
-    machine: Machine, scenarios: Scenarios, found: Replay, folder: Path, summary: dict[str, Any]
-) -> None:
-    from experiments.files.netcdf import save_dataset
-    from experiments.reports.figures import draw_runs
-    from experiments.reports.rollouts import rollouts
-
-    attributes = {
-        "title": f"jcontour simulate: {summary['controller']} on {summary['contour']}",
-        **run_folder.versions(),
-    }
-    dataset = rollouts(
-        {summary["controller"]: found}, scenarios, machine.axes, machine.control_unit, attributes
-    )
-    save_dataset(dataset, folder / "rollouts.nc")
-    draw_runs(dataset, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
+        return VideoResult(failure=str(error))

@@ -1,119 +1,147 @@
-"""`jcontour tune`: weights of a controller by gradient, with everything an engineer needs to trust them."""
+"""`jcontour tune`: weights of a controller by gradient, and what is needed to trust them."""
 
 import sys
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
-from experiments.files.netcdf import save_dataset
+from experiments.files.results import write_result
+from experiments.files.tuned_result import TunedResult
 from experiments.jobs.replays import Replay
 from experiments.options import Tune
-from experiments.reports import figures, tables
+from experiments.reports import tables
+from experiments.reports.contour_figures import draw_runs
+from experiments.reports.png import save_figures
 from experiments.reports.progress import progress_of
-from experiments.reports.rollouts import rollouts
+from experiments.reports.rollouts import save_rollouts
+from experiments.reports.tuned_tables import show_tuned
+from experiments.reports.tuning_figures import FIGURES, Search
+from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened
+from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning import PLENTY, TuningRun, tuning_run
-from experiments.runs.tuning_results import confirmed, history_of, proved, summarise
+from experiments.runs.tuning_results import Trial, confirmed, history_of, trial_of, tuned_result
 from tuning.tune import Tuned, TuneState, advance, result
 
 
-def run(flags: Tune, console: Console) -> tuple[dict[str, Any], Path]:
-    """Tune, or go on tuning; the summary and the run folder.
+def command(flags: Tune) -> int:
+    """The whole command: tune, print, exit code."""
+    console = tables.console_of(quiet=flags.json)
+    try:
+        found, folder = run(flags, console)
+    except RuntimeError as error:
+        print(f"jcontour: {error}", file=sys.stderr)
+        return 1
+    return finished(folder, found, flags, show_tuned, next_steps(found, folder))
+
+
+def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
+    """Tune, or go on tuning; the result and the run folder.
 
     Raises:
         ValueError: bad input; nothing has been written then.
+        RuntimeError: no point could be evaluated without a diverging plant.
     """
-    with opened(flags, "tune", tuning_run) as (folder, job):
-        describe(job, console)
-        return _tuned(job, folder, console), folder
+    with opened(flags, "tune", tuning_run) as (folder, run):
+        describe(run, console)
+        return _tuned(run, folder, console), folder
 
 
-def _tuned(job: TuningRun, folder: Path, console: Console) -> dict[str, Any]:
+def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
     with ThreadPoolExecutor(1) as beside:
-        start = beside.submit(
-            proved, job, job.start
-        )  # compiles on the second core while the tuner descends
-        tuned, state = _descended(job, folder, console)
-        proofs = {"start": start.result(), "tuned": proved(job, tuned.weights)}
-    summary = summarise(job, tuned, state, proofs) | {
-        "confirmed": confirmed(job, tuned, proofs["tuned"].replay)
-    }
-    summary["seconds"] = time.perf_counter() - began
-    store(job, summary, tuned, {name: proof.replay for name, proof in proofs.items()}, folder)
-    return summary
+        # compiles on the second core while the tuner descends
+        start = beside.submit(trial_of, run, run.start)
+        tuned, state = _descended(run, folder, console)
+        trials = {"start": start.result(), "tuned": trial_of(run, tuned.weights)}
+    in_engine = confirmed(run, tuned, trials["tuned"].replay)
+    seconds = time.perf_counter() - began
+    found = tuned_result(run, tuned, state, trials, in_engine, seconds)
+    store(run, found, tuned, trials, folder, console)
+    return found
 
 
-def _descended(job: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
+def _descended(run: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
     state = load_state(folder)
-    with progress_of(console, job.settings, job.machine.error) as show:
+    with progress_of(console, run.settings, run.machine.error) as show:
         while not state.done:
-            state = advance(job.problem, job.start, job.settings, state)
+            state = advance(run.problem, run.start, run.settings, state)
             save_state(folder, state)
             show(state)
     try:
-        return result(job.problem, job.start, state), state
+        return result(run.problem, run.start, state), state
     except ValueError as error:
         raise RuntimeError(f"no result: {error}; the points tried are kept in {folder}") from None
 
 
-def describe(job: TuningRun, console: Console) -> None:
-    """Say what is tuned."""
-    machine, flags, scenarios = job.machine, job.flags, job.scenarios
-    limits = ", ".join(f"{name} <= {value:.6g}" for name, value in job.limits.items()) or "none"
-    facts = machine.description() | {
-        "Family": "; ".join(scenarios.plants)
-        + (" (tuned on the nominal plant alone)" if flags.nominal_only else ""),
-        "Training": "; ".join(
-            f"{one.name} ({one.samples} samples, {one.feed_law})"
-            for one in scenarios.jobs_seen(True)
-        ),
-        "Held out": "; ".join(
-            f"{one.name} ({one.samples} samples)" for one in scenarios.jobs_seen(False)
-        ),
-        **job.design.description(),
-        "Objective": f"{flags.objective} RMS {machine.error} error over training contours and "
-        f"{'the plant' if flags.nominal_only else 'family'}; limits: {limits}",
+def describe(run: TuningRun, console: Console) -> None:
+    """Say what is tuned, on what."""
+    machine, flags, scenarios = run.machine, run.flags, run.scenarios
+    bounds = [f"{name} <= {value:.6g}" for name, value in run.limits.items()]
+    over = "the plant" if flags.nominal_only else "family"
+    objective = f"{flags.objective} RMS {machine.error} error over training contours and {over}"
+    alone = " (tuned on the nominal plant alone)" if flags.nominal_only else ""
+    training = [
+        f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)
+    ]
+    held_out = [f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)]
+    headings = machine.description() | {
+        "Family": "; ".join(scenarios.plants) + alone,
+        "Training": "; ".join(training),
+        "Held out": "; ".join(held_out),
+        **run.design.description(),
+        "Objective": f"{objective}; limits: {', '.join(bounds) or 'none'}",
     }
-    lines = [f"{heading:<11} {fact}" for heading, fact in facts.items()]
-    lines.append(
-        f"Tuned without {machine.nonsmooth_effects} (they have no slope); the tables below are with them."
-    )
-    if job.training_samples > PLENTY:
-        lines.append(f"{job.training_samples} training samples: this takes longer than a minute.")
+    lines = [f"{heading:<11} {words}" for heading, words in headings.items()]
+    for k, job in enumerate(scenarios.jobs):
+        read = tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
+        lines.append(f"{'Read' if k == 0 else '':<11} {read}")
+    effects = machine.nonsmooth_effects
+    lines.append(f"Tuned without {effects} (they have no slope); the tables below are with them.")
+    if run.training_samples > PLENTY:
+        lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
 
 
 def store(
-    job: TuningRun, summary: dict[str, Any], tuned: Tuned, replays: dict[str, Replay], folder: Path
+    run: TuningRun,
+    found: TunedResult,
+    tuned: Tuned,
+    trials: Mapping[str, Trial],
+    folder: Path,
+    console: Console,
 ) -> None:
     """Write everything but the settings and the state, which are there; the result comes last."""
-    attributes = {
-        "title": f"jcontour tune: start against tuned weights, machine with {job.machine.nonsmooth_effects}",
-        **run_folder.versions(),
-    }
-    dataset = rollouts(
-        replays, job.scenarios, job.machine.axes, job.machine.control_unit, attributes
-    )
-    save_dataset(dataset, folder / "rollouts.nc")
-    job.design.save(job.controller(tuned.weights), job.scenarios, folder)
-    points = history_of(job, tuned)
-    run_folder.write_json(folder / "history.json", points)
-    figures.draw_tuned(dataset, points, summary, folder)
-    run_folder.write_json(folder / run_folder.RESULT, summary)
+    machine = run.machine
+    replays = {name: trial.replay for name, trial in trials.items()}
+    title = f"jcontour tune: start against tuned weights, machine with {machine.nonsmooth_effects}"
+    line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
+    tables.say(console, line)
+    run.design.save(run.controller(tuned.weights), run.scenarios, folder)
+    points = history_of(run, tuned)
+    rows = [point.to_json(machine.error) for point in points]
+    run_folder.write_json(folder / "history.json", rows)
+    draw(run, replays, folder)
+    save_figures(FIGURES, Search(points, found), folder)
+    write_result(folder, found)
 
 
-def command(flags: Tune) -> int:
-    """The whole command: run, print, exit code."""
-    console = tables.console_of(quiet=flags.json)
-    try:
-        summary, folder = run(flags, console)
-    except RuntimeError as error:
-        print(f"jcontour: {error}", file=sys.stderr)
-        return 1
-    return finished(folder, summary, flags, tables.show_tuned)
+def draw(run: TuningRun, replays: Mapping[str, Replay], folder: Path) -> None:
+    """Figures of every contour."""
+    for k in range(len(run.scenarios.jobs)):
+        draw_runs(contour_runs(replays, run.scenarios, k, run.machine), folder)
+
+
+def next_steps(found: TunedResult, folder: Path) -> list[str]:
+    """What to do with a tuned run."""
+    if not found.usable:
+        return []
+    steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
+    if found.terminal is not None:  # an LQ controller: the constrained MPC has the same weights
+        steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
+    return [f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

@@ -98,6 +98,11 @@ class Job(NamedTuple):
         """Control steps of the run."""
         return self.arc.size
 
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Words of the program that mean nothing for the path."""
+        return () if self.program is None else self.program.ignored
+
     def line_at(self, sample: int) -> int | None:
         """Line of the program that the run is on; None where there is no program."""
         if self.program is None:
@@ -132,6 +137,15 @@ class AxisMove(NamedTuple):
     def samples(self) -> int:
         """Control steps of the run."""
         return round(self.duration / self.dt) + 1
+
+    @property
+    def ignored(self) -> tuple[str, ...]:
+        """Nothing: it comes from no program."""
+        return ()
+
+    def line_at(self, sample: int) -> None:
+        """None: it comes from no program."""
+        return None
 
     def reference(self, dt: float, preview: int) -> Reference:
         """Samples of the run, with `preview` more appended.

@@ -15,12 +15,14 @@ Signals are in SI units, figures in mm and um.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.reports.axes import DESIRED, colours_of, grid, legend_below
+from experiments.reports.png import save_figure
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error
@@ -111,6 +113,14 @@ class ContourRuns:
         return np.where(scored, signal, np.nan)
 
 
+def draw_runs(runs: ContourRuns, folder: Path) -> list[Path]:
+    """Both figures as PNG files, named after the contour; a single axis has no plane to draw."""
+    made = [save_figure(error_figure(runs), folder / f"errors-{runs.name}.png")]
+    if len(runs.axes) > 1:
+        made.append(save_figure(contour_figure(runs), folder / f"contour-{runs.name}.png"))
+    return made
+
+
 def contour_figure(runs: ContourRuns) -> Figure:
     """The contour in the plane of its first two axes, with the error drawn larger than it is.
 
@@ -125,6 +135,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     colours = colours_of([run.label for run in runs.rows[0]])
     for place, run in zip(places.ravel(), (run for row in panels for run in row), strict=True):
         _draw_contour(place, runs, run, colours[run.label])
+        place.label_outer()
     figure.suptitle(f"{runs.name}: contour and tool, contour error magnified")
     legend_below(figure)
     return figure
@@ -143,7 +154,7 @@ def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str) -> 
         axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
         title = f"{run.label}, {run.plant}: error x {factor:g}"
         grid(axes, title, f"{x} [mm]", f"{y} [mm]")
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
 
 
 def desired_on_contour(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
@@ -182,7 +193,7 @@ def error_figure(runs: ContourRuns) -> Figure:
 def _draw_errors(column: Sequence[Axes], runs: ContourRuns, row: Sequence[DrawnRun]) -> None:
     alone = len(runs.axes) == 1
     first = "tool [mm]" if alone else "contour error [um]"
-    labels = (first, "tracking error [um]", f"control increment [{runs.control_unit}]")
+    labels = (first, "tracking error [um]", f"increment [{runs.control_unit}]")
     colours = colours_of([run.label for run in row])
     for run in row:
         legend = f"{run.label}, {run.plant}{', diverged' if run.diverged else ''}"

@@ -1,71 +1,123 @@
-"""Rollouts of a run as a netCDF data set."""
+"""Rollouts of a run as a netCDF data set, and how much of them is kept."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from experiments.files.netcdf import metric_unit
+from experiments.files.netcdf import metric_unit, save_dataset
+from experiments.files.run_folder import versions
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
+from experiments.machines.machine import Machine
+from experiments.options import Rollouts
+
+FILE = "rollouts.nc"
+LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them
+FLOAT = 8  # bytes
+ERROR = "vector from the nearest point of the contour to the tool"
+
+
+def save_rollouts(
+    keep: Rollouts,
+    replays: Mapping[str, Replay],
+    scenarios: Scenarios,
+    machine: Machine,
+    title: str,
+    folder: Path,
+) -> str:
+    """Write `rollouts.nc` as far as it is kept; one line that says what was written."""
+    size = signal_bytes(replays)
+    every = samples_kept(keep, size)
+    if every is None:
+        return f"Rollouts: not kept ({_megabytes(size)} of signals)"
+    dataset = rollouts(replays, scenarios, machine, {"title": title, **versions()}, every)
+    path = save_dataset(dataset, folder / FILE)
+    written = f"Rollouts: {FILE}, {_megabytes(path.stat().st_size)}"
+    if every == 1:
+        return f"{written}, every sample"
+    whole = f"all would be about {_megabytes(size)}: --rollouts full"
+    return f"{written}, one sample of {every} ({whole})"
+
+
+def signal_bytes(replays: Mapping[str, Replay]) -> int:
+    """Bytes of the signals of all runs."""
+    signals = [(run.output, run.control, run.contour_error) for run in replays.values()]
+    return FLOAT * sum(signal.size for run in signals for signal in run)
+
+
+def samples_kept(keep: Rollouts, size: int) -> int | None:
+    """One sample of how many is kept, of signals of `size` bytes; None where none is."""
+    if keep == "none":
+        return None
+    if keep == "full":
+        return 1
+    least = 1 if keep == "auto" else 2
+    return max(least, math.ceil(size / LARGE))
 
 
 def rollouts(
-    designs: dict[str, Replay],
+    replays: Mapping[str, Replay],
     scenarios: Scenarios,
-    axes: Sequence[str],
-    control_unit: str,
+    machine: Machine,
     attributes: dict[str, str],
+    every: int = 1,
 ) -> xr.Dataset:
-    """Signals and metrics of several designs over the same scenarios."""
-    dims = ("design", "contour", "plant")
-    runs = list(designs.values())
-    steps, inputs = runs[0].output.shape[2], runs[0].control.shape[-1]
+    """Signals and metrics of several designs over the same scenarios, one sample of `every`."""
+    runs = list(replays.values())
+    steps = runs[0].output.shape[2]
+    kept = slice(None, None, every)
+    signal = ("design", "contour", "plant", "time")
 
-    def stacked(values):
-        return np.stack([values(run) for run in runs])
+    def stacked(values: Callable[[Replay], np.ndarray]) -> np.ndarray:
+        return np.stack([values(run)[:, :, kept] for run in runs])
 
+    output = stacked(lambda run: run.output)
+    control = stacked(lambda run: run.control)
+    error = stacked(lambda run: run.contour_error)
+    counted = scored(scenarios)[:, kept].astype("i1")
+    training = np.array(scenarios.training).astype("i1")
+    unit = machine.control_unit
     data = {
-        "output": (
-            (*dims, "time", "axis"),
-            stacked(lambda run: run.output),
-            {"units": "m", "long_name": "tool point"},
-        ),
-        "control": (
-            (*dims, "time", "input"),
-            stacked(lambda run: run.control),
-            {"units": control_unit, "long_name": "control"},
-        ),
-        "contour_error": (
-            (*dims, "time", "axis"),
-            stacked(lambda run: run.contour_error),
-            {"units": "m", "long_name": "vector from the nearest point of the contour to the tool"},
-        ),
+        "output": ((*signal, "axis"), output, _words("m", "tool point")),
+        "control": ((*signal, "input"), control, _words(unit, "control")),
+        "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
         "reference": (
             ("contour", "time", "axis"),
-            desired(scenarios),
-            {"units": "m", "long_name": "where the tool should be"},
+            desired(scenarios)[:, kept],
+            _words("m", "where the tool should be"),
         ),
         "scored": (
             ("contour", "time"),
-            scored(scenarios).astype("i1"),
+            counted,
             {"long_name": "1 where the sample counts in the metrics"},
         ),
         "training": (
             ("contour",),
-            np.array(scenarios.training).astype("i1"),
+            training,
             {"long_name": "1 where the tuner has seen the contour"},
         ),
     }
     for name in vars(runs[0].metrics):
-        values = stacked(lambda run, name=name: np.asarray(getattr(run.metrics, name)))
+        values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
         kind = values.astype("i1") if values.dtype == bool else values
-        data[name] = (dims, kind, {"units": metric_unit(name, control_unit)})
+        data[name] = (signal[:3], kind, {"units": metric_unit(name, unit)})
+    time = np.arange(steps)[kept] * scenarios.references.dt
     coordinates = {
-        "design": list(designs),
+        "design": list(replays),
         "contour": [job.name for job in scenarios.jobs],
         "plant": list(scenarios.plants),
-        "time": ("time", np.arange(steps) * scenarios.references.dt, {"units": "s"}),
-        "axis": list(axes),
-        "input": [f"u{k + 1}" for k in range(inputs)],
+        "time": ("time", time, {"units": "s"}),
+        "axis": list(machine.axes),
+        "input": [f"u{k + 1}" for k in range(control.shape[-1])],
     }
     return xr.Dataset(data, coordinates, attributes)
+
+
+def _words(unit: str, name: str) -> dict[str, str]:
+    return {"units": unit, "long_name": name}
+
+
+def _megabytes(size: float) -> str:
+    return f"{1e-6 * size:.3g} MB"

@@ -1,14 +1,25 @@
-"""Results of a tuning run: replays, margins, gap to the true machine, history."""
+"""Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
 
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.design import plain_weights
-from experiments.files import run_folder
+from experiments.files.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.tuned_result import (
+    EngineRow,
+    GapRow,
+    HistoryPoint,
+    PathMargins,
+    TunedContour,
+    TunedResult,
+)
 from experiments.jobs.replays import Replay, replay, scored
-from experiments.runs.safety import path_margins
+from experiments.machines.machine import Machine
+from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.path_margins import path_margins
 from experiments.runs.tuning import TuningRun
 from experiments.runs.warnings import run_warnings
 from jcontour.simulation.evaluation import stack_plants
@@ -16,161 +27,152 @@ from tuning.parameters import Chart, Weights
 from tuning.tune import Tuned, TuneState
 
 
-class Proof(NamedTuple):
-    """What weights do on the true machines, and how safe their loops are."""
+@dataclass(frozen=True)
+class Trial:
+    """Weights on the machines with all effects: every run, and the margins of their loops."""
 
     replay: Replay
-    safety: dict[str, Any]
+    margins: PathMargins
 
 
-def proved(job: TuningRun, weights: Weights) -> Proof:
-    controller = job.controller(weights)
-    return Proof(
-        replay(controller, job.scenarios),
-        path_margins(controller, job.machine, job.scenarios, job.design.fed),
+def trial_of(run: TuningRun, weights: Weights) -> Trial:
+    """Weights tried on every contour and every plant."""
+    controller = run.controller(weights)
+    margins = path_margins(controller, run.machine, run.scenarios, run.design.fed)
+    return Trial(replay(controller, run.scenarios), margins)
+
+
+def machine_summary(machine: Machine) -> MachineSummary:
+    """Name, axes and units of a machine."""
+    return MachineSummary(
+        machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
     )
 
 
-def summarise(
-    job: TuningRun, tuned: Tuned, state: TuneState, proofs: dict[str, Proof]
-) -> dict[str, Any]:
-    """The result in plain numbers."""
-    replays, safety = {name: proof.replay for name, proof in proofs.items()}, proofs["tuned"].safety
-    lost, closed = (
-        bool(np.any(replays["tuned"].metrics.diverged)),
-        not safety["contours_without_margins"],
-    )
+def tuned_result(
+    run: TuningRun,
+    tuned: Tuned,
+    state: TuneState,
+    trials: Mapping[str, Trial],
+    confirmed: list[EngineRow],
+    seconds: float,
+) -> TunedResult:
+    """The whole result; `trials` are those of the start and of the tuned weights."""
+    found, margins = trials["tuned"].replay, trials["tuned"].margins
+    replays = {name: trial.replay for name, trial in trials.items()}
+    lost = bool(np.any(found.metrics.diverged))
     weights = plain_weights(tuned.weights)
-    return run_folder.plain(
-        {
-            "machine": {
-                "name": job.machine.name,
-                "control_unit": job.machine.control_unit,
-                "axes": job.machine.axes,
-                "truth": job.machine.nonsmooth_effects,
-            },
-            "controller": job.design.name,
-            "error": job.machine.error,
-            **job.design.settings(),
-            "start": plain_weights(job.start),
-            "weights": weights,
-            "values": job.design.weight_lines(weights),
-            "feasible": tuned.feasible,
-            "violation": tuned.violation if np.isfinite(tuned.violation) else None,
-            "usable": bool(
-                tuned.feasible
-                and not lost
-                and closed
-                and safety["largest_frozen_spectral_radius"] < 1
-            ),
-            "limits": job.limits,
-            "evaluated_points": len(tuned.history),
-            "diverged_points": tuned.diverged_points,
-            "diverged_starts": tuned.diverged_starts,
-            "descents": state.start + 1,
-            "plants": job.scenarios.plants,
-            "safety": safety,
-            "safety_of_start": proofs["start"].safety,
-            "warnings": run_warnings(job, tuned, safety, replays),
-            "contours": contour_metrics(job, replays),
-            "gap": gap(job, tuned, replays["tuned"]),
-            "training_samples": job.training_samples,
-        }
+    return TunedResult(
+        machine=machine_summary(run.machine),
+        controller=run.design.name,
+        error=run.machine.error,
+        **run.design.settings(),
+        start=plain_weights(run.start),
+        weights=weights,
+        weight_lines=run.design.weight_lines(weights),
+        feasible=bool(tuned.feasible),
+        violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
+        usable=bool(tuned.feasible) and not lost and margins.stable,
+        limits=run.limits,
+        evaluated_points=len(tuned.history),
+        diverged_points=tuned.diverged_points,
+        diverged_starts=tuned.diverged_starts,
+        descents=state.start + 1,
+        plants=list(run.scenarios.plants),
+        margins=margins,
+        start_margins=trials["start"].margins,
+        warnings=run_warnings(run, tuned, margins, replays),
+        contours=[_contour(run, replays, c) for c in range(len(run.scenarios.jobs))],
+        gap=gap(run, tuned, found),
+        training_samples=run.training_samples,
+        confirmed=confirmed,
+        seconds=seconds,
     )
 
 
-def gap(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
-    """What the tuner saw against what the true machines do: RMS error of every training contour, nominal and worst of the tuned family."""
-    name = f"rms_{job.machine.error}_error"
-    smooth, true = (
-        np.asarray(getattr(tuned.metrics, name)),
-        np.asarray(getattr(found.metrics, name)),
+def _contour(run: TuningRun, replays: Mapping[str, Replay], index: int) -> TunedContour:
+    scenarios = run.scenarios
+    job = scenarios.jobs[index]
+    return TunedContour(
+        name=job.name,
+        training=bool(scenarios.training[index]),
+        samples=job.samples,
+        metrics={name: family_metrics(one, index) for name, one in replays.items()},
+        read=contour_read(scenarios, index),
+        peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
     )
+
+
+def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
+    """Metrics on one contour: the nominal plant, and the worst of the family metric by metric."""
+    return FamilyMetrics(
+        nominal=RunMetrics.of(replay.metrics, lambda values: values[index, 0]),
+        worst=RunMetrics.of(replay.metrics, lambda values: values[index].max()),
+    )
+
+
+def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
+    """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
+
+    Nominal plant, and worst of the family that was tuned on.
+    """
+    name = f"rms_{run.machine.error}_error"
+    smooth = np.asarray(getattr(tuned.metrics, name))
+    replayed = np.asarray(getattr(found.metrics, name))
     rows = []
-    for c, one in enumerate(job.scenarios.jobs_seen(True)):
-        members = true[c, : smooth.shape[1]]
-        for plant, pair in (
-            ("nominal", (smooth[c, 0], members[0])),
-            ("worst", (smooth[c].max(), members.max())),
-        ):
-            rows.append(
-                {
-                    "contour": one.name,
-                    "plant": plant,
-                    "smooth": pair[0],
-                    "true": pair[1],
-                    "relative": pair[1] / pair[0] - 1,
-                }
-            )
+    for c, job in enumerate(run.scenarios.jobs_seen(True)):
+        members = replayed[c, : smooth.shape[1]]
+        rows.append(_gap_row(job.name, "nominal", smooth[c, 0], members[0]))
+        rows.append(_gap_row(job.name, "worst", smooth[c].max(), members.max()))
     return rows
 
 
-def confirmed(job: TuningRun, tuned: Tuned, found: Replay) -> list[dict[str, Any]]:
-    """The nominal plant in an engine of others, where there is one: its RMS error, and how far its tool is from ours at most [m]."""
-    independent = job.machine.independent()
+def _gap_row(contour: str, plant: str, smooth: float, nonsmooth: float) -> GapRow:
+    return GapRow(
+        contour=contour,
+        plant=plant,
+        smooth=float(smooth),
+        nonsmooth=float(nonsmooth),
+        relative=float(nonsmooth / smooth - 1),
+    )
+
+
+def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:
+    """The nominal plant in an independent engine, where there is one."""
+    independent = run.machine.independent()
     if independent is None:
         return []
     engine, plant = independent
-    other = replay(
-        job.controller(tuned.weights),
-        job.scenarios._replace(plants=("nominal",), family=stack_plants([plant])),
-    )
-    name, counts = f"rms_{job.machine.error}_error", scored(job.scenarios)
+    scenarios = run.scenarios._replace(plants=("nominal",), family=stack_plants([plant]))
+    other = replay(run.controller(tuned.weights), scenarios)
+    name, counts = f"rms_{run.machine.error}_error", scored(scenarios)
     apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
-    return run_folder.plain(
-        [
-            {
-                "engine": engine,
-                "contour": one.name,
-                "ours": getattr(found.metrics, name)[c, 0],
-                "theirs": getattr(other.metrics, name)[c, 0],
-                "apart": apart[c][counts[c]].max(),
-            }
-            for c, one in enumerate(job.scenarios.jobs)
-        ]
-    )
-
-
-def contour_metrics(job: TuningRun, replays: dict[str, Replay]) -> list[dict[str, Any]]:
-    """Per contour and design: metrics of the nominal plant, and the worst of the family metric by metric."""
-    rows = []
-    for c, (one, trained) in enumerate(
-        zip(job.scenarios.jobs, job.scenarios.training, strict=True)
-    ):
-        metrics = {
-            design: {
-                "nominal": {
-                    name: np.asarray(values)[c, 0] for name, values in vars(run.metrics).items()
-                },
-                "worst": {
-                    name: np.asarray(values)[c].max() for name, values in vars(run.metrics).items()
-                },
-            }
-            for design, run in replays.items()
-        }
-        rows.append(
-            {
-                "name": one.name,
-                "training": bool(trained),
-                "samples": one.samples,
-                "metrics": metrics,
-            }
-        )
-    return rows
-
-
-def history_of(job: TuningRun, tuned: Tuned) -> list[dict[str, Any]]:
-    """Every evaluated point: weights, objective, worst error and increment over training contours and family."""
-    chart, error = Chart(job.problem.space, job.start), f"rms_{job.machine.error}_error"
+    ours, theirs = getattr(found.metrics, name), getattr(other.metrics, name)
     return [
-        {
-            "descent": row.start,
-            **plain_weights(chart.weights(jnp.asarray(row.z))),
-            "objective": row.objective,
-            "violation": row.violation,
-            "diverged": row.diverged,
-            error: float(np.max(getattr(row.metrics, error))),
-            "rms_increment": float(np.max(row.metrics.rms_increment)),
-        }
+        EngineRow(
+            engine=engine,
+            contour=job.name,
+            ours=float(ours[c, 0]),
+            theirs=float(theirs[c, 0]),
+            apart=float(apart[c][counts[c]].max()),
+        )
+        for c, job in enumerate(scenarios.jobs)
+    ]
+
+
+def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
+    """Every evaluated point; error and increment are the worst over contours and family."""
+    chart = Chart(run.problem.space, run.start)
+    error = f"rms_{run.machine.error}_error"
+    return [
+        HistoryPoint(
+            descent=row.start,
+            weights=plain_weights(chart.weights(jnp.asarray(row.z))),
+            objective=row.objective,
+            violation=row.violation,
+            diverged=row.diverged,
+            rms_error=float(np.max(getattr(row.metrics, error))),
+            rms_increment=float(np.max(row.metrics.rms_increment)),
+        )
         for row in tuned.history
     ]

@@ -1,63 +1,132 @@
+"""Two tuned runs side by side."""
+
 import json
+from dataclasses import fields
+from io import StringIO
 
 import pytest
+from rich.console import Console
 
-from experiments.commands.compare import run
-from experiments.files.run_folder import RESULT, SETTINGS, RunError
+from experiments.commands.compare import run, show
+from experiments.files.results import write_result
+from experiments.files.run_folder import SETTINGS, RunError
+from experiments.files.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.tuned_result import PathMargins, TunedContour, TunedResult
 from experiments.reports.tables import COLUMNS
 
+MARGINS = PathMargins(
+    spectral_radius=0.9,
+    gain_range=((0.5, 2.0),),
+    gain_search=(0.05, 20.0),
+    delay_samples=2,
+    delay_search=10,
+    probes_per_contour=48,
+    probes_left_out=0,
+    contours_without_margins=(),
+    lost_first=None,
+)
 
-def stored(folder, alpha, value, command="tune", error="contour"):
-    folder.mkdir()
-    metrics = {name: value for name, _, _ in COLUMNS}
-    contour = {
-        "name": "circle",
-        "training": True,
-        "metrics": {"tuned": {"nominal": metrics, "worst": metrics}},
-    }
-    result = {
-        "error": error,
-        "weights": {"alpha": alpha, "beta": 1.0, "rho": 2e-9},
-        "contours": [contour],
-        "safety": {"largest_frozen_spectral_radius": 0.9, "delay_samples": 2},
-    }
-    (folder / SETTINGS).write_text(
-        json.dumps(
-            {"command": command, "flags": {"seed": int(alpha), "out": str(folder)}, "versions": {}}
-        )
+
+def made(alpha, value, error="contour", machine="lathe", contour="circle"):
+    numbers = {one.name: value for one in fields(RunMetrics)}
+    metrics = RunMetrics(**{**numbers, "diverged": False})
+    family = FamilyMetrics(metrics, metrics)
+    return TunedResult(
+        machine=MachineSummary(machine, "A", ("X", "Y"), "counts"),
+        controller="contouring-lq",
+        error=error,
+        preview=10,
+        start={"alpha": 1.0},
+        weights={"alpha": alpha, "beta": 1.0, "rho": 2e-9},
+        weight_lines=[],
+        feasible=True,
+        violation=0.0,
+        usable=True,
+        limits={},
+        evaluated_points=1,
+        diverged_points=0,
+        diverged_starts=0,
+        descents=1,
+        plants=["nominal"],
+        margins=MARGINS,
+        start_margins=MARGINS,
+        warnings=[],
+        contours=[TunedContour(name=contour, training=True, samples=5, metrics={"tuned": family})],
+        gap=[],
+        training_samples=5,
+        confirmed=[],
+        seconds=1.0,
     )
-    (folder / RESULT).write_text(json.dumps(result))
+
+
+def stored(folder, alpha, value, command="tune", **others):
+    folder.mkdir()
+    flags = {"seed": int(alpha), "out": str(folder)}
+    settings = {"command": command, "flags": flags, "versions": {}}
+    (folder / SETTINGS).write_text(json.dumps(settings))
+    write_result(folder, made(alpha, value, **others))
     return folder
 
 
+def said(found):
+    text = StringIO()
+    show(found, Console(file=text, width=200))
+    return text.getvalue()
+
+
 def test_what_changed_and_which_is_better(tmp_path):
-    summary = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6))
-    assert summary["settings"] == {"seed": [1, 2]} and summary["weights"]["alpha"] == [1.0, 2.0]
-    assert summary["better"] == {"first": 2 * len(COLUMNS), "second": 0, "same": 0}
+    found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6))
+    assert found.settings == {"seed": [1, 2]} and found.weights["alpha"] == [1.0, 2.0]
+    assert found.better == {"first": 2 * len(COLUMNS), "second": 0, "same": 0}
+    text = said(found)
+    assert f"The first run, {tmp_path / 'a'}, is better more often: of 12 numbers" in text
+    assert "WARNING" not in text
 
 
 def test_equal_runs(tmp_path):
-    summary = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6))
-    assert summary["settings"] == {} and summary["better"]["same"] == 2 * len(COLUMNS)
+    found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6))
+    assert found.settings == {} and found.better["same"] == 2 * len(COLUMNS)
+    assert "Neither run is better" in said(found)
+
+
+def test_a_run_that_diverged_is_never_better(tmp_path):
+    found = run(stored(tmp_path / "a", 1.0, float("nan")), stored(tmp_path / "b", 1.0, 1.0))
+    assert found.better == {"first": 0, "second": 2 * len(COLUMNS), "same": 0}
 
 
 def test_a_single_axis_has_no_contour_error(tmp_path):
-    summary = run(
-        *(
-            stored(tmp_path / name, 1.0, value, error="tracking")
-            for name, value in (("a", 1e-6), ("b", 2e-6))
-        )
-    )
-    assert [row["metric"] for row in summary["metrics"]] == 2 * [
-        name for name, _, _ in COLUMNS if "contour" not in name
-    ]
-    assert summary["better"] == {"first": 8, "second": 0, "same": 0}
+    a = stored(tmp_path / "a", 1.0, 1e-6, error="tracking")
+    b = stored(tmp_path / "b", 1.0, 2e-6, error="tracking")
+    found = run(a, b)
+    names = [name for name, _, _ in COLUMNS if "contour" not in name]
+    assert [row.metric for row in found.metrics] == 2 * names
+    assert found.better == {"first": 8, "second": 0, "same": 0}
+
+
+def test_runs_of_different_machines_are_told(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    found = run(a, stored(tmp_path / "b", 1.0, 2e-6, machine="mill"))
+    assert "different machines, lathe and mill" in said(found)
+
+
+def test_runs_without_a_common_contour_are_told(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    found = run(a, stored(tmp_path / "b", 1.0, 2e-6, contour="square"))
+    assert found.metrics == [] and "no contour in common" in said(found)
 
 
 def test_not_a_run(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
     with pytest.raises(RunError, match="not a run folder"):
-        run(stored(tmp_path / "a", 1.0, 1e-6), tmp_path / "none")
+        run(a, tmp_path / "none")
     with pytest.raises(RunError, match="not of 'tune'"):
-        run(
-            stored(tmp_path / "b", 1.0, 1e-6), stored(tmp_path / "c", 1.0, 1e-6, command="simulate")
-        )
+        run(a, stored(tmp_path / "c", 1.0, 1e-6, command="simulate"))
+
+
+def test_a_run_of_another_form_says_why_it_does_not_open(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6)
+    result = json.loads((b / "result.json").read_text())
+    del result["safety"]
+    (b / "result.json").write_text(json.dumps(result))
+    with pytest.raises(RunError, match="not of this version's TunedResult .required field missing"):
+        run(a, b)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -49,7 +51,8 @@ def test_rollouts_round_trip(job, tmp_path):
     controller = job.controller(job.start)
     run = replay(controller, job.scenarios, lambda plant, state: plant.output(state))
     np.testing.assert_array_equal(run.watched, run.output)
-    dataset = rollouts({"start": run}, job.scenarios, job.machine.axes, "mm/s", {"title": "test"})
+    machine = replace(job.machine, control_unit="mm/s")
+    dataset = rollouts({"start": run}, job.scenarios, machine, {"title": "test"})
     found = load_dataset(save_dataset(dataset, tmp_path / "rollouts.nc"))
     assert (
         found.output.dims == ("design", "contour", "plant", "time", "axis")

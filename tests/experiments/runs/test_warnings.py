@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from experiments.files.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.warnings import (
     lag_warnings,
@@ -33,12 +34,17 @@ MACHINE = SimpleNamespace(
 
 
 def margins(radius=0.99, delay=2, left_out=0, without=()):
-    return {
-        "largest_frozen_spectral_radius": radius,
-        "delay_samples": delay,
-        "probes_left_out": left_out,
-        "contours_without_margins": [*without],
-    }
+    return PathMargins(
+        spectral_radius=radius,
+        gain_range=((0.5, 2.0),),
+        gain_search=(0.05, 20.0),
+        delay_samples=delay,
+        delay_search=10,
+        probes_per_contour=48,
+        probes_left_out=left_out,
+        contours_without_margins=tuple(without),
+        lost_first=None,
+    )
 
 
 def scenarios(samples=20):
@@ -72,7 +78,7 @@ def test_a_loop_that_does_not_bear_the_delay_of_its_machine(delay, unknown, warn
 
 def test_an_unstable_loop_is_said_once():
     assert margin_warnings(margins(radius=1.1, delay=-1), 2) == [
-        "a frozen loop along the training paths is unstable"
+        "with its gains frozen at a point of the training paths the loop is unstable"
     ]
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.jobs.replays import Scenarios
-from experiments.reports.tables import _lost_first_line
-from experiments.runs.safety import _lost_first, path_margins
+from experiments.reports.tuned_tables import lost_first_line
+from experiments.runs.path_margins import lost_first, path_margins
 from jcontour.analysis.stability import Margins
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
@@ -38,16 +38,16 @@ WIDE = Margins(0.9, np.array([[0.05, 20.0], [0.05, 3.0]]), np.array([[-1, -1], [
     ],
 )
 def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
-    place = _lost_first(
+    place = lost_first(
         [WIDE, Margins(0.9, np.array(gain), np.array(samples), 2, 0)], PATHS, ["left", "right"]
     )
     if wanted is None:
-        assert place is None and _lost_first_line(place, ["X", "Y"]) == []
+        assert place is None
     else:
-        assert (place["contour"], place["input"]) == wanted[:2]
-        np.testing.assert_allclose(place["position"], wanted[2], rtol=0, atol=1e-12)
+        assert (place.contour, place.input) == wanted[:2]
+        np.testing.assert_allclose(place.position, wanted[2], rtol=0, atol=1e-12)
         x = 1e3 * wanted[2][0]
-        assert _lost_first_line(place, ["X", "Y"])[0].endswith(
+        assert lost_first_line(place, ["X", "Y"]).endswith(
             f"input {wanted[1]}, on {wanted[0]} where the reference is at X {x:g}, Y 0 mm"
         )
 
@@ -68,6 +68,6 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
     )
     found = path_margins(law, machine, scenarios, "state")  # type: ignore[arg-type]
-    assert found["contours_without_margins"] == ["hasty"] and found["probes_left_out"] == 0
+    assert found.contours_without_margins == ("hasty",) and found.probes_left_out == 0
     calm = path_margins(law, machine, scenarios._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]
-    assert calm["contours_without_margins"] == [] and calm["largest_frozen_spectral_radius"] < 1
+    assert calm.contours_without_margins == () and calm.spectral_radius < 1

@@ -1,0 +1,44 @@
+"""What was read of a contour, and where the largest error of its runs is."""
+
+import numpy as np
+
+from experiments.files.run_metrics import ContourRead, PeakPlace
+from experiments.jobs.replays import Replay, Scenarios, desired, scored
+
+
+def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
+    """Size of a contour and of the run along it."""
+    job = scenarios.jobs[index]
+    path = desired(scenarios)[index, : job.samples]
+    return ContourRead(
+        pieces=int(np.sum(job.contour.mask)),
+        length=float(job.contour.length),
+        duration=float(job.samples * scenarios.references.dt),
+        low=tuple(path.min(axis=0).tolist()),
+        high=tuple(path.max(axis=0).tolist()),
+        ignored=job.ignored,
+    )
+
+
+def peak_place(scenarios: Scenarios, replay: Replay, index: int, error: str) -> PeakPlace | None:
+    """Place of the largest error over all plants that follow the contour; None where none does.
+
+    `error` is the one that counts, "contour" or "tracking".
+    """
+    path = desired(scenarios)[index]
+    vectors = replay.contour_error[index]
+    if error == "tracking":
+        vectors = replay.output[index] - path
+    size = np.linalg.norm(vectors, axis=-1)  # (plant, time)
+    lost = np.asarray(replay.metrics.diverged)[index]
+    size = np.where(scored(scenarios)[index] & ~lost[:, None], size, -1.0)
+    plant, sample = np.unravel_index(np.argmax(size), size.shape)
+    if size[plant, sample] < 0:
+        return None
+    return PeakPlace(
+        plant=scenarios.plants[plant],
+        error=float(size[plant, sample]),
+        time=float(sample * scenarios.references.dt),
+        position=tuple(path[sample].tolist()),
+        line=scenarios.jobs[index].line_at(int(sample)),
+    )

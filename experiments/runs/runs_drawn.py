@@ -1,0 +1,58 @@
+"""Runs of a replay as the contour figures draw them: nominal plant, and the worst of the family."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.jobs.replays import Replay, Scenarios, desired, scored
+from experiments.machines.machine import Machine
+from experiments.reports.contour_figures import NOMINAL, ContourRuns, DrawnRun
+
+
+def contour_runs(
+    replays: Mapping[str, Replay], scenarios: Scenarios, index: int, machine: Machine
+) -> ContourRuns:
+    """Runs along one contour: a row on the nominal plant, a row on every label's worst plant."""
+    steps = scenarios.jobs[index].samples
+    nominal = tuple(_drawn(label, NOMINAL, one, index, 0, steps) for label, one in replays.items())
+    rows = [nominal]
+    if len(scenarios.plants) > 1:
+        rows.append(
+            tuple(
+                _worst(label, one, scenarios, index, machine.error)
+                for label, one in replays.items()
+            )
+        )
+    return ContourRuns(
+        name=scenarios.jobs[index].name,
+        time=scenarios.references.dt * np.arange(steps),
+        scored=scored(scenarios)[index, :steps],
+        reference=desired(scenarios)[index, :steps],
+        axes=machine.axes,
+        control_unit=machine.control_unit,
+        rows=tuple(rows),
+    )
+
+
+def worst_plant(replay: Replay, index: int, error: str) -> int:
+    """Plant of the largest RMS error on a contour; the first that diverges, where one does."""
+    values = np.asarray(getattr(replay.metrics, f"rms_{error}_error"))[index]
+    lost = np.asarray(replay.metrics.diverged)[index]
+    return int(np.argmax(np.where(lost, np.inf, values)))
+
+
+def _worst(label: str, replay: Replay, scenarios: Scenarios, index: int, error: str) -> DrawnRun:
+    plant = worst_plant(replay, index, error)
+    words = f"worst plant ({scenarios.plants[plant]})"
+    return _drawn(label, words, replay, index, plant, scenarios.jobs[index].samples)
+
+
+def _drawn(label: str, words: str, replay: Replay, index: int, plant: int, steps: int) -> DrawnRun:
+    return DrawnRun(
+        label=label,
+        plant=words,
+        output=replay.output[index, plant, :steps],
+        control=replay.control[index, plant, :steps],
+        contour_error=replay.contour_error[index, plant, :steps],
+        diverged=bool(np.asarray(replay.metrics.diverged)[index, plant]),
+    )
