@@ -13,13 +13,18 @@ ENCODER_RESOLUTION = 0.8e-6  # [m] per count, the paper's encoders
 
 
 def bridgeport() -> LinearPlant:
-    """The paper's matrices with two lost minus signs restored: A[5, 5] = -0.0227 and A[6, 7] = -4.2149.
+    """The paper's matrices, with two lost minus signs restored.
 
-    As printed, Y has eigenvalues 3.59 and -1.97. These two are the only pair of signs that gives
-    one integrator and an otherwise stable axis; the ramp gains of both axes then agree to 1.2 %.
-    Lengths are metres; both axes have a zero outside the unit circle (-13.4, -17.8), and the
-    integrators sit at 0.999963 (X) and 1.000041 (Y) because the paper prints four decimals. An
-    error then depends on where the part lies: `exact_bridgeport` is the table to work with.
+    The two are A[5, 5] = -0.0227 and A[6, 7] = -4.2149. As printed, Y has eigenvalues 3.59 and
+    -1.97. This is the only pair of signs that gives one integrator and an otherwise stable axis;
+    the ramp gains of both axes then agree to 1.2 %. Lengths are metres. Both axes have a zero
+    outside the unit circle (-13.4, -17.8). The integrators sit at 0.999963 (X) and 1.000041 (Y)
+    because the paper prints four decimals. An error then depends on where the part lies:
+    `exact_bridgeport` is the table to work with.
+
+    >>> table = bridgeport()
+    >>> table.states, table.inputs, table.axes, table.dt
+    (8, 2, 2, 0.0005)
     """
     A = np.zeros((8, 8))
     A[:3, :3] = [[-0.2916, 0.2755, -0.8029], [-0.8890, 1.6565, -0.8540], [0.0, 1.0343, 0.3324]]

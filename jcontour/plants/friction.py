@@ -1,9 +1,9 @@
-"""Friction of a guide way: a force that falls from rest to speed, sticks at rest, and grows with viscous drag.
+"""Friction of a guide way: largest at rest, falling with speed, with sticking and viscous drag.
 
     F_f = s (f_c + f_s / (1 + (v / v_s)^2)) + b_v v        (Yuan, eq. 3.8, Lorentzian)
 s is the direction of slip. The printed eq. 3.8 decides between stick and slip by a speed threshold
-and compares with a force that omits spring and damper; here a slider has an explicit mode s in {-1,
-0, 1}, as Karnopp had it, and the whole force decides.
+and compares with a force that omits spring and damper. Here a slider has an explicit mode s in
+{-1, 0, 1}, as Karnopp had it, and the whole force decides.
 """
 
 import equinox as eqx
@@ -13,7 +13,8 @@ from jaxtyping import Array, Float, Int
 
 from jcontour.tracing import is_concrete
 
-Axes = Float[Array, " m"]
+Axes = Float[Array, "*m"]
+PerAxis = Float[Array, "#m"]  # one value, or one for each axis
 
 
 class Friction(eqx.Module):
@@ -21,7 +22,7 @@ class Friction(eqx.Module):
 
     Args:
         coulomb: f_c [N].
-        stribeck: f_s [N], what rest adds to it.
+        stribeck: f_s [N], the additional force at rest.
         stribeck_speed: v_s [m/s].
         viscous: b_v [N s/m].
 
@@ -29,10 +30,10 @@ class Friction(eqx.Module):
         ValueError: a value is negative or not finite, or the Stribeck speed is zero.
     """
 
-    coulomb: Axes
-    stribeck: Axes
-    stribeck_speed: Axes
-    viscous: Axes
+    coulomb: PerAxis
+    stribeck: PerAxis
+    stribeck_speed: PerAxis
+    viscous: PerAxis
 
     def __init__(self, coulomb, stribeck, stribeck_speed, viscous):
         named = {
@@ -48,24 +49,30 @@ class Friction(eqx.Module):
         if is_concrete(stribeck_speed) and not np.all(np.asarray(stribeck_speed) > 0):
             raise ValueError(f"stribeck_speed: needs to be above zero, received {stribeck_speed}")
 
-    def slipping(self, mode: Axes, speed: Axes) -> Axes:
+    def slipping(self, mode: Int[Array, "*m"], speed: Axes) -> Axes:
         """Force against the motion [N] while the mode is -1 or 1."""
-        return mode * self.dry(speed) + self.viscous * speed
+        return mode.astype(speed.dtype) * self.dry(speed) + self.viscous * speed
 
     def smooth(self, speed: Axes, sharpness: Float[Array, ""]) -> Axes:
-        """The differentiable twin: tanh(sharpness v) in place of the mode; there is no stick, only creep."""
+        """Force of the differentiable twin [N]: tanh(sharpness v) replaces the mode.
+
+        It creeps where the true friction sticks.
+        """
         return jnp.tanh(sharpness * speed) * self.dry(speed) + self.viscous * speed
 
     def dry(self, speed: Axes) -> Axes:
         """Size of the force without drag [N]."""
         return self.coulomb + self.stribeck / (1 + (speed / self.stribeck_speed) ** 2)
 
-    def released(self, mode: Int[Array, " m"], force: Axes) -> Int[Array, " m"]:
-        """Mode before a substep: a slider at rest breaks loose, in the direction of the force, when it exceeds f_c + f_s."""
+    def released(self, mode: Int[Array, "*m"], force: Axes) -> Int[Array, "*m"]:
+        """Mode before a substep: a slider at rest breaks loose when the force exceeds f_c + f_s.
+
+        It then slips in the direction of the force.
+        """
         loose = jnp.abs(force) > self.coulomb + self.stribeck
         return jnp.where((mode == 0) & loose, jnp.sign(force).astype(mode.dtype), mode)
 
 
-def caught(mode: Int[Array, " m"], speed: Axes) -> Int[Array, " m"]:
+def caught(mode: Int[Array, "*m"], speed: Axes) -> Int[Array, "*m"]:
     """Mode after a substep: a slider whose speed has turned against its mode sticks."""
-    return jnp.where(mode * speed <= 0, 0, mode)
+    return jnp.where(mode.astype(speed.dtype) * speed <= 0, 0, mode)

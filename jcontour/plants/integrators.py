@@ -1,13 +1,24 @@
 """Integration of a machine's equation of motion over one step of time."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import jax
 
+State = TypeVar("State")  # any pytree of arrays
 
-def runge_kutta(rates, x, h: float):
-    """One classical step of fourth order; `rates` may be any function from a state to its time derivative."""
 
-    def ahead(slope, part: float):
-        return jax.tree.map(lambda a, b: a + part * h * b, x, slope)
+def runge_kutta(rates: Callable[[State], State], x: State, h: float) -> State:
+    """State after one classical Runge-Kutta step of fourth order over h seconds.
+
+    Args:
+        rates: any function from a state to its time derivative.
+        x: the state, any pytree.
+        h: step [s].
+    """
+
+    def ahead(slope: State, share: float) -> State:
+        return jax.tree.map(lambda a, b: a + share * h * b, x, slope)
 
     k1 = rates(x)
     k2 = rates(ahead(k1, 0.5))

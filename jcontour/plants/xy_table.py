@@ -1,4 +1,4 @@
-"""The X-Y table of Lam: on each axis a motor turns a lead screw through a torsional spring and damper.
+"""The X-Y table of Lam: a motor on each axis turns a lead screw through a spring and a damper.
 
     J_m ddpsi = K_t i - b_m dpsi - k_c (psi - phi) - c (dpsi - dphi) - T_m(dpsi)
     J_l ddphi = k_c (psi - phi) + c (dpsi - dphi) - b_l dphi - T_l(dphi)             (eqs 1-5)
@@ -23,11 +23,12 @@ SUBSTEP = 5e-5  # [s] within which the friction torque is held
 # [rad/s] over which Coulomb friction turns: smooth enough for a derivative, a hundredth of a
 # working speed
 TURNING = 0.5
+POSITIVE = ("motor_inertia", "load_inertia", "torque_constant", "pitch")
 
 
 @dataclass(frozen=True)
 class DriveParameters:
-    """One axis, Fig. 4.
+    """Drive of one axis, Fig. 4.
 
     Raises:
         ValueError: an inertia, the torque constant or the pitch is not above zero, or another value
@@ -45,19 +46,25 @@ class DriveParameters:
 
     def __post_init__(self):
         for field in fields(self):
-            value, positive = (
-                getattr(self, field.name),
-                field.name in ("motor_inertia", "load_inertia", "torque_constant", "pitch"),
-            )
-            if not (np.isfinite(value) and (value > 0 if positive else value >= 0)):
+            value, positive = getattr(self, field.name), field.name in POSITIVE
+            enough = value > 0 if positive else value >= 0
+            if not (np.isfinite(value) and enough):
+                bound = "above" if positive else "at least"
                 raise ValueError(
-                    f"{field.name}: needs to be finite and {'above' if positive else 'at least'} zero, received {value}"
+                    f"{field.name}: needs to be finite and {bound} zero, received {value}"
                 )
 
     def scaled(
         self, inertia: float = 1.0, viscous: float = 1.0, link: float = 1.0, torque: float = 1.0
     ) -> "DriveParameters":
-        """Another machine: both inertias, both viscous terms, stiffness and damping, and the torque constant times these factors."""
+        """Drive of another machine, its values multiplied by these factors.
+
+        Args:
+            inertia: for both inertias.
+            viscous: for both viscous terms.
+            link: for stiffness and damping.
+            torque: for the torque constant.
+        """
         return replace(
             self,
             motor_inertia=inertia * self.motor_inertia,
@@ -79,18 +86,25 @@ def xy_table(dt: float, drives: tuple[DriveParameters, ...] = (X_DRIVE, Y_DRIVE)
 
     State [psi, dpsi, phi, dphi] of every axis [rad, rad/s], control [A], output [m].
 
+    >>> table = xy_table(1e-3)
+    >>> table.output(table.initial_state(jnp.array([0.01, 0.02]), jnp.zeros(2))).round(6).tolist()
+    [0.01, 0.02]
+
     Raises:
         ValueError: `dt` is not above zero.
     """
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
     A, torque, C = _continuous(drives)
-    discrete = zoh(A, torque[:, ::2] * np.array([drive.torque_constant for drive in drives]), dt)
-    return LinearPlant(*discrete, C, dt)
+    constants = np.array([drive.torque_constant for drive in drives])
+    return LinearPlant(*zoh(A, torque[:, ::2] * constants, dt), C, dt)
 
 
 class FrictionXYTable(Plant):
-    """The table with Coulomb friction T = T_c tanh(omega / 0.5 rad/s) on motor and load, frozen over each substep.
+    """The table with Coulomb friction on motor and load.
+
+        T = T_c tanh(omega / 0.5 rad/s)
+    frozen over each substep.
 
     Args:
         dt: sample period [s].
@@ -103,12 +117,12 @@ class FrictionXYTable(Plant):
         ValueError: `dt` is not a whole number of substeps, or a friction torque is negative.
     """
 
-    A: Float[Array, "4m 4m"]
-    B: Float[Array, "4m m"]
-    T: Float[Array, "4m 2m"]
-    C: Float[Array, "m 4m"]
-    coulomb: Float[Array, " 2m"]
-    load: Float[Array, " 2m"]
+    A: Float[Array, "n n"]  # n = 4 m states of m axes
+    B: Float[Array, "n m"]
+    T: Float[Array, "n k"]  # of k = 2 m torques, motor and load of every axis
+    C: Float[Array, "m n"]
+    coulomb: Float[Array, " k"]
+    load: Float[Array, " k"]
     dt: float = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
@@ -120,9 +134,8 @@ class FrictionXYTable(Plant):
         load_coulomb: float = 0.020,
         load_torque=0.0,
     ):
-        if not (
-            np.isfinite(dt) and dt > 0 and abs(round(dt / SUBSTEP) * SUBSTEP - dt) <= 1e-9 * dt
-        ):
+        positive = np.isfinite(dt) and dt > 0
+        if not (positive and abs(round(dt / SUBSTEP) * SUBSTEP - dt) <= 1e-9 * dt):
             raise ValueError(
                 f"dt: needs to be a whole number of substeps of {SUBSTEP} s, received {dt}"
             )
@@ -132,20 +145,21 @@ class FrictionXYTable(Plant):
                 raise ValueError(f"{name}: needs to be at least zero, received {value}")
         A, torque, C = _continuous(drives)
         constants = np.array([drive.torque_constant for drive in drives])
-        self.A, both = zoh(A, np.concatenate([torque[:, ::2] * constants, torque], axis=1), SUBSTEP)
+        inputs = np.concatenate([torque[:, ::2] * constants, torque], axis=1)
+        self.A, both = zoh(A, inputs, SUBSTEP)
         self.B, self.T, self.C = both[:, : len(drives)], both[:, len(drives) :], jnp.asarray(C)
         self.coulomb = jnp.tile(jnp.array([motor_coulomb, load_coulomb]), len(drives))
         loads = jnp.broadcast_to(jnp.asarray(load_torque, float), (len(drives),))
         self.load = jnp.stack([jnp.zeros_like(loads), loads], axis=1).reshape(-1)
 
-    def initial_state(self, position, increment) -> Float[Array, " 4m"]:
-        """No twist, at rest or at a steady speed."""
+    def initial_state(self, position, increment) -> Float[Array, " n"]:
+        """State without twist, at rest or at a steady speed."""
         pitch = jnp.diagonal(self.C[:, 2::4])
         angle, speed = jnp.asarray(position) / pitch, jnp.asarray(increment) / self.dt / pitch
         return jnp.stack([angle, speed, angle, speed], axis=-1).reshape(-1)
 
-    def step(self, state, control) -> Float[Array, " 4m"]:
-        """Exact substeps of the linear part under a held current and friction torque."""
+    def step(self, state, control) -> Float[Array, " n"]:
+        """State after exact substeps of the linear part under held current and friction torque."""
         pushed = self.B @ control - self.T @ self.load
 
         def substep(_, x):
@@ -164,17 +178,15 @@ def _continuous(drives: tuple[DriveParameters, ...]) -> tuple[np.ndarray, np.nda
     A, torque, C = np.zeros((4 * m, 4 * m)), np.zeros((4 * m, 2 * m)), np.zeros((m, 4 * m))
     for i, d in enumerate(drives):
         axis = slice(4 * i, 4 * i + 4)
+        on_motor = np.array([-d.stiffness, -d.motor_viscous - d.damping, d.stiffness, d.damping])
+        on_load = np.array([d.stiffness, d.damping, -d.stiffness, -d.load_viscous - d.damping])
         A[axis, axis] = [
             [0, 1, 0, 0],
-            np.array([-d.stiffness, -d.motor_viscous - d.damping, d.stiffness, d.damping])
-            / d.motor_inertia,
+            on_motor / d.motor_inertia,
             [0, 0, 0, 1],
-            np.array([d.stiffness, d.damping, -d.stiffness, -d.load_viscous - d.damping])
-            / d.load_inertia,
+            on_load / d.load_inertia,
         ]
-        torque[4 * i + 1, 2 * i], torque[4 * i + 3, 2 * i + 1] = (
-            1 / d.motor_inertia,
-            1 / d.load_inertia,
-        )
+        torque[4 * i + 1, 2 * i] = 1 / d.motor_inertia
+        torque[4 * i + 3, 2 * i + 1] = 1 / d.load_inertia
         C[i, 4 * i + 2] = d.pitch
     return A, torque, C

@@ -1,10 +1,10 @@
-"""Cross-coupled position command shaping (CPSCS): the contour error is added to the position commands of the axes.
+"""Cross-coupled position command shaping (CPSCS): the contour error corrects the position commands.
 
     eps = c'(r - y),   command: r + k eps n        (Yuan, section 2.3.3)
-Unlike pre-compensation it has no memory, and unlike cross-coupled control it needs no access to the
+Unlike pre-compensation it has no memory. Unlike cross-coupled control it needs no access to the
 drives: it may run beside the numerical control. Inside a cascade it makes the position loop stiffer
-across the path, k_pp (1 + k) in place of k_pp; a steady contour error becomes 1 / (1 + k) of what
-it was when both axes have the same k_pp.
+across the path, k_pp (1 + k) in place of k_pp. A steady contour error is divided by 1 + k when both
+axes have the same k_pp.
 """
 
 from jaxtyping import Array, Float
@@ -33,7 +33,7 @@ class CommandShaped(OnPath):
         self.cascade, self.gain = cascade, checked_gain("gain", gain)
 
     def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        """That of the cascade."""
+        """Integrators of the cascade at zero."""
         return self.cascade.initial_memory(reference)
 
     def step(

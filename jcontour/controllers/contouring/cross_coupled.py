@@ -1,12 +1,12 @@
-"""Cross-coupled control: a compensator on the contour error of a biaxial machine, added to the velocity commands of its axes.
+"""Cross-coupled control: a compensator on the contour error corrects the velocity commands.
 
-    e = r - y,   eps = K_x e_x + K_y e_y,   v_ref,i = k_pp e_i + k_ff dr_i/dt + C_i W(eps)
-    (Yuan, Fig. 2.11)
-With constant gains (Koren 1980) the contour is taken for its tangent, K = n, and the correction is
-forwarded equally to both axes: the printed C_x = C_y = 1 is the quadrant of the figure, in the
-others C_i has the sign of n_i. With variable gains (Koren & Lo 1991)
-it is taken for its circle of curvature and corrected at right angles to it: K = C = n + kappa e /
-2. W is a PID.
+    e = r - y,   eps = K_x e_x + K_y e_y                                    (Yuan, Fig. 2.11)
+    v_ref,i = k_pp e_i + k_ff dr_i/dt + C_i W(eps)
+for a biaxial machine. With constant gains (Koren 1980) the contour is taken for its tangent, K = n,
+and the correction is forwarded equally to both axes. The printed C_x = C_y = 1 is for the quadrant
+of the figure; in the others C_i has the sign of n_i. With variable gains (Koren & Lo 1991) the
+contour is taken for its circle of curvature and corrected at right angles to it:
+K = C = n + kappa e / 2. W is a PID.
 """
 
 import abc
@@ -26,7 +26,9 @@ PARALLEL = 1e-6  # a line this close to an axis leaves it alone: rounding has no
 
 
 class CrossGains(eqx.Module):
-    """The compensator W = k_p + k_i / s + k_d s from the contour error [m] to a speed [m/s]; all zero leaves the plain cascade.
+    """Gains of the compensator W = k_p + k_i / s + k_d s; all zero leave the plain cascade.
+
+    It turns a contour error [m] into a speed [m/s].
 
     Args:
         proportional: k_p [1/s].
@@ -42,47 +44,46 @@ class CrossGains(eqx.Module):
     derivative: Float[Array, ""]
 
     def __init__(self, proportional, integral=0.0, derivative=0.0):
-        for name, value in (
-            ("proportional", proportional),
-            ("integral", integral),
-            ("derivative", derivative),
-        ):
-            setattr(self, name, checked_gain(name, value))
+        self.proportional = checked_gain("proportional", proportional)
+        self.integral = checked_gain("integral", integral)
+        self.derivative = checked_gain("derivative", derivative)
 
 
 class Coupling(eqx.Module):
-    """How the axes are coupled."""
+    """Coupling gains K and C of the axes."""
 
     @abc.abstractmethod
     def vectors(self, frame: PathFrame, error: Axes) -> tuple[Axes, Axes]:
-        """(K, C): what makes the contour error of the position error r - y [m], and where its correction goes."""
+        """Gains (K, C) for the position error r - y [m].
+
+        K'e is the contour error; C is the direction of its correction.
+        """
 
 
 class ConstantCoupling(Coupling):
-    """K = n, C = sign n: constant along a straight line (Koren 1980)."""
+    """Coupling K = n, C = sign n: constant along a straight line (Koren 1980)."""
 
-    def vectors(self, frame, error) -> tuple[Axes, Axes]:
-        """Of the tangent alone."""
-        return frame.normal, jnp.where(
-            jnp.abs(frame.normal) > PARALLEL, jnp.sign(frame.normal), 0.0
-        )
+    def vectors(self, frame: PathFrame, error: Axes) -> tuple[Axes, Axes]:
+        """Gains of the tangent; the error is not used."""
+        oblique = jnp.abs(frame.normal) > PARALLEL
+        return frame.normal, jnp.where(oblique, jnp.sign(frame.normal), 0.0)
 
 
 class VariableCoupling(Coupling):
-    """K = C = n + kappa e / 2 (Koren & Lo 1991)."""
+    """Coupling K = C = n + kappa e / 2 (Koren & Lo 1991)."""
 
-    def vectors(self, frame, error) -> tuple[Axes, Axes]:
-        """Of the circle of curvature."""
+    def vectors(self, frame: PathFrame, error: Axes) -> tuple[Axes, Axes]:
+        """Gains of the circle of curvature."""
         gains = frame.circular(error)
         return gains, gains
 
 
 class CrossMemory(NamedTuple):
-    """Integrators of the cascade, the compensator's integral as a speed [m/s], and the contour error one sample ago [m]."""
+    """Memory of `CrossCoupled`."""
 
-    cascade: Axes
-    integral: Float[Array, ""]
-    error: Float[Array, ""]
+    cascade: Axes  # integrators of the cascade
+    integral: Float[Array, ""]  # of the compensator, as a speed [m/s]
+    error: Float[Array, ""]  # contour error one sample ago [m]
 
 
 class CrossCoupled(OnPath):
@@ -90,7 +91,7 @@ class CrossCoupled(OnPath):
 
     Args:
         cascade: the axes.
-        gains: of the compensator.
+        gains: gains of the compensator.
         coupling: `ConstantCoupling` or `VariableCoupling`.
     """
 
@@ -99,7 +100,7 @@ class CrossCoupled(OnPath):
     coupling: Coupling
 
     def initial_memory(self, reference: Reference) -> CrossMemory:
-        """All at zero."""
+        """Integrators and contour error at zero."""
         zero = jnp.zeros((), reference.position.dtype)
         return CrossMemory(self.cascade.initial_memory(reference), zero, zero)
 
@@ -110,9 +111,8 @@ class CrossCoupled(OnPath):
         K, C = self.coupling.vectors(plan.frame, error)
         eps, gains, dt = K @ error, self.gains, self.cascade.dt
         integral = memory.integral + gains.integral * dt * eps
-        correction = (
-            gains.proportional * eps + integral + gains.derivative * (eps - memory.error) / dt
-        )
+        damping = gains.derivative * (eps - memory.error) / dt
+        correction = gains.proportional * eps + integral + damping
         wanted = self.cascade.speed_command(plan.command, position) + C * correction
         axes, control = self.cascade.drive(memory.cascade, wanted - velocity, plan.command.control)
         return CrossMemory(axes, integral, eps), control

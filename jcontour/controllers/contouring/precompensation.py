@@ -1,11 +1,12 @@
-"""Cross-coupled pre-compensation (CCPM): the contour error corrects the velocity commands before they are integrated to positions.
+"""Cross-coupled pre-compensation (CCPM): the contour error corrects the velocity commands.
 
-    eps = c'(r - y),   da/dt = k eps,   command: r + a n,   its velocity: (1 - kappa a) dr/dt + k
-    eps n
-After Chin & Lin 1997 (Yuan, section 2.3.3). The offset a stays on the normal as the path turns, so
-that the feed of the command changes by 1 - kappa a: slower on the inside of a curve, faster on its
-outside. Where a comes to rest no error is left, eps = 0: on lines whatever the axes are, on circles
-at constant feed when they are alike.
+    eps = c'(r - y),   da/dt = k eps
+    command: r + a n,   its velocity: (1 - kappa a) dr/dt + k eps n
+After Chin & Lin 1997 (Yuan, section 2.3.3). The correction acts before the velocity commands are
+integrated to positions. The offset a stays on the normal as the path turns, so that the feed of the
+command changes by 1 - kappa a: slower on the inside of a curve, faster on its outside. Where a
+comes to rest no error is left, eps = 0: on lines for any axes, on circles at constant feed for
+equal axes.
 """
 
 from typing import NamedTuple
@@ -20,10 +21,10 @@ from jcontour.motion.references import Reference
 
 
 class PrecompensationMemory(NamedTuple):
-    """Integrators of the cascade, and the offset of the command a [m], positive to the left of the path."""
+    """Integrators of the cascade, and the offset of the command."""
 
     cascade: Float[Array, " 2"]
-    offset: Float[Array, ""]
+    offset: Float[Array, ""]  # a [m], positive to the left of the path
 
 
 class Precompensated(OnPath):
@@ -45,10 +46,9 @@ class Precompensated(OnPath):
         self.cascade, self.gain = cascade, checked_gain("gain", gain)
 
     def initial_memory(self, reference: Reference) -> PrecompensationMemory:
-        """All at zero."""
-        return PrecompensationMemory(
-            self.cascade.initial_memory(reference), jnp.zeros((), reference.position.dtype)
-        )
+        """Integrators and offset at zero."""
+        zero = jnp.zeros((), reference.position.dtype)
+        return PrecompensationMemory(self.cascade.initial_memory(reference), zero)
 
     def step(
         self, memory: PrecompensationMemory, plan: PathPlan, measurement

@@ -1,9 +1,9 @@
-"""Tangential-contouring control: the position loop of a cascade in the frame of the path, with a gain along it and one across it.
+"""Tangential-contouring control: a cascade whose position loop works in the frame of the path.
 
     v_ref = k_along t (t'e) + k_across n (n'e) + k_ff dr/dt,   e = r - y
 Lo & Chung 1999, for biaxial machines with t and n of the reference point; Chiu & Tomizuka 2001 call
-it the task coordinate frame (Yuan, section 2.3.2). Errors along and across the path are apart as
-far as the axes are alike: their velocity loops are here to make them so, and stay with the axes.
+it the task coordinate frame (Yuan, section 2.3.2). Errors along and across the path are decoupled
+as far as the axes are alike. The velocity loops stay with the axes, and make them alike.
 """
 
 import jax.numpy as jnp
@@ -15,7 +15,9 @@ from jcontour.motion.references import Reference
 
 
 class TaskFrame(OnPath):
-    """A cascade whose position gains hold along and across the path; with equal ones it is the plain cascade.
+    """A cascade whose position gains hold along and across the path.
+
+    With equal gains it is the plain cascade.
 
     Args:
         cascade: the axes; the two entries of its position gain are k_along and k_across [1/s].
@@ -24,7 +26,7 @@ class TaskFrame(OnPath):
     cascade: Cascade
 
     def initial_memory(self, reference: Reference) -> Float[Array, " 2"]:
-        """That of the cascade."""
+        """Integrators of the cascade at zero."""
         return self.cascade.initial_memory(reference)
 
     def step(
@@ -33,7 +35,6 @@ class TaskFrame(OnPath):
         """Next integrators and the control, both within the limit."""
         position, velocity = self.cascade.sensors.read(measurement)
         gains, frame = self.cascade.gains, jnp.stack([plan.frame.tangent, plan.frame.normal])
-        wanted = (
-            gains.position * (frame @ (plan.command.position - position))
-        ) @ frame + gains.feedforward * plan.command.velocity
+        error = frame @ (plan.command.position - position)
+        wanted = (gains.position * error) @ frame + gains.feedforward * plan.command.velocity
         return self.cascade.drive(memory, wanted - velocity, plan.command.control)

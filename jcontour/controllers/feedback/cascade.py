@@ -1,10 +1,10 @@
-"""Cascaded P-PI, the industry's standard: a proportional position loop around a proportional-integral velocity loop, one for each axis.
+"""Cascaded P-PI, the industry's standard: a position loop around a velocity loop on each axis.
 
     v_ref = k_pp (r - y) + k_ff v_r,     e = v_ref - v
-    w+ = w + k_pv T_s e / T_iv,          u = k_pv e + w+ + u_r        (Yuan, 3.3; the integrator is
-    updated before it is used)
-with the reference's velocity v_r = (r(k+1) - r(k)) / T_s and, on top of the thesis, what its motion
-needs of the motor,
+    w+ = w + k_pv T_s e / T_iv,          u = k_pv e + w+ + u_r        (Yuan, 3.3)
+The position loop is proportional, the velocity loop proportional-integral. The integrator is
+updated before it is used. v_r = (r(k+1) - r(k)) / T_s is the velocity of the reference. On top of
+the thesis, u_r is the control that the motion of the reference needs,
     u_r = k_a a_r + k_v v_r + k_c sign(v_r),     a_r = (v_r(k) - v_r(k-1)) / T_s.
 The integrator is kept as its share w of the control. Against windup w stays within the limits of
 the control, as Lam et al. have it (their section 5), and so does u. Without a limit this is the
@@ -21,6 +21,9 @@ from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
 
+Axes = Float[Array, " m"]
+PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
+
 
 class CascadeGains(eqx.Module):
     """Gains of the loops: traceable, one number or one for each axis.
@@ -29,24 +32,24 @@ class CascadeGains(eqx.Module):
         position: k_pp [1/s].
         velocity: k_pv, control per m/s.
         integral_time: T_iv [s].
-        feedforward: k_ff, the share of the reference's velocity that is added to v_ref; 0 leaves it
-            out, 1 removes the lag of a ramp.
+        feedforward: k_ff, the share of the reference's velocity in v_ref; 0 leaves it out, 1
+            removes the lag of a ramp.
         inertia: k_a, control per m/s^2; moving mass over force constant where the control is a
             current.
-        viscous: k_v, control per m/s; that of the friction.
+        viscous: k_v, control per m/s against viscous friction.
         coulomb: k_c, control that overcomes dry friction.
 
     Raises:
         ValueError: a gain is not finite or negative, or the integral time is not above zero.
     """
 
-    position: Float[Array, "*m"]
-    velocity: Float[Array, "*m"]
-    integral_time: Float[Array, "*m"]
-    feedforward: Float[Array, "*m"]
-    inertia: Float[Array, "*m"]
-    viscous: Float[Array, "*m"]
-    coulomb: Float[Array, "*m"]
+    position: PerAxis
+    velocity: PerAxis
+    integral_time: PerAxis
+    feedforward: PerAxis
+    inertia: PerAxis
+    viscous: PerAxis
+    coulomb: PerAxis
 
     def __init__(
         self,
@@ -58,39 +61,44 @@ class CascadeGains(eqx.Module):
         viscous: ArrayLike = 0.0,
         coulomb: ArrayLike = 0.0,
     ):
-        loops = {
+        named = {
             "position": position,
             "velocity": velocity,
             "integral_time": integral_time,
             "feedforward": feedforward,
-        }
-        for name, value in {
-            **loops,
             "inertia": inertia,
             "viscous": viscous,
             "coulomb": coulomb,
-        }.items():
+        }
+        for name, value in named.items():
             setattr(self, name, checked_gain(name, value))
         if is_concrete(integral_time) and not np.all(np.asarray(integral_time) > 0):
             raise ValueError(f"integral_time: needs to be above zero, received {integral_time}")
 
 
 class CascadePlan(eqx.Module):
-    """Where every axis should be [m], its velocity from there to the next sample [m/s], and the control u_r that the motion needs."""
+    """Commands of every axis; T samples as `Cascade.prepare` makes it, one row in a step."""
 
-    position: Float[Array, "T m"]
-    velocity: Float[Array, "T m"]
-    control: Float[Array, "T m"]
+    position: Float[Array, "*T m"]  # [m]
+    velocity: Float[Array, "*T m"]  # from this sample to the next [m/s]
+    control: Float[Array, "*T m"]  # u_r that the motion needs
 
 
 class Cascade(Controller):
     """P-PI for every axis of a plant whose positions and velocities are measured.
 
+    >>> from jcontour.sensors import motors
+    >>> gains = CascadeGains(position=30.0, velocity=55.67, integral_time=0.04)
+    >>> cascade = Cascade(gains, motors(1), dt=1e-3, limit=10.0)
+    >>> memory, control = cascade.drive(jnp.zeros(1), error=jnp.array([1.0]))
+    >>> memory.round(3).tolist(), control.tolist()
+    ([1.392], [10.0])
+
     Args:
-        gains: of the loops.
-        sensors: what to read.
+        gains: gains of the loops.
+        sensors: where the positions and velocities stand in the measurement.
         dt: sample period T_s [s].
-        limit: of the control, +-: one number or one for each axis; none when infinite.
+        limit: limit of the control, +-: one number or one for each axis; none when infinite.
 
     Raises:
         ValueError: `dt` is not above zero, a limit is not above zero, or the sensors give no
@@ -99,17 +107,11 @@ class Cascade(Controller):
 
     gains: CascadeGains
     sensors: Sensors
-    limit: Float[Array, "*m"]
+    limit: PerAxis
     dt: float = eqx.field(static=True)
     preview: int = eqx.field(static=True, default=1)
 
-    def __init__(
-        self,
-        gains: CascadeGains,
-        sensors: Sensors,
-        dt: float,
-        limit: Float[ArrayLike, "*m"] = np.inf,
-    ):
+    def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit: ArrayLike = np.inf):
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(
                 f"dt: the sample period needs to be a positive number of seconds, received {dt}"
@@ -119,67 +121,57 @@ class Cascade(Controller):
             raise ValueError(
                 "sensors: the velocity loop needs the velocities measured, received positions only"
             )
-        self.gains, self.sensors, self.dt, self.limit, self.preview = (
-            gains,
-            sensors,
-            float(dt),
-            jnp.asarray(limit, float),
-            1,
-        )
+        self.gains, self.sensors, self.dt = gains, sensors, float(dt)
+        self.limit = jnp.asarray(limit, float)
+        self.preview = 1
 
     def prepare(self, reference: Reference) -> CascadePlan:
-        """Positions, velocities by the difference to the next sample, and the feedforward of the control.
+        """Positions, velocities by the next difference, and the feedforward of the control.
 
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        axes = self.sensors.axes
-        if reference.position.shape[-1] != axes:
+        axes, found = self.sensors.axes, reference.position.shape[-1]
+        if found != axes:
             raise ValueError(
-                f"sensors: the reference has {reference.position.shape[-1]} axes, the controller reads {axes}"
+                f"sensors: the reference has {found} axes, the controller reads {axes}"
             )
         check_period(self.dt, reference)
-        now, later = (
-            reference.position[: reference.steps],
-            reference.position[1 : reference.steps + 1],
-        )
-        velocity, gains = (later - now) / self.dt, self.gains
-        acceleration = (
-            jnp.diff(velocity, axis=0, prepend=reference.start_increment[None] / self.dt) / self.dt
-        )
+        gains, steps, start = self.gains, reference.steps, reference.start_increment
+        now, later = reference.position[:steps], reference.position[1 : steps + 1]
+        velocity = (later - now) / self.dt
+        acceleration = jnp.diff(velocity, axis=0, prepend=start[None] / self.dt) / self.dt
         control = (
-            gains.inertia * acceleration
-            + gains.viscous * velocity
-            + gains.coulomb * jnp.sign(velocity)
+            jnp.atleast_2d(gains.inertia) * acceleration
+            + jnp.atleast_2d(gains.viscous) * velocity
+            + jnp.atleast_2d(gains.coulomb) * jnp.sign(velocity)
         )
         return CascadePlan(now, velocity, control)
 
-    def initial_memory(self, reference: Reference) -> Float[Array, " m"]:
+    def initial_memory(self, reference: Reference) -> Axes:
         """Integrators at zero, in the unit of the control."""
         return jnp.zeros(self.sensors.axes, reference.position.dtype)
 
-    def step(
-        self, memory, plan: CascadePlan, measurement
-    ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    def step(self, memory: Axes, plan: CascadePlan, measurement) -> tuple[Axes, Axes]:
         """Next integrators and the control, both within the limit."""
         position, velocity = self.sensors.read(measurement)
         return self.drive(memory, self.speed_command(plan, position) - velocity, plan.control)
 
-    def speed_command(self, plan: CascadePlan, position: Float[Array, " m"]) -> Float[Array, " m"]:
-        """The position loop: v_ref [m/s]."""
-        return (
-            self.gains.position * (plan.position - position)
-            + self.gains.feedforward * plan.velocity
-        )
-
-    def drive(
-        self, memory, error: Float[Array, " m"], ahead: Float[ArrayLike, "*m"] = 0.0
-    ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """The velocity loop: next integrators and the control for its error e [m/s] beside what is fed `ahead`, both within the limit."""
+    def speed_command(self, plan: CascadePlan, position: Axes) -> Axes:
+        """Output v_ref of the position loop [m/s]."""
         gains = self.gains
-        integral = jnp.clip(
-            memory + gains.velocity * self.dt / gains.integral_time * error, -self.limit, self.limit
-        )
-        return integral, jnp.clip(
-            gains.velocity * error + integral + ahead, -self.limit, self.limit
-        )
+        return gains.position * (plan.position - position) + gains.feedforward * plan.velocity
+
+    def drive(self, memory: Axes, error: Axes, ahead: ArrayLike = 0.0) -> tuple[Axes, Axes]:
+        """Next integrators and the control of the velocity loop, both within the limit.
+
+        Args:
+            memory: the integrators w.
+            error: e [m/s].
+            ahead: control u_r that is fed forward.
+        """
+        gains = self.gains
+        share = gains.velocity * self.dt / gains.integral_time * error
+        integral = jnp.clip(memory + share, -self.limit, self.limit)
+        control = gains.velocity * error + integral + ahead
+        return integral, jnp.clip(control, -self.limit, self.limit)

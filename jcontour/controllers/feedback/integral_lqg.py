@@ -1,14 +1,14 @@
-"""LQG with integral action: state feedback on a Kalman filter's estimate and on the integral of the measured position error.
+"""LQG with integral action on the measured position error.
 
     u = u_d - K (xf - x_d) - K_i w,     w(k+1) = w(k) + T (y_i - C_i x_d)
-y_i, measured, are the positions that have to be reached, C_i their rows of the model, and xf is the
-filtered estimate of `observers`. K and K_i are the LQ gain of the model with its integrals,
+y_i are the measured positions to be reached, C_i their rows of the model, and xf is the filtered
+estimate of `kalman`. K and K_i are the LQ gain of the model with its integrals,
     [x; w](k+1) = [A, 0; T C_i, I] [x; w] + [B; 0] u.
-The integral is taken of the measurement: that of an estimate would settle where the estimate is
-right, and a load or a wrong input gain biases it. Both leave an error at rest and in steady motion
-without the integral, and none with it. The integral is kept as its share K_i w of the control.
-Where a control is at its limit, its share holds still as long as it would drive the
-control further out, and the filter is told the control that acts: neither of them winds up.
+The measurement is integrated, not the estimate: a load or a wrong input gain biases the estimate,
+and its integral would settle at the biased value. Without the integral both leave an error at rest
+and in steady motion; with it they leave none. The integral is kept as its share K_i w of the
+control. While a control is at its limit, its share holds still as long as it would drive the
+control further out. The filter is told the control that acts. So neither of them winds up.
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller, check_limit, check_period
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain
@@ -28,11 +28,11 @@ from jcontour.sensors import Sensors, row
 
 
 class IntegralPlan(eqx.Module):
-    """x_d, u_d and the positions C_i x_d of every step."""
+    """Targets of every step."""
 
-    state: Float[Array, "T n"]
-    control: Float[Array, "T p"]
-    position: Float[Array, "T m"]
+    state: Float[Array, "T n"]  # x_d
+    control: Float[Array, "T p"]  # u_d
+    position: Float[Array, "T m"]  # C_i x_d [m]
 
 
 class IntegralMemory(NamedTuple):
@@ -48,11 +48,11 @@ class IntegralLQG(Controller):
     Args:
         feedback: K and the target.
         integral_gain: K_i (p, m), control per m s.
-        model: of the machine; its output is the tool.
+        model: model of the machine; its output is the tool.
         filter_gain: L (n, q) of the Kalman filter.
-        measured: C (q, n) of what the sensors show.
-        sensors: which of it are the positions to be reached, one for each axis.
-        limit: of the control, +-: one number or one for each; none when infinite.
+        measured: C (q, n) of the measurement.
+        sensors: where the positions to be reached stand in it, one for each axis.
+        limit: limit of the control, +-: one number or one for each; none when infinite.
 
     Raises:
         ValueError: a gain has the wrong shape, the filter or the loop is not stable on the model,
@@ -65,7 +65,7 @@ class IntegralLQG(Controller):
     filter_gain: Float[Array, "n q"] = eqx.field(converter=jnp.asarray)
     measured: Float[Array, "q n"] = eqx.field(converter=jnp.asarray)
     sensors: Sensors
-    limit: Float[Array, "*p"] = eqx.field(converter=jnp.asarray, default=np.inf)
+    limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
         check_gain(self.model.A, self.measured, self.filter_gain, "filter_gain")
@@ -76,14 +76,12 @@ class IntegralLQG(Controller):
             )
         check_limit(self.limit)
         whole = with_integrals(self.model, positions_of(self.sensors, self.measured))
-        check_stable(
-            "integral_gain: the loop",
-            whole.A - whole.B @ jnp.concatenate([self.feedback.gain, self.integral_gain], axis=1),
-        )
+        gain = jnp.concatenate([self.feedback.gain, self.integral_gain], axis=1)
+        check_stable("integral_gain: the loop", whole.A - whole.B @ gain)
 
     @property
     def preview(self) -> int:
-        """That of the state feedback."""
+        """Samples of the future that the state feedback needs."""
         return self.feedback.preview
 
     def design_model(self) -> LinearPlant:
@@ -91,11 +89,10 @@ class IntegralLQG(Controller):
         return self.model
 
     def prepare(self, reference: Reference) -> IntegralPlan:
-        """The targets."""
+        """Targets of every step."""
         plan = self.feedback.prepare(reference)
-        return IntegralPlan(
-            plan.state, plan.control, plan.state @ positions_of(self.sensors, self.measured).T
-        )
+        position = plan.state @ positions_of(self.sensors, self.measured).T
+        return IntegralPlan(plan.state, plan.control, position)
 
     def initial_memory(self, reference: Reference) -> IntegralMemory:
         """The estimate starts where the reference says the run begins, the integral at zero.
@@ -110,51 +107,45 @@ class IntegralLQG(Controller):
     def step(
         self, memory: IntegralMemory, plan: IntegralPlan, measurement: Any
     ) -> tuple[IntegralMemory, Float[Array, " p"]]:
-        """Correct, control, integrate, predict."""
-        filtered = memory.estimate + self.filter_gain @ (
-            row(measurement) - self.measured @ memory.estimate
-        )
+        """Correction, control, integration, prediction."""
+        innovation = row(measurement) - self.measured @ memory.estimate
+        filtered = memory.estimate + self.filter_gain @ innovation
         wanted = plan.control - self.feedback.gain @ (filtered - plan.state) - memory.share
         control = jnp.clip(wanted, -self.limit, self.limit)
-        change = (
-            self.model.dt
-            * self.integral_gain
-            @ (self.sensors.positions(measurement) - plan.position)
-        )
+        error = self.sensors.positions(measurement) - plan.position
+        change = self.model.dt * self.integral_gain @ error
         further_out = (wanted - control) * change < 0  # the share is subtracted
         share = memory.share + jnp.where(further_out, 0.0, change)
         return IntegralMemory(self.model.step(filtered, control), share), control
 
 
 def with_integrals(model: LinearPlant, positions: Float[Array, "m n"]) -> LinearPlant:
-    """The model beside the integrals of these positions [m s]: the state is [x, w], the output as before."""
+    """Model with the integrals of these positions [m s]: state [x, w], the same output."""
     n, m = model.states, positions.shape[0]
     A = jnp.block([[model.A, jnp.zeros((n, m))], [model.dt * positions, jnp.eye(m)]])
     B = jnp.concatenate([model.B, jnp.zeros((m, model.inputs))])
-    return LinearPlant(
-        A, B, jnp.concatenate([model.C, jnp.zeros((model.axes, m))], axis=1), model.dt
-    )
+    C = jnp.concatenate([model.C, jnp.zeros((model.axes, m))], axis=1)
+    return LinearPlant(A, B, C, model.dt)
 
 
 def integral_lq_gains(
     model: LinearPlant,
     positions: Float[Array, "m n"],
-    state_weight: Float[Array, "n n"],
-    integral_weight: Float[Array, "m m"],
-    control_weight: Float[Array, "p p"],
+    state_weight: Float[ArrayLike, "n n"],
+    integral_weight: Float[ArrayLike, "m m"],
+    control_weight: Float[ArrayLike, "p p"],
 ) -> tuple[Float[Array, "p n"], Float[Array, "p m"]]:
-    """K and K_i that minimise the sum of x'Q x + w'Q_i w + u'R u.
+    """Gains K and K_i that minimise the sum of x'Q x + w'Q_i w + u'R u.
 
     Raises:
         ValueError: no stabilising solution of the Riccati equation.
     """
     Q, Q_i = jnp.asarray(state_weight, float), jnp.asarray(integral_weight, float)
-    gain = lq_gain(
-        with_integrals(model, positions), jax.scipy.linalg.block_diag(Q, Q_i), control_weight
-    )
+    both = jax.scipy.linalg.block_diag(Q, Q_i)
+    gain = lq_gain(with_integrals(model, positions), both, control_weight)
     return gain[:, : model.states], gain[:, model.states :]
 
 
-def positions_of(sensors: Sensors, measured: Float[Array, "q n"]) -> Float[Array, "m n"]:
-    """C_i: how the positions that the sensors show follow from the state."""
+def positions_of(sensors: Sensors, measured: Float[ArrayLike, "q n"]) -> Float[Array, "m n"]:
+    """Matrix C_i from the state to the positions in the measurement."""
     return jax.vmap(sensors.positions, in_axes=1, out_axes=1)(jnp.asarray(measured, float))

@@ -1,7 +1,7 @@
 """Pole placement for axes with one input each, by Ackermann's formula (Yuan, section 2.2.3).
 
-    K = [0 ... 0 1] [B, D B, ..., D^(n-1) B]^-1 (D - q_1 I) ... (D - q_n I),    D = A - I,  q_i =
-    p_i - 1
+    K = [0 ... 0 1] [B, D B, ..., D^(n-1) B]^-1 (D - q_1 I) ... (D - q_n I)
+    D = A - I,  q_i = p_i - 1
 Poles of a machine sampled fast crowd around 1. Differences from 1 keep the digits that the powers
 of A would lose.
 """
@@ -9,18 +9,19 @@ of A would lose.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float, Num
 
 from jcontour.linear.plant import LinearPlant, decoupled_axes
 from jcontour.tracing import is_concrete
 
 
-def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Array, "p n"]:
-    """K that gives every axis of the loop A - B K these poles.
+def placed_gain(model: LinearPlant, poles: Num[ArrayLike, "*m s"]) -> Float[Array, "p n"]:
+    """Gain K that gives every axis of the loop A - B K these poles.
 
     Args:
         model: decoupled axes with one input each.
-        poles: of the sampled loop, for all axes or for each (m, n); complex ones in pairs.
+        poles: poles of the sampled loop, the same for all axes or one row for each, as many as
+            an axis has states; complex ones in pairs.
 
     Raises:
         ValueError: an axis has another number of inputs or poles, cannot be controlled, or a pole
@@ -33,9 +34,8 @@ def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Arra
     for axis, wanted in zip(axes, poles, strict=True):
         rows = np.array(axis.states)
         if len(axis.inputs) != 1:
-            raise ValueError(
-                f"model: pole placement needs one input for each axis, states {list(axis.states)} have {len(axis.inputs)}"
-            )
+            found = f"states {list(axis.states)} have {len(axis.inputs)}"
+            raise ValueError(f"model: pole placement needs one input for each axis, {found}")
         _check_poles(wanted, rows.size)
         row = _ackermann(model.A[np.ix_(rows, rows)], model.B[rows, axis.inputs[0]], wanted)
         if is_concrete(row) and not np.isfinite(row).all():
@@ -47,22 +47,20 @@ def placed_gain(model: LinearPlant, poles: Complex[Array, "*m n"]) -> Float[Arra
 
 
 def damped_poles(
-    frequency: Float[Array, " k"], damping: Float[Array, " k"], dt: float
-) -> Complex[Array, " 2*k"]:
-    """Sampled poles exp(s dt) of pairs s^2 + 2 zeta w s + w^2, w [rad/s].
+    frequency: ArrayLike | list[float], damping: ArrayLike | list[float], dt: float
+) -> Complex[Array, " s"]:
+    """Sampled poles exp(s dt) of k pairs s^2 + 2 zeta w s + w^2, w [rad/s].
 
     Raises:
         ValueError: a frequency is not above zero, or a damping not between zero and one.
     """
-    w, zeta = (
-        jnp.atleast_1d(jnp.asarray(frequency, float)),
-        jnp.atleast_1d(jnp.asarray(damping, float)),
-    )
+    w = jnp.atleast_1d(jnp.asarray(frequency, float))
+    zeta = jnp.atleast_1d(jnp.asarray(damping, float))
     if is_concrete(w) and not np.all(np.asarray(w) > 0):
         raise ValueError(f"frequency: needs to be above zero, received {frequency}")
     if is_concrete(zeta) and not np.all((np.asarray(zeta) > 0) & (np.asarray(zeta) < 1)):
         raise ValueError(f"damping: needs to be between 0 and 1, received {damping}")
-    s = w * (-zeta + 1j * jnp.sqrt(1 - zeta**2))
+    s = jax.lax.complex(-(w * zeta), w * jnp.sqrt(1 - zeta**2))
     return jnp.exp(dt * jnp.concatenate([s, s.conj()]))
 
 
@@ -72,15 +70,16 @@ def _ackermann(
 ) -> Float[Array, " n"]:
     n = B.size
     D = A - jnp.eye(n)
-    scale = jnp.max(jnp.abs(D)) ** jnp.arange(n)  # of the columns, each a power of D
+    scale = jnp.max(jnp.abs(D)) ** jnp.arange(n, dtype=A.dtype)  # of columns, each a power of D
     columns, column = [], B
     for _ in range(n):
         columns.append(column)
         column = D @ column
-    reach = jnp.stack(columns, axis=1) / scale
+    reach = jnp.stack(columns, axis=1) / scale[None]
     last = jnp.linalg.solve(reach.T, jnp.zeros(n).at[-1].set(1.0)) / scale[-1]
+    last, D, identity = (x.astype(poles.dtype) for x in (last, D, jnp.eye(n)))
     for q in poles - 1:
-        last = last @ (D - q * jnp.eye(n))
+        last = last @ (D - q * identity)
     return last.real
 
 
@@ -90,11 +89,8 @@ def _check_poles(poles: Complex[Array, " n"], states: int) -> None:
     if not is_concrete(poles):
         return
     given = np.asarray(poles)
+    received = f"received {np.array2string(given, precision=6)}"
     if not np.all(np.abs(given) < 1):
-        raise ValueError(
-            f"poles: need to be inside the unit circle, received {np.array2string(given, precision=6)}"
-        )
+        raise ValueError(f"poles: need to be inside the unit circle, {received}")
     if not np.allclose(np.sort_complex(given), np.sort_complex(given.conj()), rtol=0, atol=1e-9):
-        raise ValueError(
-            f"poles: complex ones need to come in pairs, received {np.array2string(given, precision=6)}"
-        )
+        raise ValueError(f"poles: complex ones need to come in pairs, {received}")

@@ -4,15 +4,15 @@ The quasi-steady target of the thesis treats the reference as if it stood still:
     [A - I, B; C, 0] [x_d; u_d] = [0; y]
 It lags behind a moving reference, because x_d is at rest. The moving target solves the same
 equations for steady motion,
-    x_d = N_y y + N_v dy,  u_d = U_y y + U_v dy:    [A - I, B; C, 0] [N_v; U_v] = [N_y; 0],   dy =
-    y(k+1) - y(k)
+    x_d = N_y y + N_v dy,   u_d = U_y y + U_v dy,   dy = y(k+1) - y(k)
+    [A - I, B; C, 0] [N_v; U_v] = [N_y; 0]
 so that a model of the machine follows a ramp without error.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller
 from jcontour.linear.plant import LinearPlant
@@ -22,27 +22,34 @@ from jcontour.tracing import is_concrete
 
 
 class SteadyTarget(eqx.Module):
-    """Maps from the tool's position [m] and increment [m per sample] to the state and control that go with it."""
+    """Maps from position y [m] and increment dy [m per sample] of the tool to state and control."""
 
-    state: Float[Array, "n m"]
-    control: Float[Array, "p m"]
-    state_moving: Float[Array, "n m"]
-    control_moving: Float[Array, "p m"]
+    state: Float[Array, "n m"]  # N_y
+    control: Float[Array, "p m"]  # U_y
+    state_moving: Float[Array, "n m"]  # N_v
+    control_moving: Float[Array, "p m"]  # U_v
 
 
 class TargetPlan(eqx.Module):
-    """x_d and u_d of every step."""
+    """Targets of every step."""
 
-    state: Float[Array, "T n"]
-    control: Float[Array, "T p"]
+    state: Float[Array, "T n"]  # x_d
+    control: Float[Array, "T p"]  # u_d
 
 
 class StateFeedback(Controller):
-    """u = u_d - K (x - x_d); the measurement is the state, true or from an observer.
+    """State feedback u = u_d - K (x - x_d); the measurement is the state, true or estimated.
+
+    >>> from jcontour.plants.xy_table import xy_table
+    >>> table = xy_table(1e-3)
+    >>> gain = lq_gain(table, 1e6 * table.C.T @ table.C, jnp.eye(2))
+    >>> controller = StateFeedback(gain, moving_target(table))
+    >>> controller.gain.shape, controller.preview
+    ((2, 8), 1)
 
     Args:
         gain: K (p, n).
-        target: where the reference wants the state.
+        target: map from the reference to x_d and u_d.
 
     Raises:
         ValueError: the gain has another shape than the target asks for, or is not finite.
@@ -60,43 +67,38 @@ class StateFeedback(Controller):
             raise ValueError("gain: every entry needs to be finite, received NaN or inf")
 
     def prepare(self, reference: Reference) -> TargetPlan:
-        """The targets."""
-        y, later = (
-            reference.position[: reference.steps],
-            reference.position[1 : reference.steps + 1],
-        )
-        target, dy = self.target, later - y
+        """Targets of every step."""
+        steps, target = reference.steps, self.target
+        y, later = reference.position[:steps], reference.position[1 : steps + 1]
+        dy = later - y
         state = y @ target.state.T + dy @ target.state_moving.T
         return TargetPlan(state, y @ target.control.T + dy @ target.control_moving.T)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """None: the controller has no memory."""
         return None
 
     def step(
         self, memory: None, plan: TargetPlan, measurement: Float[Array, " n"]
     ) -> tuple[None, Float[Array, " p"]]:
-        """u = u_d - K (x - x_d)."""
+        """Control u = u_d - K (x - x_d)."""
         return None, plan.control - self.gain @ (measurement - plan.state)
 
 
 def quasi_steady_target(model: LinearPlant) -> SteadyTarget:
-    """The thesis's target: at rest wherever the reference is.
+    """Target of the thesis: at rest wherever the reference is.
 
     Raises:
         ValueError: as `moving_target`.
     """
-    rest = moving_target(model)
-    return SteadyTarget(
-        rest.state,
-        rest.control,
-        jnp.zeros_like(rest.state_moving),
-        jnp.zeros_like(rest.control_moving),
-    )
+    steady = moving_target(model)
+    no_state = jnp.zeros_like(steady.state_moving)
+    no_control = jnp.zeros_like(steady.control_moving)
+    return SteadyTarget(steady.state, steady.control, no_state, no_control)
 
 
 def moving_target(model: LinearPlant) -> SteadyTarget:
-    """The target in steady motion.
+    """Target in steady motion.
 
     Raises:
         ValueError: there are not as many controls as outputs, or the machine cannot hold every
@@ -108,21 +110,16 @@ def moving_target(model: LinearPlant) -> SteadyTarget:
             f"model: a steady target needs as many controls as outputs, received {p} and {m}"
         )
     matrix = jnp.block([[model.A - jnp.eye(n), model.B], [model.C, jnp.zeros((m, p))]])
-    largest = jnp.max(
-        jnp.abs(matrix), axis=0
-    )  # columns in units of their own: metres, metres per second and amperes differ much
-    if (
-        is_concrete(matrix)
-        and not np.linalg.cond(np.asarray(matrix / largest)) * np.finfo(float).eps < 1
-    ):
+    # each column is scaled to 1: metres, metres per second and amperes differ much
+    largest = jnp.max(jnp.abs(matrix), axis=0)
+    scaled = matrix / largest[None]
+    if is_concrete(matrix) and not np.linalg.cond(np.asarray(scaled)) * np.finfo(float).eps < 1:
         raise ValueError(
             "model: the machine cannot hold every position, its steady equations are singular"
         )
 
     def solve(state, output):
-        return (
-            jnp.linalg.solve(matrix / largest, jnp.concatenate([state, output])) / largest[:, None]
-        )
+        return jnp.linalg.solve(scaled, jnp.concatenate([state, output])) / largest[:, None]
 
     rest = solve(jnp.zeros((n, m)), jnp.eye(m))
     motion = solve(rest[:n], jnp.zeros((m, m)))
@@ -130,9 +127,11 @@ def moving_target(model: LinearPlant) -> SteadyTarget:
 
 
 def lq_gain(
-    model: LinearPlant, state_weight: Float[Array, "n n"], control_weight: Float[Array, "p p"]
+    model: LinearPlant,
+    state_weight: Float[ArrayLike, "n n"],
+    control_weight: Float[ArrayLike, "p p"],
 ) -> Float[Array, "p n"]:
-    """K that minimises the sum of x'Q x + u'R u (Yuan, eq. 2.12, in its deterministic form).
+    """Gain K that minimises the sum of x'Q x + u'R u (Yuan, eq. 2.12, deterministic form).
 
     Raises:
         ValueError: no stabilising solution of the Riccati equation.

@@ -2,8 +2,8 @@
 
 Over the next N_p samples, with e = y - y_d, minimise
     sum_j  stage_j (alpha |e_j|^2 + beta |(I - r r') e_j|^2) + rho |u_{j-1}|^2   + terminal
-    (eqs. 4-8, index j throughout)
-and apply the first control. Lag along the path is forgiven, distance from it is not.
+and apply the first control (eqs. 4-8, index j throughout). Lag along the path is forgiven, distance
+from it is not.
 """
 
 import abc
@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
@@ -28,8 +28,8 @@ class LQWeights(eqx.Module):
     Args:
         alpha: weight on the tracking error [1/m^2].
         beta: weight on the contour error [1/m^2].
-        rho: weight on the control [1/control unit^2]: one number, R = rho I, or the symmetric
-            matrix R (p, p) itself.
+        rho: weight on the control [1/control unit^2]: one number for R = rho I, or the symmetric
+            matrix R (p, p).
         stage: positive profile (N_p,) over the horizon, the last entry for the terminal; ones when
             not given.
 
@@ -50,7 +50,7 @@ class LQWeights(eqx.Module):
 
 
 class Terminal(eqx.Module):
-    """The cost at the end of the horizon."""
+    """Cost at the end of the horizon."""
 
     @abc.abstractmethod
     def cost(
@@ -65,7 +65,10 @@ class Terminal(eqx.Module):
 
 
 class OutputTerminal(Terminal):
-    """The last error is weighted like the others: H = C' Q_Np C, g = -C' Q_Np y_d(k + N_p). Stability is not assured."""
+    """Terminal that weights the last error like the others; it does not assure stability.
+
+    H = C' Q_Np C,   g = -C' Q_Np y_d(k + N_p)
+    """
 
     def cost(self, model, weights, Q, reference, preview) -> CostToGo:
         """McNab & Tsao, eqs. 12 and 13, with the minus of the terminal g restored."""
@@ -74,8 +77,9 @@ class OutputTerminal(Terminal):
 
 
 class RiccatiTerminal(Terminal):
-    """H = H_s(Q_max), g = -H_s x_d: the infinite-horizon cost under Q_max = (alpha + beta) I >= Q (McNab & Tsao, Theorem 1).
+    """Infinite-horizon cost under Q_max = (alpha + beta) I >= Q (McNab & Tsao, Theorem 1).
 
+        H = H_s(Q_max),   g = -H_s x_d
     x_d continues the path at the speed it has at k + N_p (their Appendix). On straight lines every
     horizon is stable.
 
@@ -86,7 +90,7 @@ class RiccatiTerminal(Terminal):
     motion: SteadyMotion | None = None
 
     def cost(self, model, weights, Q, reference, preview) -> CostToGo:
-        """The continuation of the window of every step, under H_s."""
+        """Cost under H_s of the continuation beyond the window of every step."""
         end = reference.position[preview : preview + reference.steps]
         before = reference.position[preview - 1 : preview - 1 + reference.steps]
         motion = steady_motion(model) if self.motion is None else self.motion
@@ -95,20 +99,25 @@ class RiccatiTerminal(Terminal):
         return CostToGo(jnp.broadcast_to(H, (reference.steps, *H.shape)), -x_d @ H)
 
     def solution(self, model: LinearPlant, weights: LQWeights) -> Float[Array, "n n"]:
-        """H_s(Q_max)."""
-        return dare(
-            model.A,
-            model.B,
-            (weights.alpha + weights.beta) * model.C.T @ model.C,
-            control_weight(model, weights),
-        )
+        """Solution H_s(Q_max) of the Riccati equation."""
+        Q_max = (weights.alpha + weights.beta) * model.C.T @ model.C
+        return dare(model.A, model.B, Q_max, control_weight(model, weights))
 
 
 class ContouringLQ(Controller):
-    """u = f - F x with a gain schedule made from the next `preview` samples of the path.
+    """Controller u = f - F x with gains made from the next `preview` samples of the path.
+
+    >>> from jcontour.geometry.contours import circle
+    >>> from jcontour.motion.references import along
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> table = bridgeport()
+    >>> controller = ContouringLQ(table, LQWeights(alpha=1e8, beta=1e9, rho=1e-2), preview=10)
+    >>> path = along(circle(0.01), 2.5e-5 * jnp.arange(20), table.dt, preview=10)
+    >>> controller.prepare(path).F.shape
+    (20, 2, 8)
 
     Args:
-        model: what the controller believes the machine to be; the measurement is its state.
+        model: model of the machine; the measurement is its state.
         weights: alpha, beta, rho and the stage profile.
         preview: horizon N_p [samples].
         terminal: cost at the end of the horizon.
@@ -130,13 +139,9 @@ class ContouringLQ(Controller):
         self.weights = weights = jax.tree.map(
             lambda weight: jnp.asarray(weight, model.A.dtype), weights
         )
-        self.terminal = (
-            OutputTerminal() if terminal is None else terminal
-        )  # the paper's better performing choice
-        if weights.stage is not None and weights.stage.shape != (self.preview,):
-            raise ValueError(
-                f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}"
-            )
+        # the output terminal is the paper's better performing choice
+        self.terminal = OutputTerminal() if terminal is None else terminal
+        check_stage(weights, self.preview)
         R = control_weight(model, weights)
         if isinstance(self.terminal, RiccatiTerminal):
             check_dare(model.A, model.B, (weights.alpha + weights.beta) * model.C.T @ model.C, R)
@@ -152,47 +157,52 @@ class ContouringLQ(Controller):
             ValueError: the reference looks less far ahead than the controller.
         """
         check_preview(self, reference)
-        stage = (
-            np.ones(self.preview, self.model.A.dtype)
-            if self.weights.stage is None
-            else self.weights.stage
-        )
+        weights, model = self.weights, self.model
+        stage = weights.stage
+        if stage is None:
+            stage = np.ones(self.preview, model.A.dtype)
         seen = reference.steps + self.preview
-        Q, y_d = (
-            contour_weight(self.weights.alpha, self.weights.beta, reference.tangent[:seen]),
-            reference.position[:seen],
-        )
+        Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
         terminal = None
         if not isinstance(self.terminal, OutputTerminal):
-            cost = self.terminal.cost(self.model, self.weights, Q, reference, self.preview)
+            cost = self.terminal.cost(model, weights, Q, reference, self.preview)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
-        return receding_horizon_plan(
-            self.model, Q, y_d, stage, control_weight(self.model, self.weights), terminal
-        )
+        R = control_weight(model, weights)
+        return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """None: the controller has no memory."""
         return None
 
     def step(
         self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
     ) -> tuple[None, Float[Array, " p"]]:
-        """u = f - F x."""
+        """Control u = f - F x."""
         return None, plan.f - plan.F @ measurement
 
 
-def contour_weight(alpha, beta, tangent: Float[Array, "*batch m"]) -> Float[Array, "*batch m m"]:
+def check_stage(weights: LQWeights, preview: int) -> None:
+    """Raise ValueError unless the stage profile has one entry for each preview sample."""
+    if weights.stage is not None and weights.stage.shape != (preview,):
+        needed = f"one entry per preview sample, shape ({preview},)"
+        raise ValueError(f"stage: needs {needed}, received {weights.stage.shape}")
+
+
+def contour_weight(
+    alpha, beta, tangent: Float[ArrayLike, "*batch m"]
+) -> Float[Array, "*batch m m"]:
     """Weight that forgives lag along the path: Q = alpha I + beta (I - r r').
 
     McNab & Tsao, eqs. 3 and 8; their eq. 19 prints the matrix for the normal's angle, `tangent` is
     the unit vector along the motion.
     """
-    identity = jnp.eye(tangent.shape[-1], dtype=tangent.dtype)
-    return (alpha + beta) * identity - beta * tangent[..., :, None] * tangent[..., None, :]
+    r = jnp.asarray(tangent)
+    identity = jnp.broadcast_to(jnp.eye(r.shape[-1], dtype=r.dtype), (*r.shape, r.shape[-1]))
+    return (alpha + beta) * identity - beta * r[..., :, None] * r[..., None, :]
 
 
 def control_weight(model: LinearPlant, weights: LQWeights) -> Float[Array, "p p"]:
-    """R = rho I, or R itself.
+    """Weight R = rho I on the control, or R itself where rho is a matrix.
 
     Raises:
         ValueError: R is of another size.
@@ -203,17 +213,19 @@ def control_weight(model: LinearPlant, weights: LQWeights) -> Float[Array, "p p"
     return rho if rho.ndim else rho * jnp.eye(p, dtype=model.A.dtype)
 
 
-def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[Array, "p p"]:
-    """R of u' R u = rho (|u|^2 + difference (u_first - u_second)^2): two drives of one axis are kept from fighting each other."""
+def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[ArrayLike, "p p"]:
+    """Weight R that keeps two drives of one axis from fighting each other.
+
+    u' R u = rho (|u|^2 + difference (u_first - u_second)^2)
+    """
     apart = np.zeros(inputs)
     apart[first], apart[second] = 1.0, -1.0
     return rho * (np.eye(inputs) + difference * np.outer(apart, apart))
 
 
 def _float(value) -> Array:
-    array = (
-        value if hasattr(value, "dtype") else jnp.asarray(np.asarray(value))
-    )  # by NumPy: no weak types, no recompilation
+    # by NumPy: no weak types, no recompilation
+    array = value if isinstance(value, jax.Array) else jnp.asarray(np.asarray(value))
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
@@ -226,10 +238,10 @@ def _check_weights(weights: LQWeights) -> None:
         concrete["rho"] = np.linalg.eigvalsh(concrete["rho"])
     for name, value in concrete.items():
         positive = name in ("rho", "stage")
-        if not np.isfinite(value).all() or (value < 0).any() or (positive and (value == 0).any()):
-            raise ValueError(
-                f"{name}: needs a finite weight {'above' if positive else 'of at least'} zero, received {value}"
-            )
+        enough = value > 0 if positive else value >= 0
+        if not (np.isfinite(value) & enough).all():
+            bound = "above" if positive else "of at least"
+            raise ValueError(f"{name}: needs a finite weight {bound} zero, received {value}")
     if {"alpha", "beta"} <= concrete.keys() and (concrete["alpha"] + concrete["beta"] == 0).any():
         raise ValueError(
             "alpha, beta: at least one of them needs to be above zero, received 0 and 0"

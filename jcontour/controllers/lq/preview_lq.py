@@ -2,8 +2,8 @@
 
 The infinite-horizon problem with a fixed weight Q = alpha I is solved once; the next N_p samples
 enter through constant feedforward gains, and the path continues beyond them at its last speed:
-    u(k) = -K x(k) - G_N x_d(k+N_p) + sum_{j=1}^{N_p-1} G_j y_d(k+j),   G_j = (B'HB + R)^-1 B'
-    (A_c')^{j-1} C'Q,   A_c = A - B K.
+    u(k) = -K x(k) - G_N x_d(k+N_p) + sum_{j=1}^{N_p-1} G_j y_d(k+j)
+    G_j = (B'HB + R)^-1 B' (A_c')^{j-1} C'Q,   A_c = A - B K
 """
 
 import equinox as eqx
@@ -22,8 +22,13 @@ from jcontour.tracing import is_concrete
 class PreviewLQ(Controller):
     """Time-invariant feedback and preview; it cannot tell contour error from tracking error.
 
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> controller = PreviewLQ(bridgeport(), alpha=1e8, rho=1e-2, preview=10)
+    >>> controller.preview, float(controller.alpha)
+    (10, 100000000.0)
+
     Args:
-        model: what the controller believes the machine to be; the measurement is its state.
+        model: model of the machine; the measurement is its state.
         alpha: weight on the tracking error [1/m^2].
         rho: weight on the control [1/control unit^2].
         preview: samples of the future it uses.
@@ -55,7 +60,7 @@ class PreviewLQ(Controller):
         return self.model
 
     def prepare(self, reference: Reference) -> AffinePlan:
-        """The constant gain, and the feedforward of every step.
+        """Constant gain, and feedforward of every step.
 
         Raises:
             ValueError: the reference looks less far ahead than the controller.
@@ -66,10 +71,9 @@ class PreviewLQ(Controller):
         H = dare(A, B, Q, R)
         K = lqr_gain(A, B, H, R)
         motion = steady_motion(self.model) if self.motion is None else self.motion
-        end = jax.lax.slice_in_dim(reference.position, self.preview, self.preview + reference.steps)
-        before = jax.lax.slice_in_dim(
-            reference.position, self.preview - 1, self.preview - 1 + reference.steps
-        )
+        position, first, last = reference.position, self.preview, self.preview + reference.steps
+        end = jax.lax.slice_in_dim(position, first, last)
+        before = jax.lax.slice_in_dim(position, first - 1, last - 1)
 
         def add_sample(carry, j):
             costate, f = carry  # costate: (A_c')^(j-1), mapped through the first control
@@ -83,7 +87,7 @@ class PreviewLQ(Controller):
         return AffinePlan(jnp.broadcast_to(K, (reference.steps, *K.shape)), f)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """None: the controller has no memory."""
         return None
 
     def step(
@@ -93,6 +97,6 @@ class PreviewLQ(Controller):
         return None, plan.f - plan.F @ measurement
 
     def _cost(self) -> tuple[Float[Array, "n n"], Float[Array, "p p"]]:
-        return self.alpha * self.model.C.T @ self.model.C, self.rho * jnp.eye(
-            self.model.inputs, dtype=self.model.A.dtype
-        )
+        C = self.model.C
+        R = self.rho * jnp.eye(self.model.inputs, dtype=self.model.A.dtype)
+        return self.alpha * C.T @ C, R

@@ -1,9 +1,10 @@
-"""Receding-horizon LQ contouring on a machine that changes along its path: the cost of `contouring_lq` with the model of each sample.
+"""Receding-horizon LQ contouring on a machine that changes along its path.
 
     x(k+j+1) = A_{k+j} x(k+j) + B_{k+j} u(k+j),   y(k+j) = C_{k+j} x(k+j)
-where the models are those of the desired positions: known before the run starts, so that the gains
-still are. The horizon ends in the infinite-horizon cost of the model at its end, g = -H_s x_d, with
-H_s interpolated like the models (McNab & Tsao, Theorem 1).
+The cost is that of `contouring_lq`. The model of each sample belongs to the desired position there:
+it is known before the run starts, and so are the gains. The horizon ends in the infinite-horizon
+cost of the model at its end, g = -H_s x_d, with H_s interpolated like the models (McNab & Tsao,
+Theorem 1).
 """
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from jcontour.controller import Controller, check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,
     RiccatiTerminal,
+    check_stage,
     contour_weight,
     control_weight,
 )
@@ -27,11 +29,10 @@ from jcontour.tracing import is_concrete
 
 
 class ScheduledLQ(Controller):
-    """u = f - F x with a gain schedule made from the next `preview` samples of the path and the machine there.
+    """Controller u = f - F x with gains from the next `preview` samples and the models there.
 
     Args:
-        schedule: what the controller believes the machine to be; the measurement is the state of
-            its models.
+        schedule: models of the machine; the measurement is their state.
         weights: alpha, beta, rho and the stage profile.
         preview: horizon N_p [samples].
 
@@ -46,19 +47,12 @@ class ScheduledLQ(Controller):
 
     def __init__(self, schedule: ModelSchedule, weights: LQWeights, preview: int):
         self.schedule, self.weights, self.preview = schedule, weights, whole_preview(preview)
-        if weights.stage is not None and weights.stage.shape != (self.preview,):
-            raise ValueError(
-                f"stage: needs one entry per preview sample, shape ({preview},), received {weights.stage.shape}"
-            )
+        check_stage(weights, self.preview)
         if is_concrete(*jax.tree.leaves((schedule, weights))):
             for k in range(schedule.points.size):
                 model = schedule.model(k)
-                check_dare(
-                    model.A,
-                    model.B,
-                    (weights.alpha + weights.beta) * model.C.T @ model.C,
-                    control_weight(model, weights),
-                )
+                Q = (weights.alpha + weights.beta) * model.C.T @ model.C
+                check_dare(model.A, model.B, Q, control_weight(model, weights))
 
     def prepare(self, reference: Reference) -> AffinePlan:
         """Gain schedule of every step of the reference.
@@ -73,30 +67,26 @@ class ScheduledLQ(Controller):
         stage = jnp.ones(self.preview) if weights.stage is None else weights.stage
         Q = contour_weight(weights.alpha, weights.beta, tangent)
         R = control_weight(self.schedule.models, weights)
-        return scheduled_plan(
-            self.schedule.along(position),
-            Q,
-            position,
-            stage,
-            R,
-            self._terminal(position, stage[-1]),
-        )
+        models, terminal = self.schedule.along(position), self._terminal(position, stage[-1])
+        return scheduled_plan(models, Q, position, stage, R, terminal)
 
     def initial_memory(self, reference: Reference) -> None:
-        """None: the law is static."""
+        """None: the controller has no memory."""
         return None
 
     def step(
         self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
     ) -> tuple[None, Float[Array, " p"]]:
-        """u = f - F x."""
+        """Control u = f - F x."""
         return None, plan.f - plan.F @ measurement
 
     def _terminal(self, position: Float[Array, "S m"], scale: Float[Array, ""]) -> CostToGo:
         end, before = position[self.preview :], position[self.preview - 1 : -1]
-        solution = jax.vmap(lambda model: RiccatiTerminal().solution(model, self.weights))(
-            self.schedule.models
-        )
-        H = scale * self.schedule.interpolated(solution, end)
+
+        def solution(model):
+            return RiccatiTerminal().solution(model, self.weights)
+
+        solutions = jax.vmap(solution)(self.schedule.models)
+        H = scale * self.schedule.interpolated(solutions, end)
         x_d = steady_motion(self.schedule.model(0)).state(end, end - before)
         return CostToGo(H, -jnp.einsum("tij,tj->ti", H, x_d))

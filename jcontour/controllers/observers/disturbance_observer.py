@@ -1,14 +1,13 @@
-"""The disturbance observer: the nominal model inverted behind a low pass, and what it finds taken off the control.
+"""Disturbance observer: the nominal model inverted behind a low pass gives the disturbance.
 
-    d = Q (P_n^-1 x_m - u),    u = u_inside - d          (Yuan, section 2.2.2, eqs. 2.6 and 2.7,
-    Fig. 2.7)
-P_n is a double integrator, b0 / s^2 with b0 = k_t / M. It is inverted as the controller meets it,
-under zero-order hold:
-    P_n = b0 T^2 / 2 (z + 1) / (z - 1)^2,    Q = D(1) / 2 (z + 1) / D(z),    Q P_n^-1 = D(1) / (b0
-    T^2) (z - 1)^2 / D(z)
+    d = Q (P_n^-1 x_m - u),    u = u_inner - d          (Yuan, eqs. 2.6 and 2.7, Fig. 2.7)
+The estimate d is subtracted from the control of the wrapped controller. P_n is a double integrator,
+b0 / s^2 with b0 = k_t / M. It is inverted in the form the controller meets, under zero-order hold:
+    P_n = b0 T^2 / 2 (z + 1) / (z - 1)^2,    Q = D(1) / 2 (z + 1) / D(z)
+    Q P_n^-1 = D(1) / (b0 T^2) (z - 1)^2 / D(z)
 D has the poles exp(s T) of s^2 + 2 zeta w s + w^2. Q keeps the zero at -1 of the sampled model,
 which must not be inverted. Its gain at rest is one, and it uses no control before it is known. A
-machine that is P_n indeed is left as it was: d = Q d_i, whatever u is.
+machine that equals P_n is left as it was: d = Q d_i, whatever u is.
 """
 
 from typing import Any, NamedTuple
@@ -24,11 +23,12 @@ from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
+PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 BUTTERWORTH = np.sqrt(0.5)  # damping of the flattest low pass of second order
 
 
-class ObserverMemory(NamedTuple):
-    """States of the filters, and the memory of the controller inside."""
+class DisturbanceMemory(NamedTuple):
+    """States of the filters, and the memory of the wrapped controller."""
 
     first: Axes
     second: Axes
@@ -36,10 +36,10 @@ class ObserverMemory(NamedTuple):
 
 
 class DisturbanceObserver(Wrapper):
-    """Any controller with a disturbance observer on the position of every axis; control i drives axis i.
+    """Any controller with a disturbance observer on every axis; control i drives axis i.
 
     Args:
-        controller: the one inside.
+        controller: the wrapped controller.
         sensors: where the motors' positions are measured.
         bandwidth: w of Q [rad/s], one number or one for each axis.
         input_gain: b0 [m/s^2 per unit of the control], likewise.
@@ -52,9 +52,9 @@ class DisturbanceObserver(Wrapper):
 
     controller: Controller
     sensors: Sensors
-    bandwidth: Float[Array, "*m"]
-    input_gain: Float[Array, "*m"]
-    damping: Float[Array, "*m"]
+    bandwidth: PerAxis
+    input_gain: PerAxis
+    damping: PerAxis
     dt: float = eqx.field(static=True)
 
     def __init__(
@@ -66,12 +66,8 @@ class DisturbanceObserver(Wrapper):
         dt: float,
         damping=BUTTERWORTH,
     ):
-        for name, value in {
-            "bandwidth": bandwidth,
-            "input_gain": input_gain,
-            "dt": dt,
-            "damping": damping,
-        }.items():
+        named = {"bandwidth": bandwidth, "input_gain": input_gain, "dt": dt, "damping": damping}
+        for name, value in named.items():
             if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
         if is_concrete(damping) and not np.all(np.asarray(damping) < 1):
@@ -81,48 +77,38 @@ class DisturbanceObserver(Wrapper):
             jnp.asarray(value, float) for value in (bandwidth, input_gain, damping)
         )
 
-    def initial_memory(self, reference: Reference) -> ObserverMemory:
-        """Filters that have seen the machine move as the reference begins: no disturbance.
+    def initial_memory(self, reference: Reference) -> DisturbanceMemory:
+        """Filters in the steady motion of the start, without disturbance.
 
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
         check_period(self.dt, reference)
-        if reference.position.shape[-1] != self.sensors.axes:
-            raise ValueError(
-                f"sensors: the reference has {reference.position.shape[-1]} axes, the observer reads {self.sensors.axes}"
-            )
+        axes, found = self.sensors.axes, reference.position.shape[-1]
+        if found != axes:
+            raise ValueError(f"sensors: the reference has {found} axes, the observer reads {axes}")
         now, (_, inverse, _) = reference.position[0], self._filters()
-        return ObserverMemory(
-            -inverse * now,
-            inverse * (now - reference.start_increment),
-            self.controller.initial_memory(reference),
-        )
+        before = now - reference.start_increment
+        inner = self.controller.initial_memory(reference)
+        return DisturbanceMemory(-inverse * now, inverse * before, inner)
 
     def step(
-        self, memory: ObserverMemory, plan: Any, measurement: Any
-    ) -> tuple[ObserverMemory, Axes]:
-        """The two filters in one, in transposed direct form, around the control that acts."""
+        self, memory: DisturbanceMemory, plan: Any, measurement: Any
+    ) -> tuple[DisturbanceMemory, Axes]:
+        """Both filters in one, in transposed direct form, around the control that acts."""
         (d1, d0), inverse, low_pass = self._filters()
         x = inverse * self.sensors.positions(measurement)
         disturbance = x + memory.first
         inner, control = self.controller.step(memory.inner, plan, measurement)
         control = control - disturbance
         first = -2 * x - low_pass * control - d1 * disturbance + memory.second
-        return ObserverMemory(first, x - low_pass * control - d0 * disturbance, inner), control
+        return DisturbanceMemory(first, x - low_pass * control - d0 * disturbance, inner), control
 
-    def _filters(
-        self,
-    ) -> tuple[
-        tuple[Float[Array, "*m"], Float[Array, "*m"]], Float[Array, "*m"], Float[Array, "*m"]
-    ]:
+    def _filters(self) -> tuple[tuple[PerAxis, PerAxis], PerAxis, PerAxis]:
         """D = z^2 + d1 z + d0, and the factors before (z - 1)^2 / D and (z + 1) / D."""
-        decay, angle = (
-            self.damping * self.bandwidth * self.dt,
-            jnp.sqrt(1 - self.damping**2) * self.bandwidth * self.dt,
-        )
+        decay = self.damping * self.bandwidth * self.dt
+        angle = jnp.sqrt(1 - self.damping**2) * self.bandwidth * self.dt
         d1, d0 = -2 * jnp.exp(-decay) * jnp.cos(angle), jnp.exp(-2 * decay)
-        at_rest = (
-            jnp.expm1(-decay) ** 2 + 4 * jnp.exp(-decay) * jnp.sin(angle / 2) ** 2
-        )  # 1 + d1 + d0 without its cancellation
+        # 1 + d1 + d0 without its cancellation
+        at_rest = jnp.expm1(-decay) ** 2 + 4 * jnp.exp(-decay) * jnp.sin(angle / 2) ** 2
         return (d1, d0), at_rest / (self.input_gain * self.dt**2), at_rest / 2

@@ -1,16 +1,16 @@
-"""Extended state observers: whatever a motor does beyond a double integrator is estimated as a third state, and cancelled.
+"""Extended state observers: a third state estimates a motor's disturbance, and is cancelled.
 
-    dx = v + l1 phi1(e),   dv = b0 u + zeta + l2 phi2(e),   dzeta = l3 phi3(e),   e = y - x
-    (Yuan, eq. 2.10) u = u_inside - zeta / b0,   b0 = k_t / M_m
-y is the measured position of the motor, u the control that acts: after the subtraction. Every step
-first updates the estimate, then subtracts. The linear observer (LESO) has phi_i(e) = e and all
-three poles at the bandwidth w: l = (3 w, 3 w^2, w^3). The thesis does not say how it is sampled, so
-there are three forms:
-    ExactLESO    the equation above under zero-order hold of u and y of the previous sample; stable
-    at any bandwidth EulerLESO    the same by forward Euler; unstable where w dt >= 2
-    CurrentLESO  the model predicts exactly, the newest y corrects, all poles at exp(-w dt): no
-    sample late
-The nonlinear one (NLESO) is the third form with large errors weighed less, against peaking.
+    dx = v + l1 phi1(e),   dv = b0 u + zeta + l2 phi2(e),   dzeta = l3 phi3(e)      (Yuan, eq. 2.10)
+    e = y - x,   u = u_inner - zeta / b0,   b0 = k_t / M_m
+The disturbance zeta is everything beyond a double integrator. y is the measured position of the
+motor, u the control that acts, after the subtraction. Every step first updates the estimate, then
+subtracts. The linear observer (LESO) has phi_i(e) = e and all three poles at the bandwidth w:
+l = (3 w, 3 w^2, w^3). The thesis does not say how it is sampled, so there are three forms:
+    ExactLESO    zero-order hold of u and y of the previous sample; stable at any bandwidth
+    EulerLESO    the same by forward Euler; unstable where w dt >= 2
+    CurrentLESO  exact prediction, then correction by the newest y; all poles at exp(-w dt)
+The third form is no sample late. The nonlinear observer (NLESO) is the third form with large errors
+weighed less, against peaking.
 """
 
 import abc
@@ -28,6 +28,7 @@ from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
 
 Axes = Float[Array, " m"]
+PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
 
 
 def _numbers(value) -> Float[Array, "*m"]:
@@ -35,11 +36,11 @@ def _numbers(value) -> Float[Array, "*m"]:
 
 
 class Estimate(NamedTuple):
-    """Of every motor: position [m], speed [m/s] and the acceleration zeta that the model does not explain [m/s^2]."""
+    """Estimated state of every motor."""
 
-    position: Axes
-    speed: Axes
-    disturbance: Axes
+    position: Axes  # [m]
+    speed: Axes  # [m/s]
+    disturbance: Axes  # zeta, the acceleration that the model does not explain [m/s^2]
 
 
 class ExtendedStateObserver(eqx.Module):
@@ -54,13 +55,20 @@ class ExtendedStateObserver(eqx.Module):
         ValueError: a value is not finite and above zero.
     """
 
-    bandwidth: Float[Array, "*m"] = eqx.field(converter=_numbers)
-    input_gain: Float[Array, "*m"] = eqx.field(converter=_numbers)
+    bandwidth: PerAxis = eqx.field(converter=_numbers)
+    input_gain: PerAxis = eqx.field(converter=_numbers)
     dt: float = eqx.field(static=True)
 
     @abc.abstractmethod
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
-        """Estimate one sample later, from the control held in between and the positions measured at both its ends."""
+        """Estimate one sample later.
+
+        Args:
+            estimate: the estimate of the sample before.
+            control: the control held in between.
+            before: positions measured at its begin [m].
+            now: positions measured at its end [m].
+        """
 
     def __check_init__(self):
         for name in ("bandwidth", "input_gain", "dt"):
@@ -70,7 +78,11 @@ class ExtendedStateObserver(eqx.Module):
 
 
 class ExactLESO(ExtendedStateObserver):
-    """Zero-order hold: with u and y held the estimate tends to (y, 0, -b0 u), and exp(F dt) is closed for a triple pole."""
+    """Linear observer under zero-order hold of u and y.
+
+    With both held the estimate tends to (y, 0, -b0 u). exp(F dt) has a closed form for the triple
+    pole.
+    """
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """exp(F T) = exp(-w T) (I + N T + N^2 T^2 / 2), N = F + w I nilpotent."""
@@ -79,17 +91,15 @@ class ExactLESO(ExtendedStateObserver):
         away = _difference(estimate, limit)
         once = _nilpotent(away, w)
         twice = _nilpotent(once, w)
-        return jax.tree.map(
-            lambda z, d, n, nn: z + jnp.exp(-w * T) * (d + T * n + T**2 / 2 * nn),
-            limit,
-            away,
-            once,
-            twice,
-        )
+
+        def held(z, d, n, nn):
+            return z + jnp.exp(-w * T) * (d + T * n + T**2 / 2 * nn)
+
+        return jax.tree.map(held, limit, away, once, twice)
 
 
 class EulerLESO(ExtendedStateObserver):
-    """Forward Euler with u and y of the previous sample.
+    """Linear observer by forward Euler with u and y of the previous sample.
 
     Raises:
         ValueError: the poles 1 - w dt are not inside the unit circle; or as every observer.
@@ -98,37 +108,39 @@ class EulerLESO(ExtendedStateObserver):
     def __check_init__(self):
         if is_concrete(self.bandwidth) and np.any(np.asarray(self.bandwidth) * self.dt >= 2):
             poles = 1 - np.asarray(self.bandwidth) * self.dt
+            needed = f"below {2 / self.dt:.4g} rad/s"
             raise ValueError(
-                f"bandwidth: needs to be below {2 / self.dt:.4g} rad/s, with forward Euler all eigenvalues are {poles}"
+                f"bandwidth: needs to be {needed}, with forward Euler all eigenvalues are {poles}"
             )
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
         """Estimate + T F (estimate - limit)."""
         limit = Estimate(before, jnp.zeros_like(before), -self.input_gain * control)
-        return jax.tree.map(
-            lambda z, rate: z + self.dt * rate,
-            estimate,
-            _rates(_difference(estimate, limit), self.bandwidth),
-        )
+        rates = _rates(_difference(estimate, limit), self.bandwidth)
+        return jax.tree.map(lambda z, rate: z + self.dt * rate, estimate, rates)
 
 
 class CurrentLESO(ExtendedStateObserver):
-    """Current estimator: exact prediction, then correction by the newest position, with a triple pole p = exp(-w dt)."""
+    """Linear current estimator: exact prediction, then correction by the newest position.
+
+    It has a triple pole p = exp(-w dt).
+    """
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
-        """Predict, correct."""
+        """Prediction, then correction by e."""
         predicted = _predicted(estimate, self.input_gain * control, self.dt)
         error = now - predicted.position
         return _corrected(predicted, (error, error, error), self.bandwidth, self.dt)
 
 
 class NLESO(ExtendedStateObserver):
-    """Nonlinear current estimator: e is replaced by Han's fal in state i, scaled to a slope of one, so that small errors see the LESO.
+    """Nonlinear current estimator: Han's function fal replaces the error e.
 
         phi_i(e) = e  for |e| <= delta,   sign(e) delta (|e| / delta)^a_i  beyond
+    It is scaled to a slope of one, so that small errors see the LESO.
 
     Args:
-        bandwidth: that of the LESO inside `delta` [rad/s].
+        bandwidth: bandwidth of the LESO inside `delta` [rad/s].
         input_gain: b0 [m/s^2 per unit of the control].
         dt: sample period [s].
         delta: the largest error treated linearly [m].
@@ -138,45 +150,50 @@ class NLESO(ExtendedStateObserver):
         ValueError: `delta` is not above zero or an exponent not from 0 to 1; or as every observer.
     """
 
-    delta: Float[Array, "*m"] = eqx.field(converter=_numbers)
-    exponents: Float[Array, "3"] = eqx.field(
-        converter=_numbers, default=(1.0, 0.5, 0.25)
-    )  # Han's choice for three states
+    delta: PerAxis = eqx.field(converter=_numbers)
+    # Han's choice for three states
+    exponents: Float[Array, "3"] = eqx.field(converter=_numbers, default=(1.0, 0.5, 0.25))
 
     def __check_init__(self):
         if is_concrete(self.delta) and not np.all(np.asarray(self.delta) > 0):
             raise ValueError(f"delta: needs to be above zero, received {self.delta}")
-        if is_concrete(self.exponents) and not np.all(
-            (np.asarray(self.exponents) >= 0) & (np.asarray(self.exponents) <= 1)
-        ):
-            raise ValueError(f"exponents: need to be from 0 to 1, received {self.exponents}")
+        if is_concrete(self.exponents):
+            exponents = np.asarray(self.exponents)
+            if not np.all((exponents >= 0) & (exponents <= 1)):
+                raise ValueError(f"exponents: need to be from 0 to 1, received {self.exponents}")
 
     def update(self, estimate: Estimate, control: Axes, before: Axes, now: Axes) -> Estimate:
-        """Predict, correct by phi_i(e)."""
+        """Prediction, then correction by phi_i(e)."""
         predicted = _predicted(estimate, self.input_gain * control, self.dt)
         scaled = (now - predicted.position) / self.delta
-        size = jnp.maximum(
-            jnp.abs(scaled), 1.0
-        )  # one inside delta: the power is then one, with a finite slope
+        # one inside delta: the power is then one, with a finite slope
+        size = jnp.maximum(jnp.abs(scaled), 1.0)
         errors = [self.delta * scaled * size ** (a - 1) for a in self.exponents]
         return _corrected(predicted, errors, self.bandwidth, self.dt)
 
 
 class RejectionMemory(NamedTuple):
-    """Estimate, the control that acted and the position measured one sample ago, and the memory of the controller inside."""
+    """Memory of `DisturbanceRejection`."""
 
     estimate: Estimate
-    control: Axes
-    measured: Axes
-    inner: Any
+    control: Axes  # that acted one sample ago
+    measured: Axes  # position one sample ago [m]
+    inner: Any  # memory of the wrapped controller
 
 
 class DisturbanceRejection(Wrapper):
-    """Any controller with the estimated disturbance of every axis taken off its control: u = u_inside - zeta / b0.
+    """Any controller less the estimated disturbance of every axis: u = u_inner - zeta / b0.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> observer = CurrentLESO(bandwidth=100.0, input_gain=2.0, dt=1e-3)
+    >>> DisturbanceRejection(cascade, observer, motors(1)).preview
+    1
 
     Args:
-        controller: the one inside; control i drives axis i.
-        observer: one of this file.
+        controller: the wrapped controller; control i drives axis i.
+        observer: an extended state observer.
         sensors: where the motors' positions are measured.
     """
 
@@ -185,17 +202,16 @@ class DisturbanceRejection(Wrapper):
     sensors: Sensors
 
     def initial_memory(self, reference: Reference) -> RejectionMemory:
-        """The estimate of the sample before the first, moving as the reference begins, undisturbed and without control.
+        """Estimate one sample before the first, in the steady motion of the start, undisturbed.
 
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
         check_period(self.observer.dt, reference)
         increment = reference.start_increment
-        if increment.shape[-1] != self.sensors.axes:
-            raise ValueError(
-                f"sensors: the reference has {increment.shape[-1]} axes, the observer reads {self.sensors.axes}"
-            )
+        axes, found = self.sensors.axes, increment.shape[-1]
+        if found != axes:
+            raise ValueError(f"sensors: the reference has {found} axes, the observer reads {axes}")
         before, none = reference.position[0] - increment, jnp.zeros_like(increment)
         estimate = Estimate(before, increment / self.observer.dt, none)
         return RejectionMemory(estimate, none, before, self.controller.initial_memory(reference))
@@ -203,7 +219,7 @@ class DisturbanceRejection(Wrapper):
     def step(
         self, memory: RejectionMemory, plan: Any, measurement: Any
     ) -> tuple[RejectionMemory, Axes]:
-        """Update the estimate, then subtract."""
+        """Update of the estimate, then subtraction."""
         measured = self.sensors.positions(measurement)
         estimate = self.observer.update(memory.estimate, memory.control, memory.measured, measured)
         inner, control = self.controller.step(memory.inner, plan, measurement)
@@ -215,15 +231,15 @@ def _difference(a: Estimate, b: Estimate) -> Estimate:
     return jax.tree.map(jnp.subtract, a, b)
 
 
-def _rates(d: Estimate, w: Float[Array, "*m"]) -> Estimate:
-    """F d, the linear observer's own motion."""
+def _rates(d: Estimate, w: PerAxis) -> Estimate:
+    """F d, the free motion of the linear observer."""
     return Estimate(
         d.speed - 3 * w * d.position, d.disturbance - 3 * w**2 * d.position, -(w**3) * d.position
     )
 
 
-def _nilpotent(d: Estimate, w: Float[Array, "*m"]) -> Estimate:
-    return jax.tree.map(lambda rate, own: rate + w * own, _rates(d, w), d)
+def _nilpotent(d: Estimate, w: PerAxis) -> Estimate:
+    return jax.tree.map(lambda rate, z: rate + w * z, _rates(d, w), d)
 
 
 def _predicted(estimate: Estimate, acceleration: Axes, T: float) -> Estimate:
@@ -235,9 +251,8 @@ def _predicted(estimate: Estimate, acceleration: Axes, T: float) -> Estimate:
     )
 
 
-def _corrected(predicted: Estimate, errors, w: Float[Array, "*m"], T: float) -> Estimate:
+def _corrected(predicted: Estimate, errors, w: PerAxis, T: float) -> Estimate:
     p = jnp.exp(-w * T)
     gains = (1 - p**3, 3 * (1 - p) ** 2 * (1 + p) / (2 * T), (1 - p) ** 3 / T**2)
-    return Estimate(
-        *(state + gain * error for state, gain, error in zip(predicted, gains, errors, strict=True))
-    )
+    parts = zip(predicted, gains, errors, strict=True)
+    return Estimate(*(state + gain * error for state, gain, error in parts))

@@ -2,9 +2,9 @@
 
 With innovation v = y - C xh and steady-state gain L:
     xf = xh + L v,    xh(k+1) = A xf + B u.
-The filter form feeds xf to the controller (it has the current measurement in time), the predictor
-form xh (it does not). The offset-free form estimates a constant disturbance d of the controls
-beside the state, and cancels it; `integral_lqg` has an integral instead.
+The filter form feeds xf to the controller: it needs the current measurement in time. The predictor
+form feeds xh and does not need it. The offset-free form estimates a constant disturbance d of the
+controls beside the state, and cancels it; `integral_lqg` has an integral instead.
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import Controller, Wrapper, check_limit, check_period
 from jcontour.linear.plant import LinearPlant, check_stable
@@ -24,7 +24,7 @@ from jcontour.tracing import is_concrete
 
 
 class ObserverMemory(NamedTuple):
-    """The predicted state xh, and the memory of the controller inside."""
+    """The predicted state xh, and the memory of the wrapped controller."""
 
     estimate: Float[Array, " n"] | Float[np.ndarray, " n"]  # NumPy's on the host
     inner: Any
@@ -36,14 +36,14 @@ def corrected(estimate, measurement, gain, measured):
 
 
 class _Observer(Wrapper):
-    """What both forms share.
+    """Common part of the filter and the predictor form.
 
     Args:
         controller: fed the estimate.
-        model: of the machine; its output is the tool.
-        gain: the filter gain L (n, q).
-        start: the first estimate; from the reference when not given.
-        measured: C (q, n) of what the sensors show; the model's when not given.
+        model: model of the machine; its output is the tool.
+        gain: filter gain L (n, q).
+        start: first estimate; from the reference when not given.
+        measured: C (q, n) of the measurement; the model's when not given.
 
     Raises:
         ValueError: the gain has the wrong shape, or A - A L C has an eigenvalue that is not inside
@@ -74,44 +74,49 @@ class _Observer(Wrapper):
             ValueError: the reference has another sample period.
         """
         check_period(self.model.dt, reference)
-        known = (
-            self.model.initial_state(reference.position[0], reference.start_increment)
-            if self.start is None
-            else self.start
-        )
-        return ObserverMemory(known, self.controller.initial_memory(reference))
+        start = self.start
+        if start is None:
+            start = self.model.initial_state(reference.position[0], reference.start_increment)
+        return ObserverMemory(start, self.controller.initial_memory(reference))
 
     def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:
         return corrected(memory.estimate, row(measurement), self.gain, self._C)
 
 
 class FilterObserver(_Observer):
-    """The controller acts on the estimate that includes the current measurement."""
+    """A controller fed the estimate that includes the current measurement.
+
+    >>> from jcontour.controllers.lq.preview_lq import PreviewLQ
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> table = bridgeport()
+    >>> gain = kalman_gain(table, control_noise=1.0, measurement_noise=1e-6)
+    >>> FilterObserver(PreviewLQ(table, 1e8, 1e-2, 10), table, gain).gain.shape
+    (8, 2)
+    """
 
     def step(
         self, memory: ObserverMemory, plan: Any, measurement: Any
     ) -> tuple[ObserverMemory, Float[Array, " p"]]:
-        """Correct, control, predict."""
+        """Correction, control, prediction."""
         filtered = self._update(memory, measurement)
         inner, control = self.controller.step(memory.inner, plan, filtered)
         return ObserverMemory(self.model.step(filtered, control), inner), control
 
 
 class PredictorObserver(_Observer):
-    """The controller acts on the prediction from the samples before: its control is ready when the sample is taken."""
+    """A controller fed the prediction: its control is ready when the sample is taken."""
 
     def step(
         self, memory: ObserverMemory, plan: Any, measurement: Any
     ) -> tuple[ObserverMemory, Float[Array, " p"]]:
-        """Control, correct, predict."""
+        """Control, correction, prediction."""
         inner, control = self.controller.step(memory.inner, plan, memory.estimate)
-        return ObserverMemory(
-            self.model.step(self._update(memory, measurement), control), inner
-        ), control
+        predicted = self.model.step(self._update(memory, measurement), control)
+        return ObserverMemory(predicted, inner), control
 
 
 class OffsetFreeMemory(NamedTuple):
-    """The predicted state and disturbance, and the memory of the controller inside."""
+    """The predicted state and disturbance, and the memory of the wrapped controller."""
 
     estimate: Float[Array, " n"]
     disturbance: Float[Array, " p"]
@@ -119,16 +124,17 @@ class OffsetFreeMemory(NamedTuple):
 
 
 class OffsetFreeObserver(Wrapper):
-    """Filter form for x(k+1) = A x + B (u + d), d constant: u = u_inside - d_f, so that no constant load leaves an error.
+    """Filter form with a constant disturbance d, so that no constant load leaves an error.
 
+        x(k+1) = A x + B (u + d),   u = u_inner - d_f
     A control at its limit does not disturb the estimate, which is driven by the u that acts.
 
     Args:
         controller: fed the estimate of x.
-        model: of the machine without disturbance; its output is the tool.
-        gain: the filter gain L (n + p, q) of [x, d]; see `offset_free_gain`.
-        measured: C (q, n) of what the sensors show.
-        limit: of the control, +-: one number or one for each; none when infinite.
+        model: model of the machine without disturbance; its output is the tool.
+        gain: filter gain L (n + p, q) of [x, d]; see `offset_free_gain`.
+        measured: C (q, n) of the measurement.
+        limit: limit of the control, +-: one number or one for each; none when infinite.
 
     Raises:
         ValueError: as `FilterObserver`, for [x, d]; or a limit is not above zero.
@@ -136,9 +142,9 @@ class OffsetFreeObserver(Wrapper):
 
     controller: Controller
     model: LinearPlant
-    gain: Float[Array, "n+p q"]
-    measured: Float[Array, "q n"]
-    limit: Float[Array, "*p"] = eqx.field(converter=jnp.asarray, default=np.inf)
+    gain: Float[Array, "both q"]
+    measured: Float[Array, "q n"] = eqx.field(converter=jnp.asarray)
+    limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
         A, C = _with_disturbance(self.model, self.measured)
@@ -157,43 +163,45 @@ class OffsetFreeObserver(Wrapper):
         """
         check_period(self.model.dt, reference)
         start = self.model.initial_state(reference.position[0], reference.start_increment)
-        return OffsetFreeMemory(
-            start,
-            jnp.zeros(self.model.inputs, start.dtype),
-            self.controller.initial_memory(reference),
-        )
+        undisturbed = jnp.zeros(self.model.inputs, start.dtype)
+        return OffsetFreeMemory(start, undisturbed, self.controller.initial_memory(reference))
 
     def step(
         self, memory: OffsetFreeMemory, plan: Any, measurement: Any
     ) -> tuple[OffsetFreeMemory, Float[Array, " p"]]:
-        """Correct, control, cancel, predict: the model is driven by u + d."""
+        """Correction, control, cancellation, prediction: the model is driven by u + d."""
+        n = self.model.states
         correction = self.gain @ (row(measurement) - self.measured @ memory.estimate)
-        filtered, disturbance = (
-            memory.estimate + correction[: self.model.states],
-            memory.disturbance + correction[self.model.states :],
-        )
+        filtered = memory.estimate + correction[:n]
+        disturbance = memory.disturbance + correction[n:]
         inner, control = self.controller.step(memory.inner, plan, filtered)
         control = jnp.clip(control - disturbance, -self.limit, self.limit)
-        return OffsetFreeMemory(
-            self.model.step(filtered, control + disturbance), disturbance, inner
-        ), control
+        predicted = self.model.step(filtered, control + disturbance)
+        return OffsetFreeMemory(predicted, disturbance, inner), control
 
 
 def kalman_gain(
-    model: LinearPlant, control_noise, measurement_noise, measured=None
+    model: LinearPlant,
+    control_noise: ArrayLike,
+    measurement_noise: ArrayLike,
+    measured: Float[ArrayLike, "q n"] | None = None,
 ) -> Float[Array, "n q"]:
-    """Steady-state Kalman filter gain L = P C' (C P C' + V)^-1 with P from the dual Riccati equation.
+    """Steady-state gain L = P C' (C P C' + V)^-1 of the Kalman filter.
 
-    The process noise enters with the control: W = B diag(control_noise^2) B'; V =
-    diag(measurement_noise^2). Lengths are rescaled to one measurement deviation before solving,
-    because in metres the equation is too badly scaled to trust.
+    P solves the dual Riccati equation. The process noise enters with the control:
+    W = B diag(control_noise^2) B', V = diag(measurement_noise^2). Lengths are rescaled to one
+    measurement deviation before solving: in metres the equation is too badly scaled to trust.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> kalman_gain(bridgeport(), control_noise=1.0, measurement_noise=1e-6).shape
+    (8, 2)
 
     Args:
-        model: the machine.
+        model: model of the machine.
         control_noise: standard deviation on each control (p,) or one for all.
-        measurement_noise: standard deviation on each measurement, (q,) or one for all; that of the
-            least precise sets the unit.
-        measured: C (q, n) of what the sensors show; the model's outputs when not given.
+        measurement_noise: standard deviation on each measurement (q,) or one for all; the largest
+            sets the unit.
+        measured: C (q, n) of the measurement; the model's outputs when not given.
 
     Raises:
         ValueError: the equation has no stabilising solution (a state that the sensors do not show
@@ -201,23 +209,28 @@ def kalman_gain(
     """
     C = model.C if measured is None else jnp.asarray(measured, model.A.dtype)
     deviation = jnp.broadcast_to(jnp.asarray(measurement_noise, model.A.dtype), (C.shape[0],))
-    B = model.B * jnp.asarray(control_noise, model.A.dtype) / jnp.max(deviation)
+    noise = jnp.atleast_2d(jnp.asarray(control_noise, model.A.dtype))
+    B = model.B * noise / jnp.max(deviation)
     V = jnp.diag((deviation / jnp.max(deviation)) ** 2)
     check_dare(model.A.T, C.T, B @ B.T, V)
     return _filter_gain(model.A, B, C, V)
 
 
 def offset_free_gain(
-    model: LinearPlant, measured, control_noise, drift, measurement_noise
-) -> Float[Array, "n+p q"]:
-    """Kalman filter gain of [x, d] for `OffsetFreeObserver`, where d walks at random.
+    model: LinearPlant,
+    measured: Float[ArrayLike, "q n"],
+    control_noise: ArrayLike,
+    drift: ArrayLike,
+    measurement_noise: ArrayLike,
+) -> Float[Array, "both q"]:
+    """Kalman filter gain (n + p, q) of [x, d] for `OffsetFreeObserver`, where d walks at random.
 
     Args:
-        model: of the machine without disturbance.
-        measured: C (q, n) of what the sensors show.
+        model: model of the machine without disturbance.
+        measured: C (q, n) of the measurement.
         control_noise: standard deviation on each control (p,) or one for all.
         drift: standard deviation of the change of d per sample, likewise, in the unit of the
-            control; more of it integrates faster.
+            control; a larger value integrates faster.
         measurement_noise: standard deviation on each measurement (q,) or one for all.
 
     Raises:
@@ -233,20 +246,26 @@ def offset_free_gain(
 
 
 def check_gain(
-    A: Float[Array, "n n"], C: Float[Array, "q n"], gain: Float[Array, "n q"], name: str = "gain"
+    A: Float[ArrayLike, "n n"],
+    C: Float[ArrayLike, "q n"],
+    gain: Float[ArrayLike, "rows columns"],
+    name: str = "gain",
 ) -> None:
-    """Raise ValueError unless the gain has the shape (n, q) and its observer is stable; traced values pass unchecked."""
-    if jnp.shape(gain) != (A.shape[0], C.shape[0]):
-        raise ValueError(
-            f"{name}: needs shape ({A.shape[0]}, {C.shape[0]}), received {jnp.shape(gain)}"
-        )
+    """Raise ValueError unless the gain has the shape (n, q) and its observer is stable.
+
+    The stability of traced values is not checked.
+    """
+    wanted, found = (A.shape[0], C.shape[0]), jnp.shape(gain)
+    if found != wanted:
+        raise ValueError(f"{name}: needs shape {wanted}, received {found}")
     if is_concrete(A, C, gain):
         check_stable(f"{name}: the observer", A - A @ gain @ C)
 
 
 def _with_disturbance(
-    model: LinearPlant, measured
-) -> tuple[Float[Array, "n+p n+p"], Float[Array, "q n+p"]]:
+    model: LinearPlant, measured: Float[ArrayLike, "q n"]
+) -> tuple[Float[Array, "both both"], Float[Array, "q both"]]:
+    """A and C of [x, d], with n + p states."""
     n, p = model.states, model.inputs
     A = jnp.eye(n + p, dtype=model.A.dtype).at[:n, :n].set(model.A).at[:n, n:].set(model.B)
     measured = jnp.asarray(measured, model.A.dtype)

@@ -1,6 +1,6 @@
-"""A controller and, added to what it asks for, what the machine's nonlinear terms need: u = u' + f(measurement, u').
+"""A controller plus a compensation of the machine's nonlinear terms: u = u' + f(measurement, u').
 
-Feedback linearisation (Yuan, eq. 5.44): the controller inside is designed for the linear machine
+Feedback linearisation (Yuan, eq. 5.44): the wrapped controller is designed for the linear machine
 that f leaves.
 """
 
@@ -14,19 +14,19 @@ from jcontour.motion.references import Reference
 
 
 class Compensated(Wrapper):
-    """The controller inside sees the same measurement as the compensation.
+    """A controller with a compensation that sees the same measurement.
 
     Args:
         controller: gives u'.
-        compensation: f, traceable; its numbers are tuned with the controller's where it is a pytree
-            that has some.
+        compensation: f, traceable; if it is a pytree with numbers, they are tuned with those of
+            the controller.
     """
 
     controller: Controller
     compensation: Callable[[Any, Array], Array]
 
     def initial_memory(self, reference: Reference) -> Memory:
-        """That of the controller inside."""
+        """Memory of the wrapped controller."""
         return self.controller.initial_memory(reference)
 
     def step(

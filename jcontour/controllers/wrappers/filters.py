@@ -2,8 +2,8 @@
 
 A section H(s) of second order becomes, by Tustin's rule s = c (z - 1) / (z + 1),
     y(k) = b0 x(k) + b1 x(k-1) + b2 x(k-2) - a1 y(k-1) - a2 y(k-2)
-with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). Run in the
-transposed direct form.
+with c = 2 / dt, or c = w / tan(w dt / 2), which keeps the gain exact at w (prewarped). It runs in
+the transposed direct form.
 """
 
 from typing import Any, NamedTuple
@@ -39,7 +39,7 @@ class Biquad(eqx.Module):
     def step(
         self, memory: Float[Array, "2 *p"], x: Float[Array, "*p"]
     ) -> tuple[Float[Array, "2 *p"], Float[Array, "*p"]]:
-        """Next memory and the filtered sample, of each signal."""
+        """Next memory and the filtered sample of each signal."""
         (b0, b1, b2), (a1, a2) = self.numerator, self.denominator
         y = b0 * x + memory[0]
         return jnp.stack([b1 * x - a1 * y + memory[1], b2 * x - a2 * y]), y
@@ -59,19 +59,22 @@ def tustin(numerator, denominator, dt: float, prewarp=None) -> Biquad:
             frequency.
     """
     if prewarp is not None and is_concrete(prewarp) and not 0 < float(prewarp) < np.pi / dt:
-        raise ValueError(
-            f"prewarp: needs a frequency above zero and below {np.pi / dt:.4g} rad/s, received {prewarp}"
-        )
+        needed = f"a frequency above zero and below {np.pi / dt:.4g} rad/s"
+        raise ValueError(f"prewarp: needs {needed}, received {prewarp}")
     c = 2 / dt if prewarp is None else prewarp / jnp.tan(prewarp * dt / 2)
-    rows = [
-        jnp.stack([q2 * c**2 + q1 * c + q0, 2 * (q0 - q2 * c**2), q2 * c**2 - q1 * c + q0])
-        for q2, q1, q0 in (jnp.asarray(numerator, float), jnp.asarray(denominator, float))
-    ]
-    return Biquad(rows[0] / rows[1][0], rows[1][1:] / rows[1][0])
+
+    def sampled(polynomial):
+        q2, q1, q0 = jnp.asarray(polynomial, float)
+        return jnp.stack([q2 * c**2 + q1 * c + q0, 2 * (q0 - q2 * c**2), q2 * c**2 - q1 * c + q0])
+
+    b, a = sampled(numerator), sampled(denominator)
+    return Biquad(b / a[0], a[1:] / a[0])
 
 
 def notch(frequency, depth, damping, dt: float, prewarp: bool = False) -> Biquad:
-    """(s^2 + 2 g zeta w s + w^2) / (s^2 + 2 zeta w s + w^2): gain g at w, one far away (Yuan, eq. 3.9).
+    """Notch with the gain g at w and the gain one far away (Yuan, eq. 3.9).
+
+        (s^2 + 2 g zeta w s + w^2) / (s^2 + 2 zeta w s + w^2)
 
     Args:
         frequency: w [rad/s].
@@ -84,33 +87,27 @@ def notch(frequency, depth, damping, dt: float, prewarp: bool = False) -> Biquad
         ValueError: as `tustin`.
     """
     w = jnp.asarray(frequency, float)
-    denominator = jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2])
-    return tustin(
-        denominator * jnp.stack([jnp.ones_like(w), jnp.asarray(depth, float), jnp.ones_like(w)]),
-        denominator,
-        dt,
-        frequency if prewarp else None,
-    )
+    one = jnp.ones_like(w)
+    denominator = jnp.stack([one, 2 * damping * w, w**2])
+    numerator = denominator * jnp.stack([one, jnp.asarray(depth, float), one])
+    return tustin(numerator, denominator, dt, frequency if prewarp else None)
 
 
 def low_pass(frequency, damping, dt: float) -> Biquad:
-    """w^2 / (s^2 + 2 zeta w s + w^2), prewarped at w.
+    """Low pass w^2 / (s^2 + 2 zeta w s + w^2), prewarped at w.
 
     Raises:
         ValueError: as `tustin`.
     """
     w = jnp.asarray(frequency, float)
     none = jnp.zeros_like(w)
-    return tustin(
-        jnp.stack([none, none, w**2]),
-        jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2]),
-        dt,
-        frequency,
-    )
+    numerator = jnp.stack([none, none, w**2])
+    denominator = jnp.stack([jnp.ones_like(w), 2 * damping * w, w**2])
+    return tustin(numerator, denominator, dt, frequency)
 
 
 class FilterMemory(NamedTuple):
-    """That of the filter, and of the controller inside."""
+    """Memory of the filter, and of the wrapped controller."""
 
     filter: Float[Array, "2 p"]
     inner: Any
@@ -119,9 +116,16 @@ class FilterMemory(NamedTuple):
 class Filtered(Wrapper):
     """Any controller with a filter on every control; it starts at zero.
 
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> filtered = Filtered(cascade, notch(frequency=87.0, depth=0.85, damping=0.05, dt=1e-3), 1)
+    >>> [round(float(b), 4) for b in filtered.filter.numerator]
+    [0.9994, -1.9838, 0.9919]
+
     Args:
-        controller: the one inside.
-        filter: what its controls go through.
+        controller: the wrapped controller.
+        filter: filter of its controls.
         inputs: number of controls p.
     """
 
@@ -130,16 +134,14 @@ class Filtered(Wrapper):
     inputs: int = eqx.field(static=True)
 
     def initial_memory(self, reference: Reference) -> FilterMemory:
-        """A filter at rest."""
-        return FilterMemory(
-            jnp.zeros((2, self.inputs), self.filter.numerator.dtype),
-            self.controller.initial_memory(reference),
-        )
+        """Filter at rest, and the memory of the wrapped controller."""
+        rest = jnp.zeros((2, self.inputs), self.filter.numerator.dtype)
+        return FilterMemory(rest, self.controller.initial_memory(reference))
 
     def step(
         self, memory: FilterMemory, plan: Any, measurement: Any
     ) -> tuple[FilterMemory, Float[Array, " p"]]:
-        """The control inside, filtered."""
+        """Control of the wrapped controller, filtered."""
         inner, control = self.controller.step(memory.inner, plan, measurement)
         filtered, control = self.filter.step(memory.filter, control)
         return FilterMemory(filtered, inner), control

@@ -1,9 +1,11 @@
-"""A controller of motors on a machine whose motors are not its axes: the path is handed to every motor by straight kinematics.
+"""A controller of motors on a machine whose motors are not its axes.
 
-r_motor = K r with K (q, m): a gantry's two Y drives both follow y, its beam is taken as straight.
+The path of every motor follows from that of the tool, r_motor = K r with K (q, m). A gantry's two Y
+drives both follow y: its beam is taken as straight.
 """
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Memory, Plan, Wrapper
@@ -11,26 +13,26 @@ from jcontour.motion.references import Reference
 
 
 class OfMotors(Wrapper):
-    """The controller inside sees a reference of q motors where the machine has m axes.
+    """A controller that sees a reference of q motors where the machine has m axes.
 
     Args:
-        controller: of motors by themselves, such as `Cascade`.
+        controller: a controller of single motors, such as `Cascade`.
         kinematics: K (q, m).
     """
 
     controller: Controller
-    kinematics: Float[Array, "q m"]
+    kinematics: Float[Array, "q m"] = eqx.field(converter=jnp.asarray)
 
     def prepare(self, reference: Reference) -> Plan:
-        """That of the controller inside, along the path of the motors."""
+        """Plan of the wrapped controller along the path of the motors."""
         return self.controller.prepare(self._of_motors(reference))
 
     def initial_memory(self, reference: Reference) -> Memory:
-        """That of the controller inside."""
+        """Memory of the wrapped controller at the start of the motors' path."""
         return self.controller.initial_memory(self._of_motors(reference))
 
     def step(self, memory: Memory, plan: Plan, measurement) -> tuple[Memory, Float[Array, " q"]]:
-        """That of the controller inside."""
+        """Step of the wrapped controller."""
         return self.controller.step(memory, plan, measurement)
 
     def _of_motors(self, reference: Reference) -> Reference:

@@ -1,10 +1,10 @@
-"""An input shaper on the reference of any controller: every axis is told to go where the weighted, delayed copies of its reference are.
+"""An input shaper on the reference of any controller: a weighted sum of delayed copies.
 
-What is scored stays the reference itself, so that the shaper's delay counts as an error. The
-reference is known at its samples only; in
-between, copies are interpolated linearly: a mode w keeps up to (w dt)^2 / 8 of its vibration in
-spite of the shaper. Where the reference comes from a law of time, `input_shaping.shaped_law` has
-every impulse exactly, and keeps the tool on a contour, which this does not.
+The score is still taken against the reference itself, so that the shaper's delay counts as an
+error. The reference is known at its samples only; between them copies are interpolated linearly.
+So a mode w keeps up to (w dt)^2 / 8 of its vibration in spite of the shaper. Where the reference is
+given as a function of time, use `input_shaping`: it has every impulse exactly, and keeps the tool
+on a contour, which this does not.
 """
 
 from typing import Any
@@ -19,36 +19,51 @@ from jcontour.motion.references import Reference
 
 
 class Shaped(Wrapper):
-    """A controller behind a shaper.
+    """A controller behind an input shaper.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.motion.input_shaping import zv
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> Shaped(cascade, zv(frequency=87.0, damping=0.0)).shaper.amplitudes.round(6).tolist()
+    [0.5, 0.5]
 
     Args:
-        controller: the one inside.
-        shaper: of `input_shaping`.
+        controller: the wrapped controller.
+        shaper: shaper of `input_shaping`.
     """
 
     controller: Controller
     shaper: Shaper
 
     def prepare(self, reference: Reference) -> Plan:
-        """That of the controller inside, for the shaped positions; tangents and arc lengths stay those of the reference."""
-        return self.controller.prepare(
-            eqx.tree_at(lambda r: r.position, reference, shaped_positions(reference, self.shaper))
-        )
+        """Plan of the wrapped controller for the shaped positions.
+
+        Tangents and arc lengths stay those of the reference.
+        """
+        positions = shaped_positions(reference, self.shaper)
+        return self.controller.prepare(eqx.tree_at(lambda r: r.position, reference, positions))
 
     def initial_memory(self, reference: Reference) -> Any:
-        """That of the controller inside: the machine starts where the reference does."""
+        """Memory of the wrapped controller: the machine starts where the reference does."""
         return self.controller.initial_memory(reference)
 
     def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
-        """That of the controller inside."""
+        """Step of the wrapped controller."""
         return self.controller.step(memory, plan, measurement)
 
 
 def shaped_positions(reference: Reference, shaper: Shaper) -> Float[Array, "S m"]:
-    """The weighted sum of delayed copies [m]; before its first sample the reference moved as it says."""
+    """Weighted sum of delayed copies [m].
+
+    Before its first sample the reference was in the steady motion of its start.
+    """
     samples = reference.position
-    at = jnp.arange(samples.shape[0])[:, None] - shaper.times / reference.dt
-    below = jnp.clip(jnp.floor(at).astype(int), 0, samples.shape[0] - 2)
-    between = samples[below] + (at - below)[..., None] * (samples[below + 1] - samples[below])
-    before = samples[0] + at[..., None] * reference.start_increment
-    return jnp.einsum("kim,i->km", jnp.where(at[..., None] < 0, before, between), shaper.amplitudes)
+    count = samples.shape[0]
+    at = jnp.arange(count, dtype=samples.dtype)[:, None] - (shaper.times / reference.dt)[None]
+    below = jnp.clip(jnp.floor(at).astype(int), 0, count - 2)
+    share = (at - below.astype(at.dtype))[..., None]
+    between = samples[below] + share * (samples[below + 1] - samples[below])
+    before = samples[:1, None] + at[..., None] * reference.start_increment[None, None]
+    copies = jnp.where(at[..., None] < 0, before, between)
+    return jnp.einsum("kim,i->km", copies, shaper.amplitudes)

@@ -1,10 +1,10 @@
-"""Linear motor and end effector joined by a spring and a damper (Yuan, section 3.1), any number of axes side by side.
+"""Linear motor and end effector joined by a spring and a damper (Yuan, section 3.1).
 
     M_m dv_m = k_t u - k_s (x_m - x_e) - c_s (v_m - v_e) - F_c(x_m) - F_f        (3.1)
     M_e dv_e = k_s (x_m - x_e) + c_s (v_m - v_e)                                 (3.2)
     F_c = sum_j S_j sin(2 pi j x_m / tau) + C_j cos(2 pi j x_m / tau)            (3.7), cogging
-with friction F_f as in `friction`. The current loop is ideal. Classical Runge-Kutta substeps under
-a control that is held.
+with friction F_f as in `friction`, for any number of axes. The current loop is ideal. A sample is
+integrated by classical Runge-Kutta substeps under a held control.
 """
 
 from typing import NamedTuple
@@ -16,13 +16,19 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jcontour.plant import Plant
-from jcontour.plants.friction import Axes, Friction, caught
+from jcontour.plants.friction import Friction, caught
 from jcontour.plants.integrators import runge_kutta
 from jcontour.tracing import is_concrete
 
 # [s] of the reference numbers; shorter ones change the thesis's trajectories by less than 1e-11 m
 SUBSTEP = 5e-5
 UNROLLED = 2  # substeps in one turn of the loop: a third quicker than one; more gain nothing
+
+Axes = Float[Array, " m"]
+PerAxis = Float[Array, "#m"]  # one value, or one for each axis
+Harmonics = Float[Array, "#m P"]  # P harmonics, one row or one for each axis
+NOT_NEGATIVE = ("stiffness", "damping")
+POSITIVE = ("motor_mass", "tool_mass", "force_constant", "pole_pitch")
 
 
 class Motion(NamedTuple):
@@ -42,7 +48,7 @@ class SlidingMotion(NamedTuple):
 
 
 class AxisParameters(eqx.Module):
-    """Of every axis: one number for each.
+    """Masses, link, motor, friction and cogging: one number each, or one for each axis.
 
     Args:
         motor_mass: M_m [kg].
@@ -62,14 +68,14 @@ class AxisParameters(eqx.Module):
     """
 
     motor_mass: Axes
-    tool_mass: Axes
-    stiffness: Axes
-    damping: Axes
-    force_constant: Axes
+    tool_mass: PerAxis
+    stiffness: PerAxis
+    damping: PerAxis
+    force_constant: PerAxis
     friction: Friction
-    cogging_sine: Float[Array, "m P"]
-    cogging_cosine: Float[Array, "m P"]
-    pole_pitch: Axes
+    cogging_sine: Harmonics
+    cogging_cosine: Harmonics
+    pole_pitch: PerAxis
 
     def __init__(
         self,
@@ -83,47 +89,34 @@ class AxisParameters(eqx.Module):
         cogging_cosine,
         pole_pitch,
     ):
-        positive = {
+        named = {
             "motor_mass": motor_mass,
             "tool_mass": tool_mass,
             "force_constant": force_constant,
             "pole_pitch": pole_pitch,
+            "stiffness": stiffness,
+            "damping": damping,
         }
-        for name, value in {**positive, "stiffness": stiffness, "damping": damping}.items():
-            if is_concrete(value):
-                numbers = np.asarray(value, float)
-                if not np.all(
-                    np.isfinite(numbers) & ((numbers > 0) if name in positive else (numbers >= 0))
-                ):
-                    raise ValueError(
-                        f"{name}: needs to be finite and {'above' if name in positive else 'at least'} zero, received {value}"
-                    )
+        for name, value in named.items():
+            _check_sign(name, value)
             setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
         self.friction = friction
-        self.cogging_sine, self.cogging_cosine = (
-            jnp.atleast_2d(jnp.asarray(c, float)) for c in (cogging_sine, cogging_cosine)
-        )
-        if self.cogging_sine.shape != self.cogging_cosine.shape:
-            raise ValueError(
-                f"cogging_cosine: needs shape {self.cogging_sine.shape}, received {self.cogging_cosine.shape}"
-            )
+        self.cogging_sine = jnp.atleast_2d(jnp.asarray(cogging_sine, float))
+        self.cogging_cosine = jnp.atleast_2d(jnp.asarray(cogging_cosine, float))
+        wanted, found = self.cogging_sine.shape, self.cogging_cosine.shape
+        if wanted != found:
+            raise ValueError(f"cogging_cosine: needs shape {wanted}, received {found}")
         for name in ("cogging_sine", "cogging_cosine"):
-            if is_concrete(getattr(self, name)) and not np.isfinite(getattr(self, name)).all():
+            value = getattr(self, name)
+            if is_concrete(value) and not np.isfinite(value).all():
                 raise ValueError(
-                    f"{name}: every entry needs to be finite, received {np.asarray(getattr(self, name))}"
+                    f"{name}: every entry needs to be finite, received {np.asarray(value)}"
                 )
-        for name in (
-            "tool_mass",
-            "stiffness",
-            "damping",
-            "force_constant",
-            "pole_pitch",
-            "cogging_sine",
-        ):
-            if getattr(self, name).shape[0] not in (1, self.axes):
-                raise ValueError(
-                    f"{name}: needs one value, or one for each of {self.axes} axes, received {getattr(self, name).shape[0]}"
-                )
+        for name in (*POSITIVE, *NOT_NEGATIVE, "cogging_sine"):
+            count = getattr(self, name).shape[0]
+            if count not in (1, self.axes):
+                wanted = f"one value, or one for each of {self.axes} axes"
+                raise ValueError(f"{name}: needs {wanted}, received {count}")
 
     @property
     def axes(self) -> int:
@@ -131,34 +124,33 @@ class AxisParameters(eqx.Module):
         return self.motor_mass.shape[0]
 
     def cogging(self, motor: Axes) -> Axes:
-        """F_c at a motor position [N], eq. 3.7; harmonics by the angle-addition theorem."""
+        """Cogging F_c at a motor position [N], eq. 3.7; harmonics by the angle-addition theorem."""
         angle = 2 * jnp.pi / self.pole_pitch * motor
         first_sine, first_cosine = jnp.sin(angle), jnp.cos(angle)
         sine, cosine, force = first_sine, first_cosine, jnp.zeros_like(motor)
         for j in range(self.cogging_sine.shape[1]):
             force = force + self.cogging_sine[:, j] * sine + self.cogging_cosine[:, j] * cosine
-            sine, cosine = (
-                sine * first_cosine + cosine * first_sine,
-                cosine * first_cosine - sine * first_sine,
-            )
+            next_sine = sine * first_cosine + cosine * first_sine
+            next_cosine = cosine * first_cosine - sine * first_sine
+            sine, cosine = next_sine, next_cosine
         return force
 
     def drive_force(self, x: Motion, control: Axes) -> Axes:
-        """Everything that acts on the motor but friction [N]."""
+        """Force on the motor of the current, cogging and the link, without friction [N]."""
         return self.force_constant * control - self.cogging(x.motor) - self.link_force(x)
 
     def link_force(self, x: Motion) -> Axes:
-        """What spring and damper carry from the motor to the tool [N]."""
+        """Force of spring and damper, from the motor to the tool [N]."""
         return self.stiffness * (x.motor - x.tool) + self.damping * (x.motor_speed - x.tool_speed)
 
     def energy(self, x: Motion) -> Axes:
-        """Kinetic energy and that of the spring [J]."""
+        """Kinetic energy plus the spring's [J]."""
         kinetic = self.motor_mass * x.motor_speed**2 + self.tool_mass * x.tool_speed**2
         return (kinetic + self.stiffness * (x.motor - x.tool) ** 2) / 2
 
 
 def thesis_axis() -> AxisParameters:
-    """The test bench of the thesis, section 3.3: masses, link, friction and three harmonics of cogging as printed."""
+    """Test bench of the thesis as printed in section 3.3, with three harmonics of cogging."""
     friction = Friction(coulomb=36.36, stribeck=22.04, stribeck_speed=2.82, viscous=250.9)
     return AxisParameters(
         motor_mass=39.62,
@@ -173,18 +165,28 @@ def thesis_axis() -> AxisParameters:
     )
 
 
+def _check_sign(name: str, value) -> None:
+    if not is_concrete(value):
+        return
+    numbers = np.asarray(value, float)
+    enough = numbers > 0 if name in POSITIVE else numbers >= 0
+    if not np.all(np.isfinite(numbers) & enough):
+        bound = "above" if name in POSITIVE else "at least"
+        raise ValueError(f"{name}: needs to be finite and {bound} zero, received {value}")
+
+
 class _Axis(Plant):
-    """What the true axis and its smooth twin share."""
+    """Common part of the true axis and its smooth twin."""
 
     parameters: AxisParameters
     dt: float = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
-    def __init__(self, parameters: AxisParameters, dt: float, substeps: int | None = None):
-        """`substeps` per sample; as many as `SUBSTEP` fits into the sample when not given."""
-        self.parameters, self.dt = parameters, float(dt)
+    def __init__(self, parameters: AxisParameters, dt: float, substeps: int | float | None = None):
+        """Take `substeps` per sample; as many as `SUBSTEP` fits into the sample when not given."""
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
+        self.parameters, self.dt = parameters, float(dt)
         count = round(dt / SUBSTEP) if substeps is None else substeps
         if substeps is None and (count < 1 or abs(count * SUBSTEP - dt) > 1e-9 * dt):
             raise ValueError(
@@ -196,7 +198,7 @@ class _Axis(Plant):
 
     @property
     def side_by_side(self) -> bool:
-        """A handful of numbers leaves the lanes of a core empty: six axes take hardly longer than one."""
+        """True: few numbers leave a core's lanes empty; six axes take hardly longer than one."""
         return True
 
     def _motion(self, position, increment) -> Motion:
@@ -206,22 +208,27 @@ class _Axis(Plant):
 
 
 class FlexibleAxis(_Axis):
-    """The axis with stick and slip. It has no useful derivative where it sticks: tune on `SmoothFlexibleAxis`.
+    """The axis with stick and slip.
 
-    Before a substep a slider at rest may break loose, after it one whose speed has turned sticks:
-    see `friction`.
+    It has no useful derivative where it sticks: tune on `SmoothFlexibleAxis`. Before each substep a
+    slider at rest may break loose. After it a slider whose speed has turned sticks; see `friction`.
+
+    >>> axis = FlexibleAxis(thesis_axis(), dt=1e-3)
+    >>> rest = axis.initial_state(jnp.zeros(1), jnp.zeros(1))
+    >>> [bool(axis.output(axis.step(rest, jnp.array([current])))[0] > 0) for current in (0.7, 1.0)]
+    [False, True]
 
     Raises:
         ValueError: `dt` is not above zero, or the substep does not divide it.
     """
 
     def initial_state(self, position, increment) -> SlidingMotion:
-        """No deformation: at rest and stuck, or at a steady speed."""
+        """State without deformation: at rest and stuck, or at a steady speed."""
         motion = self._motion(position, increment)
         return SlidingMotion(motion, jnp.sign(motion.motor_speed).astype(jnp.int32))
 
     def step(self, state: SlidingMotion, control: Axes) -> SlidingMotion:
-        """Substeps of classical Runge-Kutta with the mode frozen in each."""
+        """State after the substeps of one sample, with the mode frozen in each."""
         p, h = self.parameters, self.dt / self.substeps
 
         def substep(_, state: SlidingMotion) -> SlidingMotion:
@@ -239,9 +246,8 @@ class FlexibleAxis(_Axis):
 
             motion = runge_kutta(rates, state.motion, h)
             mode = caught(mode, motion.motor_speed)
-            return SlidingMotion(
-                motion._replace(motor_speed=jnp.where(mode == 0, 0, motion.motor_speed)), mode
-            )
+            speed = jnp.where(mode == 0, 0, motion.motor_speed)
+            return SlidingMotion(motion._replace(motor_speed=speed), mode)
 
         return jax.lax.fori_loop(0, self.substeps, substep, state, unroll=UNROLLED)
 
@@ -255,13 +261,14 @@ class FlexibleAxis(_Axis):
 
 
 class SmoothFlexibleAxis(_Axis):
-    """The differentiable twin: friction follows tanh(sharpness v).
+    """The differentiable twin of `FlexibleAxis`: friction follows tanh(sharpness v).
 
     Args:
-        parameters: as of the true axis.
+        parameters: those of the true axis.
         dt: sample period [s].
-        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass
-            over force.
+        sharpness: inverse of the speed [s/m] within which friction turns. The equation is stiff
+            beyond mass over force and substep.
+        substeps: per sample; as many as `SUBSTEP` fits into the sample when not given.
 
     Raises:
         ValueError: as `FlexibleAxis`.
@@ -273,18 +280,18 @@ class SmoothFlexibleAxis(_Axis):
         self,
         parameters: AxisParameters,
         dt: float,
-        sharpness: float = 1e3,
-        substeps: int | None = None,
-    ):  # 1 mm/s
+        sharpness: float | Float[Array, ""] = 1e3,  # friction turns within 1 mm/s
+        substeps: int | float | None = None,
+    ):
         super().__init__(parameters, dt, substeps)
         self.sharpness = jnp.asarray(sharpness, float)
 
     def initial_state(self, position, increment) -> Motion:
-        """No deformation, at rest or at a steady speed."""
+        """State without deformation, at rest or at a steady speed."""
         return self._motion(position, increment)
 
     def step(self, state: Motion, control: Axes) -> Motion:
-        """Substeps of classical Runge-Kutta."""
+        """State after the substeps of one sample."""
         p, h = self.parameters, self.dt / self.substeps
 
         def rates(x: Motion) -> Motion:
@@ -293,9 +300,10 @@ class SmoothFlexibleAxis(_Axis):
                 x.motor_speed, force / p.motor_mass, x.tool_speed, p.link_force(x) / p.tool_mass
             )
 
-        return jax.lax.fori_loop(
-            0, self.substeps, lambda _, x: runge_kutta(rates, x, h), state, unroll=UNROLLED
-        )
+        def substep(_, state: Motion) -> Motion:
+            return runge_kutta(rates, state, h)
+
+        return jax.lax.fori_loop(0, self.substeps, substep, state, unroll=UNROLLED)
 
     def output(self, state: Motion) -> Axes:
         """The end effector [m]."""

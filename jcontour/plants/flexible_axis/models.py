@@ -1,7 +1,7 @@
-"""Linear models of the flexible axis: eqs. 3.1, 3.2 with the viscous part of the friction, without dry friction and cogging.
+"""Linear models of the flexible axis: eqs. 3.1, 3.2 without dry friction and cogging.
 
-The state is [x_m, v_m, x_e, v_e], each for all m axes: what is measured comes first. The output is
-the end effector.
+The viscous part of the friction is kept. The state is [x_m, v_m, x_e, v_e], each for all m axes:
+the measured states come first. The output is the end effector.
 """
 
 import jax
@@ -15,7 +15,7 @@ from jcontour.plants.flexible_axis.axis import AxisParameters
 
 
 def zoh_model(parameters: AxisParameters, dt: float) -> LinearPlant:
-    """Exact under a control held over the sample.
+    """Model that is exact under a control held over the sample.
 
     Raises:
         ValueError: `dt` is not above zero.
@@ -25,28 +25,25 @@ def zoh_model(parameters: AxisParameters, dt: float) -> LinearPlant:
 
 
 def euler_model(parameters: AxisParameters, dt: float) -> LinearPlant:
-    """Forward Euler, A = I + dt A_c (Yuan, eq. 4.4). The thesis's axis turns unstable by it at 1 ms: |eig A| = 1.00104.
+    """Model by forward Euler, A = I + dt A_c (Yuan, eq. 4.4).
+
+    It makes the thesis's axis unstable at 1 ms: |eig A| = 1.00104.
 
     Raises:
         ValueError: `dt` is not above zero.
     """
     A, B = _rates(parameters)
-    return _side_by_side(jnp.eye(4) + dt * A, dt * B, dt)
+    return _side_by_side(jnp.broadcast_to(jnp.eye(4), A.shape) + dt * A, dt * B, dt)
 
 
 def _rates(p: AxisParameters) -> tuple[Float[Array, "m 4 4"], Float[Array, "m 4 1"]]:
     """dx/dt = A x + B u of every axis."""
-    M, m, k, c, zero, one = (
-        p.motor_mass,
-        p.tool_mass,
-        p.stiffness,
-        p.damping,
-        jnp.zeros(p.axes),
-        jnp.ones(p.axes),
-    )
+    values = (p.motor_mass, p.tool_mass, p.stiffness, p.damping, p.friction.viscous)
+    M, m, k, c, b = (jnp.broadcast_to(value, (p.axes,)) for value in values)
+    zero, one = jnp.zeros(p.axes), jnp.ones(p.axes)
     rows = [
         [zero, one, zero, zero],
-        [-k / M, -(c + p.friction.viscous) / M, k / M, c / M],
+        [-k / M, -(c + b) / M, k / M, c / M],
         [zero, zero, zero, one],
         [k / m, c / m, -k / m, -c / m],
     ]
@@ -61,10 +58,5 @@ def _side_by_side(A: Float[Array, "m 4 4"], B: Float[Array, "m 4 1"], dt: float)
     whole = jnp.einsum("kij,kl->ikjl", A, apart).reshape(4 * axes, 4 * axes)
     inputs = jnp.einsum("ki,kl->ikl", B[..., 0], apart).reshape(4 * axes, axes)
     tool = np.kron([0.0, 0.0, 1.0, 0.0], apart)
-    return LinearPlant(
-        whole,
-        inputs,
-        tool,
-        dt,
-        Pattern.of(np.kron(np.ones((4, 4)), apart), np.kron(np.ones((4, 1)), apart), tool),
-    )
+    pattern = Pattern.of(np.kron(np.ones((4, 4)), apart), np.kron(np.ones((4, 1)), apart), tool)
+    return LinearPlant(whole, inputs, tool, dt, pattern)

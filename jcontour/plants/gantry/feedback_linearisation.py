@@ -1,29 +1,29 @@
-"""Feedback linearisation of the gantry: currents that cancel the coupling between head and beam (Yuan, section 5.4.2).
+"""Feedback linearisation of the gantry: currents cancel the coupling of head and beam.
 
-    i_x  = M_e / k_x       (-x_h theta'^2 + d theta'' + y_N'' s) + i'_x
-    (5.30) i_y1 = M_e / k_y       (s x_h'' + d s theta'' - x_h s theta'^2 + 2 x_h' c theta' + d
-    theta'^2 c) + i'_y1     (5.32) i_y2 = M_e / (k_y L)   (d x_h'' + d s y_N'' + 2 theta' x_h' x_h)
-    + i'_y2                                 (5.34)
-with nominal parameters. Nobody measures q''. We take it from the model that is to remain, under i',
-with the head where it is:
-    M_e x_h'' + b_x x_h' = k_x i'_x                                                 (5.31)
-    M_t y_N'' + 2 b_y y_N' + m theta'' = k_y i'_y1                                  (5.33), the
-    thesis's k_y1 is k_y m y_N'' + J theta'' + 2 b_y L^2 theta' + 2 k_r theta = k_y L i'_y2
-    (5.35)
-with m = M_e x_h - M_d L. That closes the algebraic loop: a plant of the nominal parameters then
-moves as the model says, but for
-    across    ((c - 1) m theta'' + M_d L s theta'^2)
-    turning   ((c - 1) m y_N'' + 2 k_s L^2 s (1 - c) + (1 - c) k_y L i_y2 - (1 - c^2) 2 b_y L^2
-    theta')
-on the left sides: cos theta = 1 in the coupling, drives and friction of the beam, the springs
-between drives and guides, and M_d in the centrifugal force. All are of second order in theta or of
-first order in M_d theta.
+Yuan, section 5.4.2, with nominal parameters:
+    i_x  = M_e / k_x       (-x_h theta'^2 + d theta'' + y_N'' s) + i'_x                 (5.30)
+    i_y1 = M_e / k_y       (s x_h'' + d s theta'' - x_h s theta'^2 + 2 x_h' c theta'
+                            + d theta'^2 c) + i'_y1                                     (5.32)
+    i_y2 = M_e / (k_y L)   (d x_h'' + d s y_N'' + 2 theta' x_h' x_h) + i'_y2            (5.34)
+No sensor measures q''. We take it from the model that is to remain, under i', with the head where
+it is:
+    M_e x_h'' + b_x x_h' = k_x i'_x                                                     (5.31)
+    M_t y_N'' + 2 b_y y_N' + m theta'' = k_y i'_y1                                      (5.33)
+    m y_N'' + J theta'' + 2 b_y L^2 theta' + 2 k_r theta = k_y L i'_y2                  (5.35)
+with m = M_e x_h - M_d L; the thesis's k_y1 in (5.33) is k_y. This closes the algebraic loop. A
+plant of the nominal parameters then moves as the model says, but for these terms on the left sides:
+    across    (c - 1) m theta'' + M_d L s theta'^2
+    turning   (c - 1) m y_N'' + 2 k_s L^2 s (1 - c) + (1 - c) k_y L i_y2
+              - (1 - c^2) 2 b_y L^2 theta'
+They come from cos theta = 1 in the coupling, the drives and the friction of the beam, from the
+springs between drives and guides, and from M_d in the centrifugal force. All are of second order in
+theta or of first order in M_d theta.
 """
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Shaped
 
 from jcontour.plants.gantry.disturbances import disturbances, largest_over_box
 from jcontour.plants.gantry.gantry import EquationOfMotion, Triple
@@ -34,13 +34,9 @@ from jcontour.plants.gantry.parameters import Coordinates, GantryParameters
 def coupling_currents(
     nominal: GantryParameters, q: Coordinates, v: Coordinates, acceleration: Triple
 ) -> Float[Array, "3"]:
-    """(i_x, i_y1, i_y2) - i' [A] of (5.30), (5.32), (5.34)."""
-    motion, (x, _, theta), (dx, _, omega), (ddx, ddy, turning) = (
-        EquationOfMotion.of(nominal),
-        q,
-        v,
-        acceleration,
-    )
+    """Added currents (i_x, i_y1, i_y2) - i' [A] of (5.30), (5.32), (5.34)."""
+    motion = EquationOfMotion.of(nominal)
+    (x, _, theta), (dx, _, omega), (ddx, ddy, turning) = q, v, acceleration
     d, sine, cosine = motion.tool_offset, jnp.sin(theta), jnp.cos(theta)
     along = -x * omega**2 + d * turning + ddy * sine
     across = sine * (ddx + d * turning - x * omega**2) + cosine * omega * (2 * dx + d * omega)
@@ -50,7 +46,11 @@ def coupling_currents(
 
 
 def motor_currents(combined: Float[Array, "3"]) -> Float[Array, "3"]:
-    """(i_x, i_y1, i_y2) -> (i_x, i_1, i_2): i_1 = (i_y1 - i_y2) / 2, i_2 = (i_y1 + i_y2) / 2 (5.44), the thesis's y_y2 is i_y2."""
+    """Motor currents (i_x, i_1, i_2) from the combined currents (i_x, i_y1, i_y2), eq. 5.44.
+
+        i_1 = (i_y1 - i_y2) / 2,   i_2 = (i_y1 + i_y2) / 2
+    The thesis's y_y2 is i_y2.
+    """
     i_x, both, difference = combined
     return jnp.stack([i_x, (both - difference) / 2, (both + difference) / 2])
 
@@ -58,48 +58,41 @@ def motor_currents(combined: Float[Array, "3"]) -> Float[Array, "3"]:
 def uncoupled_acceleration(
     nominal: GantryParameters, q: Coordinates, v: Coordinates, control: Float[Array, "3"]
 ) -> Triple:
-    """q'' of (5.31), (5.33), (5.35) under currents i' = (i'_x, i'_1, i'_2), with the head where it is."""
+    """Acceleration q'' of (5.31), (5.33), (5.35) under currents i' = (i'_x, i'_1, i'_2).
+
+    The head is taken where it is.
+    """
     motion, (dx, dy, omega), (i_x, i_1, i_2) = EquationOfMotion.of(nominal), v, control
     across = motion.beam_constant * (i_1 + i_2) - motion.beam_viscous * dy
-    turning = (
-        motion.turning_constant * (i_2 - i_1)
-        - motion.turning_viscous * omega
-        - motion.joints * q[2]
-    )
-    mass, inertia, m = (
-        motion.total_mass,
-        motion.inertia + motion.head_mass * q[0] ** 2,
-        motion.head_mass * q[0] - motion.imbalance,
-    )
+    driven = motion.turning_constant * (i_2 - i_1)
+    turning = driven - motion.turning_viscous * omega - motion.joints * q[2]
+    mass = motion.total_mass
+    inertia = motion.inertia + motion.head_mass * q[0] ** 2
+    m = motion.head_mass * q[0] - motion.imbalance
     determinant = mass * inertia - m**2
     head = (motion.head_constant * i_x - motion.head_viscous * dx) / motion.head_mass
-    return (
-        head,
-        (inertia * across - m * turning) / determinant,
-        (mass * turning - m * across) / determinant,
-    )
+    beam = (inertia * across - m * turning) / determinant
+    return head, beam, (mass * turning - m * across) / determinant
 
 
 def linearising_currents(
     nominal: GantryParameters, state: Float[Array, "6"], control: Float[Array, "3"]
 ) -> Float[Array, "3"]:
-    """What the motors get beside i' = (i'_x, i'_1, i'_2) in a state of `Gantry` [A]: i_f of (5.44)."""
+    """Currents i_f of (5.44) [A], added to i' = (i'_x, i'_1, i'_2) in a state of `Gantry`."""
     q, v = state[:3], state[3:]
-    return motor_currents(
-        coupling_currents(nominal, q, v, uncoupled_acceleration(nominal, q, v, control))
-    )
+    acceleration = uncoupled_acceleration(nominal, q, v, control)
+    return motor_currents(coupling_currents(nominal, q, v, acceleration))
 
 
 class EncoderLinearisation(eqx.Module):
-    """`linearising_currents` from what `MotorEncoders` read."""
+    """`linearising_currents` from the reading of `MotorEncoders`."""
 
     nominal: GantryParameters
 
     def __call__(self, reading: Float[Array, "6"], control: Float[Array, "3"]) -> Float[Array, "3"]:
-        """Currents to add to i' [A]."""
-        return linearising_currents(
-            self.nominal, MotorEncoders(self.nominal).state(reading), control
-        )
+        """Currents that are added to i' [A]."""
+        state = MotorEncoders(self.nominal).state(reading)
+        return linearising_currents(self.nominal, state, control)
 
 
 def residuals(
@@ -109,19 +102,21 @@ def residuals(
     state: Float[Array, "6"],
     control: Float[Array, "3"],
 ) -> Float[Array, "3"]:
-    """(eta_x [N], eta_1 [N], eta_2 [N m]): what (5.31), (5.33), (5.35) leave out under i' = `control` and the currents that linearise.
+    """Terms (eta_x [N], eta_1 [N], eta_2 [N m]) that (5.31), (5.33), (5.35) leave out.
 
-    Left sides less the currents' forces, with accelerations and parameters of the plant, m and J at
-    xbar. The thesis's sums, which have eta_x = (k_x M_e' / k_x' - M_e) c_x(q'') for the bracket c_x
-    of (5.30), take q'' as measured; the q'' of our model, a, leaves k_x M_e' / k_x' c_x(a) - M_e
-    c_x(q''), which differs from them where the parameters do; so for eta_1, eta_2.
+    They are the left sides less the forces of i', with the accelerations and parameters of the
+    plant under i' and the linearising currents, and with m and J at xbar. With c_x the bracket of
+    (5.30), the thesis has eta_x = (k_x M_e' / k_x' - M_e) c_x(q''): it uses the measured
+    acceleration q'' in both terms. We use the model's acceleration a in the first,
+    eta_x = k_x M_e' / k_x' c_x(a) - M_e c_x(q''). The two agree for equal parameters. The same
+    holds for eta_1 and eta_2.
 
     Args:
-        parameters: of the plant.
-        nominal: of the compensation.
+        parameters: those of the plant.
+        nominal: those of the compensation.
         head: xbar [m].
-        state: of `Gantry`.
-        control: i'.
+        state: state of `Gantry`.
+        control: i' [A].
 
     Raises:
         ValueError: the point of linearisation is outside the beam.
@@ -129,27 +124,26 @@ def residuals(
     added = linearising_currents(nominal, state, control)
     d_x, d_1, d_2 = disturbances(parameters, head, state, control + added)
     (i_x, i_1, i_2), p = added, parameters
-    beam = d_1 + p.drive_constant * (i_1 + i_2)
-    return jnp.stack(
-        [
-            p.head_mass * d_x + p.head_constant * i_x,
-            beam,
-            d_2 + p.drive_constant * p.half_span * (i_2 - i_1),
-        ]
-    )
+    eta_x = p.head_mass * d_x + p.head_constant * i_x
+    eta_1 = d_1 + p.drive_constant * (i_1 + i_2)
+    eta_2 = d_2 + p.drive_constant * p.half_span * (i_2 - i_1)
+    return jnp.stack([eta_x, eta_1, eta_2])
 
 
 def residual_bounds(
     parameters: GantryParameters,
     nominal: GantryParameters,
     head,
-    low: Float[ArrayLike, "9"],
-    high: Float[ArrayLike, "9"],
+    low: Shaped[ArrayLike, "..."],
+    high: Shaped[ArrayLike, "..."],
 ) -> Float[np.ndarray, "3"]:
-    """Largest |eta_x|, |eta_1|, |eta_2| over a box of states and currents i'; errors as `disturbance_bounds`."""
-    return largest_over_box(
-        lambda state, control: residuals(parameters, nominal, head, state, control),
-        parameters,
-        low,
-        high,
-    )
+    """Largest |eta_x|, |eta_1|, |eta_2| over a box of states and currents i'.
+
+    Raises:
+        ValueError: as `disturbance_bounds`.
+    """
+
+    def terms(state, control):
+        return residuals(parameters, nominal, head, state, control)
+
+    return largest_over_box(terms, parameters, low, high)

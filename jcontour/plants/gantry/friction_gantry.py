@@ -1,10 +1,10 @@
-"""The gantry with dry friction in its three guide ways: of the head on the beam, and of both drives.
+"""The gantry with dry friction in its three guide ways: of the head on the beam and of both drives.
 
-    M_z z'' = f(z, z', u) - F_f        M_z, f and z = (x_h, y_1, y_2) as in `gantry_sliders`, F_f as
-    in `friction`
-The thesis's gantry has viscous friction only; the dry part is that of its chapter 3. A slider that
-sticks is left out of the equation, and what its guide way has to hold follows from the motion of
-the others, to which the mass matrix couples it.
+    M_z z'' = f(z, z', u) - F_f
+with M_z, f and z = (x_h, y_1, y_2) as in `sliders`, F_f as in `friction`. The thesis's gantry has
+viscous friction only; the dry part is that of its chapter 3. A slider that sticks is left out of
+the equation. The force on its guide way follows from the motion of the others, to which the mass
+matrix couples it.
 """
 
 from typing import NamedTuple
@@ -25,14 +25,17 @@ from jcontour.tracing import is_concrete
 
 
 class SlidingMotion(NamedTuple):
-    """Positions and speeds of the sliders (z, z') [m, m/s], and whether each sticks (0) or slips (-1, 1)."""
+    """Motion of the sliders, and whether each sticks (0) or slips (-1, 1)."""
 
-    sliders: Float[Array, "6"]
+    sliders: Float[Array, "6"]  # positions and speeds (z, z') [m, m/s]
     mode: Int[Array, "3"]
 
 
 class _FrictionGantry(Plant):
-    """What the true gantry and its smooth twin share: they integrate (z, z'), and measure (q, q') as `Gantry` does."""
+    """Common part of the true gantry and its smooth twin.
+
+    Both integrate (z, z'), and measure (q, q') as `Gantry` does.
+    """
 
     parameters: GantryParameters
     friction: Friction
@@ -44,15 +47,14 @@ class _FrictionGantry(Plant):
         parameters: GantryParameters,
         friction: Friction,
         dt: float,
-        substeps: int | None = None,
+        substeps: int | float | None = None,
     ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
         self.friction = of_sliders(friction)
 
     def _start(self, position, increment) -> Float[Array, "6"]:
-        return self.parameters.motors(
-            untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
-        )
+        speed = jnp.asarray(increment) / self.dt
+        return self.parameters.motors(untwisted(self.parameters, position, speed))
 
     def output(self, state) -> Float[Array, "2"]:
         """The tool [m]."""
@@ -60,16 +62,17 @@ class _FrictionGantry(Plant):
 
 
 class StickSlipGantry(_FrictionGantry):
-    """The gantry with stick and slip. It has no useful derivative where it sticks: tune on `SmoothFrictionGantry`.
+    """The gantry with stick and slip.
 
-    Between substeps a slider whose speed has turned sticks, unless what is on it takes it on the
-    other way at once, and one at rest breaks loose where more than f_c + f_s is on it. What is on
-    it depends on which of the others slip, so that they break loose one after another, the most
-    overloaded first.
+    It has no useful derivative where it sticks: tune on `SmoothFrictionGantry`. After each substep
+    a slider whose velocity changed sign sticks, unless the force on it exceeds f_c + f_s; a slider
+    at rest starts to slide when it does. The force on a slider depends on which of the others slip.
+    So they break loose one after another, the most overloaded first.
 
     Args:
         parameters: of the machine.
-        friction: of head, first and second drive; its viscous part adds to that of the parameters.
+        friction: friction of head, first and second drive; its viscous part adds to that of the
+            parameters.
         dt: sample period [s].
         substeps: per sample; as many as `SUBSTEP` fits into the sample when not given.
 
@@ -79,7 +82,7 @@ class StickSlipGantry(_FrictionGantry):
     """
 
     def initial_state(self, position, increment) -> SlidingMotion:
-        """No twist, the tool through `position`, at rest and stuck or at a steady speed.
+        """State without twist, the tool through `position`, at rest and stuck or moving.
 
         Raises:
             ValueError: the head would be outside the beam.
@@ -88,7 +91,7 @@ class StickSlipGantry(_FrictionGantry):
         return SlidingMotion(sliders, jnp.sign(sliders[3:]).astype(jnp.int32))
 
     def step(self, state: SlidingMotion, control) -> SlidingMotion:
-        """Substeps of classical Runge-Kutta with the modes frozen in each."""
+        """State after the substeps of one sample, with the modes frozen in each."""
         equation, guides = SliderEquation.of(self.parameters), each(self.friction)
 
         def substep(_, state: SlidingMotion) -> SlidingMotion:
@@ -98,53 +101,48 @@ class StickSlipGantry(_FrictionGantry):
             def rates(x):
                 z, v = x[:3], x[3:]
                 masses, forces = equation.masses_and_forces(z, v, control)
-                left = [
-                    f - guide.slipping(s, speed)
-                    for f, guide, s, speed in zip(forces, guides, mode, v, strict=True)
-                ]
-                return jnp.stack([*v, *masses.solved_for(slips, left)])
+                parts = zip(forces, guides, mode, v, strict=True)
+                net = [f - guide.slipping(s, speed) for f, guide, s, speed in parts]
+                return jnp.stack([*v, *masses.solved_for(slips, net)])
 
-            return self._settled(
-                equation,
-                SlidingMotion(runge_kutta(rates, sliders, self.dt / self.substeps), mode),
-                control,
-            )
+            moved = runge_kutta(rates, sliders, self.dt / self.substeps)
+            return self._settled(equation, SlidingMotion(moved, mode), control)
 
         return jax.lax.fori_loop(0, self.substeps, substep, self._settled(equation, state, control))
 
     def measure(self, state: SlidingMotion) -> Float[Array, "6"]:
-        """(q, q')."""
+        """State (q, q') of `Gantry`."""
         return self.parameters.coordinates(state.sliders)
 
     def _settled(self, equation: SliderEquation, state: SlidingMotion, control) -> SlidingMotion:
-        """Modes for what follows: sliders at rest, or whose speed has turned, stick or break loose in the direction of what is on them."""
+        """State with the modes of the next substep.
+
+        Sliders at rest, or whose speed has turned, stick or break loose in the direction of the
+        force on them.
+        """
         z, v = state.sliders[:3], state.sliders[3:]
         mode = caught(state.mode, v)
         speed = _slipping(mode, v)
-        masses, forces = equation.masses_and_forces(z, speed, control)
+        masses, parts = equation.masses_and_forces(z, speed, control)
+        forces, holding = jnp.stack(parts), self.friction.dry(jnp.zeros(SLIDERS))
         for _ in range(SLIDERS):
-            slipping = masses.solved_for(
-                mode != 0, jnp.stack(forces) - self.friction.slipping(mode, speed)
-            )
-            load = jnp.stack(forces) - jnp.stack(masses.times(slipping))
-            excess = jnp.where(
-                mode == 0, jnp.abs(load) - self.friction.dry(jnp.zeros(SLIDERS)), -jnp.inf
-            )
-            mode = jnp.where(
-                jnp.arange(SLIDERS) == jnp.argmax(excess), self.friction.released(mode, load), mode
-            )
+            net = forces - self.friction.slipping(mode, speed)
+            load = forces - jnp.stack(masses.times(masses.solved_for(mode != 0, net)))
+            excess = jnp.where(mode == 0, jnp.abs(load) - holding, -jnp.inf)
+            most_overloaded = jnp.arange(SLIDERS) == jnp.argmax(excess)
+            mode = jnp.where(most_overloaded, self.friction.released(mode, load), mode)
         return SlidingMotion(jnp.concatenate([z, _slipping(mode, v)]), mode)
 
 
 class SmoothFrictionGantry(_FrictionGantry):
-    """The differentiable twin: friction follows tanh(sharpness v).
+    """The differentiable twin of `StickSlipGantry`: friction follows tanh(sharpness v).
 
     Args:
-        parameters: as of the true gantry.
-        friction: likewise.
+        parameters: those of the true gantry.
+        friction: that of the true gantry.
         dt: sample period [s].
-        sharpness: 1/speed [s/m] within which friction turns; stiff beyond 1 / substep times mass
-            over force.
+        sharpness: inverse of the speed [s/m] within which friction turns. The equation is stiff
+            beyond mass over force and substep.
         substeps: per sample; as many as `SUBSTEP` fits into the sample when not given.
 
     Raises:
@@ -158,18 +156,20 @@ class SmoothFrictionGantry(_FrictionGantry):
         parameters: GantryParameters,
         friction: Friction,
         dt: float,
-        sharpness: float = 1e3,
-        substeps: int | None = None,  # 1 mm/s
+        sharpness: float | Scalar = 1e3,  # friction turns within 1 mm/s
+        substeps: int | float | None = None,
     ):
         super().__init__(parameters, friction, dt, substeps)
-        if is_concrete(sharpness) and not np.all(
-            np.isfinite(sharpness) & (np.asarray(sharpness) > 0)
-        ):
-            raise ValueError(f"sharpness: needs to be finite and above zero, received {sharpness}")
+        if is_concrete(sharpness):
+            value = np.asarray(sharpness)
+            if not np.all(np.isfinite(value) & (value > 0)):
+                raise ValueError(
+                    f"sharpness: needs to be finite and above zero, received {sharpness}"
+                )
         self.sharpness = jnp.asarray(sharpness, float)
 
     def initial_state(self, position, increment) -> Float[Array, "6"]:
-        """(z, z'): no twist, the tool through `position`, at rest or at a steady speed.
+        """State (z, z') without twist, the tool through `position`, at rest or at a steady speed.
 
         Raises:
             ValueError: the head would be outside the beam.
@@ -177,46 +177,44 @@ class SmoothFrictionGantry(_FrictionGantry):
         return self._start(position, increment)
 
     def step(self, state, control) -> Float[Array, "6"]:
-        """Substeps of classical Runge-Kutta."""
+        """State after the substeps of one sample."""
         equation, guides = SliderEquation.of(self.parameters), each(self.friction)
 
         @jax.checkpoint  # reverse mode computes a stage again instead of storing it
         def rates(x):
             z, v = x[:3], x[3:]
             masses, forces = equation.masses_and_forces(z, v, control)
-            left = [
-                f - guide.smooth(speed, self.sharpness)
-                for f, guide, speed in zip(forces, guides, v, strict=True)
-            ]
-            return jnp.stack([*v, *masses.solved(left)])
+            parts = zip(forces, guides, v, strict=True)
+            net = [f - guide.smooth(speed, self.sharpness) for f, guide, speed in parts]
+            return jnp.stack([*v, *masses.solved(net)])
 
         h = self.dt / self.substeps
         return jax.lax.fori_loop(0, self.substeps, lambda _, x: runge_kutta(rates, x, h), state)
 
     def measure(self, state) -> Float[Array, "6"]:
-        """(q, q')."""
+        """State (q, q') of `Gantry`."""
         return self.parameters.coordinates(state)
 
 
 def _slipping(mode: Int[Array, "3"], speed: OfSliders) -> OfSliders:
-    """Speeds of the sliders that move as their modes say, none of the others; a NaN stays one."""
-    return jnp.where(mode * speed <= 0, 0, speed)
+    """Speeds of the sliders that move as their modes say, zero for the others; a NaN stays one."""
+    return jnp.where(mode.astype(speed.dtype) * speed <= 0, 0, speed)
 
 
 def each(friction: Friction) -> list[Friction]:
-    """Slider by slider."""
+    """Friction of each slider."""
     return [jax.tree.map(lambda values, k=k: values[k], friction) for k in range(SLIDERS)]
 
 
 def of_sliders(friction: Friction) -> Friction:
-    """One value for each slider.
+    """Friction with one value for each slider.
 
     Raises:
-        ValueError: there is another number of them.
+        ValueError: there is another number of values.
     """
     for name, values in vars(friction).items():
-        if values.shape[-1] not in (1, SLIDERS):
-            raise ValueError(
-                f"friction: {name} needs one value, or one each for the head and the two drives, received {values.shape[-1]}"
-            )
+        count = values.shape[-1]
+        if count not in (1, SLIDERS):
+            needed = "one value, or one each for the head and the two drives"
+            raise ValueError(f"friction: {name} needs {needed}, received {count}")
     return jax.tree.map(lambda values: jnp.broadcast_to(values, (SLIDERS,)), friction)

@@ -1,9 +1,10 @@
-"""Moving gantry whose beam twists when its two drives disagree (Yuan, section 5.1), on the coordinates of `gantry_parameters`.
+"""Moving gantry whose beam twists when its two drives disagree (Yuan, section 5.1).
 
-    M(q) q'' + h(q, q') = Q(q, q', u)            (5.7)-(5.9), Q from (5.4)-(5.6), u = (i_x, i_1,
-    i_2) K = sum of 1/2 M_i |V_i|^2 + 1/2 I_N theta'^2,   P = k_r theta^2 + k_s L^2 (1 - cos
-    theta)^2         (5.1)-(5.3)
-The current loops are ideal. Classical Runge-Kutta substeps under currents that are held.
+    M(q) q'' + h(q, q') = Q(q, q', u)                       (5.7)-(5.9), Q from (5.4)-(5.6)
+    K = sum of 1/2 M_i |V_i|^2 + 1/2 I_N theta'^2           (5.1)-(5.3)
+    P = k_r theta^2 + k_s L^2 (1 - cos theta)^2
+with u = (i_x, i_1, i_2) and the coordinates q of `parameters`. The current loops are ideal. A
+sample is integrated by classical Runge-Kutta substeps under held currents.
 """
 
 from typing import NamedTuple
@@ -20,13 +21,12 @@ from jcontour.plants.integrators import runge_kutta
 
 SUBSTEP = 2.5e-4  # [s] a forty-sixth of the period of the fastest resonance, 86 Hz
 
-Triple = tuple[
-    Scalar, Scalar, Scalar
-]  # one a coordinate: scalars, because a compiler puts a stack of them in a kernel of its own
+# one scalar a coordinate, because a compiler puts a stack of them in a kernel of its own
+Triple = tuple[Scalar, Scalar, Scalar]
 
 
 class EquationOfMotion(NamedTuple):
-    """The equation's lumped coefficients, and the equation."""
+    """Equation of motion with its lumped coefficients."""
 
     total_mass: Scalar  # M_t [kg]
     head_mass: Scalar  # M_e [kg]
@@ -44,57 +44,47 @@ class EquationOfMotion(NamedTuple):
 
     @classmethod
     def of(cls, p: GantryParameters) -> "EquationOfMotion":
-        """The equation of a machine."""
-        imbalance = (p.drive_mass_1 - p.drive_mass_2) * p.half_span
-        guides, turning_viscous = (
-            2 * p.lateral_stiffness * p.half_span**2,
-            2 * p.drive_viscous * p.half_span**2,
-        )
+        """Equation of motion of a machine."""
         return cls(
-            p.total_mass,
-            p.head_mass,
-            p.tool_offset,
-            imbalance,
-            p.inertia(0.0),
-            2 * p.joint_stiffness,
-            guides,
-            p.head_viscous,
-            2 * p.drive_viscous,
-            turning_viscous,
-            p.head_constant,
-            p.drive_constant,
-            p.drive_constant * p.half_span,
+            total_mass=p.total_mass,
+            head_mass=p.head_mass,
+            tool_offset=p.tool_offset,
+            imbalance=(p.drive_mass_1 - p.drive_mass_2) * p.half_span,
+            inertia=p.inertia(0.0),
+            joints=2 * p.joint_stiffness,
+            guides=2 * p.lateral_stiffness * p.half_span**2,
+            head_viscous=p.head_viscous,
+            beam_viscous=2 * p.drive_viscous,
+            turning_viscous=2 * p.drive_viscous * p.half_span**2,
+            head_constant=p.head_constant,
+            beam_constant=p.drive_constant,
+            turning_constant=p.drive_constant * p.half_span,
         )
 
     def mass_matrix(self, q: Coordinates | Triple) -> Float[Array, "3 3"]:
-        """M(q)."""
+        """Mass matrix M(q)."""
         x, _, theta = q
         M_e, d = self.head_mass, self.tool_offset
         sine = jnp.sin(theta)
         yaw = M_e * d * sine + (M_e * x - self.imbalance) * jnp.cos(theta)
-        return jnp.stack(
-            [
-                jnp.stack([M_e, M_e * sine, M_e * d]),
-                jnp.stack([M_e * sine, self.total_mass, yaw]),
-                jnp.stack([M_e * d, yaw, self.inertia + M_e * x**2]),
-            ]
-        )
+        head = jnp.stack([M_e, M_e * sine, M_e * d])
+        beam = jnp.stack([M_e * sine, self.total_mass, yaw])
+        angle = jnp.stack([M_e * d, yaw, self.inertia + M_e * x**2])
+        return jnp.stack([head, beam, angle])
 
     def bias(self, q: Coordinates | Triple, v: Coordinates | Triple) -> Triple:
-        """h(q, q') [N, N, N m]: centrifugal, Coriolis and spring terms."""
+        """Centrifugal, Coriolis and spring terms h(q, q') [N, N, N m]."""
         (x, _, theta), (dx, _, omega) = q, v
         M_e, d, sine, cosine = self.head_mass, self.tool_offset, jnp.sin(theta), jnp.cos(theta)
-        across = (
-            M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine))
-            + self.imbalance * omega**2 * sine
-        )
+        of_head = M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine))
+        across = of_head + self.imbalance * omega**2 * sine
         turning = 2 * M_e * omega * dx * x + self.joints * theta + self.guides * sine * (1 - cosine)
         return -M_e * x * omega**2, across, turning
 
     def forces(
         self, q: Coordinates | Triple, v: Coordinates | Triple, control: Float[Array, "3"]
     ) -> Triple:
-        """Q [N, N, N m] of currents and viscous friction, eqs. 5.4-5.6."""
+        """Forces Q [N, N, N m] of currents and viscous friction, eqs. 5.4-5.6."""
         (dx, dy, omega), (i_x, i_1, i_2) = v, control
         cosine = jnp.cos(q[2])
         along = self.head_constant * i_x - self.head_viscous * dx
@@ -103,19 +93,18 @@ class EquationOfMotion(NamedTuple):
         return along, across, turning * cosine
 
     def acceleration(self, q: Coordinates, v: Coordinates, control: Float[Array, "3"]) -> Triple:
-        """q'' = M^-1 (Q - h), in closed form.
+        """Acceleration q'' = M^-1 (Q - h), in closed form.
 
-        The head's line, M_e (x_h'' + s y_N'' + d theta'') = r_x, taken from the others leaves
+        The head's line, M_e (x_h'' + s y_N'' + d theta'') = r_x, subtracted from the others leaves
             (M_t - M_e s^2) y_N'' + c (M_e x_h - M_d L) theta''  = r_y - s r_x
             c (M_e x_h - M_d L) y_N'' + (J - M_e d^2) theta''    = r_theta - d r_x.
-        Each entry ends in a division of its own: so a compiler that never repeats a division keeps
+        Each entry ends in its own division: a compiler that never repeats a division then keeps
         the rest in one kernel.
         """
         x, _, theta = q
         M_e, d, sine = self.head_mass, self.tool_offset, jnp.sin(theta)
-        along, across, turning = (
-            Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True)
-        )
+        pairs = zip(self.forces(q, v, control), self.bias(q, v), strict=True)
+        along, across, turning = (Q - h for Q, h in pairs)
         across, turning = across - sine * along, turning - d * along
         mass, inertia = self.total_mass - M_e * sine**2, self.inertia + M_e * (x**2 - d**2)
         yaw = (M_e * x - self.imbalance) * jnp.cos(theta)
@@ -127,27 +116,33 @@ class EquationOfMotion(NamedTuple):
     def beam_acceleration(
         self, q: Coordinates, v: Coordinates, control: Float[Array, "3"], along: Scalar
     ) -> tuple[Scalar, Scalar]:
-        """(y_N'', theta''), (5.8) and (5.9) solved for them, where something else moves the head with x_h'' = `along` [m/s^2]."""
+        """Acceleration (y_N'', theta'') by (5.8) and (5.9) for a given x_h'' = `along` [m/s^2]."""
         M_e, x, sine = self.head_mass, q[0], jnp.sin(q[2])
-        _, across, turning = (
-            Q - h for Q, h in zip(self.forces(q, v, control), self.bias(q, v), strict=True)
-        )
+        pairs = zip(self.forces(q, v, control), self.bias(q, v), strict=True)
+        _, across, turning = (Q - h for Q, h in pairs)
         across, turning = across - M_e * sine * along, turning - M_e * self.tool_offset * along
         yaw = M_e * self.tool_offset * sine + (M_e * x - self.imbalance) * jnp.cos(q[2])
         inertia = self.inertia + M_e * x**2
         determinant = self.total_mass * inertia - yaw**2
-        return (inertia * across - yaw * turning) / determinant, (
-            self.total_mass * turning - yaw * across
-        ) / determinant
+        beam = (inertia * across - yaw * turning) / determinant
+        return beam, (self.total_mass * turning - yaw * across) / determinant
 
     def energy(self, q: Coordinates, v: Coordinates) -> Scalar:
-        """K + P [J]."""
+        """Energy K + P [J]."""
         springs = self.joints * q[2] ** 2 + self.guides * (1 - jnp.cos(q[2])) ** 2
         return (v @ self.mass_matrix(q) @ v + springs) / 2
 
 
 class Gantry(Plant):
-    """The gantry with the state (q, q') = (x_h, y_N, theta, rates), all of it measured, under currents (i_x, i_1, i_2) [A].
+    """The gantry under currents (i_x, i_1, i_2) [A], its whole state measured.
+
+    The state is (q, q') = (x_h, y_N, theta, rates).
+
+    >>> from jcontour.plants.gantry.parameters import thesis_gantry
+    >>> gantry = Gantry(thesis_gantry(), dt=1e-3)
+    >>> start = gantry.initial_state(jnp.array([0.1, 0.2]), jnp.zeros(2))
+    >>> gantry.output(start).round(6).tolist(), start.round(6).tolist()[:3]
+    ([0.1, 0.2], [0.1, 0.4, 0.0])
 
     Args:
         parameters: of the machine.
@@ -162,11 +157,13 @@ class Gantry(Plant):
     dt: float = eqx.field(static=True)
     substeps: int = eqx.field(static=True)
 
-    def __init__(self, parameters: GantryParameters, dt: float, substeps: int | None = None):
+    def __init__(
+        self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
+    ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
 
     def initial_state(self, position, increment) -> Float[Array, "6"]:
-        """No twist, the tool through `position`, at rest or at a steady speed.
+        """State without twist, the tool through `position`, at rest or at a steady speed.
 
         Raises:
             ValueError: the head would be outside the beam.
@@ -174,11 +171,10 @@ class Gantry(Plant):
         return untwisted(self.parameters, position, jnp.asarray(increment) / self.dt)
 
     def step(self, state, control) -> Float[Array, "6"]:
-        """Substeps of classical Runge-Kutta."""
+        """State after the substeps of one sample."""
         h = self.dt / self.substeps
-        coefficients = jnp.stack(
-            EquationOfMotion.of(self.parameters)
-        )  # one vector: a third faster than thirteen scalars
+        # one vector: a third faster than thirteen scalars
+        coefficients = jnp.stack(EquationOfMotion.of(self.parameters))
 
         # reverse mode computes a stage again instead of storing it: four times faster
         @jax.checkpoint
@@ -196,8 +192,8 @@ class Gantry(Plant):
         return self.parameters.tool(state[:3])
 
 
-def substeps_of(dt: float, substeps: int | None) -> int:
-    """Substeps per sample; ValueError unless `dt` is above zero and holds a whole number of them."""
+def substeps_of(dt: float, substeps: int | float | None) -> int:
+    """Substeps per sample; ValueError unless `dt` holds a whole number of them."""
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt: needs to be finite and above zero, received {dt}")
     count = round(dt / SUBSTEP) if substeps is None else substeps

@@ -1,8 +1,8 @@
-"""The gantry as the encoders of its three motors see it: z = (x_h, y_1 - d, y_2 - d, rates), all zero where the tool is at the origin.
+"""The gantry in the readings of its three motor encoders: z = (x_h, y_1 - d, y_2 - d, rates).
 
-For small angles z = T (x_h, y_N - d, theta), y_1,2 = y_N -+ L theta, so that the motors' positions
-and speeds are the whole state and nothing has to be observed. The models of `gantry_linear` in
-these coordinates are what a controller of the motors needs.
+All are zero where the tool is at the origin. For small angles z = T (x_h, y_N - d, theta),
+y_1,2 = y_N -+ L theta. So the motors' positions and speeds are the whole state, and no observer is
+needed. A controller of the motors uses the models of `linear_models` in these coordinates.
 """
 
 import equinox as eqx
@@ -17,51 +17,49 @@ from jcontour.plants.gantry.parameters import GantryParameters, Scalar, check_on
 
 
 class MotorEncoders(eqx.Module):
-    """State of a `Gantry` -> what its encoders read, the Y axes homed where the tool is at y = 0."""
+    """Encoder readings of a `Gantry`, the Y axes homed where the tool is at y = 0."""
 
     parameters: GantryParameters
 
     def __call__(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
-        """(x_h, y_1 - d, y_2 - d) [m] and their speeds [m/s]."""
+        """Readings (x_h, y_1 - d, y_2 - d) [m] and their speeds [m/s] in a state."""
         return self.parameters.motors(state).at[1:3].add(-self.parameters.tool_offset)
 
     def state(self, reading: Float[Array, "6"]) -> Float[Array, "6"]:
-        """The state that is read so."""
+        """State with these readings."""
         return self.parameters.coordinates(reading.at[1:3].add(self.parameters.tool_offset))
 
 
 def motor_model(
     parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation = tangent
 ) -> LinearPlant:
-    """Linear model at a head position [m], its state what `MotorEncoders` read, its outputs the tool.
+    """Linear model at a head position [m], its state the encoder readings, its outputs the tool.
 
     Raises:
         ValueError: the head is outside the beam, or `dt` is not above zero.
     """
     model, L = tool_plant(parameters, head, dt, linear), parameters.half_span
     none, one = jnp.zeros(()), jnp.ones(())
-    T = jnp.stack(
-        [jnp.stack([one, none, none]), jnp.stack([none, one, -L]), jnp.stack([none, one, L])]
-    )
-    T, back = (jnp.kron(jnp.eye(2), block) for block in (T, jnp.linalg.inv(T)))
-    return LinearPlant(
-        T @ model.A @ back, T @ model.B, model.C @ back, dt, motion=straight_motion(dt)
-    )
+    rows = [[one, none, none], [none, one, -L], [none, one, L]]
+    positions = jnp.stack([jnp.stack(row) for row in rows])
+    T = jnp.kron(jnp.eye(2), positions)
+    back = jnp.kron(jnp.eye(2), jnp.linalg.inv(positions))
+    A, B, C = T @ model.A @ back, T @ model.B, model.C @ back
+    return LinearPlant(A, B, C, dt, motion=straight_motion(dt))
 
 
 def motor_schedule(
     parameters: GantryParameters, points, dt: float, linear: Linearisation = tangent
 ) -> ModelSchedule:
-    """The models at several head positions.
+    """Models at several head positions.
 
     Raises:
         ValueError: a point is outside the beam or out of order, or `dt` is not above zero.
     """
     points = jnp.asarray(points, float)
     check_on_beam("points", points, parameters)
-    return ModelSchedule(
-        jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points), points, output=0
-    )
+    models = jax.vmap(lambda head: motor_model(parameters, head, dt, linear))(points)
+    return ModelSchedule(models, points, output=0)
 
 
 def straight_motion(dt: float) -> SteadyMotion:

@@ -1,4 +1,7 @@
-"""The gantry in the classic MuJoCo engine, on the host: slow, without derivatives, written by others, so that it can confirm a result."""
+"""The gantry in the classic MuJoCo engine, on the host.
+
+It is slow and has no derivatives. It is written by others, so that it can confirm a result.
+"""
 
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -11,10 +14,8 @@ from jcontour.plants.gantry.gantry import substeps_of
 from jcontour.plants.gantry.mjcf import EngineGantry, EngineState, mjcf
 from jcontour.plants.gantry.parameters import GantryParameters
 
-WANTED = {
-    "mujoco": "4.0.0",
-    "mujoco-mjx": "3.17.0",
-}  # a pair: mujoco-mjx itself sets no bound on mujoco
+# a pair: mujoco-mjx itself sets no bound on mujoco
+WANTED = {"mujoco": "4.0.0", "mujoco-mjx": "3.17.0"}
 
 
 def check_versions() -> None:
@@ -25,9 +26,8 @@ def check_versions() -> None:
         except PackageNotFoundError:
             found = "none"
         if found != wanted:
-            raise ImportError(
-                f"{name}: the gantry in MuJoCo needs version {wanted}, found {found}; pip install {name}=={wanted}"
-            )
+            needed = f"the gantry in MuJoCo needs version {wanted}"
+            raise ImportError(f"{name}: {needed}, found {found}; pip install {name}=={wanted}")
 
 
 check_versions()
@@ -46,12 +46,14 @@ class GantryMuJoCo(EngineGantry):
 
     model: str = eqx.field(static=True)
 
-    def __init__(self, parameters: GantryParameters, dt: float, substeps: int | None = None):
+    def __init__(
+        self, parameters: GantryParameters, dt: float, substeps: int | float | None = None
+    ):
         self.parameters, self.dt, self.substeps = parameters, float(dt), substeps_of(dt, substeps)
         self.model = mjcf(parameters, self.dt / self.substeps)
 
     def step(self, state: EngineState, control) -> EngineState:
-        """`mj_step`, once a substep."""
+        """State after one `mj_step` for each substep."""
         shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), state)
         return jax.pure_callback(
             partial(_stepped, self.model, self.substeps),

@@ -1,4 +1,4 @@
-"""Masses, geometry, springs and drives of a moving gantry (Yuan, section 5.1.1), and where its parts are.
+"""Masses, geometry, springs and drives of a moving gantry (Yuan, section 5.1.1).
 
 Two linear drives carry a beam on springs, a head drive runs along the beam. Coordinates q = (x_h,
 y_N, theta): head along the beam, centre of the beam, angle of the beam; with s, c = sin, cos theta
@@ -44,8 +44,8 @@ class GantryParameters(eqx.Module):
         half_span: L [m], from the centre of the beam to a joint: the head runs on -L <= x_h <= L.
         joint_length: l [m], from a joint to its drive.
         half_width: w_N [m], of the beam.
-        tool_offset: d [m], from the beam's line to the head's centre of mass, which is the tool; of
-            either sign.
+        tool_offset: d [m], from the beam's line to the head's centre of mass, which is the tool;
+            its sign is free.
         joint_stiffness: k_r [N m/rad], of the torsional spring at each joint.
         lateral_stiffness: k_s [N/m], of the linear springs between drives and guides.
         head_constant: k_x [N/A].
@@ -78,41 +78,41 @@ class GantryParameters(eqx.Module):
             if is_concrete(value):
                 enough = value > 0 if name in POSITIVE else (value >= 0) | (name == "tool_offset")
                 if not np.all(np.isfinite(value) & enough):
-                    raise ValueError(
-                        f"{name}: needs to be finite{NEEDS.get(name, ' and at least zero')}, received {value}"
-                    )
+                    needed = f"finite{NEEDS.get(name, ' and at least zero')}"
+                    raise ValueError(f"{name}: needs to be {needed}, received {value}")
 
     @property
     def total_mass(self) -> Scalar:
-        """M_t = M_1 + M_2 + M_e + M_n [kg]."""
+        """Total mass M_t = M_1 + M_2 + M_e + M_n [kg]."""
         return self.drive_mass_1 + self.drive_mass_2 + self.head_mass + self.beam_mass
 
     @property
     def beam_inertia(self) -> Scalar:
-        """I_N = M_n (L^2 + w_N^2) / 3 [kg m^2], eq. 5.2."""
+        """Inertia of the beam I_N = M_n (L^2 + w_N^2) / 3 [kg m^2], eq. 5.2."""
         return self.beam_mass * (self.half_span**2 + self.half_width**2) / 3
 
     def inertia(self, head) -> Scalar:
-        """J(x_h) = J_0 + M_e x_h^2 [kg m^2], about the centre of the beam."""
+        """Inertia J(x_h) = J_0 + M_e x_h^2 [kg m^2] about the centre of the beam."""
         drives = self.half_span**2 * (self.drive_mass_1 + self.drive_mass_2)
         return drives + self.beam_inertia + self.head_mass * (self.tool_offset**2 + head**2)
 
     def tool(self, q: Coordinates) -> Float[Array, "2"]:
-        """P_e [m]."""
-        x, y, theta = q
+        """Tool point P_e [m]."""
+        (x, y, theta), d = q, self.tool_offset
         sine, cosine = jnp.sin(theta), jnp.cos(theta)
-        return jnp.stack(
-            [x * cosine + self.tool_offset * sine, y + x * sine - self.tool_offset * cosine]
-        )
+        return jnp.stack([x * cosine + d * sine, y + x * sine - d * cosine])
 
     def motors(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
-        """(x_h, y_1, y_2) [m] and their speeds [m/s]: what the encoders of the three motors make of (q, q')."""
+        """Positions (x_h, y_1, y_2) [m] and speeds [m/s] of the three motors in a state (q, q')."""
         x, y, theta, dx, dy, omega = state
         lift, rise = self.half_span * jnp.sin(theta), self.half_span * jnp.cos(theta) * omega
         return jnp.stack([x, y - lift, y + lift, dx, dy - rise, dy + rise])
 
     def coordinates(self, motors: Float[Array, "6"]) -> Float[Array, "6"]:
-        """(q, q') of the motors' positions and speeds, the inverse of `motors`; NaN where no angle brings the drives so far apart."""
+        """State (q, q') from the motors' positions and speeds, the inverse of `motors`.
+
+        It is NaN where no angle brings the drives so far apart.
+        """
         x, first, second, dx, d_first, d_second = motors
         theta = jnp.arcsin((second - first) / (2 * self.half_span))
         omega = (d_second - d_first) / (2 * self.half_span * jnp.cos(theta))
@@ -120,18 +120,16 @@ class GantryParameters(eqx.Module):
 
 
 def thesis_gantry() -> GantryParameters:
-    """The thesis's laser cutter as far as it is printed: d = 0.2 m, anti-resonances of 47 Hz at x_h = 0 and 45 Hz at 0.66 m.
+    """Laser cutter of the thesis as far as it is printed.
 
-    The two frequencies solve (5.12) for k_r and, with the masses, span and force constants chosen
-    here, for M_n.
+    The thesis prints d = 0.2 m and anti-resonances of 47 Hz at x_h = 0 and 45 Hz at 0.66 m. They
+    solve (5.12) for k_r and for M_n, with the masses, span and force constants chosen here.
     """
     drive, head, span, half_width, offset = 20.0, 40.0, 0.9, 0.15, 0.2
-    both = (
-        head * 0.66**2 / ((47 / 45) ** 2 - 1)
-    )  # J_0 + L^2 M_t, from the ratio of the two frequencies
-    beam = (both - 2 * span**2 * 2 * drive - head * (span**2 + offset**2)) / (
-        span**2 + (span**2 + half_width**2) / 3
-    )
+    # J_0 + L^2 M_t, from the ratio of the two frequencies
+    both = head * 0.66**2 / ((47 / 45) ** 2 - 1)
+    of_beam = both - 2 * span**2 * 2 * drive - head * (span**2 + offset**2)
+    beam = of_beam / (span**2 + (span**2 + half_width**2) / 3)
     return GantryParameters(
         drive_mass_1=drive,
         drive_mass_2=drive,
@@ -165,11 +163,10 @@ def untwisted(parameters: GantryParameters, position, speed) -> Float[Array, "6"
 
 
 def check_on_beam(name: str, head, parameters: GantryParameters) -> None:
-    """Raise ValueError unless every head position lies on the beam, as far as the host can see the values."""
+    """Raise ValueError unless every head position, if concrete, lies on the beam."""
     if is_concrete(head, parameters.half_span):
         outside = np.abs(np.asarray(head)) > np.asarray(parameters.half_span)
         if np.any(outside):
             span, found = np.min(parameters.half_span), np.asarray(head)[outside].reshape(-1)[0]
-            raise ValueError(
-                f"{name}: the head runs from -{span:g} to {span:g} m along the beam, received {found:g} m"
-            )
+            runs = f"the head runs from -{span:g} to {span:g} m along the beam"
+            raise ValueError(f"{name}: {runs}, received {found:g} m")

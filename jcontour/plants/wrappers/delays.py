@@ -14,38 +14,37 @@ from jcontour.tracing import is_concrete
 
 
 class LateSensors(Remembering):
-    """The measurement is `samples` old: bus and filter times of the sensors. What was before the start is steady motion.
+    """A plant whose measurement is `samples` old: bus and filter times of the sensors.
 
-    The line has a fixed `depth` and a traced tap, so that plants of delay 0..depth batch.
+    Before the start the plant was in steady motion. The line has a fixed `depth` and a traced tap,
+    so that plants of delay 0..depth batch.
 
     Raises:
         ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
-    samples: Int[Array, ""]
+    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
     depth: int = eqx.field(static=True)
 
     def __check_init__(self):
         _check_line(self.samples, self.depth)
 
     def initial_state(self, position, increment) -> State:
-        """The plant inside, and what it measured at the samples before, the last one first."""
+        """State of the wrapped plant, and its earlier measurements, the last first."""
         before = [
             self.plant.initial_state(position - k * increment, increment)
             for k in range(1, self.depth + 1)
         ]
-        return self.plant.initial_state(position, increment), jax.tree.map(
-            lambda *m: jnp.stack(m), *map(self.plant.measure, before)
-        )
+        line = jax.tree.map(lambda *m: jnp.stack(m), *map(self.plant.measure, before))
+        return self.plant.initial_state(position, increment), line
 
     def step(self, state, control) -> State:
-        """The plant inside; the line moves on."""
-        return self.plant.step(state[0], control), jax.tree.map(
-            lambda line: line[:-1], self._line(state)
-        )
+        """Step of the wrapped plant; the line moves on."""
+        line = jax.tree.map(lambda line: line[:-1], self._line(state))
+        return self.plant.step(state[0], control), line
 
     def measure(self, state) -> Any:
-        """That of the plant inside, `samples` ago."""
+        """Measurement of the wrapped plant, `samples` ago."""
         return jax.tree.map(lambda line: line[self.samples], self._line(state))
 
     def _line(self, state: State) -> Any:
@@ -58,16 +57,24 @@ class LateSensors(Remembering):
 
 
 class Delayed(Remembering):
-    """The control acts `samples` late, unknown to the controller, which is fed the state of the undelayed part.
+    """A plant on which the control acts `samples` late.
 
-    The delay is a line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch.
-    The line starts at zero.
+    The controller does not know it: it is fed the measurement of the undelayed part. The delay is a
+    line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch. The line starts
+    at zero.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> late = Delayed(bridgeport(), 1, depth=2, inputs=2)
+    >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> plant_state, line = late.step(rest, jnp.array([10.0, 0.0]))
+    >>> plant_state.tolist() == rest[0].tolist(), line.tolist()
+    (True, [[10.0, 0.0], [0.0, 0.0]])
 
     Raises:
         ValueError: the depth is below one, or the delay is not between zero and the depth.
     """
 
-    samples: Int[Array, ""]
+    samples: Int[Array, ""] = eqx.field(converter=jnp.asarray)
     depth: int = eqx.field(static=True)
     inputs: int = eqx.field(static=True)
 
@@ -75,13 +82,12 @@ class Delayed(Remembering):
         _check_line(self.samples, self.depth)
 
     def initial_state(self, position, increment) -> State:
-        """The plant inside, and an empty line."""
-        return self.plant.initial_state(position, increment), jnp.zeros(
-            (self.depth, self.inputs), position.dtype
-        )
+        """State of the wrapped plant, and an empty line."""
+        line = jnp.zeros((self.depth, self.inputs), position.dtype)
+        return self.plant.initial_state(position, increment), line
 
     def step(self, state, control) -> State:
-        """The plant inside under u(k - samples)."""
+        """Step of the wrapped plant under u(k - samples)."""
         inner, line = state
         line = jnp.concatenate([control[None], line])
         return self.plant.step(inner, line[self.samples]), line[:-1]
@@ -90,7 +96,9 @@ class Delayed(Remembering):
 def _check_line(samples: Int[Array, ""], depth: int) -> None:
     if depth < 1:
         raise ValueError(f"depth: the delay line needs at least one place, received {depth}")
-    if is_concrete(samples) and not np.all(
-        (0 <= np.asarray(samples)) & (np.asarray(samples) <= depth)
-    ):
-        raise ValueError(f"samples: needs a delay from 0 to the depth {depth}, received {samples}")
+    if is_concrete(samples):
+        delays = np.asarray(samples)
+        if not np.all((delays >= 0) & (delays <= depth)):
+            raise ValueError(
+                f"samples: needs a delay from 0 to the depth {depth}, received {samples}"
+            )

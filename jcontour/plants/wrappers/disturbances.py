@@ -11,27 +11,33 @@ from jcontour.plants.wrappers.wrapper import Remembering
 
 
 class Disturbed(Remembering):
-    """Sequences that act from outside: `force` (T, p) adds to the control, `noise` (T, q) to the measurement, all its leaves in a row.
+    """A plant with sequences from outside: `force` adds to the control, `noise` to the measurement.
 
-    The state carries a counter; beyond the end of a sequence its last row holds.
+    The noise has one column for each number of the measurement, all its leaves in one row. The
+    state carries a counter; beyond the end of a sequence its last row holds.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> noisy = Disturbed(bridgeport(), noise=1e-6 * jnp.ones((1, 8)))
+    >>> noisy.measure(noisy.initial_state(jnp.zeros(2), jnp.zeros(2))).tolist()[:2]
+    [1e-06, 1e-06]
     """
 
     force: Float[Array, "T p"] | None = None
     noise: Float[Array, "T q"] | None = None
 
     def initial_state(self, position, increment) -> State:
-        """The plant inside, and the counter at zero."""
+        """State of the wrapped plant, and the counter at zero."""
         return self.plant.initial_state(position, increment), jnp.zeros((), int)
 
     def step(self, state, control) -> State:
-        """The plant inside under u + force."""
+        """Step of the wrapped plant under u + force; the counter goes on."""
         inner, k = state
-        return self.plant.step(
-            inner, control if self.force is None else control + _row(self.force, k)
-        ), k + 1
+        if self.force is not None:
+            control = control + _row(self.force, k)
+        return self.plant.step(inner, control), k + 1
 
     def measure(self, state) -> Any:
-        """The measurement of the plant inside, plus noise."""
+        """Measurement of the wrapped plant, plus noise."""
         measurement = self.plant.measure(state[0])
         if self.noise is None:
             return measurement

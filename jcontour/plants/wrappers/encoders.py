@@ -14,15 +14,18 @@ from jcontour.sensors import Sensors
 
 
 class Encoders(Wrapper):
-    """Only the outputs are measured, without quantisation: the smooth twin of `Quantised`."""
+    """A plant measured by its outputs, without counts: the smooth twin of `Quantised`."""
 
     def measure(self, state) -> Float[Array, " m"]:
-        """y [m]."""
+        """Outputs y [m]."""
         return self.plant.output(state)
 
 
 class Sensed(Wrapper):
-    """What `sensors` make of the measurement: a traceable function, such as the motor encoders of a machine whose state is measured."""
+    """A plant measured through `sensors`, a traceable function of its measurement.
+
+    An example are the motor encoders of a machine whose whole state is measured.
+    """
 
     sensors: Callable[[Any], Array]
 
@@ -32,7 +35,9 @@ class Sensed(Wrapper):
 
 
 class Quantised(Wrapper):
-    """Measurements are rounded to whole counts of `resolution`. Not smooth: tune on the plant inside.
+    """A plant whose measurements are whole counts of `resolution`.
+
+    It is not smooth: tune on the wrapped plant.
 
     Raises:
         ValueError: the resolution is not positive.
@@ -49,48 +54,56 @@ class Quantised(Wrapper):
 
 
 class _SpeedsByDifference(Remembering):
-    """Positions as they are read, and as speeds the difference of two readings: (q, v), v(k) = (q(k) - q(k-1)) / dt.
+    """A plant measured by its positions and their differences.
+
+        (q, v),   v(k) = (q(k) - q(k-1)) / dt
 
     Args:
-        plant: whose positions are measured.
-        sensors: where they stand in its measurement.
+        plant: the machine whose positions are measured.
+        sensors: where the positions stand in its measurement.
     """
 
     sensors: Sensors
 
     @abc.abstractmethod
     def _read(self, inner: State) -> Float[Array, " m"]:
-        """q."""
+        """Positions q [m] as the encoders show them."""
 
     def initial_state(self, position, increment) -> State:
-        """The plant inside, and the reading one sample before."""
-        return self.plant.initial_state(position, increment), self._read(
-            self.plant.initial_state(position - increment, increment)
-        )
+        """State of the wrapped plant, and the reading one sample before."""
+        before = self.plant.initial_state(position - increment, increment)
+        return self.plant.initial_state(position, increment), self._read(before)
 
     def step(self, state, control) -> State:
-        """The plant inside; the reading of now becomes that before."""
+        """Step of the wrapped plant; the present reading is kept for the next difference."""
         return self.plant.step(state[0], control), self._read(state[0])
 
-    def measure(self, state) -> tuple[Array, Array]:
-        """(q, v)."""
+    def measure(self, state) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """Positions [m] and speeds [m/s]: (q, v)."""
         inner, before = state
         now = self._read(inner)
         return now, (now - before) / self.dt
 
 
 class FineEncoders(_SpeedsByDifference):
-    """Encoders of a resolution too fine to matter: the smooth twin of `CountingEncoders`, as late as they are."""
+    """Encoders without counts: the smooth twin of `CountingEncoders`, with the same lag."""
 
     def _read(self, inner: State) -> Float[Array, " m"]:
         return self.sensors.positions(self.plant.measure(inner))
 
 
 class CountingEncoders(_SpeedsByDifference):
-    """Positions in whole counts of `resolution`, and as speeds the difference of two readings, as a drive has them. Not smooth.
+    """Encoders that count, with speeds by the difference of two readings, as a drive has them.
 
         q(k) = resolution * round(x(k) / resolution)
-    Noise of the plant inside is there before the rounding.
+    It is not smooth. Noise of the wrapped plant is added before the rounding.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> counting = CountingEncoders(bridgeport(), Sensors((2, 7)), resolution=1e-6)
+    >>> start = counting.initial_state(jnp.array([2.6e-6, 0.0]), jnp.zeros(2))
+    >>> position, speed = counting.measure(start)
+    >>> [round(count) for count in (position / 1e-6).tolist()], speed.tolist()
+    ([3, 0], [0.0, 0.0])
 
     Args:
         resolution: [m] per count.

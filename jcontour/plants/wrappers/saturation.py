@@ -10,7 +10,14 @@ from jcontour.tracing import is_concrete
 
 
 class Saturated(Wrapper):
-    """The control is limited to +-limit (p,) before it acts.
+    """A plant whose control is limited to +-limit (p,) before it acts.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> table = Saturated(bridgeport(), jnp.array([10.0, 10.0]))
+    >>> rest = table.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> pushed, limit = (table.step(rest, jnp.array([u, 0.0])) for u in (50.0, 10.0))
+    >>> bool((pushed == limit).all())
+    True
 
     Raises:
         ValueError: a limit is negative or not a number.
@@ -23,5 +30,5 @@ class Saturated(Wrapper):
             raise ValueError(f"limit: needs to be at least zero, received {self.limit}")
 
     def step(self, state, control) -> State:
-        """The plant inside under clip(u, -limit, limit)."""
+        """Step of the wrapped plant under clip(u, -limit, limit)."""
         return self.plant.step(state, jnp.clip(control, -self.limit, self.limit))

@@ -1,4 +1,4 @@
-"""What stands between a controller and an ideal machine: sensors, delays, saturation, disturbances. Each wraps any plant."""
+"""A plant around another plant: a sensor, a delay, a limit or a disturbance."""
 
 from typing import Any
 
@@ -8,46 +8,53 @@ from jcontour.plant import Plant, State
 
 
 class Wrapper(Plant):
-    """A plant that is the one inside until a method says otherwise."""
+    """A plant that does what the wrapped plant does, but for the methods that a subclass replaces.
+
+    It implements all of `Plant`, so that each wrapper states its one difference and nothing else.
+    This is the only place of the library where subclasses replace implemented methods.
+    """
 
     plant: Plant
 
     @property
     def dt(self) -> float:
-        """Sample period of the plant inside [s]."""
+        """Sample period of the wrapped plant [s]."""
         return self.plant.dt
 
     @property
     def side_by_side(self) -> bool:
-        """As the plant inside."""
+        """True if `vmap` over the wrapped plant is faster than a loop on a CPU as well."""
         return self.plant.side_by_side
 
     def initial_state(self, position, increment) -> State:
-        """That of the plant inside."""
+        """State of the wrapped plant in steady motion."""
         return self.plant.initial_state(position, increment)
 
     def step(self, state, control) -> State:
-        """That of the plant inside."""
+        """State of the wrapped plant one sample later."""
         return self.plant.step(state, control)
 
     def inner(self, state) -> State:
-        """State of the plant inside."""
+        """State of the wrapped plant."""
         return state
 
     def output(self, state) -> Float[Array, " m"]:
-        """That of the plant inside."""
+        """Tool point of the wrapped plant [m]."""
         return self.plant.output(self.inner(state))
 
     def measure(self, state) -> Any:
-        """That of the plant inside."""
+        """Measurement of the wrapped plant."""
         return self.plant.measure(self.inner(state))
 
 
 class Remembering(Wrapper):
-    """A wrapper with a state of its own: (that of the plant inside, its own)."""
+    """A wrapper with its own state beside the plant's: (state of the wrapped plant, own state).
+
+    Subclasses replace `initial_state` and `step`; output and measurement work through `inner`.
+    """
 
     def inner(self, state) -> State:
-        """The first of the two."""
+        """First entry of the pair."""
         return state[0]
 
 

@@ -7,8 +7,6 @@ from scipy.signal import cont2discrete, ss2tf
 
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
 from jcontour.plants.gantry.linear_models import (
-    ScheduledGantry,
-    SwitchedGantry,
     X,
     Y,
     control_oriented,
@@ -19,7 +17,6 @@ from jcontour.plants.gantry.linear_models import (
 from jcontour.plants.gantry.parameters import thesis_gantry
 
 DT = 2e-3
-POINTS = [-0.075, -0.025, 0.025, 0.075]  # [m] thesis, section 5.5.1
 
 
 def test_reference_models(gantry_data, reference_gantry):
@@ -108,44 +105,10 @@ def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     np.testing.assert_allclose(tool, moved, rtol=0, atol=1e-11)
 
 
-@pytest.mark.parametrize(
-    "make",
-    [lambda p: SwitchedGantry(p, POINTS, 0.025, DT), lambda p: ScheduledGantry(p, POINTS, DT)],
-)
-def test_at_a_point_both_are_the_model_of_that_point(make):
-    p = thesis_gantry()
-    model = make(p)
-    for head in POINTS:
-        state, control = jnp.array([head, 0.3, 1e-4, 0.1, -0.1, 0.01]), jnp.array([1.0, 2.0, -1.0])
-        A, B, _ = control_oriented(p, head).sampled(DT)
-        np.testing.assert_allclose(model.step(state, control), A @ state + B @ control, rtol=1e-12)
-        np.testing.assert_allclose(model.output(state), p.tool(state[:3]), rtol=0, atol=1e-8)
-    start = model.initial_state(jnp.array([0.03, 0.1]), jnp.array([1e-4, 0.0]))
-    np.testing.assert_allclose(model.output(start), [0.03, 0.1], rtol=1e-14)
-
-
-def test_between_points_one_switches_and_the_other_interpolates():
-    p = thesis_gantry()
-    switched, scheduled = SwitchedGantry(p, POINTS, 0.025, DT), ScheduledGantry(p, POINTS, DT)
-    np.testing.assert_array_equal(
-        switched.region(jnp.array([-0.5, -0.0501, -0.0499, 0.0, 0.049, 0.051, 0.5])),
-        [0, 0, 1, 1, 2, 3, 3],
-    )
-    ahead, behind = control_oriented(p, 0.025).sampled(DT), control_oriented(p, 0.075).sampled(DT)
-    np.testing.assert_allclose(
-        scheduled.model(0.05).A, (ahead.A + behind.A) / 2, rtol=1e-12, atol=1e-18
-    )
-    between = [
-        ScheduledGantry(p, [0.05 - gap, 0.05 + gap], DT).model(0.05).A for gap in (0.1, 0.05)
-    ]
-    errors = [np.abs(found - control_oriented(p, 0.05).sampled(DT).A).max() for found in between]
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
-
-
 def test_a_family_of_models_has_derivatives():
     def coupling(mass):
         p = eqx.tree_at(lambda p: p.head_mass, thesis_gantry(), mass)
-        return ScheduledGantry(p, [0.05], DT).models.A[0, 4, 2]
+        return control_oriented(p, 0.05).sampled(DT).A[4, 2]
 
     found, h = jax.jit(jax.value_and_grad(coupling)), 1e-3
     np.testing.assert_allclose(
@@ -153,27 +116,9 @@ def test_a_family_of_models_has_derivatives():
     )
 
 
-def test_bad_grids_are_named():
-    p = thesis_gantry()
-    with pytest.raises(
-        ValueError, match=r"^head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
-    ):
-        control_oriented(p, 1.0)
-    with pytest.raises(ValueError, match="^points: the head runs"):
-        ScheduledGantry(p, [0.0, 1.0], DT)
-    with pytest.raises(ValueError, match="^points: need head positions in rising order"):
-        ScheduledGantry(p, [0.1, 0.0], DT)
-    with pytest.raises(ValueError, match="^half_width: .* 0.025 m, received 0.02"):
-        SwitchedGantry(p, POINTS, 0.02, DT)
+def test_a_head_beyond_the_beam_is_named():
+    wanted = r"^head: the head runs from -0.9 to 0.9 m along the beam, received 1 m"
+    with pytest.raises(ValueError, match=wanted):
+        control_oriented(thesis_gantry(), 1.0)
     with pytest.raises(ValueError, match="^dt:"):
-        SwitchedGantry(p, POINTS, 0.025, -1.0)
-    with pytest.raises(
-        ValueError,
-        match=r"^points: the models cover -0.1 to 0.1 m, the path goes from -0.08 to 0.12 m",
-    ):
-        SwitchedGantry(p, POINTS, 0.025, DT).check_covers(np.array([-0.08, 0.12]))
-    with pytest.raises(
-        ValueError, match=r"^points: the models cover -0.075 to 0.075 m, the path goes from -0.08"
-    ):
-        ScheduledGantry(p, POINTS, DT).check_covers(np.array([-0.08, 0.05]))
-    SwitchedGantry(p, POINTS, 0.025, DT).check_covers(np.linspace(-0.1, 0.1, 9))
+        tool_plant(thesis_gantry(), 0.0, -1.0)

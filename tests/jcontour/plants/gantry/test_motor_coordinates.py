@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from jcontour.linear.plant import steady_motion
 from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
-from jcontour.plants.gantry.parameters import untwisted
+from jcontour.plants.gantry.parameters import thesis_gantry, untwisted
 
 DT, HEAD = 2e-3, -0.31
 
@@ -62,3 +62,16 @@ def test_points_outside_the_beam_are_refused(odd_gantry):
         motor_schedule(odd_gantry, [0.0, 0.7], DT)
     with pytest.raises(ValueError, match="head: the head runs"):
         motor_model(odd_gantry, -0.61, DT)
+
+
+def test_models_between_two_points_are_of_second_order():
+    """Half the distance of the points, a quarter of the interpolation error."""
+    p, middle = thesis_gantry(), 0.05
+    wanted = motor_model(p, middle, DT).A
+
+    def error(gap):
+        schedule = motor_schedule(p, [middle - gap, middle + gap], DT)
+        found = schedule.along(jnp.array([[middle, 0.0]])).A[0]
+        return float(jnp.abs(found - wanted).max())
+
+    assert error(0.1) / error(0.05) == pytest.approx(4.0, rel=0.1)

@@ -61,7 +61,7 @@ def test_other_versions_are_named(monkeypatch, name, found):
             raise mujoco_engine.PackageNotFoundError(package)
         return found if package == name else mujoco_engine.WANTED[package]
 
-    monkeypatch.setattr(gantry_mujoco, "version", version)
+    monkeypatch.setattr(mujoco_engine, "version", version)
     wanted = mujoco_engine.WANTED[name]
     with pytest.raises(
         ImportError,
