@@ -1,6 +1,6 @@
-"""What every plant and every controller of the catalogue keeps to: a new entry is tested by being there."""
+"""Contracts of every plant and controller in the catalogue: a new entry is tested at once."""
 
-from functools import cache
+from functools import cache, partial
 
 import equinox as eqx
 import jax
@@ -56,14 +56,13 @@ def disturbed_start(plant, reference):
 def shifted(state, size):
     """A state with every number moved at random, counters left alone."""
     random = np.random.default_rng(0)
-    return jax.tree.map(
-        lambda x: (
-            x + size * random.standard_normal(x.shape)
-            if jnp.issubdtype(x.dtype, jnp.inexact)
-            else x
-        ),
-        state,
-    )
+
+    def moved(x):
+        if not jnp.issubdtype(x.dtype, jnp.inexact):
+            return x
+        return x + size * random.standard_normal(x.shape)
+
+    return jax.tree.map(moved, state)
 
 
 def numbers(tree):
@@ -120,10 +119,10 @@ def test_gradients_are_those_of_differences(loop, name):
     )
 
     @jax.jit
-    def value(state, change):
-        scaled = jax.tree.map(
-            lambda leaf, c: leaf * (1 + c), moving, change
-        )  # relative: numbers of any size alike
+    @partial(jax.value_and_grad, argnums=(0, 1))
+    def scored(state, change):
+        # relative: numbers of any size alike
+        scaled = jax.tree.map(lambda leaf, c: leaf * (1 + c), moving, change)
         run = simulate(plant, eqx.combine(scaled, fixed), reference, eqx.combine(state, counters))
         metrics = score(run, reference)
         return (
@@ -132,27 +131,23 @@ def test_gradients_are_those_of_differences(loop, name):
             + 0.1 * jnp.log(metrics.rms_increment)
         )
 
+    def along(tree, direction, size):
+        return jax.tree.map(lambda x, d: x + size * d, tree, direction)
+
     random = np.random.default_rng(1)
     none = jax.tree.map(jnp.zeros_like, moving)
-    slopes = jax.jit(jax.grad(value, argnums=(0, 1)))(start, none)
+    _, slopes = scored(start, none)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes))
     direction = jax.tree.map(lambda leaf: 1e-6 * random.standard_normal(leaf.shape), start)
     h = 1e-4
-    ahead, behind = (
-        float(value(jax.tree.map(lambda x, d, s=s: x + s * h * d, start, direction), none))
-        for s in (1, -1)
-    )
-    assert product(slopes[0], direction) == pytest.approx(
-        (ahead - behind) / (2 * h), rel=1e-5, abs=ROUNDING
-    )
+    ahead, behind = (float(scored(along(start, direction, s), none)[0]) for s in (h, -h))
+    difference = (ahead - behind) / (2 * h)
+    assert product(slopes[0], direction) == pytest.approx(difference, rel=1e-5, abs=ROUNDING)
     change = jax.tree.map(lambda leaf: jnp.asarray(random.standard_normal(leaf.shape)), moving)
     step = 1e-6
-    ahead, behind = (
-        float(value(start, jax.tree.map(lambda c, s=s: s * step * c, change))) for s in (1, -1)
-    )
-    assert product(slopes[1], change) == pytest.approx(
-        (ahead - behind) / (2 * step), rel=1e-5, abs=ROUNDING
-    )
+    ahead, behind = (float(scored(start, along(none, change, s))[0]) for s in (step, -step))
+    difference = (ahead - behind) / (2 * step)
+    assert product(slopes[1], change) == pytest.approx(difference, rel=1e-5, abs=ROUNDING)
 
 
 def product(slopes, change):

@@ -1,4 +1,4 @@
-"""Loops that the tests of the contouring schemes drive: the linear X-Y table, whose encoders see the tool."""
+"""Loops for the contouring schemes: the linear X-Y table, whose encoders see the tool."""
 
 from types import SimpleNamespace
 

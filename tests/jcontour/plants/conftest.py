@@ -66,7 +66,10 @@ def odd_gantry():
 
 @pytest.fixture(scope="session")
 def gantry_path(gantry_data):
-    """Line, circle, line of the reference data: position and velocity at every sample, and which samples lie on the circle."""
+    """Line, circle, line of the reference data.
+
+    Position and velocity at every sample, and which samples lie on the circle.
+    """
     data, dt = gantry_data("closed_loop"), 2e-3
     R, line, v, a, T = (data["path"][key] for key in ("R", "line", "v", "a", "T"))
     steps = data["closed_loop"]["steps"]
@@ -87,7 +90,10 @@ def gantry_path(gantry_data):
 
 @pytest.fixture(scope="session")
 def gantry_loop():
-    """(plant, gains, position, velocity, start) -> final state, and states, currents and tools under the reference's controller."""
+    """(plant, gains, position, velocity, start) -> final state, states, currents and tools.
+
+    Under the reference's controller.
+    """
 
     def proportional(parameters, gains, wanted, speed, state):
         x, y, _, dx, dy, _ = state

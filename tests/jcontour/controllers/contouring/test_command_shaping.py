@@ -11,7 +11,10 @@ GAIN = 1.5
 
 
 def position_response(table, k_pp=25.0, k_pv=10.0, t_iv=0.05):
-    """y / r at the frequency of the circle, one axis closed by python-control: the PI is (k_pv + k_pv T_s / T_iv z / (z - 1))."""
+    """Frequency response y / r of one axis, closed by python-control.
+
+    The PI is k_pv + k_pv T_s / T_iv z / (z - 1).
+    """
     plant, dt = table.equal, table.dt
     A, B, C = (np.asarray(m) for m in (plant.A[:4, :4], plant.B[:4, :1], plant.C[:1, :4]))
     axis = control.ss(A, B, np.vstack([C, [0.0, 0.7958e-3, 0.0, 0.0]]), 0, dt)  # position, velocity
@@ -30,7 +33,10 @@ def test_the_plain_circle_is_the_frequency_response(table):
 
 
 def test_steady_circle_of_equal_axes(table):
-    """The command runs on a circle of R - k eps, which the tool follows by the frequency response: one equation for eps."""
+    """The command runs on a circle of R - k eps.
+
+    The tool follows it by the frequency response: one equation for eps.
+    """
     response, R = position_response(table), table.radius
 
     def mismatch(eps):
@@ -49,7 +55,7 @@ def test_steady_circle_of_equal_axes(table):
 
 
 def test_steady_error_on_a_line_is_divided(table):
-    """By 1 + k, with lag in both axes alike; here by 1 + k sum n_i^2, the mismatch kept: e = e0 - k eps n."""
+    """The error falls by 1 + k for equal lags, here by 1 + k sum n_i^2: e = e0 - k eps n."""
     normal, cascade = np.array([-np.sin(0.6), np.cos(0.6)]), table.cascade((18.0, 35.0))
     plain, found = (
         table.last_error(table.plant, c, table.on_line(0.6))
@@ -59,7 +65,10 @@ def test_steady_error_on_a_line_is_divided(table):
 
 
 def test_is_cross_coupling_by_the_position_gain(table):
-    """With one k_pp for both axes, k on the position is k_pp k on the speed; the difference is kappa e / 2 in the direction."""
+    """With equal k_pp, k on the position is k_pp k on the speed.
+
+    The difference is kappa e / 2 in the direction.
+    """
     reference = table.on_line(0.6, steps=300)
     shaped = simulate(table.plant, CommandShaped(table.cascade(), GAIN), reference)
     coupled = simulate(

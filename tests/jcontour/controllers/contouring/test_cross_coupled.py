@@ -18,7 +18,7 @@ MISMATCHED = (20.0, 30.0)
 @pytest.mark.parametrize("coupling", [ConstantCoupling(), VariableCoupling()])
 @pytest.mark.parametrize("angle", [ANGLE, 2.5, -0.3, np.pi / 2])
 def test_steady_error_on_a_line_with_mismatched_axes(table, coupling, angle):
-    """In steady motion the integrators hold each velocity, so that (k_pp + C k_p K') e = (1 - k_ff) v.
+    """In steady motion (k_pp + C k_p K') e = (1 - k_ff) v: the integrators hold each velocity.
 
     The contour error shrinks by 1 + k_p sum_i C_i n_i / k_pp,i (Sherman and Morrison); along an
     axis-parallel line C_i = 0 there.
@@ -55,7 +55,7 @@ def test_integral_leaves_no_contour_error_on_a_line(table):
 
 
 def test_the_whole_run_on_a_line_is_the_linear_loop_of_scipy(table):
-    """PID, plant and cascade as one state-space system, written here from the equations of the module."""
+    """PID, plant and cascade as one state-space system, from the equations of the module."""
     k_p, k_i, k_d, dt, reference = 20.0, 80.0, 0.1, table.dt, table.on_line(ANGLE, steps=400)
     controller = CrossCoupled(
         table.cascade(MISMATCHED), CrossGains(k_p, k_i, k_d), VariableCoupling()
@@ -92,7 +92,10 @@ def test_the_whole_run_on_a_line_is_the_linear_loop_of_scipy(table):
 
 
 def test_variable_gains_see_the_circle_where_constant_ones_see_its_tangent(table):
-    """A late tool on a circle: the tangent calls the lag's sagitta e^2 / 2R a contour error, and pushes the tool off the circle."""
+    """On a circle the tangent takes the lag's sagitta e^2 / 2R for a contour error.
+
+    Its correction pushes a late tool off the circle.
+    """
     reference, excess = table.on_circle(), []
     for coupling in (VariableCoupling(), ConstantCoupling()):
         run = simulate(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.contouring.precompensation import Precompensated
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.6, 2.0])
@@ -31,11 +31,11 @@ def test_nothing_is_left_on_a_circle_of_equal_axes(table, clockwise, feedforward
 
 
 def test_the_command_feed_falls_inside_of_a_curve(table):
-    """The command runs on a circle of radius R - a: its speed is (1 - kappa a) that of the reference."""
+    """The command runs on a circle of radius R - a, at 1 - kappa a of the speed."""
     reference, scheme = table.on_circle(), Precompensated(table.cascade(), 5.0)
     run = simulate(table.equal, scheme, reference)
     offset = np.asarray(run.memory.offset)[1:, None]
-    frame = scheme.prepare(reference).frame
+    frame = prepared(scheme, reference).frame
     command = (
         np.asarray(reference.position)[: reference.steps - 1]
         + offset * np.asarray(frame.normal)[:-1]

@@ -29,7 +29,7 @@ def test_a_turned_path_turns_the_run_of_equal_axes(table):
 
 @pytest.mark.parametrize("angle", [0.0, 0.6, 2.0])
 def test_steady_error_on_a_line_is_lag_alone(table, angle):
-    """k_along (t'e) = v and n'e = 0 in steady motion, for any axes: the velocity loops integrate."""
+    """k_along (t'e) = v and n'e = 0 for any axes: the velocity loops integrate."""
     tangent = np.array([np.cos(angle), np.sin(angle)])
     error = table.last_error(
         table.plant, TaskFrame(table.cascade((ALONG, ACROSS))), table.on_line(angle)

@@ -62,57 +62,80 @@ def designed(model, axes=1, limit=np.inf):
     )
 
 
-MODEL = zoh_model(thesis_axis(), DT)
 MOTOR = np.eye(4)[:2]
-LQG = designed(MODEL)
-MACHINE = Sensed(MODEL, lambda x: x[:2])
 
 
-def test_gains_are_those_of_scipys_riccati_equation():
-    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+@pytest.fixture(scope="module")
+def model():
+    return zoh_model(thesis_axis(), DT)
+
+
+@pytest.fixture(scope="module")
+def lqg(model):
+    return designed(model)
+
+
+@pytest.fixture(scope="module")
+def plant(model):
+    return Sensed(model, lambda x: x[:2])
+
+
+@pytest.fixture(scope="module")
+def feedback(model):
+    return StateFeedback(lq_gain(model, Q, R), moving_target(model))
+
+
+@pytest.fixture(scope="module")
+def plain_lqg(model, feedback):
+    return FilterObserver(feedback, model, kalman_gain(model, 0.05, NOISE, MOTOR), measured=MOTOR)
+
+
+@pytest.fixture(scope="module")
+def offset_free(model, feedback):
+    gain = offset_free_gain(model, MOTOR, 0.05, 0.05, NOISE)
+    return OffsetFreeObserver(feedback, model, gain, MOTOR)
+
+
+def test_gains_are_those_of_scipys_riccati_equation(model, lqg):
+    A, B = np.asarray(model.A), np.asarray(model.B)
     A = np.block([[A, np.zeros((4, 1))], [DT * MOTOR[:1], np.ones((1, 1))]])
-    B, weight = (
-        np.vstack([B, np.zeros((1, 1))]),
-        np.block([[Q, np.zeros((4, 1))], [np.zeros((1, 4)), Q_I]]),
-    )
+    B = np.vstack([B, np.zeros((1, 1))])
+    weight = np.block([[Q, np.zeros((4, 1))], [np.zeros((1, 4)), Q_I]])
     P = solve_discrete_are(A, B, weight, R)
     wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    np.testing.assert_allclose(np.hstack([LQG.feedback.gain, LQG.integral_gain]), wanted, rtol=1e-7)
+    np.testing.assert_allclose(np.hstack([lqg.feedback.gain, lqg.integral_gain]), wanted, rtol=1e-7)
 
 
-def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter():
-    """Separation: the frozen loop of machine, filter and integral, against the two problems apart."""
+def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter(model, plant, lqg):
+    """Separation: the loop of machine, filter and integral against the two problems apart."""
     task = along(line([0.0], [0.1]), 1e-4 * np.arange(2), DT, 1, at_rest=False)
-    whole = with_integrals(MODEL, MOTOR[:1])
+    whole = with_integrals(model, jnp.asarray(MOTOR[:1]))
     feedback = np.linalg.eigvals(
-        whole.A - whole.B @ np.hstack([LQG.feedback.gain, LQG.integral_gain])
+        whole.A - whole.B @ np.hstack([lqg.feedback.gain, lqg.integral_gain])
     )
-    filtering = np.linalg.eigvals(MODEL.A - MODEL.A @ LQG.filter_gain @ MOTOR)
+    filtering = np.linalg.eigvals(model.A - model.A @ lqg.filter_gain @ MOTOR)
     wanted = np.abs(np.concatenate([feedback, filtering])).max()
-    assert frozen_spectral_radii(MACHINE, LQG, task)[0] == pytest.approx(wanted, abs=1e-9)
+    assert frozen_spectral_radii(plant, lqg, task)[0] == pytest.approx(wanted, abs=1e-9)
 
 
 LOADS = {"load": (1.0, 0.5), "input gain": (0.8, 0.0), "both": (1.2, -0.3)}
-KALMAN = kalman_gain(MODEL, 0.05, NOISE, MOTOR)
-FEEDBACK = StateFeedback(lq_gain(MODEL, Q, R), moving_target(MODEL))
-OFFSET_FREE = OffsetFreeObserver(
-    FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, NOISE), MOTOR
-)
 
 
 @pytest.mark.parametrize(("gain", "load"), LOADS.values(), ids=LOADS)
-def test_neither_a_load_nor_a_wrong_input_gain_leaves_a_lag(gain, load):
+def test_neither_a_load_nor_a_wrong_input_gain_leaves_a_lag(
+    model, plain_lqg, lqg, offset_free, gain, load
+):
     """Tool and motor on a ramp, where plain LQG lags."""
     ramp = along(line([0.0], [1.0]), 1e-4 * np.arange(2000), DT, 1, at_rest=False)
-    machine = Disturbed(
-        Sensed(with_input_gains(MODEL, [gain]), lambda x: x[:2]), jnp.full((1, 1), load)
-    )
-    plain = FilterObserver(FEEDBACK, MODEL, KALMAN, measured=MOTOR)
-    lags = [
-        abs(float(simulate(machine, law, ramp).output[-1, 0] - ramp.position[1999, 0]))
-        for law in (plain, LQG, OFFSET_FREE)
-    ]
-    assert lags[0] > 1e-5 and max(lags[1:]) < 1e-8
+    weaker = Sensed(with_input_gains(model, [gain]), lambda x: x[:2])
+    machine = Disturbed(weaker, jnp.full((1, 1), load))
+
+    def lag(controller):
+        output = simulate(machine, controller, ramp).output
+        return abs(float(output[-1, 0] - ramp.position[1999, 0]))
+
+    assert lag(plain_lqg) > 1e-5
+    assert lag(lqg) < 1e-8 and lag(offset_free) < 1e-8
 
 
 def test_two_axes_are_each_on_their_own():
@@ -126,55 +149,57 @@ def test_two_axes_are_each_on_their_own():
     assert np.abs(law.feedback.gain[apart]).max() < 1e-9 * np.abs(law.feedback.gain).max()
 
 
-def test_at_its_limit_it_does_not_wind_up():
-    """A fifth of the current that the first moment asks for: told of the limit it settles, untold it swings for ever."""
+def test_at_its_limit_it_does_not_wind_up(model, plant, lqg):
+    """A fifth of the current that the first moment asks for.
+
+    A filter told of the limit settles; untold it swings for ever.
+    """
     rest = along(line([0.0], [0.1]), np.zeros(1500), DT, 1, at_rest=True)
-    machine, start = (
-        Saturated(MACHINE, jnp.array([2.0])),
-        MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)),
-    )
-    unaware, aware = (
-        simulate(machine, law, rest, start) for law in (LQG, designed(MODEL, limit=2.0))
-    )
+    machine = Saturated(plant, jnp.array([2.0]))
+    start = model.initial_state(jnp.array([-0.02]), jnp.zeros(1))
+    unaware = simulate(machine, lqg, rest, start)
+    aware = simulate(machine, designed(model, limit=2.0), rest, start)
     assert np.abs(unaware.control).max() > 10.0 and np.abs(aware.control).max() == 2.0
     assert np.abs(unaware.output[-200:]).max() > 0.02
     assert aware.output.max() < 0.008 and np.abs(aware.output[-200:]).max() < 5e-4
 
 
-def test_gradient_reaches_the_weights():
+def test_gradient_reaches_the_weights(model, plant, lqg):
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, DT)
-    machine = Disturbed(MACHINE, jnp.full((1, 1), 0.5))
+    machine = Disturbed(plant, jnp.full((1, 1), 0.5))
 
+    @jax.jit
+    @jax.value_and_grad
     def cost(logarithms):
-        K, K_i = integral_lq_gains(
-            MODEL, MOTOR[:1], Q, jnp.exp(logarithms[:1])[None], jnp.exp(logarithms[1:])[None]
-        )
-        law = IntegralLQG(
-            StateFeedback(K, moving_target(MODEL)), K_i, MODEL, KALMAN, MOTOR, motors(1)
-        )
-        return 1e6 * jnp.mean((simulate(machine, law, task).output - task.position[:-1]) ** 2)
+        Q_i, rho = jnp.exp(logarithms[:1])[None], jnp.exp(logarithms[1:])[None]
+        K, K_i = integral_lq_gains(model, jnp.asarray(MOTOR[:1]), Q, Q_i, rho)
+        feedback = StateFeedback(K, moving_target(model))
+        controller = IntegralLQG(feedback, K_i, model, lqg.filter_gain, MOTOR, motors(1))
+        error = simulate(machine, controller, task).output - task.position[:-1]
+        return 1e6 * jnp.mean(error**2)
 
-    at = np.log([1e10, 1.0])
-    run, slope = jax.jit(cost), jax.jit(jax.grad(cost))(at)
+    at = jnp.log(jnp.array([1e10, 1.0]))
+    _, slope = cost(at)
     for i in range(2):
-        step = 1e-5 * np.eye(2)[i]
-        np.testing.assert_allclose(slope[i], (run(at + step) - run(at - step)) / 2e-5, rtol=1e-5)
+        step = 1e-5 * jnp.eye(2)[i]
+        ahead, behind = cost(at + step)[0], cost(at - step)[0]
+        np.testing.assert_allclose(slope[i], (ahead - behind) / 2e-5, rtol=1e-5)
 
 
-def test_bad_input_is_named():
-    def law(**changes):
+def test_bad_input_is_named(model, lqg):
+    def controller(**changes):
         named = {
-            "feedback": LQG.feedback,
-            "integral_gain": LQG.integral_gain,
-            "model": MODEL,
-            "filter_gain": KALMAN,
+            "feedback": lqg.feedback,
+            "integral_gain": lqg.integral_gain,
+            "model": model,
+            "filter_gain": lqg.filter_gain,
             "measured": MOTOR,
         }
         return IntegralLQG(**{**named, "sensors": motors(1), **changes})
 
     for changes, words in [
         (
-            {"integral_gain": -LQG.integral_gain},
+            {"integral_gain": -lqg.integral_gain},
             r"^integral_gain: the loop is not stable: .* they are \[",
         ),
         ({"integral_gain": np.zeros((1, 2))}, r"^integral_gain: needs shape \(1, 1\)"),
@@ -185,6 +210,6 @@ def test_bad_input_is_named():
         ({"limit": 0.0}, "^limit: needs to be above zero"),
     ]:
         with pytest.raises(ValueError, match=words):
-            law(**changes)
+            controller(**changes)
     with pytest.raises(ValueError, match="^dt: "):
-        LQG.initial_memory(in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3))
+        lqg.initial_memory(in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3))

@@ -1,3 +1,5 @@
+from functools import cache
+
 import control
 import jax
 import numpy as np
@@ -10,8 +12,16 @@ from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
 
 DT = 1e-3
-MODEL = zoh_model(thesis_axis(), DT)
-POLES = damped_poles([40.0, 95.0], [0.9, 0.3], DT)
+
+
+@cache
+def thesis_model():
+    return zoh_model(thesis_axis(), DT)
+
+
+@cache
+def two_pairs():
+    return damped_poles([40.0, 95.0], [0.9, 0.3], DT)
 
 
 def moved(model, K):
@@ -19,10 +29,16 @@ def moved(model, K):
 
 
 def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control():
-    K = placed_gain(MODEL, POLES)
-    np.testing.assert_allclose(moved(MODEL, K), np.sort_complex(POLES), rtol=0, atol=1e-9)
+    K = placed_gain(thesis_model(), two_pairs())
     np.testing.assert_allclose(
-        K, control.place(np.asarray(MODEL.A), np.asarray(MODEL.B), np.asarray(POLES)), rtol=1e-9
+        moved(thesis_model(), K), np.sort_complex(two_pairs()), rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        K,
+        control.place(
+            np.asarray(thesis_model().A), np.asarray(thesis_model().B), np.asarray(two_pairs())
+        ),
+        rtol=1e-9,
     )
 
 
@@ -34,10 +50,10 @@ def test_pairs_are_those_of_the_continuous_oscillator():
 
 
 def test_equal_real_poles_make_a_dead_beat():
-    K = placed_gain(MODEL, np.zeros(4))
+    K = placed_gain(thesis_model(), np.zeros(4))
     assert (
-        np.abs(np.linalg.matrix_power(np.asarray(MODEL.A - MODEL.B @ K), 4)).max()
-        < 1e-4 * np.abs(MODEL.B @ K).max()
+        np.abs(np.linalg.matrix_power(np.asarray(thesis_model().A - thesis_model().B @ K), 4)).max()
+        < 1e-4 * np.abs(thesis_model().B @ K).max()
     )
 
 
@@ -55,9 +71,9 @@ def test_axes_side_by_side_each_have_their_own():
         [0.1, 0.1],
     )
     model, others = zoh_model(pair, DT), damped_poles([30.0, 60.0], [0.7, 0.7], DT)
-    K = placed_gain(model, np.stack([POLES, others]))
+    K = placed_gain(model, np.stack([two_pairs(), others]))
     np.testing.assert_allclose(
-        moved(model, K), np.sort_complex(np.concatenate([POLES, others])), rtol=0, atol=1e-9
+        moved(model, K), np.sort_complex(np.concatenate([two_pairs(), others])), rtol=0, atol=1e-9
     )
     np.testing.assert_array_equal(K[0, 1::2], 0.0)
 
@@ -66,9 +82,9 @@ def test_gradient_with_respect_to_damping():
     at = np.array([0.9, 0.3])
 
     def size(damping):
-        return placed_gain(MODEL, damped_poles(np.array([40.0, 95.0]), damping, DT)) @ np.array(
-            [1.0, 100.0, 1.0, 100.0]
-        )
+        return placed_gain(
+            thesis_model(), damped_poles(np.array([40.0, 95.0]), damping, DT)
+        ) @ np.array([1.0, 100.0, 1.0, 100.0])
 
     slope = jax.jacobian(size)(at)[0]
     for i in range(2):
@@ -81,17 +97,19 @@ def test_gradient_with_respect_to_damping():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: placed_gain(MODEL, [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
+        (lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
         (
-            lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 1.01]),
+            lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7, 1.01]),
             "poles: need to be inside the unit circle",
         ),
         (
-            lambda: placed_gain(MODEL, [0.5, 0.6, 0.7, 0.5 + 0.1j]),
+            lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7, 0.5 + 0.1j]),
             "poles: complex ones need to come in pairs",
         ),
         (
-            lambda: placed_gain(LinearPlant(MODEL.A, np.ones((4, 2)), MODEL.C, DT), [0.5] * 4),
+            lambda: placed_gain(
+                LinearPlant(thesis_model().A, np.ones((4, 2)), thesis_model().C, DT), [0.5] * 4
+            ),
             "one input",
         ),
         (

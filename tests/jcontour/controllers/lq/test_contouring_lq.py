@@ -33,7 +33,7 @@ def reference_of(seed, axes, preview, dt=1e-3):
 
 
 def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
-    """u(k) of the whole horizon solved as one least-squares problem: no recursion, no linearisation."""
+    """Control u(k) by one least-squares problem over the whole horizon, without recursion."""
     A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
     y_d, r = np.asarray(reference.position), np.asarray(reference.tangent)
     n, p = B.shape
@@ -63,24 +63,22 @@ def best_first_control(model, weights, preview, H_N, x_d, reference, k, x):
     return np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=None)[0][:p]
 
 
+PROFILE = [0.5, 2.0, 1.0, 0.3, 4.0, 1.5]
+# axes, states, preview, arguments of `LQWeights`
 CASES = {
-    "three axes": (3, 9, 4, LQWeights(0.7, 3.0, 0.2)),
-    "profile": (2, 5, 6, LQWeights(0.7, 3.0, 0.2, [0.5, 2.0, 1.0, 0.3, 4.0, 1.5])),
-    "no tracking weight": (2, 5, 3, LQWeights(0.0, 3.0, 0.2)),
-    "a weight for every pair of controls": (
-        3,
-        7,
-        4,
-        LQWeights(0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0)),
-    ),
-    "one sample": (2, 4, 1, LQWeights(2.0, 1.0, 0.05, [3.0])),
+    "three axes": (3, 9, 4, (0.7, 3.0, 0.2)),
+    "profile": (2, 5, 6, (0.7, 3.0, 0.2, PROFILE)),
+    "no tracking weight": (2, 5, 3, (0.0, 3.0, 0.2)),
+    "a weight for every pair of controls": (3, 7, 4, (0.7, 3.0, balanced(0.2, 3, 1, 2, 5.0))),
+    "one sample": (2, 4, 1, (2.0, 1.0, 0.05, [3.0])),
 }
 
 
 @pytest.mark.parametrize("terminal", ["output", "riccati"])
 @pytest.mark.parametrize("case", CASES)
 def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_plant):
-    axes, states, preview, weights = CASES[case]
+    axes, states, preview, values = CASES[case]
+    weights = LQWeights(*values)
     model = coupled_plant(len(case), states, axes)
     random = np.random.default_rng(1)
     Sy, Sv = random.standard_normal((2, states, axes))
@@ -121,13 +119,11 @@ def test_only_ratios_of_the_weights_matter(two_axes):
 
     @eqx.filter_jit
     def gains(scale):
-        return ContouringLQ(
-            two_axes, LQWeights(3 * scale, 5 * scale, 0.1 * scale), 3, RiccatiTerminal()
-        ).prepare(reference)
+        weights = LQWeights(3 * scale, 5 * scale, 0.1 * scale)
+        plan = ContouringLQ(two_axes, weights, 3, RiccatiTerminal()).prepare(reference)
+        return jax.tree.leaves(plan)
 
-    for found, wanted in zip(
-        jax.tree.leaves(gains(1e-3)), jax.tree.leaves(gains(1.0)), strict=True
-    ):
+    for found, wanted in zip(gains(1e-3), gains(1.0), strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12)
 
 
@@ -135,18 +131,17 @@ def test_stage_profile_gradient_is_that_of_differences(two_axes):
     reference = reference_of(0, 2, 4)
 
     @jax.jit
+    @jax.value_and_grad
     def size(stage):
-        plan = ContouringLQ(
-            two_axes, LQWeights(3.0, 5.0, 0.1, stage), 4, RiccatiTerminal()
-        ).prepare(reference)
+        weights = LQWeights(3.0, 5.0, 0.1, stage)
+        plan = ContouringLQ(two_axes, weights, 4, RiccatiTerminal()).prepare(reference)
         return jnp.sum(plan.F**2) + jnp.sum(plan.f**2)
 
-    stage, h = np.array([0.5, 2.0, 1.0, 3.0]), 1e-5
-    slopes = jax.jit(jax.grad(size))(stage)
-    for slope, e in zip(slopes, np.eye(4), strict=True):
-        assert float(slope) == pytest.approx(
-            float(size(stage + h * e) - size(stage - h * e)) / (2 * h), rel=1e-6
-        )
+    stage, h = jnp.array([0.5, 2.0, 1.0, 3.0]), 1e-5
+    _, slopes = size(stage)
+    for slope, e in zip(slopes, jnp.eye(4), strict=True):
+        ahead, behind = size(stage + h * e)[0], size(stage - h * e)[0]
+        assert float(slope) == pytest.approx(float(ahead - behind) / (2 * h), rel=1e-6)
 
 
 def test_contour_weight_forgives_what_is_along():

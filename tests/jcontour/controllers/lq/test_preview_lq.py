@@ -7,6 +7,7 @@ from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.linear.plant import SteadyMotion
 from jcontour.motion.references import from_samples
 from jcontour.plants.bridgeport import bridgeport
+from jcontour.simulation.closed_loop import prepared
 
 ALPHA, RHO = 3.0, 2e-9
 
@@ -22,10 +23,9 @@ def test_finite_preview_is_case_iii(preview):
     """McNab & Tsao: their law with beta = 0 and the Riccati terminal is Tomizuka & Whitney's."""
     plant = bridgeport()
     reference = reference_of(preview, plant.dt)
-    wanted = ContouringLQ(plant, LQWeights(ALPHA, 0.0, RHO), preview, RiccatiTerminal()).prepare(
-        reference
-    )
-    found = PreviewLQ(plant, ALPHA, RHO, preview).prepare(reference)
+    theirs = ContouringLQ(plant, LQWeights(ALPHA, 0.0, RHO), preview, RiccatiTerminal())
+    wanted = prepared(theirs, reference)
+    found = prepared(PreviewLQ(plant, ALPHA, RHO, preview), reference)
     for name in ("F", "f"):
         gains = np.asarray(getattr(wanted, name))
         np.testing.assert_allclose(
@@ -37,10 +37,9 @@ def test_given_maps_serve_a_coupled_plant(coupled_plant):
     plant = coupled_plant(4, 5, 2)
     motion = SteadyMotion(*jnp.asarray(np.random.default_rng(0).standard_normal((2, 5, 2))))
     reference = reference_of(4, plant.dt)
-    wanted = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion)).prepare(
-        reference
-    )
-    found = PreviewLQ(plant, 0.5, 0.1, 4, motion).prepare(reference)
+    theirs = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion))
+    wanted = prepared(theirs, reference)
+    found = prepared(PreviewLQ(plant, 0.5, 0.1, 4, motion), reference)
     for name in ("F", "f"):
         gains = np.asarray(getattr(wanted, name))
         np.testing.assert_allclose(

@@ -1,3 +1,5 @@
+from functools import cache
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,11 +17,17 @@ from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.encoders import Sensed
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 DT, PREVIEW, T = 2e-3, 6, 9
 POINTS = [-0.3, 0.0, 0.4]
-WEIGHTS = LQWeights(2e5, 3e6, balanced(1.0, 3, 1, 2, 0.5), [1.0, 2.0, 0.5, 1.0, 3.0, 1.5])
+ALPHA, BETA = 2e5, 3e6
+
+
+@cache
+def weighted():
+    stage = [1.0, 2.0, 0.5, 1.0, 3.0, 1.5]
+    return LQWeights(ALPHA, BETA, balanced(1.0, 3, 1, 2, 0.5), stage)
 
 
 @pytest.fixture(scope="module")
@@ -29,68 +37,78 @@ def schedule():
 
 @pytest.fixture(scope="module")
 def reference():
-    return along(
-        circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False
-    )  # fast, to meet many models
+    # fast, to meet many models
+    return along(circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False)
 
 
 def test_a_machine_that_does_not_change_needs_no_schedule(reference):
     model = motor_model(thesis_gantry(), 0.2, DT)
     same = jax.tree.map(lambda leaf: jnp.stack([leaf] * 3), model)
-    wanted = ContouringLQ(model, WEIGHTS, PREVIEW, RiccatiTerminal()).prepare(reference)
-    found = ScheduledLQ(ModelSchedule(same, POINTS, 0), WEIGHTS, PREVIEW).prepare(reference)
+    unscheduled = ContouringLQ(model, weighted(), PREVIEW, RiccatiTerminal())
+    scheduled = ScheduledLQ(ModelSchedule(same, POINTS, 0), weighted(), PREVIEW)
+    wanted, found = prepared(unscheduled, reference), prepared(scheduled, reference)
     np.testing.assert_allclose(found.F, wanted.F, rtol=1e-8, atol=1e-8 * np.abs(wanted.F).max())
     np.testing.assert_allclose(found.f, wanted.f, rtol=0, atol=1e-8 * np.abs(wanted.f).max())
 
 
-@pytest.mark.parametrize("k", [0, T - 1])
-def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
-    """The first of N_p controls that minimise the cost written out over the models of the desired positions."""
-    models, r = schedule.along(reference.position), np.asarray(reference.tangent)
-    y_d, stage, x = (
-        np.asarray(reference.position),
-        np.asarray(WEIGHTS.stage),
-        np.random.default_rng(k).normal(0, 0.01, 6),
-    )
-    R, end = np.asarray(WEIGHTS.rho), k + PREVIEW
-    H = np.stack(
-        [
-            solve_discrete_are(
-                *(
-                    np.asarray(m)
-                    for m in (one.A, one.B, float(WEIGHTS.alpha + WEIGHTS.beta) * one.C.T @ one.C)
-                ),
-                R,
-            )
-            for one in map(schedule.model, range(3))
-        ]
-    )
-    H_end = np.array(
-        [[np.interp(y_d[end, 0], POINTS, H[:, i, j]) for j in range(6)] for i in range(6)]
-    )
+def steady_costs(schedule, R):
+    """H_s at every point of the schedule, by SciPy."""
+    costs = []
+    for index in range(schedule.points.size):
+        model = schedule.model(index)
+        A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
+        costs.append(solve_discrete_are(A, B, (ALPHA + BETA) * C.T @ C, R))
+    return np.stack(costs)
+
+
+def interpolated(costs, head):
+    """H_s at a head position, entry by entry."""
+    flat = costs.reshape(len(POINTS), -1)
+    entries = [np.interp(head, POINTS, column) for column in flat.T]
+    return np.reshape(entries, costs.shape[1:])
+
+
+def predicted(models, k, x):
+    """States x(k+1) ... x(k+N_p) as free + forced u, u all N_p controls in a row."""
+    free, forced, rows = x, np.zeros((6, 3 * PREVIEW)), []
+    for j in range(PREVIEW):
+        A, B = np.asarray(models.A[k + j]), np.asarray(models.B[k + j])
+        free, forced = A @ free, A @ forced
+        forced[:, 3 * j : 3 * j + 3] += B
+        rows.append((free, forced.copy()))
+    return rows
+
+
+def minimiser(schedule, reference, k, x):
+    """First control of the N_p that minimise the cost, as one quadratic form c + 2 g'u + u'M u."""
+    weights, models = weighted(), schedule.along(reference.position)
+    y_d, r = np.asarray(reference.position), np.asarray(reference.tangent)
+    stage, R, end = np.asarray(weights.stage), np.asarray(weights.rho), k + PREVIEW
     speed = (y_d[end] - y_d[end - 1]) / DT
     x_d = np.array([y_d[end, 0], y_d[end, 1], y_d[end, 1], speed[0], speed[1], speed[1]])
+    H = interpolated(steady_costs(schedule, R), y_d[end, 0])
 
-    def cost(controls):
-        state, total = jnp.asarray(x), 0.0
-        for j in range(1, PREVIEW + 1):
-            u = controls[j - 1]
-            state = models.A[k + j - 1] @ state + models.B[k + j - 1] @ u
-            total += u @ R @ u
-            if j < PREVIEW:
-                e = models.C[k + j] @ state - y_d[k + j]
-                across = e - r[k + j] * (r[k + j] @ e)
-                total += stage[j - 1] * (WEIGHTS.alpha * e @ e + WEIGHTS.beta * across @ across)
-        return total + stage[-1] * (state - x_d) @ H_end @ (state - x_d)
+    states = predicted(models, k, x)
+    M, g = np.kron(np.eye(PREVIEW), R), np.zeros(3 * PREVIEW)
+    for j, (free, forced) in enumerate(states[:-1], start=1):
+        C = np.asarray(models.C[k + j])
+        across = np.eye(2) - np.outer(r[k + j], r[k + j])
+        Q = stage[j - 1] * (ALPHA * np.eye(2) + BETA * across)
+        M += (C @ forced).T @ Q @ C @ forced
+        g += (C @ forced).T @ Q @ (C @ free - y_d[k + j])
+    free, forced = states[-1]
+    M += stage[-1] * forced.T @ H @ forced
+    g += stage[-1] * forced.T @ H @ (free - x_d)
+    return -np.linalg.solve(M, g)[:3]
 
-    zero = jnp.zeros((PREVIEW, 3))
-    slope, curve = (
-        jax.grad(cost)(zero).ravel(),
-        jax.hessian(cost)(zero).reshape(3 * PREVIEW, 3 * PREVIEW),
-    )
-    wanted = -np.linalg.solve(curve, slope)[:3]
-    controller = ScheduledLQ(schedule, WEIGHTS, PREVIEW)
-    plan = controller.prepare(reference)
+
+@pytest.mark.parametrize("k", [0, T - 1])
+def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
+    """The cost is written out over the models of the desired positions."""
+    x = np.random.default_rng(k).normal(0, 0.01, 6)
+    wanted = minimiser(schedule, reference, k, x)
+    controller = ScheduledLQ(schedule, weighted(), PREVIEW)
+    plan = prepared(controller, reference)
     _, found = controller.step(None, jax.tree.map(lambda rows: rows[k], plan), jnp.asarray(x))
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
@@ -101,31 +119,28 @@ def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
     schedule = motor_schedule(parameters, [-0.4, 0.0, 0.4], DT)
     reference = along(circle(0.2), 2e-4 * np.arange(500), DT, 20, at_rest=False)
     plant = Sensed(Gantry(parameters, DT), MotorEncoders(parameters))
-    run = simulate(
-        plant,
-        ScheduledLQ(schedule, LQWeights(1e7, 1e8, balanced(1.0, 3, 1, 2, 1.0)), 20),
-        reference,
-    )
+    controller = ScheduledLQ(schedule, LQWeights(1e7, 1e8, balanced(1.0, 3, 1, 2, 1.0)), 20)
+    run = simulate(plant, controller, reference)
     late = np.asarray(run.output)[100:]
     assert np.abs(np.linalg.norm(late, axis=1) - 0.2).max() < 1e-4
 
 
 def test_bad_controllers_are_named(schedule, reference):
     with pytest.raises(ValueError, match="preview: needs a whole number"):
-        ScheduledLQ(schedule, WEIGHTS, 0)
+        ScheduledLQ(schedule, weighted(), 0)
     with pytest.raises(
         ValueError,
         match=r"stage: needs one entry per preview sample, shape \(3,\), received \(6,\)",
     ):
-        ScheduledLQ(schedule, WEIGHTS, 3)
+        ScheduledLQ(schedule, weighted(), 3)
     with pytest.raises(ValueError, match="rho: needs one number or shape"):
         ScheduledLQ(schedule, LQWeights(1.0, 1.0, np.eye(2)), PREVIEW)
     with pytest.raises(ValueError, match="looks 6 samples ahead, the reference was made with 5"):
-        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(
+        ScheduledLQ(schedule, weighted(), PREVIEW).prepare(
             along(circle(0.2), 1e-4 * np.arange(5), DT, 5, at_rest=False)
         )
     with pytest.raises(ValueError, match=r"points: the models cover -0.3 to 0.4 m of output 0"):
-        ScheduledLQ(schedule, WEIGHTS, PREVIEW).prepare(
+        ScheduledLQ(schedule, weighted(), PREVIEW).prepare(
             along(circle(0.45), 1e-4 * np.arange(5), DT, PREVIEW, at_rest=False)
         )
     free = eqx.filter_vmap(lambda A: LinearPlant(A, [[0.0], [1.0]], np.eye(2), 1.0))(

@@ -13,12 +13,28 @@ from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 
 DT, B0, W = 1e-3, 2.0, 300.0
-SENSORS = motors(1)
-CASCADE = Cascade(CascadeGains(30.0, 20.0, 0.1), SENSORS, DT)
-RIGID = LinearPlant(
-    *zoh([[0.0, 1.0], [0.0, 0.0]], [[0.0], [B0]], DT), [[1.0, 0.0]], DT
-)  # the nominal model itself
-TASK = thesis_task_a()
+
+
+@pytest.fixture(scope="module")
+def cascade():
+    return Cascade(CascadeGains(30.0, 20.0, 0.1), motors(1), DT)
+
+
+@pytest.fixture(scope="module")
+def rigid():
+    """The nominal model as a machine."""
+    A, B = zoh([[0.0, 1.0], [0.0, 0.0]], [[0.0], [B0]], DT)
+    return LinearPlant(A, B, [[1.0, 0.0]], DT)
+
+
+@pytest.fixture(scope="module")
+def task():
+    return thesis_task_a()
+
+
+def observed(cascade, sensors=None, bandwidth=W, input_gain=B0, dt=DT, **options):
+    sensors = motors(1) if sensors is None else sensors
+    return DisturbanceObserver(cascade, sensors, bandwidth, input_gain, dt, **options)
 
 
 def nominal():
@@ -27,26 +43,20 @@ def nominal():
     return control.tf(np.sum(poles) / 2 * np.array([1.0, 1.0]), poles, DT)
 
 
-def forced(force):
-    """The estimates of the observer on the nominal machine under a force, and the force itself."""
-    controller = DisturbanceObserver(CASCADE, SENSORS, W, B0, DT)
-    run = simulate(Disturbed(RIGID, jnp.asarray(force)[:, None]), controller, TASK)
-    inside = simulate(RIGID, CASCADE, TASK)
-    return run, inside
+def test_the_nominal_machine_is_left_as_it_was(cascade, rigid, task):
+    undisturbed = Disturbed(rigid, jnp.zeros((2, 1)))
+    run = simulate(undisturbed, observed(cascade), task)
+    inner = simulate(rigid, cascade, task)
+    np.testing.assert_allclose(run.output, inner.output, rtol=0, atol=1e-12)
 
 
-def test_the_nominal_machine_is_left_as_it_was():
-    run, inside = forced(np.zeros(2))
-    np.testing.assert_allclose(run.output, inside.output, rtol=0, atol=1e-12)
-
-
-def test_the_estimate_is_the_disturbance_through_q():
+def test_the_estimate_is_the_disturbance_through_q(cascade, rigid, task):
     """Whatever the loop does: against the response by python-control."""
-    force = np.random.default_rng(0).standard_normal(TASK.steps)
-    run, _ = forced(force)
+    force = np.random.default_rng(0).standard_normal(task.steps)
+    run = simulate(Disturbed(rigid, jnp.asarray(force)[:, None]), observed(cascade), task)
     estimate = np.asarray(run.memory.first)[:, 0]
     x = np.asarray(run.state[0])[:, 0]
-    inverse = float(DisturbanceObserver(CASCADE, SENSORS, W, B0, DT)._filters()[1])
+    inverse = float(observed(cascade)._filters()[1])
     wanted = control.forced_response(nominal(), U=force).outputs
     np.testing.assert_allclose(estimate + inverse * x, wanted, rtol=0, atol=1e-9)
 
@@ -58,29 +68,28 @@ def test_q_is_a_low_pass_of_its_bandwidth():
     assert response[3] < 0.03
 
 
-def test_a_constant_force_is_cancelled_without_an_integrator():
-    run = simulate(
-        Disturbed(RIGID, jnp.ones((1, 1))), DisturbanceObserver(CASCADE, SENSORS, W, B0, DT), TASK
-    )
-    np.testing.assert_allclose(
-        run.memory.inner[-1], 0.0, atol=1e-4
-    )  # the PI's integral has nothing to hold
+def test_a_constant_force_is_cancelled_without_an_integrator(cascade, rigid, task):
+    run = simulate(Disturbed(rigid, jnp.ones((1, 1))), observed(cascade), task)
+    # the integral of the PI has nothing to hold
+    np.testing.assert_allclose(run.memory.inner[-1], 0.0, atol=1e-4)
     np.testing.assert_allclose(run.output[-1], 0.1, atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("make", "name"),
+    ("changes", "name"),
     [
-        (lambda: DisturbanceObserver(CASCADE, SENSORS, 0.0, B0, DT), "bandwidth"),
-        (lambda: DisturbanceObserver(CASCADE, SENSORS, W, np.inf, DT), "input_gain"),
-        (lambda: DisturbanceObserver(CASCADE, SENSORS, W, B0, DT, 1.2), "damping"),
-        (lambda: DisturbanceObserver(CASCADE, SENSORS, W, B0, 2e-3).initial_memory(TASK), "dt"),
-        (
-            lambda: DisturbanceObserver(CASCADE, Sensors((0, 1)), W, B0, DT).initial_memory(TASK),
-            "sensors",
-        ),
+        ({"bandwidth": 0.0}, "bandwidth"),
+        ({"input_gain": np.inf}, "input_gain"),
+        ({"damping": 1.2}, "damping"),
     ],
 )
-def test_bad_input_is_named(make, name):
+def test_bad_input_is_named(cascade, changes, name):
     with pytest.raises(ValueError, match=f"^{name}: "):
-        make()
+        observed(cascade, **changes)
+
+
+def test_another_reference_is_named(cascade, task):
+    with pytest.raises(ValueError, match="^dt: "):
+        observed(cascade, dt=2e-3).initial_memory(task)
+    with pytest.raises(ValueError, match="^sensors: "):
+        observed(cascade, sensors=Sensors((0, 1))).initial_memory(task)

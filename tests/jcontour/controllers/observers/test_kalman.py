@@ -1,3 +1,5 @@
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +26,7 @@ from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Sensed
 from jcontour.plants.wrappers.saturation import Saturated
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 
 def scipy_gain(plant, control_noise, measurement_noise):
@@ -98,7 +100,7 @@ def test_a_perfect_start_is_state_feedback(form, two_axes, law, reference):
 
 def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, law, reference):
     L = kalman_gain(two_axes, 0.01, 1e-6)
-    row = jax.tree.map(lambda leaf: leaf[0], law.prepare(reference))
+    row = jax.tree.map(lambda leaf: leaf[0], prepared(law, reference))
     for form, uses in ((FilterObserver, True), (PredictorObserver, False)):
         controller = form(law, two_axes, L)
         memory = controller.initial_memory(reference)
@@ -108,16 +110,23 @@ def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, la
         assert (np.abs(controls[0] - controls[1]).max() > 0) == uses
 
 
-MODEL = zoh_model(thesis_axis(), 1e-3)
+@cache
+def thesis_model():
+    return zoh_model(thesis_axis(), 1e-3)
+
+
 MOTOR = np.eye(4)[:2]
-FEEDBACK = StateFeedback(
-    lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL)
-)
-NOISE = (0.05, [1e-6, 1e-3])
+NOISE = (0.05, np.array([1e-6, 1e-3]))
+
+
+@cache
+def thesis_feedback():
+    gain = lq_gain(thesis_model(), np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))
+    return StateFeedback(gain, moving_target(thesis_model()))
 
 
 def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
-    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    A, B = np.asarray(thesis_model().A), np.asarray(thesis_model().B)
     whole, seen = (
         np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]),
         np.hstack([MOTOR, np.zeros((2, 1))]),
@@ -131,16 +140,22 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
         P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
     )
     np.testing.assert_allclose(
-        offset_free_gain(MODEL, MOTOR, 0.05, 0.02, [1e-6, 1e-3]), wanted, rtol=1e-7, atol=1e-9
+        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.02, [1e-6, 1e-3]),
+        wanted,
+        rtol=1e-7,
+        atol=1e-9,
     )
 
 
 def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
-    gain = kalman_gain(MODEL, *NOISE, MOTOR)
-    plain = FilterObserver(FEEDBACK, MODEL, gain, measured=MOTOR)
+    gain = kalman_gain(thesis_model(), *NOISE, MOTOR)
+    plain = FilterObserver(thesis_feedback(), thesis_model(), gain, measured=MOTOR)
     integral = OffsetFreeObserver(
-        FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR
+        thesis_feedback(),
+        thesis_model(),
+        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+        MOTOR,
     )
     frictionless = AxisParameters(
         39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
@@ -156,13 +171,13 @@ def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_doe
 def test_without_a_load_integral_action_is_state_feedback():
     """Separation: an observer that starts right changes nothing."""
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
-    wanted = simulate(MODEL, FEEDBACK, task)
+    wanted = simulate(thesis_model(), thesis_feedback(), task)
     found = simulate(
-        MODEL,
+        thesis_model(),
         OffsetFreeObserver(
-            FEEDBACK,
-            MODEL,
-            offset_free_gain(MODEL, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
+            thesis_feedback(),
+            thesis_model(),
+            offset_free_gain(thesis_model(), np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
             np.eye(4),
         ),
         task,
@@ -173,39 +188,53 @@ def test_without_a_load_integral_action_is_state_feedback():
 
 
 def test_at_a_limit_the_disturbance_is_not_mistaken():
-    """Told of the limit, the observer finds but what is left of its wrong start; untold, it takes the missing control for a load."""
+    """An observer told of the limit keeps only the rest of its wrong start.
+
+    Untold, it takes the missing control for a load.
+    """
     rest = along(line([0.0], [0.1]), np.zeros(400), 1e-3, 1, at_rest=True)
     start, gain = (
-        MODEL.initial_state(jnp.array([-0.02]), jnp.zeros(1)),
-        offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+        thesis_model().initial_state(jnp.array([-0.02]), jnp.zeros(1)),
+        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
     )
-    machine = Saturated(Sensed(MODEL, lambda x: x[:2]), jnp.array([2.0]))
+    machine = Saturated(Sensed(thesis_model(), lambda x: x[:2]), jnp.array([2.0]))
     found = [
         np.abs(
             simulate(
-                machine, OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, limit), rest, start
+                machine,
+                OffsetFreeObserver(thesis_feedback(), thesis_model(), gain, MOTOR, limit),
+                rest,
+                start,
             ).memory.disturbance[50:]
         ).max()
         for limit in (np.inf, 2.0)
     ]
     assert found[0] > 10.0 and found[1] < 1.0
     with pytest.raises(ValueError, match="^limit: "):
-        OffsetFreeObserver(FEEDBACK, MODEL, gain, MOTOR, -1.0)
+        OffsetFreeObserver(thesis_feedback(), thesis_model(), gain, MOTOR, -1.0)
 
 
 def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
     for make in (
-        lambda: FilterObserver(FEEDBACK, MODEL, -np.ones((4, 2)), measured=MOTOR),
-        lambda: PredictorObserver(FEEDBACK, MODEL, np.zeros((4, 1))),
-        lambda: OffsetFreeObserver(FEEDBACK, MODEL, np.zeros((5, 2)), MOTOR),
+        lambda: FilterObserver(thesis_feedback(), thesis_model(), -np.ones((4, 2)), measured=MOTOR),
+        lambda: PredictorObserver(thesis_feedback(), thesis_model(), np.zeros((4, 1))),
+        lambda: OffsetFreeObserver(thesis_feedback(), thesis_model(), np.zeros((5, 2)), MOTOR),
     ):
         with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
             make()
     slow = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3)
     for observer in (
-        FilterObserver(FEEDBACK, MODEL, kalman_gain(MODEL, *NOISE, MOTOR), measured=MOTOR),
+        FilterObserver(
+            thesis_feedback(),
+            thesis_model(),
+            kalman_gain(thesis_model(), *NOISE, MOTOR),
+            measured=MOTOR,
+        ),
         OffsetFreeObserver(
-            FEEDBACK, MODEL, offset_free_gain(MODEL, MOTOR, 0.05, 0.05, [1e-6, 1e-3]), MOTOR
+            thesis_feedback(),
+            thesis_model(),
+            offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+            MOTOR,
         ),
     ):
         with pytest.raises(
@@ -214,4 +243,4 @@ def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
         ):
             observer.initial_memory(slow)
     with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
-        FilterObserver(FEEDBACK, MODEL, np.zeros((4, 1)), measured=MOTOR)
+        FilterObserver(thesis_feedback(), thesis_model(), np.zeros((4, 1)), measured=MOTOR)

@@ -1,4 +1,5 @@
 import json
+from functools import cache
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -21,10 +22,14 @@ from jcontour.simulation.closed_loop import simulate
 
 DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())
 DT = 1e-3
-MODEL = zoh_model(thesis_axis(), DT)
 
 
-class Law(Controller):
+@cache
+def thesis_model():
+    return zoh_model(thesis_axis(), DT)
+
+
+class Swinging(Controller):
     """u = f - F x, the same at every step."""
 
     F: np.ndarray
@@ -42,7 +47,9 @@ class Law(Controller):
         return memory, plan.f - self.F @ measurement
 
 
-LAW = Law(np.array([[2e3, 30.0, -1.9e3, 1.0]]))
+@cache
+def inner():
+    return Swinging(jnp.array([[2e3, 30.0, -1.9e3, 1.0]]))
 
 
 @pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
@@ -63,7 +70,7 @@ def test_thesis_observer(name, make):
             ValueError,
             match=r"gain: the observer is not stable: .* they are \[0\.99.*\+0\.0\d+j 0\.99.*\]",
         ):
-            ReducedObserver(LAW, model, thesis_gain())
+            ReducedObserver(inner(), model, thesis_gain())
 
 
 class Measured(Plant):
@@ -72,13 +79,13 @@ class Measured(Plant):
     dt: float = DT
 
     def initial_state(self, position, increment):
-        return MODEL.initial_state(position, increment)
+        return thesis_model().initial_state(position, increment)
 
     def step(self, state, control):
-        return MODEL.step(state, control)
+        return thesis_model().step(state, control)
 
     def output(self, state):
-        return MODEL.output(state)
+        return thesis_model().output(state)
 
     def measure(self, state):
         return state[:1], state[1:2]
@@ -87,14 +94,16 @@ class Measured(Plant):
 def test_estimation_error_obeys_lambda_under_any_control():
     plant, task = Measured(), thesis_task_a()
     off = np.array([1e-3, -0.02])
-    start = MODEL.initial_state(task.position[0], task.start_increment) + np.concatenate(
+    start = thesis_model().initial_state(task.position[0], task.start_increment) + np.concatenate(
         [[0, 0], off]
     )
-    run = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task, jnp.asarray(start))
+    run = simulate(
+        plant, ReducedObserver(inner(), thesis_model(), thesis_gain()), task, jnp.asarray(start)
+    )
     states = np.asarray(run.state)
     estimate = np.asarray(run.memory.z) + states[:, :2] @ thesis_gain().T
     assert np.abs(states).max() > 1e-2
-    Lambda = np.asarray(error_matrix(MODEL, thesis_gain()))
+    Lambda = np.asarray(error_matrix(thesis_model(), thesis_gain()))
     for k in (0, 1, 7, 400):
         np.testing.assert_allclose(
             states[k, 2:] - estimate[k], np.linalg.matrix_power(Lambda, k) @ off, rtol=0, atol=1e-12
@@ -103,8 +112,8 @@ def test_estimation_error_obeys_lambda_under_any_control():
 
 def test_a_perfect_start_is_state_feedback():
     plant, task = Measured(), thesis_task_a()
-    found = simulate(plant, ReducedObserver(LAW, MODEL, thesis_gain()), task)
-    wanted = simulate(MODEL, LAW, task)
+    found = simulate(plant, ReducedObserver(inner(), thesis_model(), thesis_gain()), task)
+    wanted = simulate(thesis_model(), inner(), task)
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max()
     )
@@ -112,6 +121,6 @@ def test_a_perfect_start_is_state_feedback():
 
 def test_bad_gains_are_named():
     with pytest.raises(ValueError, match="^gain: needs shape"):
-        ReducedObserver(LAW, MODEL, np.zeros((2, 1)))
+        ReducedObserver(inner(), thesis_model(), np.zeros((2, 1)))
     with pytest.raises(ValueError, match="^gain: the observer is not stable"):
-        ReducedObserver(LAW, MODEL, np.array([[0.0, -1.0], [0.0, -1.0]]))
+        ReducedObserver(inner(), thesis_model(), np.array([[0.0, -1.0], [0.0, -1.0]]))

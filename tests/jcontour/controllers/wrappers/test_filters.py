@@ -8,7 +8,7 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch, tustin
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 DT = 1e-3
 
@@ -65,7 +65,7 @@ def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     inside = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 2e-9), 3)
     filter = low_pass(0.2 / two_axes.dt, 0.7, two_axes.dt)
     rollout = simulate(two_axes, Filtered(inside, filter, 2), reference)
-    plan = inside.prepare(reference)
+    plan = prepared(inside, reference)
     raw = np.stack(
         [
             inside.step((), jax.tree.map(lambda leaf, k=k: leaf[k], plan), rollout.state[k])[1]

@@ -1,3 +1,5 @@
+from functools import cache
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,11 +13,20 @@ from jcontour.plants.gantry.motor_coordinates import MotorEncoders
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 
 DT = 1e-3
-BOTH_DRIVES = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-MOVING = jnp.array([40.0, 65.0, 65.0]) / 60  # [A s^2/m] moving mass over force constant
+
+
+@cache
+def both_drives():
+    return jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+
+
+# [A s^2/m] moving mass over force constant
+@cache
+def moving_mass():
+    return jnp.array([40.0, 65.0, 65.0]) / 60
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +36,7 @@ def reference():
 
 @pytest.fixture(scope="module")
 def cascade():
-    gains = CascadeGains(20.0, 100 * MOVING, 0.05, 1.0, MOVING, 200 / 60)
+    gains = CascadeGains(20.0, 100 * moving_mass(), 0.05, 1.0, moving_mass(), 200 / 60)
     return Cascade(gains, motors(3), DT, 10.0)
 
 
@@ -34,8 +45,8 @@ def test_every_motor_gets_its_share_of_the_path(reference, cascade):
     position, tangent = (np.asarray(rows) for rows in (reference.position, reference.tangent))
     third = position[:, [0, 1, 1]]
     unit = np.concatenate([tangent, 0 * tangent[:, :1]], axis=1)
-    wanted = cascade.prepare(from_samples(third, unit, DT, 1))
-    found = OfMotors(cascade, BOTH_DRIVES).prepare(reference)
+    wanted = prepared(cascade, from_samples(third, unit, DT, 1))
+    found = prepared(OfMotors(cascade, both_drives()), reference)
     for name in ("position", "velocity", "control"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(wanted, name), rtol=1e-12, atol=1e-13
@@ -43,8 +54,11 @@ def test_every_motor_gets_its_share_of_the_path(reference, cascade):
 
 
 def test_a_cascade_of_its_motors_follows_on_the_gantry(reference, cascade):
-    """A decoupled drive each: the tool stays within a millimetre, the twist within what 10 A of difference hold against the springs."""
+    """With a decoupled cascade on each drive the tool stays within a millimetre.
+
+    The twist stays within what 10 A of difference hold against the springs.
+    """
     plant = Sensed(Gantry(thesis_gantry(), DT), MotorEncoders(thesis_gantry()))
-    run = simulate(plant, OfMotors(cascade, BOTH_DRIVES), reference)
+    run = simulate(plant, OfMotors(cascade, both_drives()), reference)
     assert np.abs(np.asarray(run.output) - np.asarray(reference.position[:400])).max() < 1e-3
     assert run.control.shape == (400, 3) and np.abs(run.control).max() <= 10

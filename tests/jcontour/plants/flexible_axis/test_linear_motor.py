@@ -79,7 +79,7 @@ def test_force_is_what_the_voltage_pays_for():
 
 
 def test_the_current_follows_its_command_like_a_first_order_lag():
-    """Blocked axis: the PI law cancels the pole of the winding, i/i* = bandwidth / (s + bandwidth)."""
+    """On a blocked axis i/i* = bandwidth / (s + bandwidth): the PI cancels the winding."""
     bandwidth = 500.0
     blocked = eqx.tree_at(lambda p: p.friction.coulomb, thesis_axis(), jnp.array([1e4]))
 
@@ -139,7 +139,7 @@ def test_coupled_to_the_axis_against_an_adaptive_integrator(kind):
 
 
 def test_a_fast_current_loop_is_nearly_ideal():
-    """Point to point in current: the end effector of both plants within 1 % of the way after 0.2 s."""
+    """The end effectors of both plants agree within 1 % of the way after 0.2 s."""
     ideal, real = FlexibleAxis(thesis_axis(), DT), driven()
 
     def end(plant):
@@ -170,7 +170,7 @@ def test_voltage_limit_and_its_windup():
 
 
 def test_derivatives_and_wrappers():
-    """Of the tool after 20 ms in a resistance, against differences, through a load current from outside."""
+    """Slope of the tool after 20 ms in a resistance, under a load current from outside."""
 
     def tool(resistance):
         motor = eqx.tree_at(lambda m: m.resistance, thesis_motor(), resistance)

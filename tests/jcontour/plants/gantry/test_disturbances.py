@@ -32,7 +32,10 @@ def test_the_linear_model_is_exact_under_them(machine, request):
 
 
 def test_the_thesiss_terms(reference_gantry):
-    """Section 5.3.1 term by term, with the corrections: M_d = 0, the terms in x_h - xbar, and the springs between drives and guides."""
+    """Section 5.3.1 term by term, with our corrections.
+
+    M_d = 0, the terms in x_h - xbar, and the springs between drives and guides.
+    """
     p = reference_gantry
     M_e, d, L, k_s = (
         float(value) for value in (p.head_mass, p.tool_offset, p.half_span, p.lateral_stiffness)

@@ -61,7 +61,10 @@ def brackets(p, state, acceleration):
 
 
 def dropped(p, state, control, acceleration):
-    """What the linear model lacks beside the brackets, as forces on its right side; `control` is the whole current."""
+    """Terms beside the brackets that the linear model lacks, as forces on its right side.
+
+    `control` is the whole current.
+    """
     n, (x, _, th), (_, _, w) = numbers(p), np.asarray(state[:3]), np.asarray(state[3:])
     less, imbalance, L = (
         1 - np.cos(th),
@@ -106,7 +109,10 @@ def test_accelerations_are_those_of_the_control_oriented_model(odd_gantry):
 
 
 def test_a_plant_of_the_nominal_parameters_moves_as_the_model_but_for_what_is_dropped(odd_gantry):
-    """M (q'' - a) is exactly what the module's text says is dropped, at angles where that is visible; uncompensated it is far more."""
+    """M (q'' - a) is exactly the sum of the terms that the module's text drops.
+
+    The angles are large enough to see it; uncompensated it is far more.
+    """
     motion = EquationOfMotion.of(odd_gantry)
     for seed in range(10):
         state, control = drawn(seed)
@@ -128,7 +134,10 @@ def test_without_twist_nothing_is_left(odd_gantry):
 
 
 def test_the_sampled_plant_follows_the_linear_model():
-    """A beam on soft joints, shaken to 6 mrad for half a second at 0.1 ms; what is left is mostly that currents are held."""
+    """A beam on soft joints, shaken to 6 mrad for half a second at 0.1 ms.
+
+    The rest is mostly that currents are held.
+    """
     p = eqx.tree_at(lambda p: p.joint_stiffness, thesis_gantry(), jnp.array(1e5))
     dt, steps = 1e-4, 5000
     plant = Gantry(p, dt, substeps=1)
@@ -167,7 +176,10 @@ def test_the_sampled_plant_follows_the_linear_model():
 
 @pytest.mark.parametrize("head", [HEAD, 0.3])
 def test_residuals_are_the_thesiss_sums(odd_gantry, head):
-    """Under Delta M_e, Delta k_x, Delta k_y: printed sums, what the model's accelerations add to them, and what is dropped."""
+    """Under Delta M_e, Delta k_x, Delta k_y: three sums.
+
+    The printed ones, what the model's accelerations add, and what is dropped.
+    """
     factors = {"head_mass": 1.07, "head_constant": 0.96, "drive_constant": 1.03}
     plant = eqx.tree_at(
         lambda p: [getattr(p, n) for n in factors],

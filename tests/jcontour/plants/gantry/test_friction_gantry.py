@@ -1,14 +1,16 @@
-"""Stick and slip of the gantry's three sliders: against a program with events, closed forms, and the work that is done."""
+"""Stick and slip of the gantry's three sliders.
 
-from itertools import product
-from types import SimpleNamespace
+Against closed forms and the work that is done; `test_friction_gantry_by_events` has a program.
+"""
+
+from functools import cache
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import simpson, solve_ivp
+from scipy.integrate import simpson
 
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
@@ -17,164 +19,16 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.simulation.evaluation import member, stack_plants
 
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
-RUBBING = Friction(
-    coulomb=[12.0, 15.0, 19.0],
-    stribeck=[6.0, 5.0, 8.0],
-    stribeck_speed=[0.02, 0.03, 0.01],
-    viscous=[0.0, 3.0, 5.0],
-)
 
 
-class ByEvents:
-    """The same machine in (q, q'): Lagrange multipliers hold the sliders that stick, an adaptive integrator stops where modes change."""
-
-    def __init__(self, p, friction):
-        self.span = float(p.half_span)
-        self.coulomb, self.stribeck, self.speed, self.viscous = (
-            np.broadcast_to(np.asarray(v), 3)
-            for v in (
-                friction.coulomb,
-                friction.stribeck,
-                friction.stribeck_speed,
-                friction.viscous,
-            )
-        )
-        self.p = SimpleNamespace(**{name: float(value) for name, value in vars(p).items()})
-
-    def rows(self, q, v):
-        """J, and J' q'."""
-        across = self.span * np.cos(q[2])
-        turn = self.span * np.sin(q[2]) * v[2] ** 2
-        return np.array([[1, 0, 0], [0, 1, -across], [0, 1, across]]), np.array([0, turn, -turn])
-
-    def terms(self, q, v, u):
-        """M and Q - h, (5.4)-(5.9)."""
-        p, (x, _, theta), (dx, dy, omega) = self.p, q, v
-        M_e, d, L, sine, cosine = (
-            p.head_mass,
-            p.tool_offset,
-            p.half_span,
-            np.sin(theta),
-            np.cos(theta),
-        )
-        masses, imbalance = (
-            M_e + p.drive_mass_1 + p.drive_mass_2 + p.beam_mass,
-            L * (p.drive_mass_1 - p.drive_mass_2),
-        )
-        inertia = (
-            L**2 * (p.drive_mass_1 + p.drive_mass_2)
-            + p.beam_mass * (L**2 + p.half_width**2) / 3
-            + M_e * (d**2 + x**2)
-        )
-        yaw = M_e * d * sine + (M_e * x - imbalance) * cosine
-        mass = np.array(
-            [[M_e, M_e * sine, M_e * d], [M_e * sine, masses, yaw], [M_e * d, yaw, inertia]]
-        )
-        lift = L * cosine * omega
-        pushes = p.drive_constant * u[1:] - p.drive_viscous * np.array([dy - lift, dy + lift])
-        springs = (
-            2 * p.joint_stiffness * theta + 2 * p.lateral_stiffness * L**2 * (1 - cosine) * sine
-        )
-        across = (
-            M_e * (2 * dx * omega * cosine + omega**2 * (d * cosine - x * sine))
-            + imbalance * omega**2 * sine
-        )
-        return mass, np.array(
-            [
-                p.head_constant * u[0] - p.head_viscous * dx + M_e * x * omega**2,
-                pushes.sum() - across,
-                L * cosine * (pushes[1] - pushes[0]) - 2 * M_e * omega * dx * x - springs,
-            ]
-        )
-
-    def accelerations(self, x, u, mode):
-        """q'', and what every guide way that holds its slider exerts."""
-        q, v = x[:3], x[3:]
-        mass, force = self.terms(q, v, u)
-        J, turning = self.rows(q, v)
-        speed = J @ v
-        push = (
-            -mode * (self.coulomb + self.stribeck / (1 + (speed / self.speed) ** 2))
-            - self.viscous * speed
-        )
-        stuck = mode == 0
-        held = J[stuck]
-        system = np.block([[mass, -held.T], [held, np.zeros((len(held), len(held)))]])
-        solution = np.linalg.solve(
-            system, np.concatenate([force + J[~stuck].T @ push[~stuck], -turning[stuck]])
-        )
-        reaction = np.zeros(3)
-        reaction[stuck] = solution[3:]
-        return solution[:3], reaction
-
-    def modes(self, x, u, mode):
-        """The one choice for the sliders at rest whose accelerations and reactions agree with it."""
-        rest = np.flatnonzero(mode == 0)
-        for choice in sorted(product((0, 1, -1), repeat=len(rest)), key=np.count_nonzero):
-            tried = mode.copy()
-            tried[rest] = choice
-            acceleration, reaction = self.accelerations(x, u, tried)
-            J, turning = self.rows(x[:3], x[3:])
-            along = tried * (J @ acceleration + turning)
-            if all(
-                along[i] > 0 if tried[i] else abs(reaction[i]) <= self.coulomb[i] + self.stribeck[i]
-                for i in rest
-            ):
-                return tried
-        raise AssertionError("no choice agrees")
-
-    def rates(self, time, x, u, mode):
-        return np.concatenate([x[3:], self.accelerations(x, u, mode)[0]])
-
-    def sample(self, x, mode, u, duration):
-        """State and modes after currents that are held."""
-        time = 0.0
-        mode = self.modes(x, u, mode)
-        while time < duration:
-            run = solve_ivp(
-                self.rates,
-                (time, duration),
-                x,
-                method="DOP853",
-                rtol=1e-10,
-                atol=1e-13,
-                max_step=1e-4,
-                args=(u, mode),
-                events=[_Change(self, i, mode[i]) for i in range(3)],
-            )
-            time, x = run.t[-1], run.y[:, -1]
-            if run.status == 1:
-                fired = next(i for i in range(3) if len(run.t_events[i]))
-                if mode[fired]:
-                    mode[fired] = 0
-                    x = self.stopped(x, mode)
-                    mode = self.modes(x, u, mode)
-                else:
-                    mode[fired] = -np.sign(self.accelerations(x, u, mode)[1][fired])
-        return x, mode
-
-    def stopped(self, x, mode):
-        """Sliders that stick have no speed at all."""
-        J, _ = self.rows(x[:3], x[3:])
-        speed = np.where(mode == 0, 0, J @ x[3:])
-        return np.concatenate([x[:3], np.linalg.solve(J, speed)])
-
-
-class _Change:
-    """Speed of a slider that slips, or what is on one that sticks beyond what holds it."""
-
-    terminal = True
-
-    def __init__(self, program, i, mode):
-        self.program, self.i, self.direction = program, i, -1 if mode else 1
-
-    def __call__(self, time, x, u, mode):
-        program, i = self.program, self.i
-        if mode[i]:
-            return mode[i] * (program.rows(x[:3], x[3:])[0] @ x[3:])[i]
-        return (
-            abs(program.accelerations(x, u, mode)[1][i]) - program.coulomb[i] - program.stribeck[i]
-        )
+@cache
+def rubbing():
+    return Friction(
+        coulomb=[12.0, 15.0, 19.0],
+        stribeck=[6.0, 5.0, 8.0],
+        stribeck_speed=[0.02, 0.03, 0.01],
+        viscous=[0.0, 3.0, 5.0],
+    )
 
 
 def swinging(steps, seed, size):
@@ -201,52 +55,6 @@ def at_rest(plant, position=(0.3, 0.1)):
     return plant.initial_state(jnp.array(position), jnp.zeros(2))
 
 
-def test_it_is_the_machine_of_a_program_with_events(odd_gantry):
-    """Forty milliseconds in which all three stick, break loose and turn; the instants are found to a substep."""
-    currents, program = swinging(STEPS, seed=1, size=0.6), ByEvents(odd_gantry, RUBBING)
-    plant = StickSlipGantry(odd_gantry, RUBBING, DT, SUBSTEPS)
-    x, mode, wanted, modes = np.asarray(plant.measure(at_rest(plant))), np.zeros(3, int), [], []
-    for control in currents[:40]:
-        x, mode = program.sample(x, mode.copy(), control, DT)
-        wanted.append(x)
-        modes.append(mode)
-    assert (
-        all(set(row) >= {0, 1} for row in np.array(modes)[:, 1:].T)
-        and (np.array(modes) == -1).any()
-    )
-    found, states = run(plant, at_rest(plant), currents)
-    np.testing.assert_array_equal(states.mode[:40], modes)
-    np.testing.assert_allclose(
-        found[:40, :3], np.array(wanted)[:, :3], rtol=0, atol=2e-8
-    )  # of 1e-4 m
-    np.testing.assert_allclose(
-        found[:40, 3:], np.array(wanted)[:, 3:], rtol=0, atol=2e-6
-    )  # of 1e-2 m/s
-
-
-@pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
-def test_sliders_break_loose_as_only_they_can(machine, request):
-    """Of all choices for those at rest one agrees with the equation of motion: one after another finds what trying all of them does."""
-    p, random, choices = request.getfixturevalue(machine), np.random.default_rng(5), set()
-    plant, program = StickSlipGantry(p, RUBBING, 1e-7, substeps=1), ByEvents(p, RUBBING)
-    step = eqx.filter_jit(plant.step)
-    for _ in range(200):
-        start = at_rest(plant, (random.uniform(-0.5, 0.5), 0.0))
-        speed, twist = (
-            random.uniform(-0.1, 0.1, 3) * random.integers(0, 2, 3),
-            random.uniform(-4e-6, 4e-6),
-        )
-        sliders = start.sliders.at[3:].set(speed).at[1].add(-twist).at[2].add(twist)
-        state = start._replace(sliders=sliders, mode=jnp.sign(speed).astype(start.mode.dtype))
-        control = random.uniform(-1.5, 1.5, 3)
-        wanted = program.modes(
-            np.asarray(plant.measure(state)), control, np.sign(speed).astype(int)
-        )
-        np.testing.assert_array_equal(step(state, jnp.asarray(control)).mode, wanted)
-        choices.add(tuple(wanted))
-    assert len(choices) > 20
-
-
 def only(**friction):
     return Friction(
         **{"coulomb": 0.0, "stribeck": 0.0, "stribeck_speed": 1.0, "viscous": 0.0, **friction}
@@ -254,7 +62,10 @@ def only(**friction):
 
 
 def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head():
-    """Pulled at the first drive alone. What the others feel of its acceleration a = (k i - f_1) / M_11 is M_12 a and M_x1 a."""
+    """Pulled at the first drive alone, a = (k i - f_1) / M_11.
+
+    The others feel M_12 a and M_x1 a of it.
+    """
     p, head = thesis_gantry(), 0.3
     yaw, inertia, L = 40.0 * head, float(p.inertia(head)), 0.9
     M_11 = float(p.total_mass) / 4 - yaw / (2 * L) + inertia / (4 * L**2)
@@ -297,7 +108,7 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
 
 
 def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
-    """Both guide ways hold 2 k_r theta / (2 L cos theta) each, to the bit; beyond, the beam swings back."""
+    """Both guide ways hold 2 k_r theta / (2 L cos theta), to the bit; then the beam swings."""
     p, held = thesis_gantry(), 20.0
     plant = StickSlipGantry(
         p, only(coulomb=[1.0, 15.0, 15.0], stribeck=[0.0, 5.0, 5.0]), DT, SUBSTEPS
@@ -312,7 +123,10 @@ def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
 
 
 def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
-    """M v' = k i - b v - f: head alone, then both drives with the head held; to rest, where they stay."""
+    """M v' = k i - b v - f for the head alone, then for both drives with the head held.
+
+    They come to rest and stay there.
+    """
     p, dry, force, half = thesis_gantry(), 40.0, 60.0, STEPS // 2
     for coordinate, guides, pushed, mass, viscous in (
         (0, [40.0, 1e4, 1e4], [0], 40.0, 200.0),
@@ -343,10 +157,13 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
 
 
 def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
-    """Between changes of mode to 1e-9 of the work done; over all of them to what the instants' first order leaves."""
+    """Between changes of mode to 1e-9 of the work done.
+
+    Over all of them to the first order of the instants.
+    """
     fine, count = 1e-5, 100
     plant, motion = (
-        StickSlipGantry(odd_gantry, RUBBING, fine, substeps=1),
+        StickSlipGantry(odd_gantry, rubbing(), fine, substeps=1),
         EquationOfMotion.of(odd_gantry),
     )
     currents = np.repeat(swinging(80, seed=1, size=0.6), count, axis=0)
@@ -358,9 +175,9 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
     energy = np.asarray(jax.jit(jax.vmap(lambda x: motion.energy(x[:3], x[3:])))(jnp.asarray(x)))
     work = np.diff(z[:, :3], axis=0) * currents * [35.0, 80.0, 80.0]
     assert (mode == 0).any(axis=0).all() and set(np.unique(mode)) == {-1, 0, 1}
-    dry, drag = np.asarray(RUBBING.coulomb), np.asarray(RUBBING.viscous) + [90.0, 310.0, 310.0]
-    lorentz = dry + np.asarray(RUBBING.stribeck) / (
-        1 + (speed / np.asarray(RUBBING.stribeck_speed)) ** 2
+    dry, drag = np.asarray(rubbing().coulomb), np.asarray(rubbing().viscous) + [90.0, 310.0, 310.0]
+    lorentz = dry + np.asarray(rubbing().stribeck) / (
+        1 + (speed / np.asarray(rubbing().stribeck_speed)) ** 2
     )
     lost = (np.abs(speed) * lorentz + drag * speed**2).sum(axis=1)
     windows = [slice(k, k + count + 1) for k in range(0, len(currents), count)]
@@ -379,7 +196,10 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
 
 @pytest.mark.parametrize("kind", [StickSlipGantry, SmoothFrictionGantry])
 def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
-    """In other coordinates the integrator's error is another, of fourth order; from a state in motion and far off straight."""
+    """In other coordinates the error of the integrator is another, of fourth order.
+
+    From a state in motion and far off straight.
+    """
     plant, plain = kind(odd_gantry, only(), DT, substeps=SUBSTEPS), Gantry(odd_gantry, DT, SUBSTEPS)
     state = jnp.array([0.3, -0.2, 0.03, 0.2, -0.1, 0.5])
     start = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([1e-4, 1e-4]))
@@ -412,40 +232,40 @@ def test_equal_currents_never_twist_a_symmetric_machine(kind):
 
 
 def test_the_sharper_the_twin_the_nearer_it_comes():
-    """To the true gantry, in x_h and y_N; ten times sharper is at least three times nearer, in steps too fine for it to be stiff."""
+    """Ten times sharper is at least three times nearer to the true gantry in x_h and y_N.
+
+    The steps are too fine for the twin to be stiff.
+    """
     p, currents = thesis_gantry(), swinging(STEPS, seed=1, size=1.5)
-    true = StickSlipGantry(p, RUBBING, DT, SUBSTEPS)
+    true = StickSlipGantry(p, rubbing(), DT, SUBSTEPS)
     wanted, _ = run(true, at_rest(true), currents)
     gaps = []
     for sharpness in (1e2, 1e3, 1e4):
-        twin = SmoothFrictionGantry(p, RUBBING, DT, sharpness, SUBSTEPS)
+        twin = SmoothFrictionGantry(p, rubbing(), DT, sharpness, SUBSTEPS)
         gaps.append(np.abs(run(twin, at_rest(twin), currents)[0] - wanted).max(axis=0)[:2])
     assert np.all(gaps[1] < gaps[0] / 3) and np.all(gaps[2] < gaps[1] / 3)
 
 
 def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
     """To currents, friction and the start."""
-    currents = jnp.asarray(swinging(20, seed=1, size=1.0))
+    currents, dry = jnp.asarray(swinging(20, seed=1, size=1.0)), rubbing()
 
+    @jax.jit
+    @jax.value_and_grad
     def loss(change):
-        friction = Friction(
-            RUBBING.coulomb * (1 + change[0]),
-            RUBBING.stribeck * (1 + change[1]),
-            RUBBING.stribeck_speed,
-            RUBBING.viscous,
-        )
+        coulomb, stribeck = dry.coulomb * (1 + change[0]), dry.stribeck * (1 + change[1])
+        friction = Friction(coulomb, stribeck, dry.stribeck_speed, dry.viscous)
         twin = SmoothFrictionGantry(odd_gantry, friction, DT)
         start = at_rest(twin).at[3:].add(1e-3 * change[3])
         _, states = jax.lax.scan(
             lambda s, u: (twin.step(s, u),) * 2, start, currents * (1 + change[2])
         )
-        return jnp.log(jnp.mean((states[:, :3] - states[0, :3]) ** 2))
+        return jnp.log(jnp.mean((states[:, :3] - states[:1, :3]) ** 2))
 
-    none = jnp.zeros(4)
-    value, slopes = jax.jit(loss), jax.jit(jax.grad(loss))(none)
-    h = 1e-5
+    none, h = jnp.zeros(4), 1e-5
+    _, slopes = loss(none)
     differences = [
-        (value(none.at[k].set(h)) - value(none.at[k].set(-h))) / (2 * h) for k in range(4)
+        (loss(none.at[k].set(h))[0] - loss(none.at[k].set(-h))[0]) / (2 * h) for k in range(4)
     ]
     np.testing.assert_allclose(slopes, differences, rtol=1e-5)
 
@@ -453,7 +273,7 @@ def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
 @pytest.mark.parametrize("slider", range(3))
 def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
     """It stays in the slider's position and speed, and so in what is measured."""
-    plant = StickSlipGantry(thesis_gantry(), RUBBING, DT, SUBSTEPS)
+    plant = StickSlipGantry(thesis_gantry(), rubbing(), DT, SUBSTEPS)
     moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
     lost = moving._replace(sliders=moving.sliders.at[3 + slider].set(jnp.nan))
     after = jax.tree.map(lambda rows: rows[-1], run(plant, lost, np.zeros((STEPS, 3)))[1])
@@ -462,9 +282,11 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
 
 
 def test_a_family_of_machines_is_a_batch(odd_gantry):
-    family = stack_plants([StickSlipGantry(p, RUBBING, DT) for p in (thesis_gantry(), odd_gantry)])
+    family = stack_plants(
+        [StickSlipGantry(p, rubbing(), DT) for p in (thesis_gantry(), odd_gantry)]
+    )
     start, control = (
-        at_rest(StickSlipGantry(odd_gantry, RUBBING, DT), (0.2, 0.0)),
+        at_rest(StickSlipGantry(odd_gantry, rubbing(), DT), (0.2, 0.0)),
         jnp.array([0.2, 0.5, 0.1]),
     )
     step = eqx.filter_jit(lambda plant: plant.step(start, control))
@@ -476,7 +298,7 @@ def test_a_family_of_machines_is_a_batch(odd_gantry):
 
 
 def test_it_starts_stuck_or_in_steady_motion():
-    plant = StickSlipGantry(thesis_gantry(), RUBBING, DT)
+    plant = StickSlipGantry(thesis_gantry(), rubbing(), DT)
     moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
     np.testing.assert_allclose(
         plant.measure(moving), [0.3, 0.3, 0.0, 0.2, -0.1, 0.0], rtol=0, atol=1e-15
@@ -487,18 +309,16 @@ def test_it_starts_stuck_or_in_steady_motion():
 
 def test_bad_input_is_named():
     p = thesis_gantry()
-    with pytest.raises(
-        ValueError,
-        match="friction: coulomb needs one value, or one each for the head and the two drives, received 2",
-    ):
+    wanted = "one value, or one each for the head and the two drives, received 2"
+    with pytest.raises(ValueError, match=f"friction: coulomb needs {wanted}"):
         StickSlipGantry(p, only(coulomb=[1.0, 2.0]), DT)
     with pytest.raises(ValueError, match="does not divide the sample period"):
-        StickSlipGantry(p, RUBBING, 1.1e-3)
+        StickSlipGantry(p, rubbing(), 1.1e-3)
     with pytest.raises(
         ValueError, match="sharpness: needs to be finite and above zero, received 0"
     ):
-        SmoothFrictionGantry(p, RUBBING, DT, sharpness=0.0)
+        SmoothFrictionGantry(p, rubbing(), DT, sharpness=0.0)
     with pytest.raises(
         ValueError, match=r"position: the head runs from -0.9 to 0.9 m along the beam, received 1"
     ):
-        at_rest(StickSlipGantry(p, RUBBING, DT), (1.0, 0.0))
+        at_rest(StickSlipGantry(p, rubbing(), DT), (1.0, 0.0))

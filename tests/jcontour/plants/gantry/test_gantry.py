@@ -72,7 +72,10 @@ def lagrangian(p, q, v):
 
 @pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
 def test_the_closed_form_is_that_of_the_energies(machine, request):
-    """Lagrange's equation by automatic differentiation, and the virtual work of the three motors and their friction."""
+    """Lagrange's equation by automatic differentiation.
+
+    With the virtual work of the three motors and their friction.
+    """
     p = request.getfixturevalue(machine)
     motion = EquationOfMotion.of(p)
 
@@ -213,7 +216,7 @@ def test_derivatives_of_a_closed_loop_are_those_of_differences(
 
 
 def test_it_starts_in_steady_motion():
-    """Held by currents that balance friction, the tool goes on by the increment and the beam stays straight."""
+    """Under currents that balance friction the tool goes on and the beam stays straight."""
     p = thesis_gantry()
     plant, increment = Gantry(p, DT), jnp.array([2e-4, -1e-4])
     state = plant.initial_state(jnp.array([0.3, 0.1]), increment)

@@ -40,7 +40,7 @@ def advance(plant, state, currents):
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, odd_gantry):
-    """At first order, both for what is held and for what is late; the head turns about on the way."""
+    """First order, for the hold and for the delay; the head turns about on the way."""
     held = np.array([[4.0, 1.0, -2.0], [-9.0, -3.0, 1.0], [-2.0, 0.5, 0.5]])
     start, position = jnp.array([0.1, -0.2]), jnp.array([0.05, 0.02])
     errors = []
@@ -67,7 +67,10 @@ def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, 
 
 
 def test_one_step_by_hand(odd_gantry):
-    """(5.48) with the bench's exact response in place of forward Euler, and the printed sum within what that is off by."""
+    """(5.48) with the bench's exact response in place of forward Euler.
+
+    The printed sum agrees within the error of forward Euler.
+    """
     plant, p = HardwareInLoop(Gantry(odd_gantry, DT, substeps=20), bench(0.0, 0.0)), odd_gantry
     k_M, b_M = float(p.head_constant / p.head_mass), float(p.head_viscous / p.head_mass)
     first = Emulated(
@@ -134,7 +137,7 @@ def test_it_comes_to_rest_and_the_beam_goes_on():
 
 
 def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
-    """Where the load follows from the current alone, the head does exactly the same one sample later."""
+    """If the load follows from the current alone, the head is exactly one sample late."""
     p = eqx.tree_at(
         lambda p: (p.tool_offset, p.head_viscous),
         thesis_gantry(),

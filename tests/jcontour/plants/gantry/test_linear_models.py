@@ -59,7 +59,7 @@ def test_reference_resonances(gantry_data, reference_gantry):
 
 
 def test_the_response_is_that_of_the_model(odd_gantry):
-    """(5.12) with the coupling, unequal drives, against SciPy's transfer function of (5.14)-(5.15)."""
+    """(5.12) with coupling and unequal drives against SciPy's transfer function."""
     head, coupling = 0.3, 17.0 * 0.3 - (13.0 - 31.0) * 0.6
     A, B, _ = (np.asarray(matrix) for matrix in control_oriented(odd_gantry, head))
     speed = [[0, 1, 0, -0.6]]

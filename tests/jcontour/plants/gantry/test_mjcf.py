@@ -1,4 +1,7 @@
-"""The model file: what the engine makes of it against (5.7)-(5.9), which `test_gantry.py` derives from the energies."""
+"""The model file in the engine against (5.7)-(5.9).
+
+`test_gantry.py` derives these equations from the energies.
+"""
 
 import mujoco
 import numpy as np

@@ -13,7 +13,7 @@ DT, HEAD = 2e-3, -0.31
 
 
 def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordinates(odd_gantry):
-    """By automatic differentiation and SciPy: unequal drives, an off-centre head, the tool's own slopes."""
+    """By automatic differentiation and SciPy: unequal drives, an off-centre head."""
     rest, still = untwisted(odd_gantry, jnp.array([HEAD, 0.0]), jnp.zeros(2)), jnp.zeros(3)
     motion = EquationOfMotion.of(odd_gantry)
 

@@ -1,4 +1,7 @@
-"""The equation of motion in the motors' coordinates: against J^-T M J^-1 with the Jacobian by automatic differentiation."""
+"""The equation of motion in the motors' coordinates against J^-T M J^-1.
+
+The Jacobian is found by automatic differentiation.
+"""
 
 from itertools import product
 
