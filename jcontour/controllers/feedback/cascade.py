@@ -91,8 +91,8 @@ class Cascade(Controller):
     >>> gains = CascadeGains(position=30.0, velocity=55.67, integral_time=0.04)
     >>> cascade = Cascade(gains, motors(1), dt=1e-3, limit=10.0)
     >>> memory, control = cascade.drive(jnp.zeros(1), error=jnp.array([1.0]))
-    >>> memory.round(3).tolist(), control.tolist()
-    ([1.392], [10.0])
+    >>> round(float(memory[0]), 3), control.tolist()
+    (1.392, [10.0])
 
     Args:
         gains: gains of the loops.

@@ -112,7 +112,7 @@ class ContouringLQ(Controller):
     >>> from jcontour.plants.bridgeport import bridgeport
     >>> table = bridgeport()
     >>> controller = ContouringLQ(table, LQWeights(alpha=1e8, beta=1e9, rho=1e-2), preview=10)
-    >>> path = along(circle(0.01), 2.5e-5 * jnp.arange(20), table.dt, preview=10)
+    >>> path = along(circle(0.01), 2.5e-5 * np.arange(20), table.dt, preview=10, at_rest=False)
     >>> controller.prepare(path).F.shape
     (20, 2, 8)
 

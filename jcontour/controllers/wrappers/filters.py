@@ -121,7 +121,7 @@ class Filtered(Wrapper):
     >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
     >>> filtered = Filtered(cascade, notch(frequency=87.0, depth=0.85, damping=0.05, dt=1e-3), 1)
     >>> [round(float(b), 4) for b in filtered.filter.numerator]
-    [0.9994, -1.9838, 0.9919]
+    [0.9994, -1.9838, 0.992]
 
     Args:
         controller: the wrapped controller.

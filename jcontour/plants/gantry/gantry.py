@@ -141,8 +141,8 @@ class Gantry(Plant):
     >>> from jcontour.plants.gantry.parameters import thesis_gantry
     >>> gantry = Gantry(thesis_gantry(), dt=1e-3)
     >>> start = gantry.initial_state(jnp.array([0.1, 0.2]), jnp.zeros(2))
-    >>> gantry.output(start).round(6).tolist(), start.round(6).tolist()[:3]
-    ([0.1, 0.2], [0.1, 0.4, 0.0])
+    >>> start.shape, bool(jnp.allclose(gantry.output(start), jnp.array([0.1, 0.2])))
+    ((6,), True)
 
     Args:
         parameters: of the machine.
