@@ -255,10 +255,11 @@ def check_gain(
 
     The stability of traced values is not checked.
     """
-    wanted, found = (A.shape[0], C.shape[0]), jnp.shape(gain)
+    wanted, found = (jnp.shape(A)[0], jnp.shape(C)[0]), jnp.shape(gain)
     if found != wanted:
         raise ValueError(f"{name}: needs shape {wanted}, received {found}")
     if is_concrete(A, C, gain):
+        A, C, gain = np.asarray(A), np.asarray(C), np.asarray(gain)
         check_stable(f"{name}: the observer", A - A @ gain @ C)
 
 

@@ -184,10 +184,11 @@ class DrivenAxis(Plant):
         voltage = wanted * _phasor(share, 0.0)
         # the integral is held while the voltage is limited
         integral = jnp.where(voltage == wanted, integral, _complex(state.integral))
-        pushed = self.axis.step(state.axis, motor.advance(current, voltage, speed, h)[1].imag)
-        mean_speed = (speed + self.axis.measure(pushed)[1]) / 2
+        _, mean_current = motor.advance(current, voltage, speed, h)
+        pushed = state._replace(axis=self.axis.step(state.axis, mean_current.imag))
+        mean_speed = (speed + self.axis.measure(pushed.axis)[1]) / 2
         after, _ = motor.advance(current, voltage, mean_speed, h)
-        return DrivenState(pushed, _real(after), _real(integral), _real(voltage))
+        return DrivenState(pushed.axis, _real(after), _real(integral), _real(voltage))
 
 
 def _check_force(stated: Axes, motor: LinearMotor) -> None:
