@@ -24,8 +24,9 @@ def test_the_linear_model_is_exact_under_them(machine, request):
     A, B, E = (np.asarray(matrix) for matrix in control_oriented(p, HEAD))
     for seed in range(10):
         z = drawn(seed)
-        wanted = np.array(EquationOfMotion.of(p).acceleration(z[:3], z[3:6], z[6:]))
-        d = np.asarray(disturbances(p, HEAD, jnp.asarray(z[:6]), jnp.asarray(z[6:])))
+        q, v, u = jnp.split(jnp.asarray(z), 3)
+        wanted = np.array(EquationOfMotion.of(p).acceleration(q, v, u))
+        d = np.asarray(disturbances(p, HEAD, jnp.concatenate([q, v]), u))
         found = (A @ z[:6] + B @ z[6:] + E @ d)[3:]
         np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-10 * np.abs(wanted).max())
     assert set(X) | set(Y) == set(range(6))
@@ -43,7 +44,8 @@ def test_the_thesiss_terms(reference_gantry):
     for seed in range(10):
         z = drawn(seed)
         (x, _, theta), (dx, _, turn), u = z[:3], z[3:6], z[6:]
-        ddx, ddy, ddturn = (float(a) for a in EquationOfMotion.of(p).acceleration(z[:3], z[3:6], u))
+        acceleration = EquationOfMotion.of(p).acceleration(*jnp.split(jnp.asarray(z), 3))
+        ddx, ddy, ddturn = (float(a) for a in acceleration)
         s, c, off = np.sin(theta), np.cos(theta), x - HEAD
         first = -M_e * (
             s * ddx

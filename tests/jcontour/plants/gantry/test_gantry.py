@@ -106,7 +106,7 @@ def test_the_closed_form_is_that_of_the_energies(machine, request):
         )
 
     for seed in range(20):
-        q, v, u = drawn(seed)
+        q, v, u = map(jnp.asarray, drawn(seed))
         mass, bias, work, energy = derived(q, v, u)
         found = closed_form(q, v, u)
         for value, wanted in zip(
@@ -119,9 +119,9 @@ def test_the_beam_alone_obeys_its_two_lines(odd_gantry):
     """(5.8), (5.9) under any x_h'': the head's line is somebody else's."""
     motion = EquationOfMotion.of(odd_gantry)
     for seed in range(10):
-        q, v, u = drawn(seed)
-        along = float(np.random.default_rng(seed).normal())
-        whole = jnp.stack([jnp.asarray(along), *motion.beam_acceleration(q, v, u, along)])
+        q, v, u = map(jnp.asarray, drawn(seed))
+        along = jnp.asarray(np.random.default_rng(seed).normal())
+        whole = jnp.stack([along, *motion.beam_acceleration(q, v, u, along)])
         lines = (
             motion.mass_matrix(q) @ whole
             + jnp.stack(motion.bias(q, v))

@@ -59,16 +59,16 @@ def test_masses_and_forces_are_those_of_the_chain_rule(odd_gantry, state):
 
 def test_products_and_solutions_are_those_of_numpy():
     """Where some sliders are held the equation has only the rows and columns of the others."""
-    masses, force = (
-        SliderMasses(*map(jnp.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0))),
-        np.array([5.0, -7.0, 11.0]),
-    )
+    masses = SliderMasses(*map(jnp.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0)))
+    force = np.array([5.0, -7.0, 11.0])
     matrix = full(masses)
-    np.testing.assert_allclose(masses.times(force), matrix @ force, rtol=1e-14)
-    np.testing.assert_allclose(masses.solved(force), np.linalg.solve(matrix, force), rtol=1e-13)
+    np.testing.assert_allclose(masses.times(tuple(jnp.asarray(force))), matrix @ force, rtol=1e-14)
+    np.testing.assert_allclose(
+        masses.solved(jnp.asarray(force)), np.linalg.solve(matrix, force), rtol=1e-13
+    )
     for slips in map(np.array, product((False, True), repeat=3)):
         wanted = np.zeros(3)
         wanted[slips] = np.linalg.solve(matrix[np.ix_(slips, slips)], force[slips])
-        found = np.array(masses.solved_for(slips, force))
+        found = np.array(masses.solved_for(jnp.asarray(slips), jnp.asarray(force)))
         np.testing.assert_allclose(found, wanted, rtol=1e-13)
         np.testing.assert_array_equal(found[~slips], 0.0)
