@@ -9,19 +9,14 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # the contracts, and what each of their implementations goes through
     "jcontour/controller.py": "test_contracts.py",
     "jcontour/plant.py": "test_contracts.py",
-    "jcontour/tracing.py": "jcontour/riccati/test_receding_horizon.py",
     # the pieces that contours and programs are made of
-    "jcontour/geometry/contour.py": "jcontour/geometry/test_contours.py",
-    "jcontour/geometry/pieces.py": "jcontour/geometry/test_contours.py",
+    "jcontour/geometry/pieces.py": "jcontour/geometry/test_contour.py",
     "jcontour/geometry/quintics.py": "jcontour/geometry/test_contours.py",
-    "jcontour/geometry/arcs.py": "jcontour/geometry/test_toolpaths.py",
-    "jcontour/geometry/gcode.py": "jcontour/geometry/test_toolpaths.py",
-    "jcontour/linear/transformations.py": "jcontour/linear/test_plant.py",
+    "jcontour/geometry/arcs.py": "jcontour/geometry/test_gcode.py",
     "jcontour/plants/wrappers/delays.py": "jcontour/plants/wrappers/test_wrapper.py",
     "jcontour/plants/wrappers/disturbances.py": "jcontour/plants/wrappers/test_wrapper.py",
     "jcontour/plants/wrappers/encoders.py": "jcontour/plants/wrappers/test_wrapper.py",
     "jcontour/plants/wrappers/saturation.py": "jcontour/plants/wrappers/test_wrapper.py",
-    "jcontour/riccati/algebraic.py": "jcontour/riccati/test_receding_horizon.py",
     # the names of the catalogue
     "experiments/catalogue/contours.py": "experiments/catalogue/test_choices.py",
     "experiments/catalogue/controllers.py": "test_contracts.py",

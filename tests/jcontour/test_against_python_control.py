@@ -29,6 +29,7 @@ from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.sensors import motors
+from jcontour.simulation.closed_loop import prepared
 
 DT, W, B0 = 1e-3, 87.0, 79.33 / 39.62
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04
@@ -117,7 +118,7 @@ def test_extended_state_observers(kind, method):
 
 def poles(controller, plant=MACHINE):
     """Of the loop of plant and controller: the Jacobian of one sample."""
-    plan = jax.tree.map(lambda rows: rows[0], controller.prepare(RAMP))
+    plan = jax.tree.map(lambda rows: rows[0], prepared(controller, RAMP))
     flat, unravel = ravel_pytree(
         (
             plant.initial_state(RAMP.position[0], RAMP.start_increment),

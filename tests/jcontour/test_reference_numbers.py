@@ -31,7 +31,7 @@ from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.riccati.receding_horizon import CostToGo, one_stage_back
-from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.closed_loop import prepared, simulate
 from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
 from jcontour.simulation.metrics import score
 
@@ -113,7 +113,7 @@ def cost_of_first_step(model, weights, terminal, reference, preview):
 
 @eqx.filter_jit
 def all_of(plant, controller, reference, state, window):
-    rollout, plan = simulate(plant, controller, reference, state), controller.prepare(reference)
+    rollout, plan = simulate(plant, controller, reference, state), prepared(controller, reference)
     metrics = score(rollout, reference, window)
     H_1 = cost_of_first_step(
         plant, controller.weights, controller.terminal, reference, controller.preview

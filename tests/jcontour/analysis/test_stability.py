@@ -33,6 +33,7 @@ from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import prepared
 
 
 class Proportional(Controller):
@@ -121,12 +122,12 @@ def loops(plant, plan):
 
 
 def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
-    wanted = loops(two_axes, law.prepare(bent))
+    wanted = loops(two_axes, prepared(law, bent))
     np.testing.assert_allclose(frozen_spectral_radii(two_axes, law, bent), wanted, rtol=1e-9)
     late = Delayed(two_axes, jnp.asarray(2), 2, 2)
     np.testing.assert_allclose(
         frozen_spectral_radii(late, law, bent),
-        loops(with_input_delay(two_axes, 2), law.prepare(bent)),
+        loops(with_input_delay(two_axes, 2), prepared(law, bent)),
         rtol=1e-7,
     )
 
@@ -136,7 +137,7 @@ def test_frozen_radius_of_a_direction(two_axes, law):
         unit = np.array(direction) / np.linalg.norm(direction)
         along_it = along(line([0, 0], 1e-2 * unit), [0.0, 1e-4], 1e-3, 3, at_rest=False)
         assert frozen_spectral_radius(law, np.array(direction)) == pytest.approx(
-            loops(two_axes, law.prepare(along_it))[0], rel=1e-9
+            loops(two_axes, prepared(law, along_it))[0], rel=1e-9
         )
     for bad in ([0.0, 0.0], [np.nan, 1.0], [np.inf, 1.0]):
         with pytest.raises(ValueError, match="direction"):
@@ -150,12 +151,12 @@ def test_observers_add_their_own_poles(form, two_axes, law, bent):
     own = np.abs(np.linalg.eigvals(np.asarray(two_axes.A - two_axes.A @ L @ two_axes.C))).max()
     found = frozen_spectral_radii(Encoders(two_axes), form(law, two_axes, L), bent)
     np.testing.assert_allclose(
-        found, np.maximum(loops(two_axes, law.prepare(bent)), own), rtol=1e-7
+        found, np.maximum(loops(two_axes, prepared(law, bent)), own), rtol=1e-7
     )
 
 
 def test_every_loop_is_stable_inside_the_margins_and_one_is_not_outside(two_axes, law, bent):
-    found, plan = margins(two_axes, law, bent), law.prepare(bent)
+    found, plan = margins(two_axes, law, bent), prepared(law, bent)
     assert found.spectral_radius == pytest.approx(loops(two_axes, plan).max(), rel=1e-9)
     for axis in range(2):
         low, high = found.gain[axis]

@@ -7,7 +7,7 @@ import pytest
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
-from jcontour.simulation.closed_loop import check_run, follow, simulate, start_state
+from jcontour.simulation.closed_loop import check_run, follow, prepared, simulate, start_state
 
 PREVIEW = 3
 
@@ -25,7 +25,7 @@ def test_rows_are_those_of_a_plain_loop(two_axes, controller):
     """Row k is taken before control k acts."""
     reference = reference_of()
     rollout = simulate(two_axes, controller, reference)
-    plan = controller.prepare(reference)
+    plan = prepared(controller, reference)
     A, B, C, F, f = (np.asarray(m) for m in (two_axes.A, two_axes.B, two_axes.C, plan.F, plan.f))
     x = np.asarray(start_state(two_axes, reference))
     for k in range(reference.steps):
@@ -73,7 +73,9 @@ def test_a_reference_that_does_not_suit_is_refused(two_axes, controller):
 
 def test_a_plan_can_be_shared(two_axes, controller):
     reference = reference_of()
-    shared = eqx.filter_jit(follow)(two_axes, controller, controller.prepare(reference), reference)
+    shared = eqx.filter_jit(follow)(
+        two_axes, controller, prepared(controller, reference), reference
+    )
     wanted = simulate(two_axes, controller, reference)
     for found, row in zip(jax.tree.leaves(shared), jax.tree.leaves(wanted), strict=True):
         np.testing.assert_allclose(found, row, rtol=1e-11, atol=1e-15)
