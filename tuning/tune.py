@@ -328,7 +328,8 @@ def _fresh(z: np.ndarray):
 
 
 def _direction(z: np.ndarray, gradient, memory) -> tuple[np.ndarray, Any]:
-    update, memory = _lbfgs_update(gradient, memory, jnp.asarray(z))
+    with jax.numpy_dtype_promotion("standard"):  # optax adds counters of 32 and of 64 bits
+        update, memory = _lbfgs_update(gradient, memory, jnp.asarray(z))
     step, gradient = -np.asarray(update), np.asarray(gradient)
     if not step @ gradient < 0:  # negative curvature spoilt the memory
         step, memory = -gradient, _fresh(z)

@@ -75,15 +75,16 @@ def output_error(
             found.append(rows)
         return found
 
-    with np.errstate(
-        over="ignore"
-    ):  # a step to parameters that diverge has an infinite sum of squares, and is taken back
-        found = least_squares(
-            lambda theta: np.concatenate(residuals(theta)),
-            np.append(shared, own),
-            jac=lambda theta: np.concatenate(slopes(theta)),
-            x_scale="jac",  # pyright: ignore[reportArgumentType]
-        )
+    def remainder(theta):
+        return np.concatenate(residuals(theta))
+
+    def jacobian(theta):
+        return np.concatenate(slopes(theta))
+
+    start = np.append(shared, own)
+    # a step to parameters that diverge has an infinite sum of squares, and is taken back
+    with np.errstate(over="ignore"):
+        found = least_squares(remainder, start, jacobian, x_scale="jac")  # pyright: ignore[reportArgumentType]
     return OutputError(found.x[:n], residuals(found.x), slopes(found.x), bool(found.success))
 
 
