@@ -118,10 +118,15 @@ def _number(value: Any, _: Any) -> float:
     return float(value)
 
 
-def _text(value: Any, _: Any) -> str:
+def _text(value: Any, kind: type[str]) -> str:
     if not isinstance(value, str):
         raise TypeError(f"expected a text, received {value!r}")
-    return value
+    return kind(value)  # of an enumeration of texts: its member
+
+
+def _is_array_with_shape(kind: Any) -> bool:
+    """Whether a type is jaxtyping's, as Float[np.ndarray, "T 2"]."""
+    return getattr(kind, "array_type", None) is np.ndarray
 
 
 def _array(value: Any, _: Any) -> np.ndarray:
@@ -139,6 +144,7 @@ def _made() -> cattrs.Converter:
     converter.register_structure_hook(float, _number)
     converter.register_structure_hook(str, _text)
     converter.register_structure_hook(np.ndarray, _array)
+    converter.register_structure_hook_func(_is_array_with_shape, _array)
     configure_union_passthrough(Scalar, converter)
     converter.register_structure_hook(Weight, _as_it_is)
     return converter

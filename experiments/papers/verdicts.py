@@ -60,6 +60,6 @@ def claims_table(claims: Sequence[Claim], title: str = "Statements") -> Table:
 def tally(claims: Sequence[Claim], quick: bool = False) -> str:
     """Line with the number of statements for each verdict."""
     counts = Counter(row.verdict for row in claims)
-    words = ", ".join(f"{counts[one]} {one.value}" for one in Verdict if counts[one])
+    words = "; ".join(f"{counts[one]} {one.value}" for one in Verdict if counts[one])
     run = " of the quick run" if quick else ""
     return f"Verdicts{run} on {len(claims)} statements: {words}."
