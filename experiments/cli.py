@@ -32,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         flags, run = _chosen(arguments)
+        import_module("experiments.catalogue.known_names").check_flags(flags)
         if not isinstance(flags, options.Spreading):
             return run(flags)
         with import_module("experiments.runs.spreading").prepared(flags) as flags:

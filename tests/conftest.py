@@ -76,14 +76,13 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
-    from experiments.catalogue.choices import design_for
-    from experiments.catalogue.controllers import CONTROLLERS
+    from experiments.catalogue.choices import design_for, first_machine
     from experiments.catalogue.machines import MACHINES
     from experiments.options import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
 
-    machine = MACHINES[CONTROLLERS[name].on]()
+    machine = MACHINES[first_machine(name)]()
     design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
     plants = (
         [machine.model] * 2

@@ -1,11 +1,13 @@
-"""What the names on a command line stand for: a machine, a job for it, a controller that suits it."""
+"""Machine, task and controller that the names on a command line stand for."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
-from experiments.catalogue.machines import MACHINES, NEEDS
+from experiments.catalogue.known_names import check_contour, check_plant
+from experiments.catalogue.machines import MACHINES
 from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
@@ -19,12 +21,9 @@ def machine_named(name: str) -> Machine:
     Raises:
         MachineError: no such name, and no such file or a bad one.
     """
+    check_plant(name)
     if name in MACHINES:
         return MACHINES[name]()
-    if not Path(name).suffix:
-        raise ValueError(
-            f"plant: there is none named {name!r}; give {', '.join(MACHINES)}, or a JSON or npz file"
-        )
     return load_machine(name)
 
 
@@ -34,33 +33,36 @@ def job_named(name: str, pace: Pace) -> Task:
     Raises:
         ValueError: no such name, and no such file or a bad one.
     """
+    check_contour(name)
     if name in CONTOURS:
-        return CONTOURS[name].make(pace)
-    if not Path(name).suffix:
-        raise ValueError(
-            f"contour: there is none named {name!r}; give one of {', '.join(CONTOURS)}, or a toolpath file"
-        )
+        return CONTOURS[name].make(name, pace)
     return from_file(Path(name), pace)
 
 
 def controllers_for(machine: Machine) -> list[str]:
     """Names of the controllers that suit a machine."""
-    return [name for name, entry in CONTROLLERS.items() if NEEDS[entry.on].met_by(machine)]
+    return [name for name, entry in CONTROLLERS.items() if entry.suits(machine)]
+
+
+@cache
+def first_machine(controller: str) -> str:
+    """Name of the first machine of the catalogue that a controller suits."""
+    suits = CONTROLLERS[controller].suits
+    return next(name for name, make in MACHINES.items() if suits(make()))
 
 
 def design_for(machine: Machine, flags: Controlled) -> Design:
     """The controller that the flags name, for this machine; its start has been built once, on the host.
 
-    A name goes to the machine's own controller of that name first: `cascade` is `gantry-cascade` on
-    a gantry.
+    An alias of a controller that suits the machine goes first: `cascade` is `gantry-cascade` on a
+    gantry.
 
     Raises:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
     asked = flags.controller or machine.usual.controller
-    name = next(
-        (own for prefix in machine.own if (own := f"{prefix}-{asked}") in CONTROLLERS), asked
-    )
+    meant = [name for name in controllers_for(machine) if CONTROLLERS[name].alias == asked]
+    name = meant[-1] if meant else asked
     if name in CONSTRAINED:
         raise ValueError(
             f"controller: {name} chooses its own speed, nothing is tuned of it; "
@@ -68,13 +70,14 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         )
     if name not in CONTROLLERS:
         raise ValueError(
-            f"controller: there is none named {name!r}; give one of {', '.join(controllers_for(machine))}"
+            f"controller: there is none named {name!r}; "
+            f"give one of {', '.join(controllers_for(machine))}"
         )
     entry = CONTROLLERS[name]
-    need = NEEDS[entry.on]
-    if not need.met_by(machine):
+    if not entry.suits(machine):
         raise ValueError(
-            f"controller: {name} needs {need.words}; {machine.name} takes {machine.usual.controller}"
+            f"controller: {name} needs {entry.suits.words}; "
+            f"{machine.name} takes {machine.usual.controller}"
         )
     design = entry.make(name, machine, flags)
     design = replace(design, start=changed(design.start, flags.weights))

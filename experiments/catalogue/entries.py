@@ -1,35 +1,99 @@
-"""An entry of the catalogue."""
+"""Entries of the catalogue: a name is the key, a line says what it is, what makes it is imported when it is made."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from experiments.machines.machine import Machine
+if TYPE_CHECKING:  # a question about a name imports none of these
+    from experiments.designs.constrained import Traverser
+    from experiments.designs.design import Design
+    from experiments.jobs.job import Pace, Task
+    from experiments.machines.machine import Machine
+    from experiments.options import Controlled, Trace
+    from jcontour.geometry.contour import Contour
+    from jcontour.plant import Plant
+
+# name, line, machine (one that the entry suits), flags
+MakeDesign = Callable[[str, str, Any, "Controlled"], "Design"]
 
 
-class Entry(NamedTuple):
-    """One thing with a name.
+class Requirement(NamedTuple):
+    """Kind of machine that a controller is for: in words, and as a test of a machine."""
+
+    words: str
+    met_by: Callable[["Machine"], bool]
+
+    def __call__(self, machine: "Machine") -> bool:
+        """Whether the machine is of this kind."""
+        return self.met_by(machine)
+
+
+class PlantEntry(NamedTuple):
+    """A plant of the contract tests.
 
     Attributes:
-        make: plants () -> Plant; controllers (name, machine, flags) -> Design; contours (pace) ->
-            Job or Motion.
-        line: what it is, in one line.
+        make: makes the plant.
+        line: description in one line.
+        machine: makes the machine that it is a plant of.
         smooth: differentiable where it is used.
-        stable: its loop settles.
-        still: a plant that stays where it is at rest without control.
-        on: name of the machine that it is for, or of one of them; a controller is for all that have
-            what `NEEDS` says of it.
+        stable: it settles without control.
+        still: it stays where it is at rest without control.
     """
 
-    make: Callable[..., Any]
+    make: Callable[[], "Plant"]
     line: str
+    machine: Callable[[], "Machine"]
     smooth: bool = True
     stable: bool = True
     still: bool = True
-    on: str = "bridgeport"
 
 
-class Need(NamedTuple):
-    """What a controller needs of a machine, in words, and whether one has it."""
+class ControllerEntry(NamedTuple):
+    """A controller that the commands tune and simulate.
 
-    words: str
-    met_by: Callable[[Machine], bool]
+    Attributes:
+        line: description in one line.
+        suits: kind of machine that it is for.
+        designs: makers of the designs of this kind by name, imported when called.
+        alias: shorter name that also stands for it on the machines that it suits.
+        smooth: differentiable where it is used.
+        stable: the closed loop settles.
+    """
+
+    line: str
+    suits: Requirement
+    designs: Callable[[], Mapping[str, MakeDesign]]
+    alias: str | None = None
+    smooth: bool = True
+    stable: bool = True
+
+    def make(self, name: str, machine: "Machine", flags: "Controlled") -> "Design":
+        """Design of this name for the machine."""
+        return self.designs()[name](name, self.line, machine, flags)
+
+
+class ConstrainedEntry(NamedTuple):
+    """A controller on the host that solves a QP at every sample.
+
+    Attributes:
+        make: makes it for a machine, a contour and the flags of `jcontour trace`.
+        line: description in one line.
+    """
+
+    make: Callable[["Machine", "Contour", "Trace"], "Traverser"]
+    line: str
+
+
+class ContourEntry(NamedTuple):
+    """A built-in contour or axis move.
+
+    Attributes:
+        line: description in one line.
+        tasks: makers of the tasks of this kind by name, imported when called.
+    """
+
+    line: str
+    tasks: Callable[[], Mapping[str, Callable[["Pace"], "Task"]]]
+
+    def make(self, name: str, pace: "Pace") -> "Task":
+        """Task of this name for the pace."""
+        return self.tasks()[name](pace)

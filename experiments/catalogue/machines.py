@@ -1,36 +1,99 @@
-"""Machines by name, and what their controllers need of a machine."""
+"""Machines by name, and the kinds of machine that controllers are for.
+
+Every function imports what it needs when it is called: names are answered without.
+"""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from experiments.catalogue.entries import Need
-from experiments.machines.flexible_axis import FlexibleMachine, biaxial_machine, thesis_machine
-from experiments.machines.gantry import GantryMachine, friction_gantry_machine, gantry_machine
-from experiments.machines.linear import LinearMachine, bridgeport_machine
-from experiments.machines.machine import Machine
-from experiments.machines.xy_table import xy_table_machine
+from experiments.catalogue.entries import Requirement
 
-MACHINES: dict[str, Callable[[], Machine]] = {  # each under the name of one of the plants
-    "bridgeport": bridgeport_machine,
-    "xy-table": xy_table_machine,
-    "flexible-axis": thesis_machine,
-    "flexible-axes": biaxial_machine,
-    "gantry": gantry_machine,
-    "gantry-friction": friction_gantry_machine,
+if TYPE_CHECKING:
+    from experiments.machines.machine import Machine
+
+
+def bridgeport() -> "Machine":
+    """The X-Y table of McNab & Tsao."""
+    from experiments.machines.linear import bridgeport_machine
+
+    return bridgeport_machine()
+
+
+def xy_table() -> "Machine":
+    """Lam's X-Y table."""
+    from experiments.machines.xy_table import xy_table_machine
+
+    return xy_table_machine()
+
+
+def flexible_axis() -> "Machine":
+    """The axis of Yuan's thesis."""
+    from experiments.machines.flexible_axis import thesis_machine
+
+    return thesis_machine()
+
+
+def flexible_axes() -> "Machine":
+    """Two flexible axes at right angles."""
+    from experiments.machines.flexible_axis import biaxial_machine
+
+    return biaxial_machine()
+
+
+def gantry() -> "Machine":
+    """Yuan's laser cutter."""
+    from experiments.machines.gantry import gantry_machine
+
+    return gantry_machine()
+
+
+def gantry_with_friction() -> "Machine":
+    """The same with dry friction in its guide ways."""
+    from experiments.machines.gantry import friction_gantry_machine
+
+    return friction_gantry_machine()
+
+
+MACHINES: dict[str, Callable[[], "Machine"]] = {  # each under the name of one of the plants
+    "bridgeport": bridgeport,
+    "xy-table": xy_table,
+    "flexible-axis": flexible_axis,
+    "flexible-axes": flexible_axes,
+    "gantry": gantry,
+    "gantry-friction": gantry_with_friction,
 }
 
 
-NEEDS = {  # of the controllers on each
-    "bridgeport": Need(
-        "a machine given by A, B, C", lambda machine: isinstance(machine, LinearMachine)
-    ),
-    "flexible-axis": Need("a flexible axis", lambda machine: isinstance(machine, FlexibleMachine)),
-    "flexible-axes": Need(
-        "two flexible axes or more, for a contour",
-        lambda machine: isinstance(machine, FlexibleMachine) and len(machine.axes) > 1,
-    ),
-    "gantry": Need("a gantry", lambda machine: isinstance(machine, GantryMachine)),
-    "gantry-friction": Need(
-        "a gantry with dry friction",
-        lambda machine: isinstance(machine, GantryMachine) and machine.friction is not None,
-    ),
-}
+def _is_linear(machine: "Machine") -> bool:
+    from experiments.machines.linear import LinearMachine
+
+    return isinstance(machine, LinearMachine)
+
+
+def _is_flexible(machine: "Machine") -> bool:
+    from experiments.machines.flexible_axis import FlexibleMachine
+
+    return isinstance(machine, FlexibleMachine)
+
+
+def _has_flexible_axes(machine: "Machine") -> bool:
+    return _is_flexible(machine) and len(machine.axes) > 1
+
+
+def _is_gantry(machine: "Machine") -> bool:
+    from experiments.machines.gantry import GantryMachine
+
+    return isinstance(machine, GantryMachine)
+
+
+def _has_dry_friction(machine: "Machine") -> bool:
+    from experiments.machines.gantry import GantryMachine
+
+    return isinstance(machine, GantryMachine) and machine.friction is not None
+
+
+LINEAR = Requirement("a machine given by A, B, C", _is_linear)
+FLEXIBLE_AXIS = Requirement("a flexible axis", _is_flexible)
+FLEXIBLE_AXES = Requirement("two flexible axes or more, for a contour", _has_flexible_axes)
+GANTRY = Requirement("a gantry", _is_gantry)
+GANTRY_WITH_FRICTION = Requirement("a gantry with dry friction", _has_dry_friction)

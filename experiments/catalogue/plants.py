@@ -1,90 +1,172 @@
 """Plants by name, for the contract tests and for `jcontour list`."""
 
-from experiments.catalogue.entries import Entry
-from experiments.machines.flexible_axis import biaxial_axes
-from experiments.machines.gantry import guide_ways
-from jcontour.plants.bridgeport import exact_bridgeport
-from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
-from jcontour.plants.gantry.back_to_back_motors import servo_bench
-from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
-from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
-from jcontour.plants.gantry.parameters import thesis_gantry
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.encoders import Encoders, Quantised
-from jcontour.plants.xy_table import FrictionXYTable
+from typing import TYPE_CHECKING
+
+from experiments.catalogue import machines
+from experiments.catalogue.entries import PlantEntry
+
+if TYPE_CHECKING:
+    from jcontour.plant import Plant
+    from jcontour.plants.gantry.gantry import Gantry
+
+SAMPLE = 1e-3  # [s] of the thesis's controllers
 
 
-def _late(samples: int):
-    return Delayed(exact_bridgeport(), samples, 2, 2)
+def _bridgeport() -> "Plant":
+    from jcontour.plants.bridgeport import exact_bridgeport
+
+    return exact_bridgeport()
+
+
+def _bridgeport_encoders() -> "Plant":
+    from jcontour.plants.wrappers.encoders import Encoders
+
+    return Encoders(_bridgeport())
+
+
+def _bridgeport_late() -> "Plant":
+    from jcontour.plants.wrappers.delays import Delayed
+
+    return Delayed(_bridgeport(), 1, 2, 2)
+
+
+def _bridgeport_quantised() -> "Plant":
+    from jcontour.plants.bridgeport import ENCODER_RESOLUTION
+    from jcontour.plants.wrappers.encoders import Quantised
+
+    return Quantised(_bridgeport_encoders(), ENCODER_RESOLUTION)
+
+
+def _xy_table() -> "Plant":
+    from jcontour.plants.xy_table import FrictionXYTable
+
+    return FrictionXYTable(1e-3)
+
+
+def _flexible_axis() -> "Plant":
+    from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
+
+    return FlexibleAxis(thesis_axis(), SAMPLE)
+
+
+def _smooth_flexible_axis() -> "Plant":
+    from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+
+    return SmoothFlexibleAxis(thesis_axis(), SAMPLE)
+
+
+def _flexible_axes() -> "Plant":
+    from experiments.machines.flexible_axis import biaxial_axes
+    from jcontour.plants.flexible_axis.axis import FlexibleAxis
+
+    return FlexibleAxis(biaxial_axes(), SAMPLE)
+
+
+def _gantry() -> "Gantry":
+    from jcontour.plants.gantry.gantry import Gantry
+    from jcontour.plants.gantry.parameters import thesis_gantry
+
+    return Gantry(thesis_gantry(), SAMPLE)
+
+
+def _gantry_with_friction() -> "Plant":
+    from experiments.machines.gantry import guide_ways
+    from jcontour.plants.gantry.friction_gantry import StickSlipGantry
+    from jcontour.plants.gantry.parameters import thesis_gantry
+
+    return StickSlipGantry(thesis_gantry(), guide_ways(), SAMPLE)
+
+
+def _smooth_gantry_with_friction() -> "Plant":
+    from experiments.machines.gantry import guide_ways
+    from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry
+    from jcontour.plants.gantry.parameters import thesis_gantry
+
+    return SmoothFrictionGantry(thesis_gantry(), guide_ways(), SAMPLE)
+
+
+def _gantry_with_hardware() -> "Plant":
+    from jcontour.plants.gantry.back_to_back_motors import servo_bench
+    from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+
+    return HardwareInLoop(_gantry(), servo_bench())
 
 
 PLANTS = {
-    "bridgeport": Entry(
-        exact_bridgeport,
+    "bridgeport": PlantEntry(
+        _bridgeport,
         "X-Y table of a machining centre, 8 states, 0.5 ms (McNab & Tsao)",
+        machines.bridgeport,
         stable=False,
     ),
-    "bridgeport-encoders": Entry(
-        lambda: Encoders(exact_bridgeport()), "the same, only its positions measured", stable=False
+    "bridgeport-encoders": PlantEntry(
+        _bridgeport_encoders,
+        "the same, only its positions measured",
+        machines.bridgeport,
+        stable=False,
     ),
-    "bridgeport-late": Entry(
-        lambda: _late(1), "the same under one sample of unmodelled delay", stable=False
+    "bridgeport-late": PlantEntry(
+        _bridgeport_late,
+        "the same under one sample of unmodelled delay",
+        machines.bridgeport,
+        stable=False,
     ),
-    "bridgeport-quantised": Entry(
-        lambda: Quantised(Encoders(exact_bridgeport()), 0.8e-6),
+    "bridgeport-quantised": PlantEntry(
+        _bridgeport_quantised,
         "the same with encoder counts of 0.8 um",
+        machines.bridgeport,
         smooth=False,
         stable=False,
     ),
-    "xy-table": Entry(
-        lambda: FrictionXYTable(1e-3),
+    "xy-table": PlantEntry(
+        _xy_table,
         "X-Y table on lead screws with Coulomb friction, 8 states, 1 ms (Lam)",
+        machines.xy_table,
         stable=False,
-        on="xy-table",
     ),
-    "flexible-axis": Entry(
-        lambda: FlexibleAxis(thesis_axis(), 1e-3),
+    "flexible-axis": PlantEntry(
+        _flexible_axis,
         "linear motor, spring and end effector, stick and slip, cogging (Yuan); tuned on its twin",
+        machines.flexible_axis,
         smooth=False,
-        on="flexible-axis",
     ),
-    "flexible-axis-smooth": Entry(
-        lambda: SmoothFlexibleAxis(thesis_axis(), 1e-3),
+    "flexible-axis-smooth": PlantEntry(
+        _smooth_flexible_axis,
         "its smooth twin: dry friction turns within 1 mm/s, so that cogging makes it creep",
+        machines.flexible_axis,
         still=False,
-        on="flexible-axis",
     ),
-    "flexible-axes": Entry(
-        lambda: FlexibleAxis(biaxial_axes(), 1e-3),
+    "flexible-axes": PlantEntry(
+        _flexible_axes,
         "two different flexible axes at right angles",
+        machines.flexible_axes,
         smooth=False,
-        on="flexible-axes",
     ),
-    "gantry": Entry(
-        lambda: Gantry(thesis_gantry(), 1e-3),
+    "gantry": PlantEntry(
+        _gantry,
         "head on a beam that twists between its two drives (Yuan)",
+        machines.gantry,
         stable=False,
-        on="gantry",
     ),
-    "gantry-friction": Entry(
-        lambda: StickSlipGantry(thesis_gantry(), guide_ways(), 1e-3),
+    "gantry-friction": PlantEntry(
+        _gantry_with_friction,
         "the same with stick and slip in its three guide ways; tuned on its twin",
+        machines.gantry_with_friction,
         smooth=False,
         stable=False,
-        on="gantry-friction",
     ),
-    "gantry-friction-smooth": Entry(
-        lambda: SmoothFrictionGantry(thesis_gantry(), guide_ways(), 1e-3),
+    "gantry-friction-smooth": PlantEntry(
+        _smooth_gantry_with_friction,
         "its smooth twin: dry friction turns within 1 mm/s",
+        machines.gantry_with_friction,
         stable=False,
-        on="gantry-friction",
     ),
-    "gantry-hil": Entry(
-        lambda: HardwareInLoop(Gantry(thesis_gantry(), 1e-3), servo_bench()),
-        "the same with a motor bench as its head, one sample late: its twist grows unless the drives damp it; tuned on the gantry",
+    "gantry-hil": PlantEntry(
+        _gantry_with_hardware,
+        "the same with a motor bench as its head, one sample late: "
+        "its twist grows unless the drives damp it; tuned on the gantry",
+        machines.gantry,
         smooth=False,
         stable=False,
-        on="gantry",
     ),
 }

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from experiments.designs.flexible_axis import Gain, Gains, Law, cascade
+from experiments.designs.flexible_axis import Gain, Gains, MakeController, cascade
 from experiments.machines.flexible_axis import FlexibleMachine
 from jcontour.controller import Controller
 from jcontour.controllers.contouring.command_shaping import CommandShaped
@@ -37,7 +37,7 @@ def shaped(machine: FlexibleMachine) -> dict[str, Gain]:
     return {"shaping": Gain(0.1, "")}
 
 
-def cross_coupled(coupling: Callable[[], Coupling]) -> Law:
+def cross_coupled(coupling: Callable[[], Coupling]) -> MakeController:
     """The cascade with a compensator on the contour error."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:

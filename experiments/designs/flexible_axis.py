@@ -1,6 +1,6 @@
 """What gains build on a flexible axis: the cascade with its parts around it, and state feedback behind its observers.
 
-Every part names its gains once, where they start and where they may go, and every law takes all of
+Every part names its gains once, where they start and where they may go, and every controller takes all of
 them by name.
 """
 
@@ -47,8 +47,8 @@ SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
 CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
 
 
-Part = Callable[[FlexibleMachine], dict[str, Gain]]
-Law = Callable[[FlexibleMachine, Gains], Controller]
+GainSet = Callable[[FlexibleMachine], dict[str, Gain]]
+MakeController = Callable[[FlexibleMachine, Gains], Controller]
 
 
 def loops(machine: FlexibleMachine) -> dict[str, Gain]:
@@ -154,61 +154,67 @@ def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
     )
 
 
-def with_notch(law: Law) -> Law:
-    """The law's control through the notch, by Tustin's rule without prewarping as in the thesis."""
+def with_notch(make: MakeController) -> MakeController:
+    """The controller's output through the notch, by Tustin's rule without prewarping as in the thesis."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         section = notch(gains["notch"], gains["depth"], gains["notch_damping"], machine.model.dt)
-        return Filtered(law(machine, gains), section, machine.model.inputs)
+        return Filtered(make(machine, gains), section, machine.model.inputs)
 
     return build
 
 
-def with_low_pass(law: Law) -> Law:
-    """The law's control through a low pass."""
+def with_low_pass(make: MakeController) -> MakeController:
+    """The controller's output through a low pass."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         section = low_pass(gains["low_pass"], gains["low_pass_damping"], machine.model.dt)
-        return Filtered(law(machine, gains), section, machine.model.inputs)
+        return Filtered(make(machine, gains), section, machine.model.inputs)
 
     return build
 
 
-def with_observer(law: Law, observer: Callable[..., ExtendedStateObserver]) -> Law:
-    """The law with what an extended state observer finds taken off; b0 = k_t / M_m as in the thesis."""
+def with_observer(
+    make: MakeController, observer: Callable[..., ExtendedStateObserver]
+) -> MakeController:
+    """The controller with what an extended state observer finds taken off; b0 = k_t / M_m as in the thesis."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         p, width = machine.parameters, {"delta": gains["delta"]} if observer is NLESO else {}
         estimator = observer(
             gains["bandwidth"], _number(p.force_constant / p.motor_mass), machine.model.dt, **width
         )
-        return DisturbanceRejection(law(machine, gains), estimator, motors(len(machine.axes)))
+        return DisturbanceRejection(make(machine, gains), estimator, motors(len(machine.axes)))
 
     return build
 
 
-def with_inverse(law: Law) -> Law:
-    """The law with what a disturbance observer finds taken off; its nominal model is the whole moving mass."""
+def with_inverse(make: MakeController) -> MakeController:
+    """The controller with what a disturbance observer finds taken off; its nominal model is the whole moving mass."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         b0 = _number(1 / _heaviness(machine))
         return DisturbanceObserver(
-            law(machine, gains), motors(len(machine.axes)), gains["bandwidth"], b0, machine.model.dt
+            make(machine, gains),
+            motors(len(machine.axes)),
+            gains["bandwidth"],
+            b0,
+            machine.model.dt,
         )
 
     return build
 
 
-def with_shaper(law: Law, shaper: Callable[..., Shaper]) -> Law:
-    """The law behind an input shaper."""
+def with_shaper(make: MakeController, shaper: Callable[..., Shaper]) -> MakeController:
+    """The controller behind an input shaper."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        return Shaped(law(machine, gains), shaper(gains["mode"], gains["mode_damping"]))
+        return Shaped(make(machine, gains), shaper(gains["mode"], gains["mode_damping"]))
 
     return build
 
 
-def placed(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
+def placed(target: Callable[[LinearPlant], SteadyTarget]) -> MakeController:
     """State feedback with two pairs of poles."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
@@ -222,7 +228,7 @@ def placed(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
     return build
 
 
-def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
+def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> MakeController:
     """State feedback by the linear-quadratic regulator."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
@@ -232,23 +238,23 @@ def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> Law:
     return build
 
 
-def behind_reduced_observer(law: Law) -> Law:
-    """A law that is fed the state: the tool's is estimated, with the thesis's gain, by the ZOH model (stable; Euler's is not)."""
+def behind_reduced_observer(make: MakeController) -> MakeController:
+    """Controller fed the state: the tool's is estimated, with the thesis's gain, by the ZOH model (stable; Euler's is not)."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        return ReducedObserver(law(machine, gains), machine.model, thesis_gain(len(machine.axes)))
+        return ReducedObserver(make(machine, gains), machine.model, thesis_gain(len(machine.axes)))
 
     return build
 
 
-def behind_offset_free_filter(law: Law) -> Law:
-    """A law that is fed the state: all of it estimated, with the load, by a Kalman filter, and the load cancelled."""
+def behind_offset_free_filter(make: MakeController) -> MakeController:
+    """Controller fed the state: all of it estimated, with the load, by a Kalman filter, and the load cancelled."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         measured, noise = _measured(machine)
         gain = offset_free_gain(machine.model, measured, CONTROL_NOISE, gains["drift"], noise)
         return OffsetFreeObserver(
-            controller=law(machine, gains),
+            controller=make(machine, gains),
             model=machine.model,
             gain=gain,
             measured=measured,
@@ -320,14 +326,14 @@ def _number(per_axis):
 
 
 def axis_design(
-    line: str, law: Law, *gains: Part
-) -> Callable[[str, FlexibleMachine, Controlled], GainDesign]:
-    """Maker of a design from its parts: each part names its gains."""
+    make: MakeController, *gain_sets: GainSet
+) -> Callable[[str, str, FlexibleMachine, Controlled], GainDesign]:
+    """Maker of a design from the gains that each of its parts names."""
 
-    def make(name: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
-        named = {key: gain for part in gains for key, gain in part(machine).items()}
+    def design(name: str, line: str, machine: FlexibleMachine, flags: Controlled) -> GainDesign:
+        named = {key: gain for gains in gain_sets for key, gain in gains(machine).items()}
         start = {key: gain.start for key, gain in named.items()}
         space = {key: gain.parameter for key, gain in named.items()}
-        return GainDesign(name, machine, start, space, 1, "outputs", law, line, named)
+        return GainDesign(name, machine, start, space, 1, "outputs", make, line, named)
 
-    return make
+    return design

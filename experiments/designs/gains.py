@@ -31,18 +31,18 @@ class GainDesign(Design):
     """A controller whose weights are gains with names.
 
     Attributes:
-        law: what the gains build on the machine.
-        line: what it is, in words.
-        gains: what is tuned.
+        make: makes the controller of the machine from its gains.
+        line: description in one line.
+        gains: those that are tuned.
     """
 
-    law: Callable[[Any, Gains], Controller]
+    make: Callable[[Any, Gains], Controller]
     line: str
     gains: dict[str, Gain]
 
     def build(self, weights: Gains) -> Controller:
-        """The law with these gains."""
-        return self.law(self.machine, weights)
+        """The controller with these gains."""
+        return self.make(self.machine, weights)
 
     def units(self) -> dict[str, str]:
         """Those of the gains."""
@@ -53,7 +53,7 @@ class GainDesign(Design):
         return {"preview": self.preview}
 
     def description(self) -> dict[str, str]:
-        """Law, and where its gains start."""
+        """Controller, and where its gains start."""
         start = ", ".join(f"{name} {_words(self.start[name])}" for name in self.free())
         return {"Controller": self.line, "Free": f"start {start}"}
 

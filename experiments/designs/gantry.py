@@ -18,8 +18,8 @@ from jcontour.plants.gantry.feedback_linearisation import EncoderLinearisation
 from jcontour.sensors import motors
 
 MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
-Part = Callable[[GantryMachine], dict[str, Gain]]
-Law = Callable[
+GainSet = Callable[[GantryMachine], dict[str, Gain]]
+MakeController = Callable[
     [GantryMachine, Gains, int], Controller
 ]  # the last is the preview, which a cascade has no use for
 
@@ -87,34 +87,23 @@ def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -
 
 
 def gantry_design(
-    line: str, law: Law, part: Part
-) -> Callable[[str, GantryMachine, Controlled], GainDesign]:
-    """Maker of a design from its law and the gains that it takes."""
+    make: MakeController, gain_set: GainSet
+) -> Callable[[str, str, GantryMachine, Controlled], GainDesign]:
+    """Maker of a design from the gains that its controller takes."""
 
-    def make(name: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
-        gains = part(machine)
-        start, space = (
-            {key: gain.start for key, gain in gains.items()},
-            {key: gain.parameter for key, gain in gains.items()},
-        )
-        build = partial(_built, law, flags.preview)
-        return GainDesign(
-            name,
-            machine,
-            start,
-            space,
-            build(machine, start).preview,
-            "outputs",
-            build,
-            line,
-            gains,
-        )
+    def design(name: str, line: str, machine: GantryMachine, flags: Controlled) -> GainDesign:
+        gains = gain_set(machine)
+        start = {key: gain.start for key, gain in gains.items()}
+        space = {key: gain.parameter for key, gain in gains.items()}
+        build = partial(_built, make, flags.preview)
+        preview = build(machine, start).preview
+        return GainDesign(name, machine, start, space, preview, "outputs", build, line, gains)
 
-    return make
+    return design
 
 
-def _built(law: Law, preview: int, machine: GantryMachine, gains: Gains) -> Controller:
-    return law(machine, gains, preview)
+def _built(make: MakeController, preview: int, machine: GantryMachine, gains: Gains) -> Controller:
+    return make(machine, gains, preview)
 
 
 def _weights(gains: Gains) -> LQWeights:

@@ -30,18 +30,19 @@ from jcontour.simulation.evaluation import member
 from tuning.parameters import Fixed, LQSpace, Positive
 
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
-Law = Callable[[Machine, LQWeights, int], Controller]  # a controller that is fed the state
+# machine, weights, preview -> controller that is fed the state
+MakeController = Callable[[Machine, LQWeights, int], Controller]
 Observer = type[FilterObserver] | type[PredictorObserver]
 
 
 @dataclass(frozen=True)
 class LQDesign(Design):
-    """An LQ law, behind a Kalman filter unless it is fed the state.
+    """LQ controller, behind a Kalman filter unless it is fed the state.
 
     Attributes:
         machine: it needs the noises that the filter assumes.
-        law: what the filter feeds.
-        line: what the law is, in words.
+        make: makes the controller that the filter feeds.
+        line: description of that controller.
         terminal: its name.
         observer: form of the filter.
         gain: of the filter (n, m).
@@ -49,7 +50,7 @@ class LQDesign(Design):
     """
 
     machine: LinearMachine
-    law: Law
+    make: MakeController
     line: str
     terminal: str
     observer: Observer
@@ -57,8 +58,8 @@ class LQDesign(Design):
     limitable: bool = False
 
     def build(self, weights: LQWeights) -> Controller:
-        """The law, behind its filter."""
-        inner = self.law(self.machine, weights, self.preview)
+        """Controller behind its filter."""
+        inner = self.make(self.machine, weights, self.preview)
         return (
             inner
             if self.fed == "state"
@@ -85,7 +86,7 @@ class LQDesign(Design):
         return {"preview": self.preview, "terminal": self.terminal}
 
     def description(self) -> dict[str, str]:
-        """Law, free weights, start."""
+        """MakeController, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(
             f"{name} {float(getattr(self.start, name)):g}" for name in ("alpha", "beta", "rho")
@@ -143,37 +144,37 @@ class LQDesign(Design):
 
 def contouring_lq(
     terminal: str | None = None, fed: Fed = "outputs", observer: Observer = FilterObserver
-) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
+) -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
     """Maker of a contouring LQ design; the flags choose the terminal when none is given here."""
 
-    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
+    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
         chosen = terminal or flags.terminal
 
-        def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
+        def make(machine: Machine, weights: LQWeights, preview: int) -> Controller:
             return ContouringLQ(machine.model, weights, preview, TERMINALS[chosen])
 
-        line, space = "receding-horizon LQ contouring", LQSpace()
-        design = _design(name, machine, flags, law, line, chosen, fed, observer, space)
-        return replace(design, limitable=observer is FilterObserver)
+        what, space = "receding-horizon LQ contouring", LQSpace()
+        made = _design(name, machine, flags, make, what, chosen, fed, observer, space)
+        return replace(made, limitable=observer is FilterObserver)
 
-    return make
+    return design
 
 
 def preview_lq(
     fed: Fed = "outputs",
-) -> Callable[[str, LinearMachine, Controlled], LQDesign]:
+) -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
     """Maker of a preview LQ design: alpha alone is tuned, there is no contour weight."""
 
-    def law(machine: Machine, weights: LQWeights, preview: int) -> Controller:
+    def make(machine: Machine, weights: LQWeights, preview: int) -> Controller:
         return PreviewLQ(machine.model, weights.alpha, weights.rho, preview)
 
-    def make(name: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
+    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
         space = LQSpace(beta=Fixed())
         return _design(
             name,
             machine,
             flags,
-            law,
+            make,
             "finite-preview LQ tracking",
             "riccati",
             fed,
@@ -181,14 +182,14 @@ def preview_lq(
             space,
         )
 
-    return make
+    return design
 
 
 def _design(
     name,
     machine: LinearMachine,
     flags: Controlled,
-    law: Law,
+    make: MakeController,
     line: str,
     terminal: str,
     fed,
@@ -209,5 +210,5 @@ def _design(
     gain = np.asarray(kalman_gain(machine.model, machine.control_noise, machine.measurement_noise))
     space = space._replace(stage=Positive()) if profiled else space
     return LQDesign(
-        name, machine, start, space, flags.preview, fed, law, line, terminal, observer, gain
+        name, machine, start, space, flags.preview, fed, make, line, terminal, observer, gain
     )

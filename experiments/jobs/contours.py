@@ -5,8 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from experiments.jobs.job import Job, Pace, at_constant_feed
-from jcontour.geometry.contours import circle, polygon, spline
+from experiments.jobs.job import TOOLPATHS, Job, Pace, at_constant_feed, from_file
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
+from jcontour.geometry.periodic_splines import polar_lobes
 
 Outline = Callable[
     [Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]
@@ -82,3 +84,27 @@ def eight_outline(angle: np.ndarray) -> np.ndarray:
 def oval_outline(angle: np.ndarray) -> np.ndarray:
     """Ellipse across the beam."""
     return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _at_constant_feed(name: str, contour: Callable[[], Contour]) -> Callable[[Pace], Job]:
+    return lambda pace: at_constant_feed(name, contour(), pace)
+
+
+BUILT_IN: dict[str, Callable[[Pace], Job]] = {  # the lines that describe them: the catalogue's
+    "circle": _at_constant_feed("circle", lambda: circle(1e-3)),
+    "square": square,
+    "ellipse": _at_constant_feed("ellipse", lambda: ellipse(3e-3, 1.5e-3)),
+    "lemniscate": _at_constant_feed("lemniscate", lambda: lemniscate(3e-3)),
+    "wave": wave,
+    "bracket": lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace),
+    "cam": lambda pace: from_file(TOOLPATHS / "cam.ngc", pace),
+    "lobes": _at_constant_feed("lobes", lambda: polar_lobes(30e-3, 10e-3, 4)),
+    "ring": ring,
+    "rounded-square": rounded_square,
+    "ring-left": along_the_beam("ring-left", -0.55, ring_outline),
+    "ring-centre": along_the_beam("ring-centre", 0.0, ring_outline),
+    "cushion-left": along_the_beam("cushion-left", -0.3, cushion_outline),
+    "oval-centre": along_the_beam("oval-centre", 0.05, oval_outline),
+    "cushion-right": along_the_beam("cushion-right", 0.4, cushion_outline),
+    "eight-right": along_the_beam("eight-right", 0.7, eight_outline),
+}

@@ -53,3 +53,6 @@ def _motion(
             f"contour: {name} is a motion of a single axis, {pace.machine.name} has {len(pace.machine.axes)}"
         )
     return AxisMove(name, contour, law, dt * math.ceil(duration / dt - 1e-6), DWELL, dt, words)
+
+
+BUILT_IN = {"task-a": task_a, "task-b": task_b, "s-curve": s_curve}

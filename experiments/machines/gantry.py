@@ -61,11 +61,6 @@ class GantryMachine(Machine):
         return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
 
     @property
-    def own(self) -> tuple[str, ...]:
-        """Where there is dry friction, those that know it go first."""
-        return ("gantry",) if self.friction is None else ("gantry-friction", "gantry")
-
-    @property
     def usual(self) -> Usual:
         """Contours at several positions along the beam."""
         return Usual(

@@ -106,11 +106,6 @@ class Machine(abc.ABC):
         return "contour" if len(self.axes) > 1 else "tracking"
 
     @property
-    def own(self) -> tuple[str, ...]:
-        """What the names of controllers begin with that are for machines like it alone, the nearest first."""
-        return ()
-
-    @property
     @abc.abstractmethod
     def usual(self) -> Usual:
         """What the commands take where nothing is said."""

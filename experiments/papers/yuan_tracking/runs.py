@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.catalogue.choices import design_for, job_named
+from experiments.catalogue.choices import design_for, first_machine, job_named
 from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import FLEXIBLE_AXIS
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Scenarios, replay
 from experiments.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
@@ -47,7 +48,7 @@ class Setup:
 
     def controllers(self) -> list[str]:
         """Names of all controllers that suit the axis."""
-        return [name for name, entry in CONTROLLERS.items() if entry.on == self.machine.name]
+        return [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
 
     def design(self, name: str):
         """Design of a controller with its first gains: the thesis's where it gives them."""
@@ -133,7 +134,7 @@ def tuned_weights(name: str) -> dict[str, Any]:
         ValueError: every start diverges.
     """
     run = tuning_run(
-        Tune(plant=CONTROLLERS[name].on, controller=name, max_rms_control=_allowed_current())
+        Tune(plant=first_machine(name), controller=name, max_rms_control=_allowed_current())
     )
     return tune(run.problem, run.start, run.settings).weights
 
@@ -158,7 +159,7 @@ def on_the_family(setup: Setup, controller: Controller) -> tuple[FamilyRow, ...]
 @cache
 def _allowed_current() -> float:
     """Largest RMS current that tuned gains may need on the smooth family [A]."""
-    baseline = tuning_run(Tune(plant=CONTROLLERS[BASELINE].on, controller=BASELINE))
+    baseline = tuning_run(Tune(plant=first_machine(BASELINE), controller=BASELINE))
     return EFFORT * float(np.max(start_metrics(baseline.problem, baseline.start).rms_control))
 
 

@@ -5,27 +5,79 @@ from pathlib import Path
 
 import pytest
 
-from experiments.catalogue.choices import controllers_for, design_for, machine_named
+from experiments.catalogue.choices import (
+    controllers_for,
+    design_for,
+    first_machine,
+    machine_named,
+)
+from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONTROLLERS
-from experiments.catalogue.machines import MACHINES
+from experiments.catalogue.machines import (
+    FLEXIBLE_AXES,
+    FLEXIBLE_AXIS,
+    GANTRY,
+    GANTRY_WITH_FRICTION,
+    LINEAR,
+    MACHINES,
+)
 from experiments.options import Simulate
 
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"
-ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axes"}
-TAKES_ALSO = {
-    "xy-table": "bridgeport",
-    "flexible-axes": "flexible-axis",
-    "gantry-friction": "gantry",
-}  # machine -> another whose controllers suit it
+ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXES}
+SUITED = {  # machine -> the kinds that it is of
+    "bridgeport": [LINEAR],
+    "xy-table": [LINEAR],
+    "flexible-axis": [FLEXIBLE_AXIS],
+    "flexible-axes": [FLEXIBLE_AXIS, FLEXIBLE_AXES],
+    "gantry": [GANTRY],
+    "gantry-friction": [GANTRY, GANTRY_WITH_FRICTION],
+}
 
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
-    machine, kinds = machine_named(name), {name, TAKES_ALSO.get(name)}
-    suited = [controller for controller, entry in CONTROLLERS.items() if entry.on in kinds]
+    machine = machine_named(name)
+    suited = [one for one, entry in CONTROLLERS.items() if entry.suits in SUITED[name]]
     assert controllers_for(machine) == suited and machine.usual.controller in suited
     with pytest.raises(ValueError, match=f"none named 'magic'; give one of {', '.join(suited)}$"):
         design_for(machine, Simulate(controller="magic"))
+
+
+@pytest.mark.parametrize(
+    ("machine", "asked", "meant"),
+    [
+        ("gantry", "cascade", "gantry-cascade"),
+        ("gantry-friction", "cascade", "gantry-friction-cascade"),
+        ("gantry-friction", "gantry-cascade", "gantry-cascade"),
+        ("gantry-friction", "scheduled-lq", "gantry-scheduled-lq"),
+        ("flexible-axis", "cascade", "cascade"),
+    ],
+)
+def test_a_short_name_means_the_controller_of_the_machine(machine, asked, meant):
+    assert design_for(machine_named(machine), Simulate(controller=asked)).name == meant
+
+
+def test_every_name_has_its_maker_and_every_maker_its_name():
+    made = {name for entry in CONTROLLERS.values() for name in entry.designs()}
+    assert made == set(CONTROLLERS)
+    assert all(name in entry.designs() for name, entry in CONTROLLERS.items())
+    assert {name for entry in CONTOURS.values() for name in entry.tasks()} == set(CONTOURS)
+    assert all(name in entry.tasks() for name, entry in CONTOURS.items())
+
+
+@pytest.mark.parametrize(
+    ("controller", "machine"),
+    [
+        ("preview-lq", "bridgeport"),
+        ("lqr", "flexible-axis"),
+        ("task-frame", "flexible-axes"),
+        ("gantry-cascade", "gantry"),
+        ("gantry-friction-cascade", "gantry-friction"),
+    ],
+)
+def test_the_first_machine_that_a_controller_suits(controller, machine):
+    assert first_machine(controller) == machine
 
 
 def test_controllers_of_a_machine_file(machine_file):
@@ -59,10 +111,11 @@ def test_a_machine_is_what_it_is_and_not_what_its_user_calls_it(tmp_path):
 def test_a_fault_in_a_maker_is_shown(monkeypatch):
     """The controller stays in the list, and whoever asks for it is told."""
 
-    def fail(name, machine, flags):
+    def fail(name, line, machine, flags):
         raise ValueError("a fault of ours")
 
-    monkeypatch.setitem(CONTROLLERS, "cascade", CONTROLLERS["cascade"]._replace(make=fail))
+    failing = CONTROLLERS["cascade"]._replace(designs=lambda: {"cascade": fail})
+    monkeypatch.setitem(CONTROLLERS, "cascade", failing)
     machine = machine_named("flexible-axis")
     assert "cascade" in controllers_for(machine)
     with pytest.raises(ValueError, match="a fault of ours"):

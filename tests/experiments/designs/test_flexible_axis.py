@@ -9,6 +9,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for
 from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import FLEXIBLE_AXIS
 from experiments.designs.design import with_values
 from experiments.designs.flexible_axis import cascade, loops, quadratic, state_weights
 from experiments.jobs.job import Pace
@@ -21,7 +22,7 @@ from jcontour.motion.point_to_point import thesis_task_a
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate
 
-ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.on == "flexible-axis"]
+ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, job_named
 from experiments.catalogue.controllers import CONTROLLERS
+from experiments.catalogue.machines import GANTRY
 from experiments.jobs.job import Pace
 from experiments.machines.gantry import CURRENT, friction_gantry_machine, gantry_machine
 from experiments.machines.linear import bridgeport_machine
@@ -17,7 +18,7 @@ from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
 
-NAMES = [name for name, entry in CONTROLLERS.items() if entry.on == "gantry"]
+NAMES = [name for name, entry in CONTROLLERS.items() if entry.suits is GANTRY]
 
 
 @pytest.fixture(scope="module")

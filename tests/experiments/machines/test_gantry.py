@@ -120,7 +120,7 @@ def test_smooth_encoders_have_the_noise_of_counts(machine):
 def test_contours_lie_along_the_beam(machine):
     """Where their names say, all of them on it, at the gantry's own pace or the user's."""
     names = {*machine.usual.training, *machine.usual.held_out}
-    assert names == {name for name, entry in CONTOURS.items() if entry.on == "gantry"}
+    assert names == {name for name, entry in CONTOURS.items() if "gantry's beam" in entry.line}
     assert not set(machine.usual.training) & set(machine.usual.held_out)
     for name in names:
         reference = job_named(name, Pace(machine, None, None)).reference(machine.model.dt, 1)

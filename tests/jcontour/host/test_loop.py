@@ -47,7 +47,7 @@ def test_loop_is_simulate_for_every_controller(closed_loop, name):
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_loop_is_simulate_on_every_plant(closed_loop, name):
-    if PLANTS[name].on != "bridgeport":
+    if PLANTS[name].machine().name != "bridgeport":
         pytest.skip("its controllers are run on it above")
     machine, reference = bridgeport_machine(), on_circle()
     plant = PLANTS[name].make()

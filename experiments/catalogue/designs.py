@@ -1,0 +1,96 @@
+"""Makers of the designs of the catalogue, a table for each kind of machine, imported when one of it is made."""
+
+from collections.abc import Mapping
+from functools import cache
+
+from experiments.catalogue.entries import MakeDesign
+
+
+@cache
+def lq_designs() -> Mapping[str, MakeDesign]:
+    """Receding-horizon LQ on a machine given by A, B, C."""
+    from experiments.designs.lq import contouring_lq, preview_lq
+    from jcontour.controllers.observers.kalman import PredictorObserver
+
+    return {
+        "contouring-lq": contouring_lq(),
+        "contouring-lq-riccati": contouring_lq("riccati"),
+        "contouring-lq-predictor": contouring_lq(observer=PredictorObserver),
+        "contouring-lq-state": contouring_lq(fed="state"),
+        "contouring-lq-riccati-state": contouring_lq("riccati", "state"),
+        "preview-lq": preview_lq(),
+        "preview-lq-state": preview_lq("state"),
+    }
+
+
+@cache
+def flexible_axis_designs() -> Mapping[str, MakeDesign]:
+    """Cascades and state feedback on flexible axes."""
+    from experiments.designs import flexible_axis as axis
+    from jcontour.controllers.feedback.state_feedback import moving_target, quasi_steady_target
+    from jcontour.controllers.observers import extended_state_observers as observers
+    from jcontour.motion.input_shaping import zv
+
+    def rejecting(observer: type[observers.ExtendedStateObserver], *gains: axis.GainSet):
+        make = axis.with_observer(axis.cascade, observer)
+        return axis.axis_design(make, axis.loops, axis.rejection, *gains)
+
+    def observed(make: axis.MakeController, gains: axis.GainSet):
+        return axis.axis_design(axis.behind_reduced_observer(make), gains)
+
+    offset_free = axis.behind_offset_free_filter(axis.quadratic(moving_target))
+    shaped = axis.with_shaper(axis.cascade, zv)
+    return {
+        "cascade": axis.axis_design(axis.cascade, axis.loops),
+        "cascade-feedforward": axis.axis_design(axis.cascade, axis.loops, axis.feedforward),
+        "cascade-notch": axis.axis_design(axis.with_notch(axis.cascade), axis.loops, axis.notched),
+        "cascade-low-pass": axis.axis_design(
+            axis.with_low_pass(axis.cascade), axis.loops, axis.smoothed
+        ),
+        "cascade-leso": rejecting(observers.CurrentLESO),
+        "cascade-leso-exact": rejecting(observers.ExactLESO),
+        "cascade-leso-euler": rejecting(observers.EulerLESO),
+        "cascade-nleso": rejecting(observers.NLESO, axis.linear_range),
+        "cascade-dob": axis.axis_design(axis.with_inverse(axis.cascade), axis.loops, axis.inverted),
+        "pole-placement": observed(axis.placed(moving_target), axis.poles),
+        "lqr": observed(axis.quadratic(moving_target), axis.state_weights),
+        "lqr-quasi-steady": observed(axis.quadratic(quasi_steady_target), axis.state_weights),
+        "cascade-zv": axis.axis_design(shaped, axis.loops, axis.feedforward, axis.vibration),
+        "lqg": axis.axis_design(axis.integral_lqg, axis.state_weights, axis.integrated),
+        "lqg-offset-free": axis.axis_design(offset_free, axis.state_weights, axis.drifting),
+    }
+
+
+@cache
+def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
+    """Contouring schemes around the cascades of several flexible axes."""
+    from experiments.designs import contouring_schemes as schemes
+    from experiments.designs.flexible_axis import axis_design, loops
+    from jcontour.controllers.contouring.cross_coupled import ConstantCoupling, VariableCoupling
+
+    constant = schemes.cross_coupled(ConstantCoupling)
+    variable = schemes.cross_coupled(VariableCoupling)
+    return {
+        "cross-coupled": axis_design(constant, loops, schemes.coupled),
+        "cross-coupled-variable": axis_design(variable, loops, schemes.coupled),
+        "task-frame": axis_design(schemes.in_task_frame, loops, schemes.along_and_across),
+        "precompensation": axis_design(
+            schemes.behind_precompensation, loops, schemes.precompensated
+        ),
+        "command-shaping": axis_design(schemes.behind_shaping, loops, schemes.shaped),
+    }
+
+
+@cache
+def gantry_designs() -> Mapping[str, MakeDesign]:
+    """Cascades and contouring LQ on gantries."""
+    from experiments.designs import gantry
+
+    design, quadratic = gantry.gantry_design, gantry.quadratic
+    return {
+        "gantry-cascade": design(gantry.cascade, gantry.loops),
+        "gantry-friction-cascade": design(gantry.cascade, gantry.loops_and_dry_friction),
+        "gantry-contouring-lq": design(gantry.contouring_lq, quadratic),
+        "gantry-scheduled-lq": design(gantry.scheduled_lq, quadratic),
+        "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
+    }
