@@ -82,11 +82,11 @@ class MPCC(HostController):
         self,
         model: LinearPlant,
         contour: Contour,
-        lower: ArrayLike = -0.5,
-        upper: ArrayLike = 0.5,
+        lower: ArrayLike | Sequence[float] = -0.5,
+        upper: ArrayLike | Sequence[float] = 0.5,
         speed_limit: float = 0.25,
         weights: ContouringWeights | None = None,
-        horizon: int | Sequence[int] = 7,
+        horizon: int | float | Sequence[int] = 7,
         solver: Solver | None = None,
         arrival: float = ARRIVAL,
     ):
@@ -261,7 +261,7 @@ def growing_blocks(samples: int, count: int) -> tuple[int, ...]:
     return tuple(int(length) for length in np.diff(ends, prepend=0))
 
 
-def _blocks(horizon: int | Sequence[int]) -> Int[np.ndarray, " B"]:
+def _blocks(horizon: int | float | Sequence[int]) -> Int[np.ndarray, " B"]:
     numbers = np.asarray(horizon, float)
     whole = np.isfinite(numbers).all() and (numbers == np.round(numbers)).all()
     if numbers.ndim > 1 or not numbers.size or not (whole and numbers.min() >= 1):
@@ -272,7 +272,7 @@ def _blocks(horizon: int | Sequence[int]) -> Int[np.ndarray, " B"]:
     return np.ones(int(numbers), int) if numbers.ndim == 0 else numbers.astype(int)
 
 
-def _limit(name: str, value: ArrayLike, inputs: int) -> Float[np.ndarray, " p"]:
+def _limit(name: str, value: ArrayLike | Sequence[float], inputs: int) -> Float[np.ndarray, " p"]:
     bound = np.asarray(value, float)
     if bound.shape not in ((), (1,), (inputs,)):
         raise ValueError(

@@ -1,5 +1,6 @@
 """What a constrained controller must keep to, one pair of bounds per signal."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from jcontour.qp.problem import check_limits
 
 # (lower, upper), each one number or one per component; infinite where there is none
 Bounds = tuple[ArrayLike, ArrayLike]
+Magnitude = ArrayLike | Sequence[float] | None
 
 
 class Limits(NamedTuple):
@@ -33,7 +35,7 @@ class Limits(NamedTuple):
     acceleration: Bounds | None = None
 
     @classmethod
-    def within(cls, **magnitudes: ArrayLike | None) -> "Limits":
+    def within(cls, **magnitudes: Magnitude) -> "Limits":
         """Symmetric limits from magnitudes, by field; None is no limit."""
         sizes = {
             name: None if size is None else np.asarray(size, float)

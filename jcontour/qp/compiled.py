@@ -1,5 +1,6 @@
 """Numba's compiler, with its cache where there is a place for one."""
 
+import inspect
 from collections.abc import Callable
 from typing import TypeVar, cast
 
@@ -14,7 +15,8 @@ def compiled(function: Function) -> Function:
     Without a writable place it is compiled anew. The result is numba's dispatcher, which is called
     like the function.
     """
+    bare = inspect.unwrap(function)  # without what a checker of annotations puts around it
     try:
-        return cast(Function, numba.njit(cache=True)(function))
+        return cast(Function, numba.njit(cache=True)(bare))
     except RuntimeError:  # numba found no place for its cache
-        return cast(Function, numba.njit(function))
+        return cast(Function, numba.njit(bare))

@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from jcontour.geometry.contours import line
 from jcontour.host.controller import HostController, HostWrapper, StepReport
+from jcontour.motion.references import along
 
 
 class Doubling(HostController):
@@ -61,7 +63,8 @@ def wrapped():
 
 def test_steps_go_in_and_come_out(wrapped):
     wrapper, memory = wrapped
-    assert wrapper.preview == 3 and wrapper.prepare(None) == "plan"
+    reference = along(line([0.0], [1e-2]), np.zeros(2), 1e-3, 0, at_rest=True)
+    assert wrapper.preview == 3 and wrapper.prepare(reference) == "plan"
     after, control, report = wrapper.step(memory, None, np.ones(1))
     assert after.inner == 1 and after.last == 4.0 and control == 3.0 and report.active == 1
     after, control, report = wrapper.soft_step(memory, None, np.ones(1))
