@@ -210,7 +210,7 @@ def test_poles_of_a_disturbance_observer():
 
 
 FEEDBACK = StateFeedback(
-    lq_gain(MODEL, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1)), moving_target(MODEL)
+    lq_gain(MODEL, jnp.diag(jnp.array([1e7, 1e3, 1e7, 1.0])), jnp.eye(1)), moving_target(MODEL)
 )
 
 

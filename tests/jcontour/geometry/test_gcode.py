@@ -208,7 +208,7 @@ def test_arc_a_little_too_short_by_radius_is_a_half_circle(traced):
     np.testing.assert_allclose(traced.lengths(toolpath), [5.001 * np.pi], rtol=1e-12)
 
 
-def test_many_moves_stay_fast():
+def test_many_moves_stay_fast(any_type):
     angle = np.linspace(0, 2 * np.pi, 5001)[1:]
     program = (
         HEAD

@@ -84,7 +84,8 @@ def test_derivatives_equal_those_of_the_readable_sweep(problems):
     for one, other, where in zip(
         (reverse[1].A, reverse[1].B), (expected[1].A, expected[1].B), plant.pattern[:2], strict=True
     ):
-        problems.close(one * np.array(where), other * np.array(where), 1e-9)
+        mask = np.array(where, float)
+        problems.close(one * mask, other * mask, 1e-9)
 
 
 @pytest.mark.parametrize(("inputs", "preview"), [(1, 1), (3, 2)])
