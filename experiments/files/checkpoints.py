@@ -1,4 +1,7 @@
-"""The state of a tuning run as one npz file: every float to the last bit, so that a resumed run ends as an uninterrupted one."""
+"""The state of a tuning run as one npz file, every float to the last bit.
+
+A resumed run so ends as an uninterrupted one.
+"""
 
 import zipfile
 from dataclasses import fields
@@ -16,11 +19,8 @@ from tuning.problem import Merit
 from tuning.tune import Evaluated, TuneState
 
 STATE = "state.npz"
-_TREES = (
-    "history",
-    "memory",
-    "merit",
-)  # stored leaf by leaf; every other field of the state is one number or one array
+# stored leaf by leaf; every other field of the state is one number or one array
+_TREES = ("history", "memory", "merit")
 
 
 def save_state(folder: Path, state: TuneState) -> Path:

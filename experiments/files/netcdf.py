@@ -1,4 +1,4 @@
-"""netCDF files with named dimensions and units: rollouts, and the gain schedule as CSV for a drive."""
+"""netCDF files with named dimensions and units; the gain schedule as CSV for a drive."""
 
 from pathlib import Path
 

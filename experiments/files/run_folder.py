@@ -1,4 +1,4 @@
-"""The run folder: created whole and exclusively, every file written under a temporary name and renamed."""
+"""The run folder: it appears whole, once, and so does every file in it."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def default_folder(command: str) -> Path:
 
 
 def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
-    """A new run folder with its settings and copies of the files it read; it appears at once and whole, or not at all.
+    """Make a run folder with its settings and copies of the files it read, or nothing at all.
 
     Raises:
         RunError: the folder already holds something, or cannot be made.
@@ -50,16 +50,14 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     try:
         made.chmod(0o755)
-        copies = {
-            str(path): f"inputs/{k}/{path.name}" for k, path in enumerate(inputs)
-        }  # names stay: parts are called by them
+        # names stay: parts are called by them
+        copies = {str(path): f"inputs/{k}/{path.name}" for k, path in enumerate(inputs)}
         for path, copy in copies.items():
             (made / copy).parent.mkdir(parents=True)
             shutil.copyfile(path, made / copy)
         write_json(made / SETTINGS, settings(command, flags, copies))
-        made.rename(
-            folder
-        )  # fails where the folder holds anything, also when two runs start at once
+        # fails where the folder holds anything, also when two runs start at once
+        made.rename(folder)
     except OSError as error:
         shutil.rmtree(made, ignore_errors=True)
         if folder.exists():
@@ -71,7 +69,7 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
 
 
 def settings(command: str, flags: Any, inputs: dict[str, str]) -> dict[str, Any]:
-    """What there is to know about how a run came about."""
+    """Command line, flags, inputs and versions of a run."""
     return {
         "command": command,
         "command_line": ["jcontour", *sys.argv[1:]],
@@ -162,9 +160,8 @@ def resumable(command: str, folder: Path) -> Iterator[None]:
 
 def write(path: Path, fill: Callable[[Path], Any]) -> Path:
     """Write a file under a temporary name with `fill(temporary)`, and rename it."""
-    temporary = path.with_name(
-        f".{path.stem}.{os.getpid()}{path.suffix}"
-    )  # keeps the suffix: writers choose the format by it
+    # keeps the suffix: writers choose the format by it
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         fill(temporary)
         with temporary.open("rb") as file:

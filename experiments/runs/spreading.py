@@ -75,7 +75,7 @@ def _cores() -> int:
 
 @contextmanager
 def _stdout_for_python() -> Iterator[None]:
-    """The library that connects the hosts reports on stdout from outside Python: that goes to stderr."""
+    """Send to stderr what the library that connects the hosts prints from outside Python."""
     with os.fdopen(os.dup(1), "w") as ours, redirect_stdout(ours):
         os.dup2(2, 1)
         try:
@@ -91,7 +91,10 @@ def _join() -> None:
     try:
         jax.distributed.initialize(**_environment())
     except ValueError as error:
-        needed = f"set {ADDRESS} (host:port of the first host), {COUNT} and {NUMBER} on every host, or start it by a cluster manager"
+        needed = (
+            f"set {ADDRESS} (host:port of the first host), {COUNT} and {NUMBER} on every host, "
+            "or start it by a cluster manager"
+        )
         raise ValueError(f"hosts: {needed} ({error})") from None
 
 
@@ -110,9 +113,8 @@ def _environment() -> dict[str, Any]:
             "process_id": int(given[NUMBER]),
         }
     except ValueError:
-        raise ValueError(
-            f"{COUNT} and {NUMBER} need whole numbers, received {given[COUNT]!r} and {given[NUMBER]!r}"
-        ) from None
+        received = f"{given[COUNT]!r} and {given[NUMBER]!r}"
+        raise ValueError(f"{COUNT} and {NUMBER} need whole numbers, received {received}") from None
 
 
 def _aside(flags: F, stack: ExitStack) -> F:

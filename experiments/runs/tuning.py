@@ -71,7 +71,7 @@ class TuningRun:
         return self.design.start
 
     def controller(self, weights: Weights) -> Controller:
-        """What the weights build."""
+        """Controller with these weights."""
         return self.problem.build(weights)
 
     @property
@@ -94,13 +94,9 @@ def tuning_run(flags: Tune) -> TuningRun:
     design, settings = design_for(machine, flags), tuner_settings(flags)
     design.check_start()
     pace, usual = Pace.of(flags, machine), machine.usual
-    training = [job_named(name, pace) for name in flags.parts or usual.training]
-    held_out = [
-        job_named(name, pace)
-        for name in (usual.beside_own if flags.parts else usual.held_out)
-        if name not in flags.parts
-    ]
-    training = _distinct(training)
+    training = _distinct([job_named(name, pace) for name in flags.parts or usual.training])
+    others = usual.beside_own if flags.parts else usual.held_out
+    held_out = [job_named(name, pace) for name in others if name not in flags.parts]
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
     scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
     family = machine.smooth_family(design.fed)
@@ -113,15 +109,8 @@ def tuning_run(flags: Tune) -> TuningRun:
         batching=batching_of(flags),
     )
     limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
-    return TuningRun(
-        flags,
-        machine,
-        design,
-        replace(problem, limits=AtMost(**limits)),
-        settings,
-        scenarios,
-        limits,
-    )
+    problem = replace(problem, limits=AtMost(**limits))
+    return TuningRun(flags, machine, design, problem, settings, scenarios, limits)
 
 
 def tuner_settings(flags: Any) -> Effort:
@@ -145,9 +134,8 @@ def named_limits(flags: Limited) -> dict[str, float]:
     given = {name: getattr(flags, name) for name in LIMITS if getattr(flags, name) is not None}
     for name, value in given.items():
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(
-                f"{name.replace('_', '-')}: a limit needs to be finite and above zero, received {value}"
-            )
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: a limit needs to be finite and above zero, received {value}")
     return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
 
 
@@ -159,7 +147,9 @@ def start_metrics(problem: Problem, start: Weights) -> Metrics:
 def _effort_limit(
     flags: Limited, usual: Usual, problem: Problem, start: Weights
 ) -> dict[str, float]:
-    """Bound on the RMS control from what the start needs; none where it is bounded otherwise, or neither flags nor machine ask.
+    """Bound on the RMS control, as a multiple of what the start needs.
+
+    None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.
 
     Raises:
         ValueError: the flag is not above zero, or both kinds of bound are given.

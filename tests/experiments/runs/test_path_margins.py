@@ -53,7 +53,7 @@ def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
 
 
 def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
-    """Three paths from rest: along the first nothing moves, along the second the control is at its limit from start to end."""
+    """Along the first path nothing moves; along the second the control is always at its limit."""
     arcs = [np.zeros(30), 1e-3 * np.arange(1, 31), 1e-3 * np.arange(30)]
     references = [
         along(line([0.0, 0.0], [1.0, 0.0]), arc, two_axes.dt, 3, at_rest=True) for arc in arcs

@@ -87,7 +87,7 @@ RUNS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
 def test_two_hosts_find_what_one_finds(tmp_path, machine_file, command):
-    """Two processes on loopback with a CPU device each; the second one prints and writes nothing."""
+    """Two processes on loopback, a CPU device each; the second prints and writes nothing."""
     call = [
         sys.executable,
         "-m",
