@@ -48,7 +48,7 @@ def determinant(rows):
 
 
 def test_exact_integrators_are_within_the_rounding_of_the_paper():
-    """det(A - I) in rational numbers, of every axis; it is 1e-5 to 1e-4 for the printed matrices."""
+    """det(A - I) of every axis in rational numbers; for the printed matrices 1e-5 to 1e-4."""
     printed, exact = bridgeport(), exact_bridgeport()
     np.testing.assert_allclose(np.round(exact.A, 4), printed.A, rtol=1e-15)
     assert exact.pattern == printed.pattern and np.sum(exact.A != printed.A) == 2
