@@ -88,8 +88,8 @@ FAULTS = (
     ),
     Fault(
         "jcontour/linear/plant.py",
-        "position @ self.Sy.T + increment @ self.Sv.T",
-        "position @ self.Sy.T - increment @ self.Sv.T",
+        "@ self.Sy.T + jnp.asarray(increment)",
+        "@ self.Sy.T - jnp.asarray(increment)",
         f"{LIBRARY}/linear/test_plant.py",
     ),
     # riccati
