@@ -51,7 +51,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/video": "experiments/video/test_gantry_video.py",
     "experiments/examples": "experiments/examples/test_examples.py",
     # a paper is tested as a whole
-    "experiments/papers/legends.py": "experiments/papers/test_lam.py",
     "experiments/papers/verdicts.py": "experiments/papers/test_mcnab_tsao.py",
     "experiments/papers/contouring_schemes": "experiments/papers/test_contouring_schemes.py",
     "experiments/papers/lam": "experiments/papers/test_lam.py",
