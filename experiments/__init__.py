@@ -1,1 +1,1 @@
-"""The application: the `jcontour` command, figures, tables, storage, and one module per reproduced paper."""
+"""Application: the `jcontour` command, figures, tables, storage, reproduced papers."""

@@ -1,4 +1,7 @@
-"""The `jcontour` command. Everything heavy is imported by the command that needs it, so that --help answers at once."""
+"""The `jcontour` command.
+
+Everything heavy is imported by the command that needs it, so that --help answers at once.
+"""
 
 import os
 import sys
@@ -56,9 +59,8 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
     flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
-    return flags, lambda flags: import_module(COMMANDS[type(flags)][1]).command(
-        flags
-    )  # devices are set up before it is imported
+    _, module = COMMANDS[type(flags)]
+    return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 
 
 def _any_command() -> Any:
@@ -70,7 +72,8 @@ def _any_command() -> Any:
 
 
 _DESCRIPTION = (
-    "Simulate and tune multi-axis contouring machines by gradient. Bad input is answered in one line, exit code 2; "
+    "Simulate and tune multi-axis contouring machines by gradient. "
+    "Bad input is answered in one line, exit code 2; "
     f"{TRACEBACK}=1 in the environment shows where it was found instead."
 )
 

@@ -11,25 +11,31 @@ Objective = Literal["worst", "mean"]
 Fallback = Literal["stop", "hold", "soft"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
 
+ROLLOUTS: Rollouts = "auto"  # all that fits into 100 MB
+FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
+SOLVER = "daqp"  # exact to rounding and the fastest
+
 
 @dataclass(frozen=True)
 class Common:
     """Flags that every command understands."""
 
-    json: bool = False
+    json: bool = False  # a person reads it
     """Print the result as JSON on stdout, and nothing else there."""
 
 
 @dataclass(frozen=True)
 class MachineFlags(Common):
-    """Which machine, and how fast it goes."""
+    """Machine and pace."""
 
-    plant: str = "bridgeport"
-    """Machine: a name from `jcontour list`, or a JSON or npz file (format: experiments/machines/example.json)."""
+    plant: str = "bridgeport"  # the machine of McNab & Tsao's paper
+    """Machine: a name from `jcontour list`, or a JSON or npz file.
+    Format: experiments/machines/example.json."""
     feed_mm_per_min: float | None = None
     """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""
     acceleration: float | None = None
-    """Path acceleration of the rest-to-rest feed law [m/s^2]; the machine's own limit, or 2, when not given."""
+    """Path acceleration of the rest-to-rest feed law [m/s^2].
+    The machine's own limit, or 2, when not given."""
 
 
 @dataclass(frozen=True)
@@ -43,19 +49,20 @@ class Controlled(MachineFlags):
     preview: int = 10  # the paper's usual horizon
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`."""
     terminal: Terminal = "output"  # the paper's better performing choice
-    """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution (stable on straight lines)."""
-    # with beta = 20 the best contour error that McNab & Tsao found by hand (Table 1, case II)
-    alpha: float = 1.2
+    """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
+    The Riccati solution is stable on straight lines."""
+    alpha: float = 1.2  # McNab & Tsao, Table 1, case II: with beta the best found by hand
     """LQ: start weight on the tracking error [1/m^2]."""
-    beta: float = 20.0
+    beta: float = 20.0  # McNab & Tsao, Table 1, case II
     """LQ: start weight on the contour error [1/m^2]."""
-    rho: float = 2e-9
-    """LQ: weight on the control [1/control unit^2]; fixed, because only alpha/rho and beta/rho matter."""
+    rho: float = 2e-9  # the paper's control weight
+    """LQ: weight on the control [1/control unit^2].
+    Fixed, because only alpha/rho and beta/rho matter."""
 
 
 @dataclass(frozen=True)
 class Limited(Controlled):
-    """What the tuned controller must respect, for every contour and every plant of the family."""
+    """Limits on the tuned controller, for every contour and every plant of the family."""
 
     max_tracking_error_um: float | None = None
     """Limit on the RMS tracking error [um]."""
@@ -66,7 +73,8 @@ class Limited(Controlled):
     max_rms_control: float | None = None
     """Limit on the RMS of the control vector [control unit]."""
     max_effort: float | None = None
-    """Limit on the same as a multiple of what the start weights need; 1.2 on flexible axes when neither is given."""
+    """Limit on the RMS of the control vector as a multiple of what the start weights need.
+    1.2 on flexible axes and gantries when neither limit is given."""
     max_peak_control: float | None = None
     """Limit on the peak of the control vector [control unit]."""
     max_rms_increment: float | None = None
@@ -77,9 +85,9 @@ class Limited(Controlled):
 
 @dataclass(frozen=True)
 class Storage(Limited):
-    """Where a run is kept, and what is random in it."""
+    """Run folder and random seed."""
 
-    seed: int = 0
+    seed: int = 0  # any number: the same one repeats the run
     """Seed of everything random: the points looked at before descending."""
     out: Path | None = None
     """Run folder; runs/<command>-<time> when not given. It must not hold another run."""
@@ -89,26 +97,33 @@ class Storage(Limited):
 
 @dataclass(frozen=True)
 class Spreading(Storage):
-    """What it runs on; a run may go on elsewhere than it began."""
+    """Devices and hosts of a run; it may go on elsewhere than it began."""
 
     devices: str = "1"  # so that a run ends in the same digits on every computer
-    """Devices of every host that contours are spread over: GPUs, or else cores of the CPU; `all`, or a number."""
-    hosts: bool = False
-    """Join the hosts that JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID, or a cluster's own variables, name: start the
-    same command on each."""
+    """Devices of every host that contours are spread over: `all`, or a number.
+    Devices are GPUs, or else cores of the CPU."""
+    hosts: bool = False  # most runs need one computer
+    """Join several hosts: start the same command on each.
+    JAX_COORDINATOR_ADDRESS, JAX_NUM_PROCESSES and JAX_PROCESS_ID, or a cluster's own variables,
+    name them."""
 
 
 @dataclass(frozen=True)
 class Tune(Spreading):
-    """Tune the weights of a controller by gradient: on your toolpaths, or on the machine's built-in training set."""
+    """Tune the weights of a controller by gradient.
+
+    The contours are your toolpaths, or the machine's built-in training set.
+    """
 
     parts: Positional[tuple[str, ...]] = ()
-    """What to train on: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`; the machine's usual if none."""
-    objective: Objective = "worst"
-    """What is made small: the worst, or the mean, RMS error over contours and plants, of the contour (a single axis: of tracking)."""
-    nominal_only: bool = False
+    """Training set: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`.
+    The machine's usual one when none is given."""
+    objective: Objective = "worst"  # no contour and no plant pays for the others
+    """Objective: the worst, or the mean, RMS error over contours and plants.
+    The error is that of the contour; on a single axis, that of tracking."""
+    nominal_only: bool = False  # the machine is not known better than its family
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
-    stage_profile: bool = False
+    stage_profile: bool = False  # one more weight for every sample is slower to tune
     """LQ: also tune a positive weight for every sample of the horizon."""
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
@@ -118,12 +133,11 @@ class Tune(Spreading):
     """Descent steps between two updates of the limits' multipliers."""
     outer_steps: int = 4  # enough for a tenth of a per cent within the minute
     """Most updates of the limits' multipliers in one descent."""
-    tolerance: float = (
-        1e-3  # a tenth of a per cent: less than a plant model is good for, and the minute is short
-    )
+    tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for
     """Relative change of objective and weights at which a descent ends."""
-    rollouts: Rollouts = "auto"  # all that fits into 100 MB
-    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large. Figures are drawn from all."""
+    rollouts: Rollouts = ROLLOUTS
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
+    Figures are drawn from all."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +145,14 @@ class Simulate(Controlled):
     """Simulate one controller on one contour: table, figures, netCDF."""
 
     contour: Positional[str | None] = None
-    """A name from `jcontour list`, or a toolpath file (.ngc, .csv); what is usual on the machine when not given."""
-    video: bool = False
-    """Of a gantry: a video of its MuJoCo model on the contour, the twist of the beam magnified; MP4 with the extra `video`, else GIF."""
-    rollouts: Rollouts = "auto"  # all that fits into 100 MB
-    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large. Figures are drawn from all."""
+    """A name from `jcontour list`, or a toolpath file (.ngc, .csv).
+    The machine's usual contour when not given."""
+    video: bool = False  # it needs MuJoCo and a renderer
+    """Gantry: film its MuJoCo model on the contour, the twist of the beam magnified.
+    MP4 with the extra `video`, else GIF."""
+    rollouts: Rollouts = ROLLOUTS
+    """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
+    Figures are drawn from all."""
     out: Path | None = None
     """Run folder; runs/simulate-<time> when not given. It must not hold another run."""
 
@@ -157,16 +174,21 @@ class Listing(Common):
 
 @dataclass(frozen=True)
 class Front(Spreading):
-    """Trace the trade-off between contour error and control increment, under a tracking cap if one is given."""
+    """Trace the trade-off between contour error and control increment.
+
+    A tracking cap holds if one is given.
+    """
 
     parts: Positional[tuple[str, ...]] = ()
-    """Toolpaths (.ngc, .csv) or names from `jcontour list`; the 2 mm square when none is given."""
-    points: int = 5
+    """Toolpaths (.ngc, .csv) or names from `jcontour list`.
+    The machine's usual contour when none is given."""
+    points: int = 5  # each budget is tuned by itself
     """Budgets of the control increment along the front."""
     least_increment: float | None = None
     """Smallest budget [control unit per sample, RMS]; two thirds of the largest when not given."""
     most_increment: float | None = None
-    """Largest budget [control unit per sample, RMS]; what the best weights need without a budget when not given."""
+    """Largest budget [control unit per sample, RMS].
+    When not given, the increment of the best weights without a budget."""
 
 
 @dataclass(frozen=True)
@@ -174,35 +196,43 @@ class Sweep(Spreading):
     """Evaluate a grid, or a random sample, over weights x preview x contours."""
 
     parts: Positional[tuple[str, ...]] = ()
-    """Toolpaths (.ngc, .csv) or names from `jcontour list`; circle and square when none is given."""
+    """Toolpaths (.ngc, .csv) or names from `jcontour list`.
+    The machine's usual contours when none is given."""
     vary: tuple[str, ...] = ()
     """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample.
-    When not given, the first two free weights that are one positive number equal on all axes, from a tenth to ten times their start."""
-    previews: tuple[int, ...] = (5, 10, 20)
+    When not given, the first two free weights that are one positive number equal on all axes.
+    These go from a tenth to ten times their start."""
+    previews: tuple[int, ...] = (5, 10, 20)  # half, once and twice the paper's
     """Horizons of an LQ controller [samples]; a controller that has none is swept once."""
     samples: int = 0  # the grid
     """Random weights between the smallest value above zero and the largest; 0 takes the grid."""
     devices: str = "all"  # every design is computed by itself: no digit depends on it
-    """Devices of every host that designs are spread over: GPUs, or else cores of the CPU; `all`, or a number."""
+    """Devices of every host that designs are spread over: `all`, or a number.
+    Devices are GPUs, or else cores of the CPU."""
 
 
 @dataclass(frozen=True)
 class Verify(Common):
-    """Replay a tuned run through a constrained MPC with the same weights: where limits act, and what they cost."""
+    """Replay a tuned run through a constrained MPC with the same weights.
+
+    The tables say where limits act, and what they cost.
+    """
 
     run: Positional[Path] = Path()
     """Run folder of `jcontour tune`."""
     max_control: float | None = None
     """Limit on every control [control unit]; the machine's own when not given."""
     max_increment: float | None = None
-    """Limit on the change of every control per sample [control unit]; the machine's own when not given."""
+    """Limit on the change of every control per sample [control unit].
+    The machine's own when not given."""
     max_speed_mm_s: float | None = None
     """Limit on the speed of every axis [mm/s]; the machine's own when not given."""
     max_acceleration: float | None = None
     """Limit on the acceleration of every axis [m/s^2]; the machine's own when not given."""
-    fallback: Fallback = "stop"
-    """What happens at a step whose QP has no answer: stop the run, hold the last control, or soften the limits."""
-    solver: str = "daqp"  # exact to rounding and the fastest
+    fallback: Fallback = FALLBACK
+    """Action at a step whose QP has no answer.
+    Stop the run, hold the last control, or soften the limits."""
+    solver: str = SOLVER
     """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
     out: Path | None = None
     """Run folder; runs/verify-<time> when not given. It must not hold another run."""
@@ -212,31 +242,34 @@ class Verify(Common):
 class Trace(Common):
     """Trace a contour with model predictive contouring control, which chooses its own speed."""
 
-    contour: Positional[str] = "lobes"
+    contour: Positional[str] = (
+        "lobes"  # size and tight curves of the contour in Lam, Manzie & Good (2011)
+    )
     """A name from `jcontour list`, or a toolpath file (.ngc, .csv)."""
-    plant: str = "xy-table"
+    plant: str = "xy-table"  # the paper's
     """Machine: a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
-    q_theta: float = 0.3
+    q_theta: float = 0.3  # the middle of the paper's range 0.03 .. 5
     """Reward for progress [1/mm]: more is faster and less accurate."""
-    q_contour: float = 100.0
+    q_contour: float = 100.0  # the paper's
     """Weight on the contour error [1/mm^2]."""
-    q_lag: float = 200.0
+    q_lag: float = 200.0  # the paper's
     """Weight on the lag error [1/mm^2]; large, or progress is not what it says."""
-    r_control: float = 60.0
+    r_control: float = 60.0  # the paper's
     """Weight on the change of every control from step to step [1/control unit^2]."""
-    r_speed: float = 200.0
+    r_speed: float = 200.0  # the paper's
     """Weight on the change of the path speed from step to step [1/(mm per step)^2]."""
-    horizon: int = 7
+    horizon: int = 7  # the paper's, section 5
     """Steps that the controller looks ahead, at most 100."""
     period_ms: float | None = None
     """Period of the controller [ms]; 4 for the table, that of the machine otherwise."""
-    max_speed_mm_s: float = 250.0
+    max_speed_mm_s: float = 250.0  # the paper's 1 mm per 4 ms
     """Highest path speed [mm/s]."""
     max_control: float | None = None
     """Limit on every control; the machine's own when not given."""
-    fallback: Fallback = "stop"
-    """What happens at a step whose QP has no answer: stop the run, hold the last control, or soften the limits."""
-    solver: str = "daqp"  # exact to rounding and the fastest
+    fallback: Fallback = FALLBACK
+    """Action at a step whose QP has no answer.
+    Stop the run, hold the last control, or soften the limits."""
+    solver: str = SOLVER
     """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
     out: Path | None = None
     """Run folder; runs/trace-<time> when not given. It must not hold another run."""
@@ -244,18 +277,23 @@ class Trace(Common):
 
 @dataclass(frozen=True)
 class Identify(Common):
-    """Fit a flexible axis to the data of its commissioning: every parameter with its 95 % interval, and what the data cannot tell."""
+    """Fit a flexible axis to the data of its commissioning.
+
+    Every parameter comes with its 95 % interval, and with a note where the data cannot tell it.
+    """
 
     data: Positional[Path | None] = None
-    """CSV file: time, motor_position, current_q and more, by test (format: experiments/record_files.py)."""
-    demo: bool = False
-    """Instead of a file, the data of a simulated axis with quantised, noisy encoders; the file is kept in the run folder."""
-    seed: int = 0
+    """CSV file: time, motor_position, current_q and more, by test.
+    Format: experiments/files/record_file.py."""
+    demo: bool = False  # a file is expected
+    """Instead of a file, take the data of a simulated axis with quantised, noisy encoders.
+    The file is kept in the run folder."""
+    seed: int = 0  # any number: the same one repeats the data
     """Seed of the noise of --demo."""
     force_constant: float | None = None
     """k_t [N/A], where the data have no electrical test."""
     pole_pitch: float | None = None
-    """[m] of the motor, where it is known; the period of the cogging force when not given."""
+    """Pole pitch of the motor [m], where it is known; the period of the cogging force otherwise."""
     encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
     """Resolution of the motor's encoder [um], for the axis file."""
     out: Path | None = None
@@ -264,18 +302,27 @@ class Identify(Common):
 
 @dataclass(frozen=True)
 class Bench(Common):
-    """Time the library on this computer: ratios against something run beside it, hardware and versions named."""
+    """Time the library on this computer.
 
-    what: Positional[Literal["mpc", "lq", "gantry"]] = "mpc"
-    """What is timed: one step of the constrained controllers, by part and by solver; whole runs of the LQ contouring controller; the
-    gantry in every engine."""
+    Times are ratios against something run beside it; hardware and versions are named.
+    """
+
+    what: Positional[Literal["mpc", "lq", "gantry"]] = "mpc"  # it has to fit a sample period
+    """Timed part of the library.
+    mpc: one step of the constrained controllers, by part and by solver.
+    lq: whole runs of the LQ contouring controller.
+    gantry: the gantry in every engine."""
     batch: tuple[int, ...] = ()
-    """LQ: runs at once, what suits the device when not given; gantry: machines at once, 1000 when not given."""
+    """LQ: runs at once, what suits the device when not given.
+    Gantry: machines at once, 1000 when not given."""
 
 
 @dataclass(frozen=True)
 class Reproduce(Common):
-    """Reproduce a paper: `jcontour reproduce NAME --help` shows its flags, `jcontour list` the names."""
+    """Reproduce a paper.
+
+    `jcontour list` shows the names, `jcontour reproduce NAME --help` the flags of one.
+    """
 
     name: Positional[str] = ""
     """Name of the experiment."""

@@ -1,4 +1,7 @@
-"""Makers of the designs of the catalogue, a table for each kind of machine, imported when one of it is made."""
+"""Makers of the catalogue's designs, a table for each kind of machine.
+
+A table is imported when one of its designs is made.
+"""
 
 from collections.abc import Mapping
 from functools import cache

@@ -1,4 +1,7 @@
-"""Entries of the catalogue: a name is the key, a line says what it is, what makes it is imported when it is made."""
+"""Entries of the catalogue: a name is the key, a line describes the thing.
+
+Its maker is imported when the thing is made.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple

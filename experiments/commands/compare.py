@@ -163,7 +163,7 @@ def _cells(row: ComparedMetric) -> list[str]:
 
 
 def warnings(found: ComparedResult) -> list[str]:
-    """What makes the numbers hard to compare."""
+    """Warnings where the numbers are hard to compare."""
     lines = []
     first, second = found.machines
     if first != second:

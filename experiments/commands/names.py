@@ -42,6 +42,7 @@ def command(flags: Listing) -> int:
         )
     say(
         console,
-        "--plant also takes a machine file (JSON, npz), contours and parts a toolpath file (.ngc, .csv).",
+        "--plant also takes a machine file (JSON, npz), "
+        "contours and parts a toolpath file (.ngc, .csv).",
     )
     return 0

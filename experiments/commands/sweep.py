@@ -292,7 +292,7 @@ def summary_of(dataset: xr.Dataset, names: Iterable[str], error: str) -> SweepRe
 
 
 def _shown(names: list[str], error: str):
-    """What prints a result whose designs have these weights."""
+    """Printer of a result whose designs have these weights."""
 
     def show(result: SweepResult, console: Console) -> None:
         rows = []

@@ -68,7 +68,7 @@ class Traversed:
 
 
 class Drawn(NamedTuple):
-    """What the figures show: the result, and its path in mm nearest to the tool."""
+    """Content of the figures: the result, and its path in mm nearest to the tool."""
 
     result: Traversed
     foot_mm: np.ndarray
@@ -192,7 +192,7 @@ def show(result: Traversed, console: Console) -> None:
 
 
 def _next(result: Traversed) -> list[str]:
-    """What was drawn, in words, and what to do next."""
+    """Figures in words, and the next step."""
     told = []
     if result.signals is not None:
         told.append(

@@ -138,7 +138,7 @@ def draw(run: TuningRun, replays: Mapping[str, Replay], folder: Path) -> None:
 
 
 def next_steps(found: TunedResult, folder: Path) -> list[str]:
-    """What to do with a tuned run."""
+    """Next steps with a tuned run."""
     if not found.usable:
         return []
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]

@@ -251,7 +251,7 @@ def _cells(gap: GapRow) -> list[str]:
 
 
 def _next(rows: list[GapRow]) -> list[str]:
-    """What was found, in a sentence, and what to do next."""
+    """Finding in a sentence, and the next step."""
     lost = [row for row in rows if row.failure]
     if lost:
         return [

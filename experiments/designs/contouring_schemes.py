@@ -1,4 +1,4 @@
-"""What gains build on two flexible axes side by side: the contouring schemes around their cascade."""
+"""Contouring schemes around the cascade of two flexible axes, built from gains."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,7 @@
-"""What a controller is to the commands: named weights, where they may go, what they build, and what is kept of a tuned one."""
+"""Controllers as the commands see them: named weights, their ranges, what they build.
+
+A design also stores the files of a tuned controller.
+"""
 
 import abc
 from collections.abc import Sequence
@@ -60,11 +63,11 @@ class Design(abc.ABC):
 
     @abc.abstractmethod
     def settings(self) -> dict[str, Any]:
-        """What is chosen and not tuned, for the stored result."""
+        """Settings that are chosen and not tuned, for the stored result."""
 
     @abc.abstractmethod
     def description(self) -> dict[str, str]:
-        """What it is, heading by heading, for people."""
+        """Description heading by heading, for people."""
 
     @abc.abstractmethod
     def weight_lines(self, weights: dict[str, Any]) -> list[str]:
@@ -76,12 +79,8 @@ class Design(abc.ABC):
 
     def free(self) -> list[str]:
         """Names of the weights that are tuned."""
-        space = by_name(self.space)
-        return [
-            name
-            for name in by_name(self.start)
-            if not isinstance(space.get(name), (Fixed, type(None)))
-        ]
+        space, kept = by_name(self.space), (Fixed, type(None))
+        return [name for name in by_name(self.start) if not isinstance(space.get(name), kept)]
 
     def check_start(self) -> None:
         """Raise ValueError unless every weight that is tuned starts where it may go."""
@@ -95,19 +94,16 @@ class Design(abc.ABC):
 
 def by_name(weights: Weights) -> dict[str, Any]:
     """The weights, a dict, a module or a NamedTuple, as a dict."""
-    return dict(
-        weights
-        if isinstance(weights, dict)
-        else getattr(weights, "_asdict", lambda: vars(weights))()
-    )
+    if isinstance(weights, dict):
+        return dict(weights)
+    fields = getattr(weights, "_asdict", lambda: vars(weights))
+    return dict(fields())
 
 
 def _place(parameter: Parameter) -> str:
-    return (
-        f"between {parameter.low:g} and {parameter.high:g}"
-        if isinstance(parameter, Interval)
-        else "above zero"
-    )
+    if isinstance(parameter, Interval):
+        return f"between {parameter.low:g} and {parameter.high:g}"
+    return "above zero"
 
 
 def plain_weights(weights: Weights) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""What gains build on a flexible axis: the cascade with its parts around it, and state feedback behind its observers.
+"""Controllers of flexible axes, built from gains.
 
-Every part names its gains once, where they start and where they may go, and every controller takes all of
-them by name.
+They are the cascade with its parts around it, and state feedback behind its observers. Every part
+names its gains once, where they start and where they may go. Every controller takes all of them by
+name.
 """
 
 from collections.abc import Callable
@@ -40,19 +41,20 @@ from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.sensors import motors
 from tuning.parameters import Interval
 
-RATIO = Interval(
-    0.02, 0.98
-)  # of damping: poles stay complex, and Ackermann's formula well conditioned
+# of damping: poles stay complex, and Ackermann's formula well conditioned
+RATIO = Interval(0.02, 0.98)
 SPEED_NOISE = 1e-3  # [m/s] of the drive's speed, as the Kalman filter takes it
 CONTROL_NOISE = 0.1  # [A] of what the model does not know, as it changes from sample to sample
-
 
 GainSet = Callable[[FlexibleMachine], dict[str, Gain]]
 MakeController = Callable[[FlexibleMachine, Gains], Controller]
 
 
 def loops(machine: FlexibleMachine) -> dict[str, Gain]:
-    """The thesis's cascade, section 3.4.2; its velocity loop as fast on another axis as on the thesis's."""
+    """Gains of the thesis's cascade, section 3.4.2.
+
+    The velocity loop of another axis is as fast as that of the thesis's axis.
+    """
     velocity = 55.67 * _heaviness(machine) / _heaviness(None)
     return {
         "position": Gain(30.0, "1/s"),
@@ -62,7 +64,7 @@ def loops(machine: FlexibleMachine) -> dict[str, Gain]:
 
 
 def feedforward(machine: FlexibleMachine) -> dict[str, Gain]:
-    """What the model says that a motion needs."""
+    """Feedforward gains by the model."""
     p = machine.parameters
     dry = (p.friction.coulomb + p.friction.stribeck) / p.force_constant
     return {
@@ -116,7 +118,10 @@ def poles(machine: FlexibleMachine) -> dict[str, Gain]:
 
 
 def state_weights(machine: FlexibleMachine) -> dict[str, Gain]:
-    """Diagonal of Q beside R = 1 / A^2: an ampere for 0.3 mm of the motor or the tool, or for 20 mm/s."""
+    """Diagonal of Q beside R = 1 / A^2.
+
+    An ampere weighs as much as 0.3 mm of the motor or the tool, or as 20 mm/s of the motor.
+    """
     return {
         "motor": Gain(1e7, "A^2/m^2"),
         "motor_speed": Gain(2.5e3, "A^2 s^2/m^2"),
@@ -133,11 +138,10 @@ def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
 def vibration(machine: FlexibleMachine) -> dict[str, Gain]:
     """The mode that a shaper cancels: the tool on its spring."""
     p = machine.parameters
+    ratio = p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass))
     return {
         "mode": Gain(_link_frequency(machine), "rad/s"),
-        "mode_damping": Gain(
-            float(np.mean(p.damping / (2 * np.sqrt(p.stiffness * p.tool_mass)))), "", RATIO
-        ),
+        "mode_damping": Gain(float(np.mean(ratio)), "", RATIO),
     }
 
 
@@ -155,7 +159,10 @@ def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
 
 
 def with_notch(make: MakeController) -> MakeController:
-    """The controller's output through the notch, by Tustin's rule without prewarping as in the thesis."""
+    """Controller with a notch at its output.
+
+    The notch is made by Tustin's rule without prewarping, as in the thesis.
+    """
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         section = notch(gains["notch"], gains["depth"], gains["notch_damping"], machine.model.dt)
@@ -165,7 +172,7 @@ def with_notch(make: MakeController) -> MakeController:
 
 
 def with_low_pass(make: MakeController) -> MakeController:
-    """The controller's output through a low pass."""
+    """Controller with a low pass at its output."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         section = low_pass(gains["low_pass"], gains["low_pass_damping"], machine.model.dt)
@@ -177,20 +184,26 @@ def with_low_pass(make: MakeController) -> MakeController:
 def with_observer(
     make: MakeController, observer: Callable[..., ExtendedStateObserver]
 ) -> MakeController:
-    """The controller with what an extended state observer finds taken off; b0 = k_t / M_m as in the thesis."""
+    """Controller from whose output the estimate of an extended state observer is subtracted.
+
+    b0 = k_t / M_m as in the thesis.
+    """
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
-        p, width = machine.parameters, {"delta": gains["delta"]} if observer is NLESO else {}
-        estimator = observer(
-            gains["bandwidth"], _number(p.force_constant / p.motor_mass), machine.model.dt, **width
-        )
+        p = machine.parameters
+        b0 = _number(p.force_constant / p.motor_mass)
+        width = {"delta": gains["delta"]} if observer is NLESO else {}
+        estimator = observer(gains["bandwidth"], b0, machine.model.dt, **width)
         return DisturbanceRejection(make(machine, gains), estimator, motors(len(machine.axes)))
 
     return build
 
 
 def with_inverse(make: MakeController) -> MakeController:
-    """The controller with what a disturbance observer finds taken off; its nominal model is the whole moving mass."""
+    """Controller from whose output the estimate of a disturbance observer is subtracted.
+
+    The observer's nominal model is the whole moving mass.
+    """
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         b0 = _number(1 / _heaviness(machine))
@@ -206,7 +219,7 @@ def with_inverse(make: MakeController) -> MakeController:
 
 
 def with_shaper(make: MakeController, shaper: Callable[..., Shaper]) -> MakeController:
-    """The controller behind an input shaper."""
+    """Controller behind an input shaper."""
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         return Shaped(make(machine, gains), shaper(gains["mode"], gains["mode_damping"]))
@@ -239,7 +252,10 @@ def quadratic(target: Callable[[LinearPlant], SteadyTarget]) -> MakeController:
 
 
 def behind_reduced_observer(make: MakeController) -> MakeController:
-    """Controller fed the state: the tool's is estimated, with the thesis's gain, by the ZOH model (stable; Euler's is not)."""
+    """Controller fed the state: that of the tool is estimated, with the thesis's gain.
+
+    The observer takes the ZOH model. It is stable; with Euler's model it is not.
+    """
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         return ReducedObserver(make(machine, gains), machine.model, thesis_gain(len(machine.axes)))
@@ -248,7 +264,10 @@ def behind_reduced_observer(make: MakeController) -> MakeController:
 
 
 def behind_offset_free_filter(make: MakeController) -> MakeController:
-    """Controller fed the state: all of it estimated, with the load, by a Kalman filter, and the load cancelled."""
+    """Controller fed the state: a Kalman filter estimates all of it, with the load.
+
+    The load is cancelled.
+    """
 
     def build(machine: FlexibleMachine, gains: Gains) -> Controller:
         measured, noise = _measured(machine)
@@ -265,7 +284,10 @@ def behind_offset_free_filter(make: MakeController) -> MakeController:
 
 
 def integral_lqg(machine: FlexibleMachine, gains: Gains) -> IntegralLQG:
-    """The regulator on a Kalman filter's estimate, and on the integral of the motors' position errors."""
+    """Regulator on a Kalman filter's estimate and on an integral.
+
+    The integral is that of the motors' position errors.
+    """
     model, m = machine.model, len(machine.axes)
     (measured, noise), sensors = _measured(machine), motors(m)
     integral = jnp.diag(jnp.broadcast_to(gains["integral"], (m,)))
@@ -294,15 +316,17 @@ def _state_weight(machine: FlexibleMachine, gains: Gains) -> Float[Array, "n n"]
 
 
 def _measured(machine: FlexibleMachine) -> tuple[Float[Array, "q n"], Float[np.ndarray, " q"]]:
-    """C of the motors' positions and speeds, the first states, and the standard deviations on them."""
+    """C of the motors' positions and speeds, and the standard deviations on them.
+
+    The motors' positions and speeds are the first states.
+    """
     m = len(machine.axes)
-    return jnp.eye(2 * m, machine.model.states), np.repeat(
-        [machine.encoder_resolution / np.sqrt(12), SPEED_NOISE], m
-    )
+    rounding = machine.encoder_resolution / np.sqrt(12)
+    return jnp.eye(2 * m, machine.model.states), np.repeat([rounding, SPEED_NOISE], m)
 
 
 def _link_frequency(machine: FlexibleMachine) -> float:
-    """Of the tool on its spring [rad/s]."""
+    """Frequency of the tool on its spring [rad/s]."""
     return float(np.sqrt(np.mean(machine.parameters.stiffness / machine.parameters.tool_mass)))
 
 

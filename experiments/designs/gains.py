@@ -1,4 +1,7 @@
-"""Controllers whose weights are gains with names, as the commands see them: one number each, or one for each axis."""
+"""Controllers whose weights are gains with names, as the commands see them.
+
+A gain is one number, or one for each axis.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

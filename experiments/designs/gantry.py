@@ -1,4 +1,7 @@
-"""Controllers of gantries as the commands see them: a cascade of each motor, contouring LQ on one model or on those along the path."""
+"""Controllers of gantries as the commands see them.
+
+They are a cascade of each motor, and contouring LQ on one model or on those along the path.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,13 +22,15 @@ from jcontour.sensors import motors
 
 MOTORS = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])  # both drives follow y
 GainSet = Callable[[GantryMachine], dict[str, Gain]]
-MakeController = Callable[
-    [GantryMachine, Gains, int], Controller
-]  # the last is the preview, which a cascade has no use for
+# the last argument is the preview, which a cascade has no use for
+MakeController = Callable[[GantryMachine, Gains, int], Controller]
 
 
 def loops(machine: GantryMachine) -> dict[str, Gain]:
-    """Of X and Y, the same for both drives of Y: a velocity loop at 100 rad/s, a position loop at 30, feedforward by the model."""
+    """Gains of X and Y, the same for both drives of Y; feedforward is by the model.
+
+    The velocity loop is at 100 rad/s, the position loop at 30 rad/s.
+    """
     p = machine.parameters
     inertia = jnp.stack([p.head_mass / p.head_constant, p.total_mass / (2 * p.drive_constant)])
     viscous = jnp.stack([p.head_viscous / p.head_constant, p.drive_viscous / p.drive_constant])
@@ -40,7 +45,7 @@ def loops(machine: GantryMachine) -> dict[str, Gain]:
 
 
 def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
-    """The same, and what the guide ways take to break loose; of Y the mean of both drives."""
+    """The same, and the dry friction of the guide ways at rest; of Y the mean of both drives."""
     assert machine.friction is not None  # the catalogue has it for no other
     head, first, second = machine.friction.dry(jnp.zeros(3))
     p = machine.parameters
@@ -49,7 +54,11 @@ def loops_and_dry_friction(machine: GantryMachine) -> dict[str, Gain]:
 
 
 def quadratic(machine: GantryMachine) -> dict[str, Gain]:
-    """Beside an ampere in each motor: a tenth of a millimetre of lag, a thirtieth off the contour, an ampere between the drives."""
+    """Weights of errors and of the drives' difference beside an ampere in each motor.
+
+    An ampere weighs as much as a tenth of a millimetre of lag, as a thirtieth off the contour, and
+    as an ampere between the drives.
+    """
     return {
         "alpha": Gain(1e8, "A^2/m^2"),
         "beta": Gain(1e9, "A^2/m^2"),
@@ -58,28 +67,31 @@ def quadratic(machine: GantryMachine) -> dict[str, Gain]:
 
 
 def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
-    """P-PI for each of the three motors by itself; its integrators know the limits of the machine's currents."""
+    """P-PI for each of the three motors by itself.
+
+    The integrators know the limits of the machine's currents.
+    """
     each = {name: MOTORS @ value for name, value in gains.items()}
-    return OfMotors(
-        Cascade(
-            CascadeGains(**each), motors(3), machine.model.dt, jnp.asarray(machine.limits.control)
-        ),
-        MOTORS,
-    )
+    limit = jnp.asarray(machine.limits.control)
+    loops_of_motors = Cascade(CascadeGains(**each), motors(3), machine.model.dt, limit)
+    return OfMotors(loops_of_motors, MOTORS)
 
 
 def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
-    """On the model with the head at the centre of the beam."""
+    """Contouring LQ on the model with the head at the centre of the beam."""
     return ContouringLQ(machine.model, _weights(gains), preview, RiccatiTerminal())
 
 
 def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> ScheduledLQ:
-    """On the models along the path."""
+    """Contouring LQ on the models along the path."""
     return ScheduledLQ(machine.schedule, _weights(gains), preview)
 
 
 def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
-    """On the models along the path that remain where the nominal coupling of head and beam is cancelled (Yuan, section 5.4.2)."""
+    """Contouring LQ on the models along the path, the coupling of head and beam cancelled.
+
+    The nominal coupling is cancelled, as in Yuan, section 5.4.2.
+    """
     return Compensated(
         ScheduledLQ(machine.linearised_schedule, _weights(gains), preview),
         EncoderLinearisation(machine.parameters),

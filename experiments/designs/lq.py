@@ -1,4 +1,7 @@
-"""Receding-horizon LQ controllers as the commands see them: alpha, beta, rho and a stage profile; gain schedule and Kalman filter kept."""
+"""Receding-horizon LQ controllers as the commands see them.
+
+Their weights are alpha, beta, rho and a stage profile. Gain schedule and Kalman filter are stored.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -60,11 +63,9 @@ class LQDesign(Design):
     def build(self, weights: LQWeights) -> Controller:
         """Controller behind its filter."""
         inner = self.make(self.machine, weights, self.preview)
-        return (
-            inner
-            if self.fed == "state"
-            else self.observer(inner, self.machine.model, jnp.asarray(self.gain))
-        )
+        if self.fed == "state":
+            return inner
+        return self.observer(inner, self.machine.model, jnp.asarray(self.gain))
 
     def constrained(self, weights, limits, solver):
         """The MPC of the same cost; None for preview LQ and for the predictor form."""
@@ -99,38 +100,38 @@ class LQDesign(Design):
     def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Weights, the two ratios that matter, and what they belong to."""
         unit = self.machine.control_unit
+        alpha, beta, rho = (weights[name] for name in ("alpha", "beta", "rho"))
         lines = [
-            f"alpha     {weights['alpha']:.6g} 1/m^2      alpha/rho  {weights['alpha'] / weights['rho']:.6g} ({unit})^2/m^2",
-            f"beta      {weights['beta']:.6g} 1/m^2      beta/rho   {weights['beta'] / weights['rho']:.6g} ({unit})^2/m^2",
-            f"rho       {weights['rho']:.6g} 1/({unit})^2 (fixed)",
+            f"alpha     {alpha:.6g} 1/m^2      alpha/rho  {alpha / rho:.6g} ({unit})^2/m^2",
+            f"beta      {beta:.6g} 1/m^2      beta/rho   {beta / rho:.6g} ({unit})^2/m^2",
+            f"rho       {rho:.6g} 1/({unit})^2 (fixed)",
             f"preview   {self.preview} samples, {self.terminal} terminal",
         ]
-        return lines + (
-            ["stage     " + " ".join(f"{value:.4g}" for value in weights["stage"])]
-            if weights["stage"]
-            else []
-        )
+        if weights["stage"]:
+            lines.append("stage     " + " ".join(f"{value:.4g}" for value in weights["stage"]))
+        return lines
 
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
-        """Gain schedules of the training contours as CSV, and the Kalman filter as a drive would load it."""
+        """Gain schedules of the training contours as CSV, and the Kalman filter.
+
+        The filter is stored as a drive would load it.
+        """
         for k, (job, trained) in enumerate(zip(scenarios.jobs, scenarios.training, strict=True)):
             if trained:
                 plan = prepared(controller, member(scenarios.references, k))
-                save_gains(
-                    plan,
-                    job.samples,
-                    self.machine.model.dt,
-                    folder / ("gains.csv" if k == 0 else f"gains-{job.name}.csv"),
-                )
+                file = "gains.csv" if k == 0 else f"gains-{job.name}.csv"
+                save_gains(plan, job.samples, self.machine.model.dt, folder / file)
         if self.fed == "outputs":
             run_folder.write_json(folder / "observer.json", self._filter())
 
     def _filter(self) -> dict[str, Any]:
-        """Floats in JSON come back to the last bit."""
+        """Equations and matrices of the filter; floats in JSON come back to the last bit."""
         machine, model = self.machine, self.machine.model
-        used = "xf" if self.observer is FilterObserver else "xh"
+        filtered = self.observer is FilterObserver
+        name, used = ("filter", "xf") if filtered else ("predictor", "xh")
+        equations = f"xf = xh + L (y - C xh); u = f - F {used}; xh(next) = A xf + B u"
         return {
-            "form": f"{'filter' if used == 'xf' else 'predictor'}: xf = xh + L (y - C xh); u = f - F {used}; xh(next) = A xf + B u",
+            "form": f"{name}: {equations}",
             "units": {"y": "m", "u": machine.control_unit},
             "dt": model.dt,
             "A": model.A,

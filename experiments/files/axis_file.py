@@ -57,7 +57,7 @@ FIELDS = {
 
 
 class Electrical(NamedTuple):
-    """Of the motor of every axis (m,): R [Ohm], L [H], k_e [V s/m]."""
+    """Electrical parameters of the motor of every axis (m,): R [Ohm], L [H], k_e [V s/m]."""
 
     resistance: np.ndarray
     inductance: np.ndarray
@@ -115,10 +115,11 @@ def axis_from(fields: Any, name: str = "axis") -> AxisFile:
         key: _harmonics(key, fields[key], axes) for key in ("cogging_sine", "cogging_cosine")
     }
     if len({rows.shape for rows in cogging.values()}) > 1:
-        raise MachineError(
-            f"cogging_cosine: needs as many harmonics as cogging_sine, {cogging['cogging_sine'].shape[1]}"
-        )
+        count = cogging["cogging_sine"].shape[1]
+        raise MachineError(f"cogging_cosine: needs as many harmonics as cogging_sine, {count}")
     limit = fields.get("current_limit")
+    if limit is not None:
+        limit = _per_axis("current_limit", limit, axes, positive=True)
     return AxisFile(
         name=checks.text("name", fields.get("name", name)),
         parameters=AxisParameters(friction=Friction(**rubbing), **values, **cogging),
@@ -127,16 +128,14 @@ def axis_from(fields: Any, name: str = "axis") -> AxisFile:
         encoder_resolution=checks.number(
             "encoder_resolution", fields.get("encoder_resolution", ENCODER_RESOLUTION), above=0.0
         ),
-        current_limit=None
-        if limit is None
-        else _per_axis("current_limit", limit, axes, positive=True),
+        current_limit=limit,
         electrical=_electrical(fields.get("electrical"), axes),
         notes=_notes(fields.get("notes", [])),
     )
 
 
 def axis_fields(axis: AxisFile) -> dict[str, Any]:
-    """What `axis_from` reads, in plain numbers; of a single axis without lists."""
+    """Fields that `axis_from` reads, in plain numbers; those of a single axis without lists."""
     p = axis.parameters
     fields: dict[str, Any] = {
         "kind": KIND,
@@ -163,27 +162,20 @@ def save_axis(axis: AxisFile, path: Path) -> Path:
 def _all_there(prefix: str, fields: dict[str, Any], names: tuple[str, ...]) -> None:
     for name in names:
         if name not in fields:
-            raise MachineError(
-                f"{prefix}{name}: missing; a flexible axis needs {', '.join(prefix + one for one in names)}"
-            )
+            needed = ", ".join(prefix + one for one in names)
+            raise MachineError(f"{prefix}{name}: missing; a flexible axis needs {needed}")
 
 
 def _count(fields: dict[str, Any]) -> int:
     """Axes: as many as there are names, or numbers in the longest list."""
     named, friction = fields.get("axes"), fields["friction"]
-    listed = [fields[key] for key in NUMBERS] + (
-        list(friction.values()) if isinstance(friction, dict) else []
-    )
-    listed += [
-        fields[key]
-        for key in ("cogging_sine", "cogging_cosine")
-        if isinstance(fields[key], list) and _nested(fields[key])
-    ]
-    count = (
-        len(named)
-        if isinstance(named, list)
-        else max((len(value) for value in listed if isinstance(value, list)), default=1)
-    )
+    given = [fields[key] for key in NUMBERS]
+    if isinstance(friction, dict):
+        given += friction.values()
+    cogging = [fields[key] for key in ("cogging_sine", "cogging_cosine")]
+    given += [rows for rows in cogging if isinstance(rows, list) and _nested(rows)]
+    lengths = [len(value) for value in given if isinstance(value, list)]
+    count = len(named) if isinstance(named, list) else max(lengths, default=1)
     if not 1 <= count <= MOST_AXES:
         raise MachineError(f"axes: needs one to {MOST_AXES} axes, received {count}")
     return count
@@ -206,11 +198,11 @@ def _harmonics(name: str, value: Any, axes: int) -> np.ndarray:
         for row in rows
     ):
         raise MachineError(
-            f"{name}: needs lists of equal length, at most {MOST_HARMONICS} harmonics, received {checks.shown(value)}"
+            f"{name}: needs lists of equal length, at most {MOST_HARMONICS} harmonics, "
+            f"received {checks.shown(value)}"
         )
-    return np.array([[checks.number(name, entry) for entry in row] for row in rows]).reshape(
-        axes, -1
-    )
+    entries = [checks.number(name, entry) for row in rows for entry in row]
+    return np.array(entries).reshape(axes, -1)
 
 
 def _nested(rows: list[Any]) -> bool:
@@ -234,7 +226,8 @@ def _notes(value: Any) -> tuple[str, ...]:
         or not all(isinstance(entry, str) and entry.isprintable() for entry in value)
     ):
         raise MachineError(
-            f"notes: needs a list of at most {MOST_NOTES} printable texts, received {checks.shown(value)}"
+            f"notes: needs a list of at most {MOST_NOTES} printable texts, "
+            f"received {checks.shown(value)}"
         )
     return tuple(value)
 

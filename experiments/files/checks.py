@@ -1,4 +1,7 @@
-"""Fields of a file that a user wrote: each is checked, and what is wrong is told in one line, in the user's words."""
+"""Checks of the fields of a file that a user wrote.
+
+A fault is told in one line, in the user's words.
+"""
 
 from typing import Any
 

@@ -85,13 +85,12 @@ def save_records(records: Sequence[Record], path: Path) -> Path:
 def _columns(rows) -> dict[str, list[str]]:
     """Cells by column, the one of the tests among them."""
     header = [name.strip() for name in next(rows, [])]
-    missing, unknown = (
-        [name for name in REQUIRED if name not in header],
-        [name for name in header if name not in COLUMNS],
-    )
+    missing = [name for name in REQUIRED if name not in header]
+    unknown = [name for name in header if name not in COLUMNS]
     if missing:
         raise RecordError(
-            f"columns: {', '.join(missing)} missing; needed are {', '.join(REQUIRED)}, received {', '.join(header) or 'nothing'}"
+            f"columns: {', '.join(missing)} missing; needed are {', '.join(REQUIRED)}, "
+            f"received {', '.join(header) or 'nothing'}"
         )
     if unknown or len(set(header)) < len(header):
         raise RecordError(
@@ -159,7 +158,8 @@ def _period(test: str, time: np.ndarray) -> float:
     if usual <= 0 or odd.size:
         k = odd[0] if odd.size else 0
         raise RecordError(
-            f"time: needs a uniform clock in test {test!r}, received {time[k]:.9g} s and then {time[k + 1]:.9g} s where the usual step is "
-            f"{usual:.4g} s; resample the data, or make what follows a test of its own"
+            f"time: needs a uniform clock in test {test!r}, received {time[k]:.9g} s "
+            f"and then {time[k + 1]:.9g} s where the usual step is {usual:.4g} s; "
+            "resample the data, or make what follows a test of its own"
         )
     return float((time[-1] - time[0]) / len(steps))

@@ -44,7 +44,7 @@ class FamilyMetrics:
 
 @dataclass(frozen=True)
 class MachineSummary:
-    """What tables and figures say of a machine.
+    """Machine in tables and figures.
 
     Attributes:
         nonsmooth_effects: what the simulated machine has and the one that is tuned on has not.
@@ -58,7 +58,7 @@ class MachineSummary:
 
 @dataclass(frozen=True)
 class ContourRead:
-    """What was read of a contour, SI units.
+    """Summary of a contour as it was read, SI units.
 
     Attributes:
         pieces: lines, arcs and polynomials of the path; moves of a program.

@@ -1,1 +1,1 @@
-"""What a machine does: contours, motions and the replay of a tuned run."""
+"""Jobs of a machine: contours, motions and the replay of a tuned run."""

@@ -1,4 +1,7 @@
-"""Built-in contours that take more than a line: for small machines, for flexible axes, and along the gantry's beam."""
+"""Built-in contours that take more than a line.
+
+They are for small machines, for flexible axes, and along the gantry's beam.
+"""
 
 from collections.abc import Callable
 
@@ -10,51 +13,42 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.geometry.periodic_splines import polar_lobes
 
-Outline = Callable[
-    [Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]
-]  # points [m] by their angles
+# points [m] by their angles
+Outline = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, "2 n"]]
 BEAM_FEED = 0.3  # [m/s] along the gantry's beam
 BEAM_POINTS = 48  # that a spline goes through
 
 
 def square(pace: Pace) -> Job:
-    """Of 2 mm."""
-    return at_constant_feed(
-        "square", polygon([[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]), pace
-    )
+    """Square with sides of 2 mm."""
+    corners = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]
+    return at_constant_feed("square", polygon(corners), pace)
 
 
 def wave(pace: Pace) -> Job:
-    """Open, 6 mm long."""
+    """Open wave, 6 mm long."""
     points = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
     return at_constant_feed("wave", spline(points), pace)
 
 
 def ring(pace: Pace) -> Job:
-    """Of 50 mm."""
+    """Circle of 50 mm diameter."""
     return at_constant_feed("ring", circle(25e-3), pace)
 
 
 def rounded_square(pace: Pace) -> Job:
-    """Of 50 mm."""
-    corners = 25e-3 * np.array(
-        [
-            [1, 0],
-            [0.9, 0.9],
-            [0, 1],
-            [-0.9, 0.9],
-            [-1, 0],
-            [-0.9, -0.9],
-            [0, -1],
-            [0.9, -0.9],
-            [1, 0],
-        ]
-    )
-    return at_constant_feed("rounded-square", spline(corners), pace)
+    """Square of 50 mm with rounded corners."""
+    x = [1, 0.9, 0, -0.9, -1, -0.9, 0, 0.9, 1]
+    y = [0, 0.9, 1, 0.9, 0, -0.9, -1, -0.9, 0]
+    points = 25e-3 * np.array([x, y]).T
+    return at_constant_feed("rounded-square", spline(points), pace)
 
 
 def along_the_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Job]:
-    """Maker of a smooth closed contour around x [m], at `BEAM_FEED` unless another feed is given."""
+    """Maker of a smooth closed contour around x [m].
+
+    Its feed is `BEAM_FEED` unless another one is given.
+    """
 
     def make(pace: Pace) -> Job:
         around = np.linspace(0.0, 2 * np.pi, BEAM_POINTS, endpoint=False)

@@ -1,4 +1,7 @@
-"""What a machine does: a contour, how fast the tool goes along it and which samples are scored; or the motion of a single axis."""
+"""Runs of a machine along a contour, and motions of a single axis.
+
+A run says how fast the tool goes along the contour, and which samples are scored.
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -16,16 +19,18 @@ from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
-ACCELERATION = (
-    2.0  # [m/s^2] of a path where the machine states none: usual for a table of this size
-)
+# [m/s^2] of a path where the machine states none: usual for a table of this size
+ACCELERATION = 2.0
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
 class Pace(NamedTuple):
-    """How fast: feed [m/s] and path acceleration [m/s^2], each None where it is not given, on a machine with its limits."""
+    """Feed [m/s] and path acceleration [m/s^2] on a machine with its limits.
+
+    Each is None where it is not given.
+    """
 
     machine: Machine
     feed: float | None
@@ -117,7 +122,8 @@ class Job(NamedTuple):
         """
         if preview > self.arc.size:
             raise ValueError(
-                f"preview: {preview} samples are more than the {self.arc.size} of the whole run along {self.name}"
+                f"preview: {preview} samples are more than the {self.arc.size} "
+                f"of the whole run along {self.name}"
             )
         return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
 
@@ -160,20 +166,19 @@ Task = Job | AxisMove
 
 
 def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
-    """In motion from the first sample; a closed contour is run twice and scored the second time, when the entry has died out."""
-    if contour.axes > pace.machine.model.axes:
-        raise ValueError(
-            f"contour: {name} needs {contour.axes} axes, {pace.machine.name} has {pace.machine.model.axes}"
-        )
-    contour = _lifted(contour, pace.machine.model.axes)
+    """Run in motion from the first sample.
+
+    A closed contour is run twice and scored the second time, when the entry has died out.
+    """
+    machine, axes = pace.machine.name, pace.machine.model.axes
+    if contour.axes > axes:
+        raise ValueError(f"contour: {name} needs {contour.axes} axes, {machine} has {axes}")
+    contour = _lifted(contour, axes)
     dt, feed = pace.machine.model.dt, pace.feed_or_default
-    lap = constant_feed(contour, feed, dt)
+    arc = constant_feed(contour, feed, dt)
     laps = 2 if bool(contour.closed) else 1
-    arc = (
-        feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1)
-        if laps == 2
-        else lap
-    )
+    if laps == 2:
+        arc = feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1)
     scored = arc >= (laps - 1) * float(contour.length)
     return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
 

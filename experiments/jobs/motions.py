@@ -15,7 +15,10 @@ SETTLING = 1.075  # [s] of rest after its task A
 
 
 def task_a(pace: Pace) -> AxisMove:
-    """Yuan, section 3.4.1: 0.1 m at 0.1 m/s and 4 m/s^2 unless another pace is given; a second of rest at its end."""
+    """Task A of Yuan, section 3.4.1: 0.1 m from rest to rest, and a second of rest.
+
+    Feed is 0.1 m/s and acceleration 4 m/s^2 unless another pace is given.
+    """
     return _point_to_point("task-a", pace, 0.1, 0.1, 4.0)
 
 
@@ -25,10 +28,11 @@ def s_curve(pace: Pace) -> AxisMove:
 
 
 def task_b(pace: Pace) -> AxisMove:
-    """Yuan, section 3.4.1: 0.05 cos(2 t) + 0.05 m."""
+    """Task B of Yuan, section 3.4.1: 0.05 cos(2 t) + 0.05 m."""
     if pace.feed is not None or pace.acceleration is not None:
         raise ValueError(
-            "feed-mm-per-min, acceleration: task-b is a cosine with a speed of its own; leave them out"
+            "feed-mm-per-min, acceleration: task-b is a cosine with a speed of its own; "
+            "leave them out"
         )
     return _motion("task-b", pace, line([0.1], [0.0]), ToAndFro(0.1, 2.0), 3.3, "cosine, 2 rad/s")
 
@@ -38,9 +42,8 @@ def _point_to_point(
 ) -> AxisMove:
     feed, acceleration = pace.feed or feed, pace.acceleration or acceleration
     law = PointToPoint(distance, feed, acceleration, jerk)
-    words = (
-        f"{'trapezoidal' if np.isinf(jerk) else 'S-curve'}, {feed:g} m/s, {acceleration:g} m/s^2"
-    )
+    shape = "trapezoidal" if np.isinf(jerk) else "S-curve"
+    words = f"{shape}, {feed:g} m/s, {acceleration:g} m/s^2"
     return _motion(name, pace, line([0.0], [distance]), law, DWELL + law.duration + SETTLING, words)
 
 
@@ -48,9 +51,10 @@ def _motion(
     name: str, pace: Pace, contour: Contour, law: TimeLaw, duration: float, words: str
 ) -> AxisMove:
     dt = pace.machine.model.dt
-    if len(pace.machine.axes) != 1:
+    axes = len(pace.machine.axes)
+    if axes != 1:
         raise ValueError(
-            f"contour: {name} is a motion of a single axis, {pace.machine.name} has {len(pace.machine.axes)}"
+            f"contour: {name} is a motion of a single axis, {pace.machine.name} has {axes}"
         )
     return AxisMove(name, contour, law, dt * math.ceil(duration / dt - 1e-6), DWELL, dt, words)
 

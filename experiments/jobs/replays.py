@@ -1,4 +1,7 @@
-"""A controller run on every contour and every plant, with the signals kept: what tables, figures and netCDF are made of."""
+"""Runs of a controller on every contour and every plant, with the signals kept.
+
+Tables, figures and netCDF are made of them.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,7 +30,10 @@ Watch = Callable[[Plant, State], Any]  # what is kept of a state beside its outp
 
 
 class Replay(NamedTuple):
-    """Metrics (contour, plant), and per sample: output [m], control, contour error vector [m]; axes (contour, plant, time, ...).
+    """Metrics and signals of all runs.
+
+    Metrics have the axes (contour, plant). Output [m], control and contour error vector [m] are
+    those of every sample, with the axes (contour, plant, time, ...).
 
     What was watched beside them has the same axes; None where nothing was.
     """

@@ -1,4 +1,7 @@
-"""What is not known of a machine, member by member: its stiffness and masses, and how late its drives are."""
+"""Uncertainty of a machine, member by member.
+
+Stiffness, masses and the delay of the drives are not known exactly.
+"""
 
 from itertools import product
 from typing import NamedTuple
@@ -16,7 +19,7 @@ class Member(NamedTuple):
 
 
 def members(stiffness: float, mass: float) -> list[Member]:
-    """The nominal machine, the corners of these relative uncertainties, and the machine that is late."""
+    """Nominal machine, corners of these relative uncertainties, and the late machine."""
     corners = [(1 + a * stiffness, 1 + b * mass) for a, b in product((1, -1), repeat=2)]
     off = [Member(f"stiffness x {k:g}, masses x {m:g}", k, m, 0) for k, m in corners]
     return [Member("nominal", 1.0, 1.0, 0), *off, Member(f"{LATE} sample late", 1.0, 1.0, LATE)]

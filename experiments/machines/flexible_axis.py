@@ -1,4 +1,7 @@
-"""Flexible axes as the commands see them: motor positions and speeds are measured, stiffness and masses are known to a fifth."""
+"""Flexible axes as the commands see them.
+
+Motor positions and speeds are measured; stiffness and masses are known to a fifth.
+"""
 
 import math
 from collections.abc import Sequence
@@ -26,8 +29,8 @@ from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller
 MEMBERS = members(stiffness=0.2, mass=0.2)
-# [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5, at a fifth of the
-# time
+# [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5
+# it takes a fifth of the time
 TWIN_SUBSTEP = 2.5e-4
 # of the start's RMS current: a motor warms by its square, and near the limit of stability there is
 # no end to it
@@ -68,7 +71,7 @@ class FlexibleMachine(Machine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts, and what dry friction has of its own."""
+        """Encoder counts, and stick and slip of dry friction."""
         return "stick, slip and encoder counts"
 
     @property
@@ -78,16 +81,16 @@ class FlexibleMachine(Machine):
 
     @property
     def family_names(self) -> list[str]:
-        """Those of the members."""
+        """Names of the members."""
         return [member.name for member in MEMBERS]
 
     @property
     def unknown_delay(self) -> int:
-        """That of a drive's bus."""
+        """Delay of a drive's bus."""
         return LATE
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The smooth twins: dry friction turns within a millimetre per second, encoders do not count."""
+        """Smooth twins: dry friction turns within a millimetre per second, encoders are exact."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
         family = [
             self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, fed)
@@ -96,7 +99,10 @@ class FlexibleMachine(Machine):
         return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Stick and slip, behind encoders that count; the drives take speeds from their difference."""
+        """Axes with stick and slip, behind encoders that count.
+
+        The drives take speeds from the difference of counts.
+        """
         family = [
             self._late(FlexibleAxis(p, self.model.dt), late, fed) for p, late in self._varied()
         ]
@@ -106,20 +112,25 @@ class FlexibleMachine(Machine):
         ]
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """The linear model: where the axis rests, its smooth twin has a friction so steep that it hides the loop."""
+        """Linear model of the axis.
+
+        Where the axis rests, the friction of the smooth twin is so steep that it hides the loop.
+        """
         self._check_fed(fed)
         return FineEncoders(self.model, Sensors(range(len(self.axes))))
 
     def description(self) -> dict[str, str]:
         """Masses, link, sensors."""
         p = self.parameters
-        masses = "; ".join(
-            f"{m:g} + {e:g} kg" for m, e in zip(p.motor_mass, p.tool_mass, strict=True)
-        )
+        pairs = zip(p.motor_mass, p.tool_mass, strict=True)
+        masses = "; ".join(f"{motor:g} + {tool:g} kg" for motor, tool in pairs)
+        kind = "flexible axis" if p.axes == 1 else "flexible axes"
+        time = f"dt {1e3 * self.model.dt:g} ms"
+        encoders = f"encoders of {1e6 * self.encoder_resolution:g} um"
         return {
-            "Machine": f"{self.name}: {'flexible axis' if p.axes == 1 else 'flexible axes'} {', '.join(self.axes)}, motor and end effector "
-            f"{masses}, dt {1e3 * self.model.dt:g} ms",
-            "Measured": f"motors' positions by encoders of {1e6 * self.encoder_resolution:g} um, speeds by difference; no end effector",
+            "Machine": f"{self.name}: {kind} {', '.join(self.axes)}, "
+            f"motor and end effector {masses}, {time}",
+            "Measured": f"motors' positions by {encoders}, speeds by difference; no end effector",
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:
@@ -158,7 +169,10 @@ def thesis_machine() -> FlexibleMachine:
 
 
 def biaxial_axes() -> AxisParameters:
-    """Two different axes at right angles: X is the thesis's test bench, Y is ours, lighter and with a weaker motor."""
+    """Two different axes at right angles.
+
+    X is the thesis's test bench; Y is ours, lighter and with a weaker motor.
+    """
     lighter = AxisParameters(
         motor_mass=20.0,
         tool_mass=0.5,
@@ -174,14 +188,14 @@ def biaxial_axes() -> AxisParameters:
 
 
 def biaxial_machine() -> FlexibleMachine:
-    """What a contour needs of flexible axes."""
+    """Two flexible axes, as a contour needs them."""
     return flexible_machine(
         AxisFile("flexible-axes", biaxial_axes(), SAMPLE, ("X", "Y"), ENCODER_RESOLUTION)
     )
 
 
 def scaled(parameters: AxisParameters, stiffness: float, mass: float) -> AxisParameters:
-    """With the link's stiffness and all masses times these factors."""
+    """Parameters with the link's stiffness and all masses times these factors."""
     return eqx.tree_at(
         lambda p: (p.stiffness, p.motor_mass, p.tool_mass),
         parameters,

@@ -1,4 +1,7 @@
-"""Gantries as the commands see them: motor positions are measured, stiffness and masses are known to a fifth and a tenth."""
+"""Gantries as the commands see them.
+
+Motor positions are measured; stiffness is known to a fifth, masses to a tenth.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,13 +34,10 @@ SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
 CURRENT = 10.0  # [A] of each of the three motors
 ENCODER_RESOLUTION = 1e-6  # [m] per count
 NOISY = 8192  # samples of a run in which the smooth encoders have the noise of counts
-LATE_AND_LIGHT = Member(
-    f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE
-)  # of more gain: the late loop is not left at its edge
-MEMBERS = [
-    *members(stiffness=0.2, mass=0.1),
-    LATE_AND_LIGHT,
-]  # of the joints, and of all masses together
+# of more gain: the late loop is not left at its edge
+LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)
+# stiffness of the joints, and all masses together
+MEMBERS = [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]
 SCHEDULED = 9  # head positions whose models are interpolated
 MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
 
@@ -57,7 +57,7 @@ class GantryMachine(Machine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts, and what dry friction has of its own."""
+        """Encoder counts, and stick and slip where there is dry friction."""
         return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
 
     @property
@@ -81,23 +81,24 @@ class GantryMachine(Machine):
 
     @cached_property
     def linearised_schedule(self) -> ModelSchedule:
-        """The models that remain where the coupling of head and beam is cancelled, over the whole beam."""
+        """Models over the whole beam, the coupling of head and beam cancelled."""
         return self._scheduled(control_oriented)
 
     @property
     def family_names(self) -> list[str]:
-        """Those of the members."""
+        """Names of the members."""
         return [member.name for member in MEMBERS]
 
     @property
     def unknown_delay(self) -> int:
-        """That of a drive's bus."""
+        """Delay of a drive's bus."""
         return LATE
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Encoders read with the noise that counts make, and dry friction turns within a millimetre per second.
+        """Smooth plants, their encoders read with the noise that counts make.
 
-        Without noise a loop that rings as soon as something excites it would pass for a good one.
+        Dry friction turns within a millimetre per second. Without noise a loop that rings as soon
+        as something excites it would pass for a good one.
         """
         self._check_fed(fed)
         noise = _rounding_noise()
@@ -107,7 +108,7 @@ class GantryMachine(Machine):
         ]
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Encoders that count; the drives take speeds from their difference."""
+        """Plants behind encoders that count; the drives take speeds from their difference."""
         self._check_fed(fed)
         return [
             _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
@@ -115,7 +116,10 @@ class GantryMachine(Machine):
         ]
 
     def independent(self) -> tuple[str, Plant] | None:
-        """The nominal plant of the true family in MuJoCo; none under dry friction, whose law there is another."""
+        """Nominal plant of the true family in MuJoCo.
+
+        None under dry friction: MuJoCo's friction law is another.
+        """
         if self.friction is not None:
             return None
         from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
@@ -124,28 +128,35 @@ class GantryMachine(Machine):
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
 
     def film(self) -> FilmMaker | None:
-        """Its MuJoCo model at the states of the run."""
+        """Film of its MuJoCo model at the states of the run."""
         from experiments.video.gantry_video import pose, record
 
         return FilmMaker(pose, partial(record, self.parameters))
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """With its limits; without dry friction, whose smooth twin is so steep where an axis turns that it hides the loop."""
+        """Plant with its limits, without dry friction.
+
+        Where an axis turns, the smooth twin of the friction is so steep that it hides the loop.
+        """
         self._check_fed(fed)
-        return _flat(
-            FineEncoders(self._driven(Gantry(self.parameters, self.model.dt), 0), motors(3))
-        )
+        plant = self._driven(Gantry(self.parameters, self.model.dt), 0)
+        return _flat(FineEncoders(plant, motors(3)))
 
     def description(self) -> dict[str, str]:
         """Masses, beam, sensors."""
         p = self.parameters
         masses = ", ".join(f"{float(getattr(p, name)):.4g}" for name in MASSES)
         currents = ", ".join(f"{limit:g}" for limit in np.asarray(self.limits.control))
+        time = f"dt {1e3 * self.model.dt:g} ms"
+        encoders = f"encoders of {1e6 * ENCODER_RESOLUTION:g} um"
+        friction = {} if self.friction is None else {"Friction": _words(self.friction)}
         return {
-            "Machine": f"{self.name}: head and two drives, masses {masses} kg (drives, beam, head), beam of {2 * float(p.half_span):g} m, "
-            f"{currents} A (head, drives), dt {1e3 * self.model.dt:g} ms",
-            **({} if self.friction is None else {"Friction": _words(self.friction)}),
-            "Measured": f"motors' positions by encoders of {1e6 * ENCODER_RESOLUTION:g} um, speeds by difference; neither tool nor twist",
+            "Machine": f"{self.name}: head and two drives, "
+            f"masses {masses} kg (drives, beam, head), "
+            f"beam of {2 * float(p.half_span):g} m, {currents} A (head, drives), {time}",
+            **friction,
+            "Measured": f"motors' positions by {encoders}, "
+            "speeds by difference; neither tool nor twist",
         }
 
     def _scheduled(self, linear: Linearisation) -> ModelSchedule:
@@ -166,14 +177,12 @@ class GantryMachine(Machine):
         with_friction: type[SmoothFrictionGantry | StickSlipGantry],
     ) -> Plant:
         dt = self.model.dt
-        return (
-            Gantry(parameters, dt)
-            if self.friction is None
-            else with_friction(parameters, self.friction, dt)
-        )
+        if self.friction is None:
+            return Gantry(parameters, dt)
+        return with_friction(parameters, self.friction, dt)
 
     def _driven(self, plant: Plant, late: int) -> Plant:
-        """With its currents limited and late, behind its motors' encoders."""
+        """Plant with its currents limited and late, behind its motors' encoders."""
         limited = Saturated(plant, jnp.asarray(self.limits.control))
         return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
 
@@ -197,9 +206,10 @@ def friction_gantry_machine() -> GantryMachine:
 
 
 def guide_ways() -> Friction:
-    """Ours, of a size usual for linear guides with seals and covers: 14, 20 and 24 N at rest, unequal for the two drives.
+    """Dry friction of linear guides with seals and covers, chosen by us.
 
-    The viscous part is in the parameters of the machine.
+    Its size is usual for such guides: 14, 20 and 24 N at rest, unequal for the two drives. The
+    viscous part is in the parameters of the machine.
     """
     return Friction(
         coulomb=[10.0, 14.0, 18.0], stribeck=[4.0, 6.0, 6.0], stribeck_speed=0.02, viscous=0.0
@@ -207,7 +217,10 @@ def guide_ways() -> Friction:
 
 
 def _rounding_noise() -> Float[Array, "T 6"]:
-    """Up to half a count, the same in every run, of the motors' positions; their speeds are made of these."""
+    """Noise of the motors' positions up to half a count, the same in every run.
+
+    Speeds are made of the positions.
+    """
     counts = np.random.default_rng(0).uniform(-0.5, 0.5, (NOISY, 3))
     return jnp.asarray(ENCODER_RESOLUTION * np.hstack([counts, np.zeros((NOISY, 3))]))
 
@@ -220,7 +233,10 @@ def _flat(plant: Plant) -> Plant:
 def _words(friction: Friction) -> str:
     breaking = ", ".join(f"{float(force):g}" for force in friction.dry(jnp.zeros(3)))
     sliding = ", ".join(f"{float(force):g}" for force in friction.coulomb)
-    return f"{breaking} N to break loose, {sliding} N in motion (head, drives), chosen by us; no other engine confirms it"
+    return (
+        f"{breaking} N to break loose, {sliding} N in motion (head, drives), "
+        "chosen by us; no other engine confirms it"
+    )
 
 
 def _scaled(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:

@@ -1,4 +1,7 @@
-"""Machines with a linear model, positions measured by encoders: a family of input gains and delays."""
+"""Machines with a linear model, positions measured by encoders.
+
+Their families differ in input gains and delays.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,11 +20,8 @@ DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V;
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
-    held_out=(
-        "bracket",
-        "ellipse",
-        "lemniscate",
-    ),  # the bracket's length would triple the minute that training takes
+    # the bracket's length would triple the minute that training takes
+    held_out=("bracket", "ellipse", "lemniscate"),
     beside_own=("circle", "ellipse", "lemniscate"),  # quick ones
     simulated="circle",
     front=("square",),
@@ -64,52 +64,41 @@ class LinearMachine(Machine):
     def members(self) -> list[tuple[str, np.ndarray, int]]:
         """Name, input gains and extra delay of every plant of the family, the nominal one first."""
         sign = np.where(np.arange(self.model.inputs) % 2 == 0, 1.0, -1.0)
-        gains = [("nominal", 0 * sign)]
-        if self.gain > 0:
-            gains += [
-                (
-                    "gains " + ", ".join(f"{g:.3g}" for g in 1 + s * self.gain * sign),
-                    s * self.gain * sign,
-                )
-                for s in (1, -1)
-            ]
-        late = [
-            (f"{d} sample{'s' if d > 1 else ''} late", 0 * sign, d)
-            for d in range(1, self.delay + 1)
-        ]
-        return [(name, 1 + change, 0) for name, change in gains] + [
-            (name, 1 + change, d) for name, change, d in late
-        ]
+        unchanged = 1 + 0 * sign
+        found = [("nominal", unchanged, 0)]
+        for side in (1, -1) if self.gain > 0 else ():
+            gains = 1 + side * self.gain * sign
+            found.append(("gains " + ", ".join(f"{gain:.3g}" for gain in gains), gains, 0))
+        for late in range(1, self.delay + 1):
+            samples = "sample" if late == 1 else "samples"
+            found.append((f"{late} {samples} late", unchanged, late))
+        return found
 
     @property
     def family_names(self) -> list[str]:
-        """Those of the members."""
+        """Names of the members."""
         return [name for name, _, _ in self.members]
 
     @property
     def unknown_delay(self) -> int:
-        """As given."""
+        """Most samples of delay that the model does not know."""
         return self.delay
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders without quantisation, or with their whole state measured."""
         depth = max(self.delay, 1)
-        late = [
-            Delayed(
-                with_input_gains(self.model, gains), jnp.asarray(delay), depth, self.model.inputs
-            )
-            for _, gains, delay in self.members
-        ]
+        late = []
+        for _, gains, delay in self.members:
+            plant = with_input_gains(self.model, gains)
+            late.append(Delayed(plant, jnp.asarray(delay), depth, plant.inputs))
         return late if fed == "state" else [Encoders(plant) for plant in late]
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders that round to whole counts; a state is measured as it is."""
         smooth = self.smooth_family(fed)
-        return (
-            smooth
-            if fed == "state"
-            else [Quantised(plant, self.encoder_resolution) for plant in smooth]
-        )
+        if fed == "state":
+            return smooth
+        return [Quantised(plant, self.encoder_resolution) for plant in smooth]
 
     def hosted(self, period: float | None = None) -> Hosted:
         """The machine with friction, or the model itself."""
@@ -121,11 +110,13 @@ class LinearMachine(Machine):
 
     def description(self) -> dict[str, str]:
         """States, delay, axes, sensors."""
+        states = f"{self.model.states} states (known delay {self.known_delay})"
+        time = f"dt {1e3 * self.model.dt:g} ms"
+        sensors = f"positions only, encoder {1e6 * self.encoder_resolution:g} um"
+        noise = f"{self.control_noise:g} {self.control_unit} of noise on every control"
         return {
-            "Machine": f"{self.name}: {self.model.states} states (known delay {self.known_delay}), axes {', '.join(self.axes)}, "
-            f"dt {1e3 * self.model.dt:g} ms",
-            "Measured": f"positions only, encoder {1e6 * self.encoder_resolution:g} um; Kalman filter for {self.control_noise:g} "
-            f"{self.control_unit} of noise on every control",
+            "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
+            "Measured": f"{sensors}; Kalman filter for {noise}",
         }
 
     @property

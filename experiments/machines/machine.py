@@ -1,4 +1,7 @@
-"""What a machine is to the commands: a model that controllers may know, and a family of plants that it may really be."""
+"""Machines as the commands see them.
+
+A machine has a model that controllers may know, and a family of plants that it may really be.
+"""
 
 import abc
 from collections.abc import Sequence
@@ -11,9 +14,7 @@ from experiments.video.film import FilmMaker
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
-Fed = Literal[
-    "outputs", "state"
-]  # what a controller is fed: the machine's own sensors, or the whole state
+Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
 
 
 class MachineLimits(NamedTuple):
@@ -26,7 +27,7 @@ class MachineLimits(NamedTuple):
 
 
 class Usual(NamedTuple):
-    """What the commands take on a kind of machine where nothing is said.
+    """Defaults of the commands on a kind of machine.
 
     Attributes:
         controller: its name in the catalogue.
@@ -98,22 +99,22 @@ class Machine(abc.ABC):
     @property
     @abc.abstractmethod
     def nonsmooth_effects(self) -> str:
-        """What the true family has and the smooth one has not, in a few words."""
+        """Effects that the true family has and the smooth one has not, in a few words."""
 
     @property
     def error(self) -> str:
-        """The error that counts: along a path that of the contour, on a single axis that of tracking."""
+        """Error that counts: "contour" along a path, "tracking" on a single axis."""
         return "contour" if len(self.axes) > 1 else "tracking"
 
     @property
     @abc.abstractmethod
     def usual(self) -> Usual:
-        """What the commands take where nothing is said."""
+        """Defaults of the commands on this machine."""
 
     @property
     @abc.abstractmethod
     def family_names(self) -> list[str]:
-        """Of every plant of the family, the nominal one first."""
+        """Name of every plant of the family, the nominal one first."""
 
     @property
     @abc.abstractmethod
@@ -137,11 +138,14 @@ class Machine(abc.ABC):
         """
 
     def independent(self) -> tuple[str, Plant] | None:
-        """The nominal one of the true family in an engine that others have written, and its name; None where there is none."""
+        """Name of an engine that others have written, and the nominal true plant in it.
+
+        None where there is no such engine.
+        """
         return None
 
     def film(self) -> FilmMaker | None:
-        """What films a run of it; None where nothing draws it."""
+        """Maker of films of a run; None where nothing draws the machine."""
         return None
 
     def hosted(self, period: float | None = None) -> Hosted:
@@ -159,7 +163,7 @@ class Machine(abc.ABC):
 
     @abc.abstractmethod
     def nominal(self, fed: Fed = "outputs") -> Plant:
-        """What margins are found on: the nominal plant behind its sensors, smooth.
+        """Smooth nominal plant behind its sensors: margins are found on it.
 
         Raises:
             ValueError: this machine does not measure that.
@@ -167,4 +171,4 @@ class Machine(abc.ABC):
 
     @abc.abstractmethod
     def description(self) -> dict[str, str]:
-        """What is known about it, heading by heading, for people."""
+        """Description heading by heading, for people."""

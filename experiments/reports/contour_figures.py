@@ -211,7 +211,7 @@ def _draw_errors(column: Sequence[Axes], runs: ContourRuns, row: Sequence[DrawnR
 
 
 def _errors(runs: ContourRuns, run: DrawnRun, alone: bool) -> tuple[np.ndarray, ...]:
-    """What is drawn over time: contour error or tool, tracking error, increment."""
+    """Signals drawn over time: contour error or tool, tracking error, increment."""
     contour = 1e6 * np.linalg.norm(run.contour_error, axis=-1)
     tracking = 1e6 * np.linalg.norm(run.output - runs.reference, axis=-1)
     increment = np.linalg.norm(np.diff(run.control, axis=0), axis=-1)

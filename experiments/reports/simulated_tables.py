@@ -1,4 +1,4 @@
-"""What `jcontour simulate` prints of its result."""
+"""Tables that `jcontour simulate` prints."""
 
 from rich.console import Console
 from rich.table import Table

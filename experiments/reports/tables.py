@@ -89,7 +89,7 @@ def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
 
 
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
-    """What was read of a contour, in one line."""
+    """Summary of a contour as it was read, in one line."""
     box = ", ".join(
         f"{axis} {1e3 * low:.5g} ... {1e3 * high:.5g}"
         for axis, low, high in zip(axes, read.low, read.high, strict=True)

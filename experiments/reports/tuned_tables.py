@@ -1,4 +1,4 @@
-"""What `jcontour tune` prints of its result."""
+"""Tables that `jcontour tune` prints."""
 
 from collections.abc import Sequence
 

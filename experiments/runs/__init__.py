@@ -1,1 +1,1 @@
-"""What happens in a run: from flags to a tuning problem, and from its end to results."""
+"""Runs: from flags to a tuning problem, and from its end to results."""

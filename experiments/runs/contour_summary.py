@@ -1,4 +1,4 @@
-"""What was read of a contour, and where the largest error of its runs is."""
+"""Summary of a contour as it was read, and the place of the largest error of its runs."""
 
 import numpy as np
 

@@ -99,7 +99,7 @@ def _join() -> None:
 
 
 def _environment() -> dict[str, Any]:
-    """What the standard variables say; nothing where JAX has to ask the cluster manager."""
+    """Hosts by the standard variables; empty where JAX has to ask the cluster manager."""
     given = {name: os.environ[name] for name in (ADDRESS, COUNT, NUMBER) if os.environ.get(name)}
     if not given:
         return {}

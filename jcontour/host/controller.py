@@ -92,7 +92,7 @@ class HostWrapper(HostController):
 
     @abc.abstractmethod
     def enter(self, memory: Any, measurement: Any) -> Any:
-        """What the wrapped controller is fed."""
+        """Measurement that the wrapped controller is fed."""
 
     @abc.abstractmethod
     def leave(

@@ -1,4 +1,4 @@
-"""What a constrained controller must keep to, one pair of bounds per signal."""
+"""Limits of a constrained controller, one pair of bounds per signal."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -165,7 +165,7 @@ class Named(Solver):
         return best_checked(self.name, "inaccurate", qp, [(found.x, multipliers, 0)])
 
     def _found(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
-        """What the solver says, not checked."""
+        """Answer of the solver, not checked."""
         some, equal = parts.h.size > 0, parts.equal
         problem = qpsolvers.Problem(
             qp.H,

@@ -132,7 +132,8 @@ def test_list_as_json(capsys):
 
 def test_help_imports_nothing_heavy():
     script = (
-        "import sys\nfrom experiments.cli import main\ntry:\n main(['tune', '--help'])\nexcept SystemExit: pass\n"
+        "import sys\nfrom experiments.cli import main\n"
+        "try:\n main(['tune', '--help'])\nexcept SystemExit: pass\n"
         "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
@@ -141,7 +142,10 @@ def test_help_imports_nothing_heavy():
 
 @pytest.mark.slow
 def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
-    """kill -9 in the middle, resume, and the same result to the last bit as a run that was left alone."""
+    """Run killed in the middle (kill -9) and resumed.
+
+    Its result is that of a run left alone, to the last bit.
+    """
     command = [sys.executable, "-m", "experiments.cli", "tune"]
     effort = [
         "--scatter",

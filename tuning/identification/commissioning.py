@@ -173,5 +173,5 @@ def _open_loop(plant: InstrumentedAxis, command: Float[Array, "T 1"]) -> Seen:
 
 
 def _readings(plant: InstrumentedAxis, states: Seen) -> Float[np.ndarray, "T 2"]:
-    """Of motor and end effector, at every state [m]."""
+    """Readings of motor and end effector at every state [m]."""
     return np.asarray(jax.vmap(plant.readings)(states))

@@ -56,7 +56,7 @@ class GantryRecord(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """What the data sheet says: L [m], d [m], k_s [N/m], k_x and k_y [N/A]."""
+    """Numbers of the data sheet: L [m], d [m], k_s [N/m], k_x and k_y [N/A]."""
 
     half_span: float
     tool_offset: float
@@ -66,7 +66,7 @@ class Sheet(NamedTuple):
 
     @classmethod
     def of(cls, parameters: GantryParameters) -> "Sheet":
-        """That of a machine."""
+        """Data sheet of a machine."""
         return cls(*(float(getattr(parameters, name)) for name in cls._fields))
 
 

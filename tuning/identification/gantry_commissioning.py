@@ -44,7 +44,7 @@ def commissioned(
 
 
 def excitation() -> Float[np.ndarray, "T 2"]:
-    """What is added to i_x, and i_1 [A]: they swell up, sweep and fade, then rest."""
+    """Currents added to i_x, and i_1 [A]: they swell up, sweep and fade, then rest."""
     time = np.arange(round(DURATION / SAMPLE)) * SAMPLE
     swept = PEAK * tukey(time.size, FADE) * chirp(time, SWEEP[0], DURATION, SWEEP[1], phi=-90)
     return np.concatenate(

@@ -1,4 +1,4 @@
-"""What a drive records while an axis is commissioned."""
+"""Records of a drive while an axis is commissioned."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -90,7 +90,8 @@ def test_controllers_of_a_machine_file(machine_file):
 def test_a_contour_needs_two_axes(controller):
     with pytest.raises(
         ValueError,
-        match=f"{controller} needs two flexible axes or more, for a contour; flexible-axis takes cascade",
+        match=f"{controller} needs two flexible axes or more, for a contour; "
+        "flexible-axis takes cascade",
     ):
         design_for(machine_named("flexible-axis"), Simulate(controller=controller))
 

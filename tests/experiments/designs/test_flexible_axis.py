@@ -1,4 +1,4 @@
-"""Every controller of flexible axes: the loop that its gains build, its derivatives by name, and the files it leaves."""
+"""Controllers of flexible axes: loops built from gains, derivatives by name, files."""
 
 import json
 
@@ -35,7 +35,10 @@ def machine():
     [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES],
 )
 def test_every_gain_has_the_slope_that_differences_say(machine, name):
-    """Through the thesis's acceleration on the smooth twin, in the coordinates of the tuner: each gain alone."""
+    """Derivative by each gain alone, in the coordinates of the tuner.
+
+    The run is the thesis's acceleration on the smooth twin.
+    """
     design, plant = design_for(machine, Simulate(controller=name)), machine.smooth_family()[0]
     whole = thesis_task_a(preview=design.preview)
     arc = np.asarray(whole.arc)[100:400]

@@ -1,4 +1,4 @@
-"""Controllers of the gantry by name: what their gains build, that they follow, and what is refused."""
+"""Controllers of the gantry by name: what they build, how they follow, what is refused."""
 
 import equinox as eqx
 import jax
@@ -164,13 +164,17 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
 def test_a_machine_without_friction_is_told_so(machine):
     with pytest.raises(
         ValueError,
-        match="gantry-friction-cascade needs a gantry with dry friction; gantry takes gantry-scheduled-lq",
+        match="gantry-friction-cascade needs a gantry with dry friction; "
+        "gantry takes gantry-scheduled-lq",
     ):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 
 def test_saturated_currents_do_not_wind_the_cascade_up(machine):
-    """Let go 50 mm off, where the loops ask for far more current than there is: it comes to rest, blind to the limits it does not."""
+    """Let go 50 mm off, the loops ask for far more current than there is.
+
+    The cascade comes to rest. Blind to the limits it does not.
+    """
     reach, steps = 50e-3, 700
     design = design_for(machine, Simulate(controller="cascade"))
     known = design.build(design.start)

@@ -66,7 +66,8 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
     [
         (
             [],
-            "columns: time, motor_position, current_q missing; needed are time, motor_position, current_q, received nothing",
+            "columns: time, motor_position, current_q missing; "
+            "needed are time, motor_position, current_q, received nothing",
         ),
         (["time,position,current_q"], "columns: motor_position missing"),
         (
@@ -83,7 +84,8 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
         ([*lines(), "0.12,,3"], "motor_position: row 121, of test 'data', is empty"),
         (
             lines(LATE),
-            "time: needs a uniform clock in test 'data', received 0.06 s and then 0.0615 s where the usual step is 0.001 s",
+            "time: needs a uniform clock in test 'data', received 0.06 s and then 0.0615 s "
+            "where the usual step is 0.001 s",
         ),
         (lines(np.zeros(ROWS)), "time: needs a uniform clock"),
         (lines(1e-3 * np.arange(ROWS)[::-1]), "time: needs a uniform clock"),

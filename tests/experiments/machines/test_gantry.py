@@ -69,7 +69,7 @@ def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
 
 
 def test_motors_are_measured_and_currents_limited(machine):
-    """Y axes are homed where the tool is at zero; whatever is asked, each motor gets ten amperes."""
+    """Y axes are homed where the tool is at zero; each motor gets at most ten amperes."""
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
     for plant in (machine.true_family()[0], machine.independent()[1], machine.nominal()):
         start = plant.initial_state(position, increment)
@@ -88,7 +88,10 @@ def test_motors_are_measured_and_currents_limited(machine):
 
 
 def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
-    """After a jump of the reference by 5 mm: the loop is open at every sample whose current is beyond the limit, and at no other."""
+    """After a jump of the reference by 5 mm, the currents are beyond their limits for a while.
+
+    The loop is open at every sample whose current is beyond the limit, and at no other.
+    """
     plant, design = (
         machine.nominal(),
         design_for(machine, Simulate(controller="contouring-lq", preview=5)),
@@ -103,7 +106,7 @@ def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
 
 
 def test_smooth_encoders_have_the_noise_of_counts(machine):
-    """Its variance is that of rounding, a twelfth of a count squared; speeds are its differences."""
+    """Variance is that of rounding, a twelfth of a count squared; speeds are differences."""
     plant, rows = machine.smooth_family()[0], 400
     start = plant.initial_state(jnp.array([0.3, -0.02]), jnp.zeros(2))
     _, read = jax.lax.scan(

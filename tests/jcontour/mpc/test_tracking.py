@@ -1,4 +1,4 @@
-"""Tracking MPC: ContouringLQ without limits, within them with limits, no offset in velocity form."""
+"""Tracking MPC: ContouringLQ without limits, within its limits, no offset in velocity form."""
 
 from functools import cache
 
@@ -136,7 +136,7 @@ def test_every_limit_holds_along_the_run():
 
 
 def test_the_plan_is_the_minimum_that_scipy_finds():
-    """The cost as a simulation of the model, minimised by a general solver under the same limits."""
+    """Cost by simulation of the model, minimised by a general solver under the same limits."""
     plant, reference = table(), still([2e-3, -1e-3])
     weights = TrackingWeights(3.0, 5.0, 2e-7, 1e-7, np.linspace(1, 2, N))
     mpc = TrackingMPC(plant, weights, N, Limits.within(control=0.4, increment=0.3, speed=0.15))
