@@ -125,9 +125,8 @@ def test_list_as_json(capsys):
     assert main(["list", "--json"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert {"plants", "controllers", "contours", "experiments"} == set(
-        found
-    ) and "bridgeport" in found["plants"]
+    assert set(found) == {"plants", "controllers", "constrained", "contours", "experiments"}
+    assert "bridgeport" in found["plants"] and "mpcc" in found["constrained"]
 
 
 def test_help_imports_nothing_heavy():
