@@ -87,6 +87,9 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
 
 def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
     """Median and 99th percentile [us] of calls, each the median over all rounds."""
-    rounds = [[seconds(call, time.process_time) for call in calls][WARM:] for _ in range(REPEATS)]
+    rounds = []
+    for _ in range(REPEATS):
+        times = [seconds(call, time.process_time) for call in calls]
+        rounds.append(times[WARM:])
     median, last = np.median([np.percentile(times, (50, 99)) for times in rounds], axis=0)
     return 1e6 * float(median), 1e6 * float(last)

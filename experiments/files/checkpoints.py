@@ -36,11 +36,9 @@ def save_state(folder: Path, state: TuneState) -> Path:
             f"merit_{name}": np.asarray(value) for name, value in state.merit._asdict().items()
         }
     rows = state.history
-    arrays |= {
-        f"history_{name}": np.asarray([getattr(row, name) for row in rows])
-        for name in Evaluated._fields
-        if name != "metrics"
-    }
+    for name in Evaluated._fields:
+        if name != "metrics":
+            arrays[f"history_{name}"] = np.asarray([getattr(row, name) for row in rows])
     for name in Metrics.__dataclass_fields__:
         arrays[f"metrics_{name}"] = np.asarray([getattr(row.metrics, name) for row in rows])
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
@@ -63,17 +61,13 @@ def load_state(folder: Path) -> TuneState:
 
 
 def _state(arrays: dict[str, np.ndarray]) -> TuneState:
-    leaves = [
-        jnp.asarray(arrays[f"memory_{k}"])
-        for k in range(sum(name.startswith("memory_") for name in arrays))
-    ]
+    count = sum(name.startswith("memory_") for name in arrays)
+    leaves = [jnp.asarray(arrays[f"memory_{k}"]) for k in range(count)]
     structure = jax.tree.structure(optax.scale_by_lbfgs().init(jnp.zeros(1)))
     memory = jax.tree.unflatten(structure, leaves) if leaves else None
-    merit = (
-        Merit(*(arrays[f"merit_{name}"] for name in Merit._fields))
-        if "merit_scale" in arrays
-        else None
-    )  # on the host, as it was
+    merit = None
+    if "merit_scale" in arrays:  # on the host, as it was
+        merit = Merit(*(arrays[f"merit_{name}"] for name in Merit._fields))
     others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
     plain: dict[str, Any] = {
         name: value.item() if value.ndim == 0 else value for name, value in others.items()
@@ -84,8 +78,9 @@ def _state(arrays: dict[str, np.ndarray]) -> TuneState:
 def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     columns = {name: arrays[f"history_{name}"] for name in Evaluated._fields if name != "metrics"}
     metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
-    return [
-        Evaluated(
+    history = []
+    for k in range(len(columns["start"])):
+        row = Evaluated(
             int(columns["start"][k]),
             columns["z"][k],
             float(columns["objective"][k]),
@@ -93,5 +88,5 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
             Metrics(**{name: values[k] for name, values in metrics.items()}),
             bool(columns["diverged"][k]),
         )
-        for k in range(len(columns["start"]))
-    ]
+        history.append(row)
+    return history

@@ -95,10 +95,10 @@ def values_block(result: TunedResult) -> list[str]:
 def sentence(result: TunedResult) -> str:
     """Worst RMS error of the training contours, before and after."""
     trained = [one.metrics for one in result.contours if one.training]
-    worst = {
-        design: max(rms_error(metrics[design].worst, result.error) for metrics in trained)
-        for design in ("start", "tuned")
-    }
+    worst = {}
+    for design in ("start", "tuned"):
+        errors = [rms_error(metrics[design].worst, result.error) for metrics in trained]
+        worst[design] = max(errors)
     lost = any(metrics["start"].worst.diverged for metrics in trained)
     before = "diverged" if lost else f"{1e6 * worst['start']:.4g} um"
     after = f"{1e6 * worst['tuned']:.4g} um"

@@ -67,10 +67,10 @@ def outcome(result: Result) -> list[str]:
 
 def _ranking(result: Result, loops: str) -> list[str]:
     """All schemes in order, then the best beside the plain cascade."""
-    held, seen = (
-        {name: result.mean(name, loops, "nominal", training=one) for name in result.schemes}
-        for one in (False, True)
-    )
+    held, seen = {}, {}
+    for name in result.schemes:
+        held[name] = result.mean(name, loops, "nominal", training=False)
+        seen[name] = result.mean(name, loops, "nominal", training=True)
     order = sorted(held, key=lambda name: held[name])
     best = order[0]
     ranked = ", ".join(f"{name} {held[name]:.1f} ({seen[name]:.1f}) um" for name in order)

@@ -139,7 +139,8 @@ def _measured_figure(result: Result, figure: str, terminal: str, error: str) -> 
 
 def _figure_4(result: Result) -> Iterator[Claim]:
     table, (alphas, betas) = table_over_weights(result, "output", "te_um"), _axes(result)
-    holds = all(_falls([table[alpha, beta] for alpha in alphas]) for beta in betas)
+    columns = {beta: [table[alpha, beta] for alpha in alphas] for beta in betas}
+    holds = all(_falls(column) for column in columns.values())
     first, last = table[alphas[0], betas[0]], table[alphas[-1], betas[0]]
     words = "falls" if holds else "does not always fall"
     finding = f"{words} with alpha, {first:.4g} to {last:.4g} um at beta {betas[0]:g}"
@@ -182,12 +183,13 @@ def _tracking_weight(result: Result) -> Iterator[Claim]:
     alphas, betas = _axes(result)
     for terminal in TERMINALS:
         table, item = table_over_weights(result, terminal, "ce_um"), f"sec. 4, {terminal}"
-        holds = [beta for beta in betas if _falls([table[alpha, beta] for alpha in alphas])]
+        columns = {beta: [table[alpha, beta] for alpha in alphas] for beta in betas}
+        holds = [beta for beta in betas if _falls(columns[beta])]
         others = [beta for beta in betas if beta not in holds]
         if holds:
             yield Claim(item, claim, f"at beta {listed(holds)}", Verdict.SAME_ORDERING)
         if others:
-            errors = [table[alpha, others[-1]] for alpha in alphas]
+            errors = columns[others[-1]]
             finding = (
                 f"at beta {listed(others)}: the contour weight rules it, "
                 f"{listed(errors)} um over alpha at {others[-1]:g}"

@@ -145,7 +145,7 @@ def _thinned(setup: Setup, by_task: dict[str, Signals]) -> dict[str, Signals]:
     """Signals at every `KEPT_PERIOD`."""
     every = round(KEPT_PERIOD / setup.machine.model.dt)
     names = [field.name for field in fields(Signals)]
-    return {
-        task: Signals(**{name: getattr(signals, name)[::every] for name in names})
-        for task, signals in by_task.items()
-    }
+    kept = {}
+    for task, signals in by_task.items():
+        kept[task] = Signals(**{name: getattr(signals, name)[::every] for name in names})
+    return kept
