@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 
 from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
-from experiments.machines.families import LATE, members
-from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
+from experiments.machines.families import LATE, Member, MotorMeasuredMachine, members
+from experiments.machines.machine import Fed, MachineLimits, Usual
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import (
     AxisParameters,
@@ -28,7 +28,6 @@ from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 
 SAMPLE = 1e-3  # [s] of the thesis's controller
-MEMBERS = members(stiffness=0.2, mass=0.2)
 # [s] of the smooth twin: its error on the thesis's tasks stays the same to 1e-5
 # it takes a fifth of the time
 TWIN_SUBSTEP = 2.5e-4
@@ -58,7 +57,7 @@ SIDE_BY_SIDE = Usual(
 
 
 @dataclass(frozen=True)
-class FlexibleMachine(Machine):
+class FlexibleMachine(MotorMeasuredMachine):
     """One flexible axis, or several side by side.
 
     Attributes:
@@ -80,14 +79,9 @@ class FlexibleMachine(Machine):
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
     @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [member.name for member in MEMBERS]
-
-    @property
-    def unknown_delay(self) -> int:
-        """Delay of a drive's bus."""
-        return LATE
+    def members(self) -> list[Member]:
+        """Nominal axes, corners of stiffness and masses, late axes."""
+        return members(stiffness=0.2, mass=0.2)
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Smooth twins: dry friction turns within a millimetre per second, encoders are exact."""
@@ -116,7 +110,7 @@ class FlexibleMachine(Machine):
 
         Where the axis rests, the friction of the smooth twin is so steep that it hides the loop.
         """
-        self._check_fed(fed)
+        self.check_fed(fed)
         return FineEncoders(self.model, Sensors(range(len(self.axes))))
 
     def description(self) -> dict[str, str]:
@@ -134,17 +128,12 @@ class FlexibleMachine(Machine):
         }
 
     def _varied(self) -> list[tuple[AxisParameters, int]]:
-        return [
-            (scaled(self.parameters, stiffness, mass), late) for _, stiffness, mass, late in MEMBERS
-        ]
+        nominal = self.parameters
+        return [(scaled(nominal, one.stiffness, one.mass), one.late) for one in self.members]
 
     def _late(self, plant: Plant, samples: int, fed: Fed) -> Plant:
-        self._check_fed(fed)
+        self.check_fed(fed)
         return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
-
-    def _check_fed(self, fed: Fed) -> None:
-        if fed == "state":
-            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
 
 
 def flexible_machine(axis: AxisFile) -> FlexibleMachine:

@@ -13,8 +13,8 @@ import numpy as np
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
-from experiments.machines.families import LATE, Member, members
-from experiments.machines.machine import Fed, Machine, MachineLimits, Usual
+from experiments.machines.families import LATE, Member, MotorMeasuredMachine, members
+from experiments.machines.machine import Fed, MachineLimits, Usual
 from experiments.video.film import FilmMaker
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.plant import Plant
@@ -36,14 +36,12 @@ ENCODER_RESOLUTION = 1e-6  # [m] per count
 NOISY = 8192  # samples of a run in which the smooth encoders have the noise of counts
 # of more gain: the late loop is not left at its edge
 LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)
-# stiffness of the joints, and all masses together
-MEMBERS = [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]
 SCHEDULED = 9  # head positions whose models are interpolated
 MASSES = ("drive_mass_1", "drive_mass_2", "beam_mass", "head_mass")
 
 
 @dataclass(frozen=True)
-class GantryMachine(Machine):
+class GantryMachine(MotorMeasuredMachine):
     """A dual-drive gantry; contours are in its own coordinates, x = 0 at the centre of the beam.
 
     Attributes:
@@ -85,14 +83,9 @@ class GantryMachine(Machine):
         return self._scheduled(control_oriented)
 
     @property
-    def family_names(self) -> list[str]:
-        """Names of the members."""
-        return [member.name for member in MEMBERS]
-
-    @property
-    def unknown_delay(self) -> int:
-        """Delay of a drive's bus."""
-        return LATE
+    def members(self) -> list[Member]:
+        """Nominal gantry, corners of the joints' stiffness and of all masses, late gantries."""
+        return [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Smooth plants, their encoders read with the noise that counts make.
@@ -100,7 +93,7 @@ class GantryMachine(Machine):
         Dry friction turns within a millimetre per second. Without noise a loop that rings as soon
         as something excites it would pass for a good one.
         """
-        self._check_fed(fed)
+        self.check_fed(fed)
         noise = _rounding_noise()
         return [
             _flat(FineEncoders(Disturbed(plant, noise=noise), motors(3)))
@@ -109,7 +102,7 @@ class GantryMachine(Machine):
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Plants behind encoders that count; the drives take speeds from their difference."""
-        self._check_fed(fed)
+        self.check_fed(fed)
         return [
             _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
             for plant in self._family(StickSlipGantry)
@@ -138,7 +131,7 @@ class GantryMachine(Machine):
 
         Where an axis turns, the smooth twin of the friction is so steep that it hides the loop.
         """
-        self._check_fed(fed)
+        self.check_fed(fed)
         plant = self._driven(Gantry(self.parameters, self.model.dt), 0)
         return _flat(FineEncoders(plant, motors(3)))
 
@@ -166,10 +159,11 @@ class GantryMachine(Machine):
         )
 
     def _family(self, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
-        return [
-            self._driven(self._gantry(_scaled(self.parameters, *factors), with_friction), late)
-            for _, *factors, late in MEMBERS
-        ]
+        family = []
+        for member in self.members:
+            parameters = _scaled(self.parameters, member.stiffness, member.mass)
+            family.append(self._driven(self._gantry(parameters, with_friction), member.late))
+        return family
 
     def _gantry(
         self,
@@ -185,10 +179,6 @@ class GantryMachine(Machine):
         """Plant with its currents limited and late, behind its motors' encoders."""
         limited = Saturated(plant, jnp.asarray(self.limits.control))
         return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
-
-    def _check_fed(self, fed: Fed) -> None:
-        if fed == "state":
-            raise ValueError(f"controller: {self.name} measures its motors, not its whole state")
 
 
 def gantry_machine() -> GantryMachine:
