@@ -1,10 +1,12 @@
 """The flags of every command. Imports nothing heavy, so that `jcontour --help` answers at once."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from tyro.conf import Positional
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 Terminal = Literal["output", "riccati"]
 Objective = Literal["worst", "mean"]
@@ -30,7 +32,7 @@ class MachineFlags(Common):
 
     plant: str = "bridgeport"  # the machine of McNab & Tsao's paper
     """Machine: a name from `jcontour list`, or a JSON or npz file.
-    Format: experiments/machines/example.json."""
+    Format: experiments/machines/example.json. Or FILE.py:NAME: a plant, or what makes one."""
     feed_mm_per_min: float | None = None
     """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""
     acceleration: float | None = None
@@ -43,7 +45,8 @@ class Controlled(MachineFlags):
     """The controller and its first weights."""
 
     controller: str | None = None
-    """A name from `jcontour list`; the usual one of the machine when not given."""
+    """A name from `jcontour list`, or FILE.py:NAME: a class of yours that needs no arguments, or a
+    function that takes the machine's model. The usual one of the machine when not given."""
     weights: tuple[str, ...] = ()
     """First weights by name, each as NAME=VALUE, instead of the controller's own."""
     preview: int = 10  # the paper's usual horizon
@@ -326,3 +329,50 @@ class Reproduce(Common):
 
     name: Positional[str] = ""
     """Name of the experiment."""
+
+
+NUMBERS = ConstructorRegistry()  # how tyro reads the numbers among the flags
+PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+WHOLE = re.compile(r"[+-]?[0-9]+")
+NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+
+
+def number_in(text: str) -> float:
+    """Number that a text is, in plain digits; inf and nan are read as well.
+
+    >>> number_in("-2.5e-3")
+    -0.0025
+
+    Python's own `float` also reads `1_0`, blanks and the digits of other scripts.
+
+    Raises:
+        ValueError: it is not a number.
+    """
+    if PLAIN.fullmatch(text) or NOT_FINITE.fullmatch(text):
+        return float(text)
+    raise ValueError(f"needs a number in plain digits, received {text!r}")
+
+
+def whole_in(text: str) -> int:
+    """Whole number that a text is, in plain digits.
+
+    Raises:
+        ValueError: it is not a whole number.
+    """
+    if WHOLE.fullmatch(text):
+        return int(text)
+    raise ValueError(f"needs a whole number in plain digits, received {text!r}")
+
+
+@NUMBERS.primitive_rule
+def _number_rule(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[float] | None:
+    if kind.type not in (int, float):
+        return None
+    read = whole_in if kind.type is int else number_in
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=kind.type.__name__.upper(),
+        instance_from_str=lambda words: read(words[0]),
+        is_instance=lambda value: type(value) in (int, kind.type),
+        str_from_instance=lambda value: [str(value)],
+    )

@@ -8,6 +8,7 @@ from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.known_names import check_contour, check_plant
 from experiments.catalogue.machines import MACHINES
+from experiments.catalogue.own_classes import FILE, own_controller, own_machine, own_name
 from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
@@ -16,7 +17,7 @@ from experiments.options import Controlled
 
 
 def machine_named(name: str) -> Machine:
-    """Machine of a catalogue name or a file.
+    """Machine of a catalogue name, a machine file or a plant in a Python file.
 
     Raises:
         MachineError: no such name, and no such file or a bad one.
@@ -24,7 +25,8 @@ def machine_named(name: str) -> Machine:
     check_plant(name)
     if name in MACHINES:
         return MACHINES[name]()
-    return load_machine(name)
+    own = own_name(name)
+    return load_machine(name) if own is None else own_machine(own)
 
 
 def job_named(name: str, pace: Pace) -> Task:
@@ -61,6 +63,16 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
     asked = flags.controller or machine.usual.controller
+    if not asked:
+        raise ValueError(f"controller: {machine.name} needs one of your own, --controller {FILE}")
+    own = own_name(asked)
+    design = _listed_design(asked, machine, flags) if own is None else own_controller(own, machine)
+    design = replace(design, start=changed(design.start, flags.weights))
+    design.build(design.start)
+    return design
+
+
+def _listed_design(asked: str, machine: Machine, flags: Controlled) -> Design:
     meant = [name for name in controllers_for(machine) if CONTROLLERS[name].alias == asked]
     name = meant[-1] if meant else asked
     if name in CONSTRAINED:
@@ -77,9 +89,6 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     if not entry.suits(machine):
         raise ValueError(
             f"controller: {name} needs {entry.suits.words}; "
-            f"{machine.name} takes {machine.usual.controller}"
+            f"{machine.name} takes {machine.usual.controller or f'one of your own, {FILE}'}"
         )
-    design = entry.make(name, machine, flags)
-    design = replace(design, start=changed(design.start, flags.weights))
-    design.build(design.start)
-    return design
+    return entry.make(name, machine, flags)

@@ -1,20 +1,24 @@
 """Names on a command line, checked before anything heavy is imported: a slip is answered at once."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
+from experiments.catalogue.own_classes import FILE, own_name
 from experiments.files.checks import MachineError
 
 
 def check_plant(name: str) -> None:
     """Raise ValueError unless a machine has this name, or it is that of a file."""
-    if name not in MACHINES and not Path(name).suffix:
+    if name in MACHINES or own_name(name):
+        return
+    if not Path(name).suffix or _almost_own(name):
         raise ValueError(
             f"plant: there is none named {name!r}; "
-            f"give {', '.join(MACHINES)}, or a JSON or npz file"
+            f"give {', '.join(MACHINES)}, a JSON or npz file, or a class of yours as {FILE}"
         )
 
 
@@ -30,18 +34,21 @@ def check_contour(name: str) -> None:
 def check_controller(name: str) -> None:
     """Raise ValueError unless a controller has this name; whether it suits the machine is asked later."""
     aliases = {entry.alias for entry in CONTROLLERS.values()}
-    if name not in CONTROLLERS and name not in aliases and name not in CONSTRAINED:
-        raise ValueError(
-            f"controller: there is none named {name!r}; give one of {', '.join(CONTROLLERS)}"
-        )
+    if name in CONTROLLERS or name in aliases or name in CONSTRAINED or own_name(name):
+        return
+    raise ValueError(
+        f"controller: there is none named {name!r}; "
+        f"give one of {', '.join(CONTROLLERS)}, or a class of yours as {FILE}"
+    )
 
 
 def check_flags(flags: Any) -> None:
-    """Check the plant, the controller, the contour and the parts among the flags of any command.
+    """Check the numbers, the plant, the controller, the contour and the parts of any command.
 
     Raises:
-        ValueError: an unknown name, or a file that is not there.
+        ValueError: a number that is not finite, an unknown name, or a file that is not there.
     """
+    _check_numbers(flags)
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
     contour, parts = getattr(flags, "contour", None), getattr(flags, "parts", ())
     if plant is not None:
@@ -49,16 +56,32 @@ def check_flags(flags: Any) -> None:
         _check_file(plant, MACHINES)
     if controller is not None:
         check_controller(controller)
+        if own_name(controller):
+            _check_file(controller, {})
     for name in (*parts, *([contour] if contour else [])):
         check_contour(name)
         _check_file(name, CONTOURS)
 
 
+def _check_numbers(flags: Any) -> None:
+    for name, value in vars(flags).items():
+        if isinstance(value, float) and not math.isfinite(value):
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs a finite number, received {value}")
+
+
 def _check_file(name: str, known: dict[str, Any]) -> None:
     if name in known:
         return
+    own = own_name(name)
+    path = Path(name) if own is None else own.path
     try:
-        with Path(name).open("rb"):
+        with path.open("rb"):
             pass
     except OSError as error:
-        raise MachineError(f"{name}: cannot be read ({error.strerror or error})") from None
+        raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _almost_own(name: str) -> bool:
+    """Whether a Python file is named without a class, or a class without its `.py`."""
+    return Path(name).suffix == ".py" or ".py:" in name

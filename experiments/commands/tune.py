@@ -13,6 +13,7 @@ from experiments.files.checkpoints import load_state, save_state
 from experiments.files.results import write_result
 from experiments.files.tuned_result import TunedResult
 from experiments.jobs.replays import Replay
+from experiments.machines.machine import NO_EFFECTS
 from experiments.options import Tune
 from experiments.reports import tables
 from experiments.reports.contour_figures import draw_runs
@@ -102,7 +103,10 @@ def describe(run: TuningRun, console: Console) -> None:
         read = tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
         lines.append(f"{'Read' if k == 0 else '':<11} {read}")
     effects = machine.nonsmooth_effects
-    lines.append(f"Tuned without {effects} (they have no slope); the tables below are with them.")
+    if effects != NO_EFFECTS:
+        lines.append(
+            f"Tuned without {effects} (they have no slope); the tables below are with them."
+        )
     if run.training_samples > PLENTY:
         lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)

@@ -48,6 +48,7 @@ from jcontour.plants.bridgeport import ENCODER_RESOLUTION
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES, MOST_DELAY = 200, 50
+CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more
 RANK = (
     1e-10  # smallest singular value, relative, of a mode that the input reaches or the output shows
 )
@@ -151,17 +152,11 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         plant = LinearPlant(A, B, C * metre, dt)
     except ValueError as error:
         raise MachineError(checks.line(error)) from None
-    if plant.axes not in (2, 3):
-        raise MachineError(
-            f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}"
-        )
+    _check_axes(plant)
     known_delay = checks.whole("known_delay", fields.get("known_delay", 0), MOST_DELAY)
     _check_modes(A, B, C)
     model = with_input_delay(plant, known_delay)
-    try:
-        steady_motion(model)
-    except ValueError as error:
-        raise MachineError(f"A, B, C: {checks.line(error)}") from None
+    _check_motion(model)
     limits = _limits(fields.get("limits", {}), metre, plant)
     uncertainty = checks.mapping("uncertainty", fields.get("uncertainty", {}), {"gain", "delay"})
     gain = checks.number("uncertainty.gain", uncertainty.get("gain", 0.0), least=0.0)
@@ -175,7 +170,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         )
         * metre
     )
-    assumed = 0.1 if limits.control is None else 0.05 * float(limits.control.min())
+    assumed = CONTROL_NOISE if limits.control is None else 0.05 * float(limits.control.min())
     return LinearMachine(
         checks.text("name", fields.get("name", name)),
         model,
@@ -188,6 +183,43 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
     )
+
+
+def linear_machine(plant: LinearPlant, name: str) -> LinearMachine:
+    """Machine of a linear plant of the user's, as from a file that gives no more than A, B, C, dt.
+
+    Raises:
+        MachineError: it has not two or three axes, or one of them cannot be controlled.
+    """
+    _check_axes(plant)
+    _check_modes(*(np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C)))
+    _check_motion(plant)
+    return LinearMachine(
+        name,
+        plant,
+        checks.axis_names(None, plant.axes),
+        "control unit",
+        MachineLimits(),
+        known_delay=0,
+        gain=0.0,
+        delay=0,
+        encoder_resolution=ENCODER_RESOLUTION,
+        control_noise=CONTROL_NOISE,
+    )
+
+
+def _check_axes(plant: LinearPlant) -> None:
+    if plant.axes not in (2, 3):
+        raise MachineError(
+            f"C: needs two or three outputs, the axes of the tool point, received {plant.axes}"
+        )
+
+
+def _check_motion(plant: LinearPlant) -> None:
+    try:
+        steady_motion(plant)
+    except ValueError as error:
+        raise MachineError(f"A, B, C: {checks.line(error)}") from None
 
 
 def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:

@@ -15,6 +15,7 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
 Fed = Literal["outputs", "state"]  # the controller is fed the machine's sensors, or the state
+NO_EFFECTS = "no further effects"  # of a machine whose true family is the smooth one
 
 
 class MachineLimits(NamedTuple):

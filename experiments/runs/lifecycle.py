@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from rich.console import Console
 
+from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results import to_json
 from experiments.options import Spreading
@@ -49,10 +50,16 @@ def created(flags: Any, command: str) -> Path:
 
 
 def inputs(flags: Any) -> list[Path]:
-    """Files that the flags name as machine, contour or parts."""
-    names = [getattr(flags, name, None) for name in ("plant", "contour")]
+    """Files that the flags name as machine, controller, contour or parts."""
+    names = [getattr(flags, name, None) for name in ("plant", "controller", "contour")]
     names += getattr(flags, "parts", ())
-    return [Path(name) for name in names if name and Path(name).suffix]
+    paths = [_file_of(name) for name in names if name]
+    return list(dict.fromkeys(path for path in paths if path.suffix))
+
+
+def _file_of(name: str) -> Path:
+    own = own_name(name)
+    return Path(name) if own is None else own.path
 
 
 def resumed(flags: F, command: str) -> tuple[Path, F]:
@@ -84,13 +91,20 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
 def _with_copies(stored: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Flags of a stored run, with the folder's copies in place of the files they name."""
     copies = {name: str(folder / copy) for name, copy in stored.get("inputs", {}).items()}
-    known = {
+    known: dict[str, Any] = {
         key: tuple(value) if isinstance(value, list) else value
         for key, value in stored["flags"].items()
     }
-    plant = copies.get(known["plant"], known["plant"])
-    parts = tuple(copies.get(name, name) for name in known["parts"])
-    return {**known, "plant": plant, "parts": parts}
+
+    def copied(name: str) -> str:
+        own = own_name(name)
+        if own is None:
+            return copies.get(name, name)
+        return f"{copies.get(str(own.path), own.path)}:{own.name}"
+
+    controller = known["controller"] and copied(known["controller"])
+    parts = tuple(copied(name) for name in known["parts"])
+    return {**known, "plant": copied(known["plant"]), "controller": controller, "parts": parts}
 
 
 def finished(

@@ -1,0 +1,210 @@
+"""Controllers and plants from a file of the user's: `mine.py:NAME` on the command line.
+
+    --controller    a `Controller`, or what makes one: a class that needs no arguments, or a
+                    function or class method that takes the machine's model, a `LinearPlant`
+    --plant         a `Plant`, or a class or function without arguments that makes one; a
+                    `LinearPlant` becomes the same machine as from a machine file
+
+NAME may be dotted: `mine.py:PD.for_model`. The file is run as it is; it is one file by itself, as
+a resumed run reads its own copy. What it prints goes to stderr.
+"""
+
+import inspect
+import sys
+import traceback
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from functools import cache, reduce
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from experiments.files import checks
+
+if TYPE_CHECKING:  # a question about a name imports none of these
+    from experiments.designs.design import Design
+    from experiments.machines.machine import Machine
+    from jcontour.controller import Controller
+
+FILE = "FILE.py:NAME"
+
+
+class OwnName(NamedTuple):
+    """A name in a Python file."""
+
+    path: Path
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.path.name}:{self.name}"
+
+
+def own_name(words: str) -> OwnName | None:
+    """File and name of `FILE.py:NAME`; None for anything else."""
+    path, _, name = words.rpartition(":")
+    if not path.endswith(".py") or not all(part.isidentifier() for part in name.split(".")):
+        return None
+    return OwnName(Path(path), name)
+
+
+def own_controller(own: OwnName, machine: "Machine") -> "Design":
+    """Design of a controller from a file; its weights are its own fields that are floats.
+
+    Raises:
+        ValueError: file or name is missing, it makes no controller, or it fails on this machine.
+    """
+    from experiments.designs.gains import Gain, GainDesign
+    from jcontour.controller import Controller
+
+    controller = _made(own, Controller, (machine.model,))
+    _check_run(own, controller, machine)
+    start = _weights(controller)
+
+    def with_weights(machine: Any, weights: dict[str, Any]) -> Controller:
+        import equinox as eqx
+
+        names = list(weights)
+        if not names:
+            return controller
+        values = [weights[name] for name in names]
+        return eqx.tree_at(lambda one: [getattr(one, name) for name in names], controller, values)
+
+    return GainDesign(
+        name=str(own),
+        machine=machine,
+        start=start,
+        space={name: Gain(value, "").parameter for name, value in start.items()},
+        preview=controller.preview,
+        fed="outputs",
+        make=with_weights,
+        line=f"{own.name} of {own.path.name}",
+        gains={name: Gain(value, "") for name, value in start.items()},
+    )
+
+
+def own_machine(own: OwnName) -> "Machine":
+    """Machine around a plant from a file.
+
+    Raises:
+        ValueError: file or name is missing, or it makes no plant that a machine can be made of.
+    """
+    from experiments.machines.from_file import linear_machine
+    from experiments.machines.own_plant import machine_of
+    from jcontour.linear.plant import LinearPlant
+    from jcontour.plant import Plant
+
+    plant = _made(own, Plant, ())
+    name = own.name.replace(".", "-")
+    make: Callable[[Any, str], Machine]
+    make = linear_machine if isinstance(plant, LinearPlant) else machine_of
+    try:
+        return make(plant, name)
+    except Exception as error:  # the file's code runs in it: whatever fails is told with its line
+        raise _fault(own, error, "no machine can be made of this plant") from None
+
+
+def _made(own: OwnName, kind: type, arguments: tuple[Any, ...]) -> Any:
+    """The named thing if it is of this kind, or else what it makes."""
+    found = _found(own)
+    if isinstance(found, kind):
+        return found
+    is_class = inspect.isclass(found)
+    if not callable(found) or (is_class and not issubclass(found, kind)):
+        received = "another class" if is_class else type(found).__name__
+        raise ValueError(
+            f"{own}: needs a {kind.__name__}, or a class or function that makes one, "
+            f"received {received}"
+        )
+    how = "without arguments" if is_class or not arguments else "from the machine's model"
+    try:
+        made = found() if is_class else found(*arguments)
+    except Exception as error:
+        raise _fault(own, error, f"cannot be made {how}") from None
+    if not isinstance(made, kind):
+        raise ValueError(f"{own}: needs to make a {kind.__name__}, made a {type(made).__name__}")
+    return made
+
+
+def _found(own: OwnName) -> Any:
+    try:
+        source = own.path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{own.path}: cannot be read ({error.strerror or error})") from None
+    try:
+        module = _module(own.path, source)
+    except (Exception, SystemExit) as error:
+        raise _fault(own, error, "the file cannot be run") from None
+    try:
+        return reduce(getattr, own.name.split("."), module)
+    except AttributeError:
+        raise ValueError(f"{own.path}: there is no {own.name!r} in it") from None
+
+
+@cache
+def _module(path: Path, source: bytes) -> ModuleType:
+    """Module of a file, run once for all that is asked of it."""
+    module = ModuleType(f"{path.stem}_of_user")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # where dataclasses look their annotations up
+    with redirect_stdout(sys.stderr):  # what is on stdout is JSON
+        exec(compile(source, str(path), "exec"), vars(module))
+    return module
+
+
+def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> None:
+    """Trace a short run, so that a fault in the file is told with its line."""
+    import equinox as eqx
+    import numpy as np
+
+    from jcontour.geometry.contours import line
+    from jcontour.motion.references import along
+    from jcontour.simulation.closed_loop import simulate
+
+    preview, dt = controller.preview, machine.model.dt
+    if not isinstance(preview, int) or preview < 0:
+        raise ValueError(
+            f"{own}: preview needs a whole number of samples, received {checks.shown(preview)}"
+        )
+    contour = line(np.zeros(len(machine.axes)), np.full(len(machine.axes), 1e-3))
+    arc = np.linspace(0.0, float(contour.length), preview + 4)
+    reference = along(contour, arc, dt, preview, at_rest=False)
+    try:
+        run = eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
+    except Exception as error:
+        raise _fault(own, error, f"fails on {machine.name}") from None
+    if run.control.shape[1:] != (machine.model.inputs,):
+        raise ValueError(
+            f"{own}: step needs to return a control of {machine.model.inputs} numbers for "
+            f"{machine.name}, received shape {run.control.shape[1:]}"
+        )
+
+
+def _weights(controller: "Controller") -> dict[str, Any]:
+    """The controller's own fields that are finite floats, one or several in a row."""
+    import equinox as eqx
+    import numpy as np
+
+    fields = type(controller).__dataclass_fields__
+    found = {}
+    for name, field in fields.items():
+        value = getattr(controller, name)
+        if field.metadata.get("static") or not eqx.is_inexact_array_like(value):
+            continue
+        if np.ndim(value) <= 1 and np.all(np.isfinite(value)):  # a limit may be infinite
+            found[name] = value
+    return found
+
+
+def _fault(own: OwnName, error: BaseException, words: str) -> ValueError:
+    """What failed in the user's file, in one line with its place."""
+    numbers = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(own.path)
+    ]
+    if isinstance(error, SyntaxError) and error.filename == str(own.path):
+        numbers.append(error.lineno)
+    place = f"{own.path}:{numbers[-1]}" if numbers else str(own.path)
+    return ValueError(
+        f"{place}: {own.name}: {words} ({type(error).__name__}: {checks.line(error)})"
+    )

@@ -1,0 +1,240 @@
+"""Controllers and plants from files of the user's: what runs, and what is refused in one line."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.catalogue.choices import design_for, machine_named
+from experiments.catalogue.own_classes import own_name
+from experiments.cli import main
+from experiments.options import Simulate, Tune
+from experiments.runs.lifecycle import created, resumed
+
+ROOT = Path(__file__).parents[3]
+CONTROLLERS = """
+import equinox as eqx
+from jcontour.controller import Controller
+
+print("loaded")
+
+class PD(Controller):
+    gain: float = 100.0
+    limit: float = float("inf")
+    samples: int = 3
+    preview: int = eqx.field(static=True, default=0)
+
+    @classmethod
+    def for_model(cls, model):
+        return cls(gain=1.0 / model.dt)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, self.gain * (plan - measurement)
+
+class Open(PD):
+    gain: int = 1
+
+class Needy(PD):
+    name: str = eqx.field(static=True, kw_only=True)
+
+class Broken(PD):
+    def step(self, memory, plan, measurement):
+        return memory, 1 / 0
+
+class OneNumber(PD):
+    def step(self, memory, plan, measurement):
+        return memory, measurement[:1]
+
+ready = PD(gain=7.0)
+
+def wrong(model):
+    return "PD"
+
+number = 3
+"""
+PLANTS = """
+import jax.numpy as jnp
+import numpy as np
+from jcontour import LinearPlant
+from jcontour.plant import Plant
+
+class Sliding(Plant):
+    dt: float = 1e-3
+
+    def initial_state(self, position, increment):
+        return position, increment / self.dt
+
+    def step(self, state, control):
+        position, speed = state
+        speed = speed + self.dt * (control - speed * jnp.abs(speed))
+        return position + self.dt * speed, speed
+
+    def output(self, state):
+        return state[0]
+
+    def measure(self, state):
+        return state[0]
+
+class Failing(Sliding):
+    def output(self, state):
+        raise RuntimeError("no tool")
+
+def linear():
+    A, B = np.zeros((4, 4)), np.zeros((4, 2))
+    A[:2, :2] = A[2:, 2:] = [[1.0, 8e-4], [0.0, 0.6]]
+    B[:2, 0] = B[2:, 1] = [2e-4, 0.4]
+    C = np.zeros((2, 4))
+    C[0, 0] = C[1, 2] = 1.0
+    return LinearPlant(A, B, C, 1e-3)
+
+def single():
+    return LinearPlant([[1.0, 1e-3], [0.0, 0.9]], [[0.0], [1e-3]], [[1.0, 0.0]], 1e-3)
+
+def unreached():
+    plant = linear()
+    return LinearPlant(plant.A, 0 * plant.B, plant.C, plant.dt)
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "mine.py").write_text(CONTROLLERS)
+    (folder / "plants.py").write_text(PLANTS)
+    (folder / "syntax.py").write_text("x = 1\ny = (\n")
+    (folder / "raising.py").write_text("x = 1\n\nraise KeyError('no key')\n")
+    return folder
+
+
+def design(files, name, machine="bridgeport", weights=()):
+    flags = Simulate(controller=f"{files / 'mine.py'}:{name}", weights=weights)
+    return design_for(machine_named(machine), flags)
+
+
+def gain_of(found):
+    controller: Any = found.build(found.start)
+    return float(controller.gain)
+
+
+def test_names_in_a_file():
+    assert own_name("a/mine.py:PD.for_model") == (Path("a/mine.py"), "PD.for_model")
+    for words in ("mine.py", "mine:PD", "mine.py:", "mine.py:P D", "contouring-lq"):
+        assert own_name(words) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "gain"),
+    [("PD", 100.0), ("ready", 7.0), ("PD.for_model", 2000.0)],  # the model's sample is 0.5 ms
+)
+def test_a_class_an_instance_or_a_function_makes_the_controller(files, name, gain):
+    found = design(files, name)
+    assert gain_of(found) == gain
+    assert found.name == f"mine.py:{name}"
+
+
+def test_finite_float_fields_are_the_weights(files):
+    found = design(files, "PD", weights=("gain=3",))
+    assert found.free() == ["gain"] and gain_of(found) == 3
+    with pytest.raises(ValueError, match="no weight 'samples'; known are gain"):
+        design(files, "PD", weights=("samples=3",))
+
+
+def test_without_float_fields_nothing_is_tuned(files):
+    with pytest.raises(ValueError, match="mine.py:Open has no free weights"):
+        design(files, "Open").check_start()
+
+
+def line_of(words, program):
+    return 1 + program[: program.index(words)].count("\n")
+
+
+FAULTS = {  # controller -> what is told
+    "mine.py:PID": "mine.py: there is no 'PID' in it",
+    "mine.py:number": "or a class or function that makes one, received int",
+    "mine.py:eqx.Module": "received another class",
+    "mine.py:wrong": "needs to make a Controller, made a str",
+    "mine.py:Needy": "cannot be made without arguments (TypeError",
+    "mine.py:Broken": f"mine.py:{line_of('1 / 0', CONTROLLERS)}: Broken: fails on bridge",
+    "mine.py:OneNumber": "mine.py: OneNumber: fails on bridgeport (TypeError",
+    "none.py:PD": "none.py: cannot be read",
+    "syntax.py:PD": "syntax.py:2: PD: the file cannot be run (SyntaxError",
+    "raising.py:PD": "raising.py:3: PD: the file cannot be run (KeyError: 'no key')",
+    "mine.py": "there is none named 'mine.py'",
+    "mine:PD": "there is none named 'mine:PD'",
+    "contouring-lq:": "there is none named 'contouring-lq:'",
+}
+PLANT_FAULTS = {
+    "plants.py:number": "there is no 'number' in it",
+    "plants.py:Failing": f"plants.py:{line_of('no tool', PLANTS)}: Failing: no machine can",
+    "plants.py:single": "needs two or three outputs",
+    "plants.py:unreached": "out of reach of the inputs",
+    "plants.py:jnp.zeros": "cannot be made without arguments",
+    "plants.py:Plant": "cannot be made without arguments",
+    "plants.py:Sliding": "Sliding needs one of your own, --controller FILE.py:NAME",
+    "plants.py": "a class of yours as FILE.py:NAME",
+    "mine.py:PD": "needs a Plant",
+    "bridgeport:": "there is none named 'bridgeport:'",
+}
+CASES = [("--controller", *case) for case in FAULTS.items()]
+CASES += [("--plant", *case) for case in PLANT_FAULTS.items()]
+
+
+@pytest.mark.parametrize(("flag", "name", "says"), CASES)
+def test_faults_are_told_in_one_line(capsys, monkeypatch, files, flag, name, says):
+    monkeypatch.chdir(files)
+    assert main(["simulate", "circle", flag, name]) == 2
+    captured = capsys.readouterr()
+    told = captured.err.replace("loaded\n", "")
+    assert told.count("\n") == 1 and told.startswith("jcontour: ") and says in told
+    assert captured.out == "" and not (files / "runs").exists()
+
+
+def test_a_control_that_would_be_broadcast_is_refused(files):
+    with pytest.raises(
+        ValueError, match=r"control of 2 numbers for Sliding, received shape \(1,\)"
+    ):
+        design(files, "OneNumber", f"{files / 'plants.py'}:Sliding")
+
+
+def test_linear_designs_run_on_a_linear_plant_of_a_file(files):
+    machine = machine_named(f"{files / 'plants.py'}:linear")
+    assert machine.name == "linear" and machine.model.states == 4
+    assert design_for(machine, Simulate()).name == "contouring-lq"
+
+
+def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
+    flags = ["--controller", f"{files}/mine.py:PD", "--plant", f"{files}/plants.py:Sliding"]
+    run = tmp_path / "run"
+    assert main(["simulate", "circle", *flags, "--json", "--out", str(run)]) == 0
+    found = json.loads(capsys.readouterr().out)  # what the file prints is not there
+    assert found["controller"] == "mine.py:PD" and list(found["plants"]) == ["nominal"]
+    assert {path.name for path in run.glob("inputs/*/*")} == {"mine.py", "plants.py"}
+
+
+def test_a_resumed_run_reads_its_own_copies(files, tmp_path):
+    mine, plants, run = files / "mine.py", files / "plants.py", tmp_path / "run"
+    flags = Tune(plant=f"{plants}:Sliding", controller=f"{mine}:PD.for_model", out=run)
+    created(flags, "tune")
+    _, again = resumed(Tune(resume=run), "tune")
+    assert again.plant == f"{run}/inputs/0/plants.py:Sliding"
+    assert again.controller == f"{run}/inputs/1/mine.py:PD.for_model"
+    assert (run / "inputs/1/mine.py").read_bytes() == mine.read_bytes()
+
+
+def test_the_controller_of_the_readme_runs_as_it_says(capsys, monkeypatch, tmp_path):
+    example = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
+    (tmp_path / "mine.py").write_text(example)
+    monkeypatch.chdir(tmp_path)
+    command = "simulate circle --controller mine.py:Proportional"
+    assert f"`jcontour {command}`" in (ROOT / "README.md").read_text()
+    assert main([*command.split(), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert not any(metrics["diverged"] for metrics in found["plants"].values())
