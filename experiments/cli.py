@@ -58,7 +58,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
-    flags = tyro.cli(_any_command(), prog="jcontour", description=_DESCRIPTION, args=arguments)
+    flags = tyro.cli(
+        _any_command(),
+        prog="jcontour",
+        description=_DESCRIPTION,
+        args=arguments,
+        registry=options.NUMBERS,
+    )
     _, module = COMMANDS[type(flags)]
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 

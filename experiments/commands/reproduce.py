@@ -17,6 +17,7 @@ from typing import Any
 import tyro
 
 from experiments import papers
+from experiments.options import NUMBERS
 
 NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
 
@@ -70,7 +71,11 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
         """Print the result as JSON on stdout, and nothing else there."""
 
     flags = tyro.cli(
-        Flags, prog=f"jcontour reproduce {name}", description=known[name], args=list(arguments)
+        Flags,
+        prog=f"jcontour reproduce {name}",
+        description=known[name],
+        args=list(arguments),
+        registry=NUMBERS,
     )
     return flags, lambda flags: _run(module, name, flags)
 

@@ -43,8 +43,9 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     """
     machine = machine_named(flags.plant)
     maker = _film_maker(machine) if flags.video else None
-    design = design_for(machine, flags)
+    # the part comes before the design: a fault in line 1 of a program is told at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    design = design_for(machine, flags)
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
     replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
     folder = created(flags, "simulate")

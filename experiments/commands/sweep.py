@@ -20,7 +20,7 @@ from experiments.files.sweep_chunks import SweepChunks
 from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
-from experiments.options import Sweep
+from experiments.options import Sweep, number_in
 from experiments.reports import tables
 from experiments.reports.png import save_figures
 from experiments.reports.sweep_figure import sweep_figure, worst_errors
@@ -176,7 +176,7 @@ def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
 def _listed(words: str) -> tuple[str, tuple[float, ...]]:
     name, _, values = words.partition("=")
     try:
-        return name, tuple(float(value) for value in values.split(","))
+        return name, tuple(number_in(value) for value in values.split(","))
     except ValueError:
         raise ValueError(
             f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}"

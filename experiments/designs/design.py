@@ -14,6 +14,7 @@ import numpy as np
 
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
+from experiments.options import number_in
 from jcontour.controller import Controller
 from tuning.parameters import Fixed, Interval, Parameter, Weights
 
@@ -84,6 +85,8 @@ class Design(abc.ABC):
 
     def check_start(self) -> None:
         """Raise ValueError unless every weight that is tuned starts where it may go."""
+        if not self.free():
+            raise ValueError(f"controller: {self.name} has no free weights, nothing is tuned of it")
         for name in self.free():
             parameter, weight = by_name(self.space)[name], by_name(self.start)[name]
             if not parameter.allows(np.asarray(weight)):
@@ -127,7 +130,7 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
         if name not in named:
             raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
         try:
-            values[name] = float(value)
+            values[name] = number_in(value)
         except ValueError:
             raise ValueError(
                 f"weights: needs NAME=VALUE with a number, received {change!r}"

@@ -91,12 +91,13 @@ def tuning_run(flags: Tune) -> TuningRun:
         ValueError: a flag, a file or their combination is wrong.
     """
     machine = machine_named(flags.plant)
-    design, settings = design_for(machine, flags), tuner_settings(flags)
-    design.check_start()
-    pace, usual = Pace.of(flags, machine), machine.usual
+    settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
+    # parts come before the design: a fault in line 1 of a program is told at once
     training = _distinct([job_named(name, pace) for name in flags.parts or usual.training])
     others = usual.beside_own if flags.parts else usual.held_out
     held_out = [job_named(name, pace) for name in others if name not in flags.parts]
+    design = design_for(machine, flags)
+    design.check_start()
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
     scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
     family = machine.smooth_family(design.fed)

@@ -10,6 +10,8 @@ import pytest
 
 from experiments.cli import main
 
+PARTS_READ = {"tune": "runs.tuning", "simulate": "commands.simulate"}  # command -> module
+
 
 def refused(capsys, folder, arguments, says):
     before = sorted(folder.rglob("*"))
@@ -55,7 +57,10 @@ def test_missing_part(capsys, tmp_path):
     [
         (["--alpha", "-1"], "alpha"),
         (["--alpha", "0", "--beta", "0"], "alpha, beta"),
-        (["--alpha", "nan"], "alpha"),
+        (["--alpha", "nan"], "alpha: needs a finite number"),
+        (["--tolerance", "inf"], "tolerance: needs a finite number, received inf"),
+        (["--feed-mm-per-min", "-inf"], "feed-mm-per-min: needs a finite number"),
+        (["--weights", "alpha=1_0"], "received 'alpha=1_0'"),
         (["--rho", "0"], "rho"),
         (["--preview", "0"], "preview"),
         (["--preview", "100000"], "preview"),
@@ -76,6 +81,39 @@ def test_bad_flag(capsys, tmp_path, part_file, machine_file, flags, says):
     where = [] if "--resume" in flags else [str(part_file), "--out", str(tmp_path / "run")]
     machine = [] if "--plant" in flags or "--resume" in flags else ["--plant", str(machine_file)]
     refused(capsys, tmp_path, ["tune", *where, *machine, *flags], says)
+
+
+@pytest.mark.parametrize("flag", ["--alpha", "--preview", "--max-effort"])
+@pytest.mark.parametrize("number", ["1_0", " 1", "１", "one"])
+def test_numbers_are_in_plain_digits(capsys, flag, number):
+    with pytest.raises(SystemExit) as stop:
+        main(["tune", flag, number])
+    assert stop.value.code == 2
+    assert "in plain digits" in " ".join(capsys.readouterr().err.replace("│", "").split())
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "number"),
+    [("alpha", "+1.5e-1", 0.15), ("alpha", ".5", 0.5), ("max_effort", "2", 2.0), ("seed", "7", 7)],
+)
+def test_plain_numbers_are_read(monkeypatch, name, text, number):
+    received = []
+    monkeypatch.setattr("experiments.commands.tune.command", lambda flags: received.append(flags))
+    main(["tune", f"--{name.replace('_', '-')}", text])
+    assert getattr(received[0], name) == number
+
+
+@pytest.mark.parametrize("command", ["tune", "simulate"])
+def test_a_fault_of_the_part_is_told_before_a_controller_is_designed(
+    capsys, tmp_path, monkeypatch, command
+):
+    def designed(machine, flags):
+        raise AssertionError("the design came first")
+
+    monkeypatch.setattr(f"experiments.{PARTS_READ[command]}.design_for", designed)
+    part = tmp_path / "part.ngc"
+    part.write_text("G1 X1\n")
+    refused(capsys, tmp_path, [command, str(part), "--out", str(tmp_path / "run")], "line 1")
 
 
 def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
