@@ -54,7 +54,9 @@ def first_machine(controller: str) -> str:
 
 
 def design_for(machine: Machine, flags: Controlled) -> Design:
-    """The controller that the flags name, for this machine; its start has been built once, on the host.
+    """The controller that the flags name, for this machine.
+
+    Its start has been built once, on the host.
 
     An alias of a controller that suits the machine goes first: `cascade` is `gantry-cascade` on a
     gantry.

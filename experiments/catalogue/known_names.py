@@ -1,4 +1,4 @@
-"""Names on a command line, checked before anything heavy is imported: a slip is answered at once."""
+"""Names on a command line, checked before heavy imports: a slip is answered at once."""
 
 import math
 from pathlib import Path
@@ -32,7 +32,10 @@ def check_contour(name: str) -> None:
 
 
 def check_controller(name: str) -> None:
-    """Raise ValueError unless a controller has this name; whether it suits the machine is asked later."""
+    """Raise ValueError unless a controller has this name.
+
+    Whether it suits the machine is asked later.
+    """
     aliases = {entry.alias for entry in CONTROLLERS.values()}
     if name in CONTROLLERS or name in aliases or name in CONSTRAINED or own_name(name):
         return

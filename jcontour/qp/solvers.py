@@ -162,7 +162,8 @@ class Named(Solver):
             rows[parts.below] -= found.z[count:]
         if parts.equal.any() and found.y is not None:
             rows[parts.equal] = found.y
-        return best_checked(self.name, "inaccurate", qp, [(found.x, multipliers, 0)])
+        z = np.asarray(found.x)
+        return best_checked(self.name, "inaccurate", qp, [(z, multipliers, 0)])
 
     def _found(self, qp: QP, parts: "_Parts") -> qpsolvers.Solution:
         """Answer of the solver, not checked."""

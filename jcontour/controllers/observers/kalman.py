@@ -30,7 +30,7 @@ class ObserverMemory(NamedTuple):
     inner: Any
 
 
-def corrected(estimate, measurement, gain, measured):
+def corrected(estimate: Any, measurement: Any, gain: Any, measured: Any) -> Any:
     """Estimate that includes the measurement: xf = xh + L (y - C xh), in JAX or in NumPy."""
     return estimate + gain @ (measurement - measured @ estimate)
 
@@ -80,7 +80,8 @@ class _Observer(Wrapper):
         return ObserverMemory(start, self.controller.initial_memory(reference))
 
     def _update(self, memory: ObserverMemory, measurement: Any) -> Float[Array, " n"]:
-        return corrected(memory.estimate, row(measurement), self.gain, self._C)
+        estimate: Array = corrected(memory.estimate, row(measurement), self.gain, self._C)
+        return estimate
 
 
 class FilterObserver(_Observer):
