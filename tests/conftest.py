@@ -46,6 +46,17 @@ def _keep_compiled_programs(config):
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _forget_programs_of_other_files():
+    """Free compiled programs after each file.
+
+    Each one is mapped into memory. Thousands of them in one worker exceed the number of maps that
+    Linux gives a process (`vm.max_map_count`), and the compiler aborts.
+    """
+    yield
+    jax.clear_caches()
+
+
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:
     """A stable machine in which everything acts on everything."""
     random = np.random.default_rng(seed)
