@@ -31,7 +31,8 @@ def show_tuned(result: TunedResult, console: Console) -> None:
     """Everything a tuning run found, and one sentence."""
     for table in design_tables(result):
         console.print(table)
-    say(console, *peak_lines(result), *values_block(result), "", sentence(result))
+    lines = [*peak_lines(result), *values_block(result), "", sentence(result)]
+    say(console, *lines, *held_out_lines(result))
 
 
 def design_tables(result: TunedResult) -> list[Table]:
@@ -106,6 +107,23 @@ def sentence(result: TunedResult) -> str:
         after = "diverged"
     what = f"Worst RMS {result.error} error over training contours and plants"
     return f"{what}: {before} with the start weights, {after} with the tuned ones."
+
+
+def held_out_lines(result: TunedResult) -> list[str]:
+    """Which held-out contours the tuned weights make worse; no line where they make none worse."""
+    held_out = [one for one in result.contours if not one.training]
+    ratios = {}
+    for one in held_out:
+        start, tuned = (
+            rms_error(one.metrics[design].worst, result.error) for design in ("start", "tuned")
+        )
+        if tuned > start:
+            ratios[one.name] = tuned / start
+    if not ratios:
+        return []
+    worse = ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
+    count = f"{len(ratios)} of {len(held_out)}"
+    return [f"WARNING: worse than the start weights on {count} held-out contours: {worse}"]
 
 
 def _engine_line(row: EngineRow) -> str:

@@ -1,6 +1,7 @@
 """One whole `jcontour tune` on a tiny machine."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from experiments.cli import main
 from experiments.files.netcdf import load_dataset
 from experiments.files.results import read_result, to_json
 from experiments.files.tuned_result import TunedResult
+from experiments.reports.tuned_tables import held_out_lines
 
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
@@ -54,6 +56,25 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     np.testing.assert_allclose(rms[0], part.metrics["tuned"].nominal.rms_contour_error, rtol=1e-9)
     np.testing.assert_allclose(rms.max(), after.rms_contour_error, rtol=1e-9)
     assert result.usable and result.margins.stable
+
+
+def test_held_out_contours_that_became_worse_are_named(result):
+    def with_errors(start, tuned):
+        contours = []
+        for one in result.contours:
+            metrics = dict(one.metrics)
+            if not one.training:
+                for design, error in (("start", start), ("tuned", tuned)):
+                    family = metrics[design]
+                    worst = replace(family.worst, rms_contour_error=error)
+                    metrics[design] = replace(family, worst=worst)
+            contours.append(replace(one, metrics=metrics))
+        return held_out_lines(replace(result, contours=contours))
+
+    assert with_errors(2e-6, 1e-6) == []
+    (line,) = with_errors(2e-6, 3e-6)
+    assert line.startswith("WARNING: worse than the start weights on 3 of 3 held-out contours")
+    assert line.count("x 1.50") == 3 and "circle x 1.50" in line
 
 
 def test_where_the_peak_is(tuned, result, part_file):
