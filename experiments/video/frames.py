@@ -1,7 +1,7 @@
 """Frames of a gantry's video: MuJoCo's picture, plan of the path, twist and contour error.
 
 The twist theta is drawn n times as large, about the tool, which stays where it is: the pose (x_h,
-y_N, n theta) whose tool is at P_e of `gantry_parameters`. The contour error is magnified in the
+y_N, n theta) whose tool is at P_e of `parameters`. The contour error is magnified in the
 plan.
 """
 
