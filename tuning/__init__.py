@@ -7,7 +7,17 @@ The tuner knows controllers and plants only by their contracts. All files are re
 from importlib import import_module
 from types import ModuleType
 
-_FILES = ("objectives", "parameters", "pareto", "problem", "sweep", "tune", "verify")
+_FILES = (
+    "objectives",
+    "outcome",
+    "parameters",
+    "pareto",
+    "problem",
+    "stabilise",
+    "sweep",
+    "tune",
+    "verify",
+)
 
 
 def __getattr__(name: str) -> ModuleType:

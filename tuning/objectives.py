@@ -1,57 +1,148 @@
-"""Objectives and limits: functions of Metrics with axes (contour, plant).
+"""Objectives and limits.
 
-An objective returns positive values; the largest is made small. A limit returns a vector that must
-not be above zero, ln(value / limit), so that a per cent counts alike on every machine.
+An objective is a function of Metrics with axes (contour, plant) whose values are made small.
+
+It returns rows of positive values v (g, v). A row counts by its largest value, the rows count by
+their geometric mean:
+
+    f = (prod over rows r of max over i of v[r, i])^(1/g)
+
+One row is a worst case. A row per contour lets no contour in micrometres drown another one.
+
+| | rows | value |
+|---|---|---|
+| worst | one | the largest error of all |
+| mean | one | the mean error |
+| typical | one per contour | the geometric mean of the family's worst of every contour |
+| regret | one | the largest ratio to each contour's own best |
+
+Limits are a function of the Outcome. It returns a vector that must not be above zero,
+ln(value / limit), so that a per cent counts alike on every machine.
 """
 
 from collections.abc import Callable
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.simulation.metrics import Metrics
+from tuning.outcome import Outcome
 
-Objective = Callable[[Metrics], Float[Array, " v"]]
-Limits = Callable[[Metrics], Float[Array, " c"]]
+Objective = Callable[[Metrics], Float[Array, "g v"]]
+Limits = Callable[[Outcome], Float[Array, " c"]]
 
-
-def mean_contour_error(metrics: Metrics) -> Float[Array, " 1"]:
-    """Mean over contours and plants of the RMS contour error [m]."""
-    return jnp.mean(metrics.rms_contour_error)[None]
-
-
-def worst_contour_error(metrics: Metrics) -> Float[Array, " v"]:
-    """RMS contour error [m] of every contour and plant: the worst case counts, exactly."""
-    return jnp.ravel(metrics.rms_contour_error)
+LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
+    "peak_sensitivity": "sensitivity",
+    "peak_complementary_sensitivity": "complementary",
+}
 
 
-def mean_tracking_error(metrics: Metrics) -> Float[Array, " 1"]:
-    """Mean over contours and plants of the RMS tracking error [m]."""
-    return jnp.mean(metrics.rms_tracking_error)[None]
+def worst_contour_error(metrics: Metrics) -> Float[Array, "1 v"]:
+    """RMS contour error [m] of every contour c and plant p in one row: f = max over c, p of e."""
+    return jnp.ravel(metrics.rms_contour_error)[None]
 
 
-def worst_tracking_error(metrics: Metrics) -> Float[Array, " v"]:
-    """RMS tracking error [m] of every contour and plant: the worst case counts, exactly."""
-    return jnp.ravel(metrics.rms_tracking_error)
+def mean_contour_error(metrics: Metrics) -> Float[Array, "1 1"]:
+    """Mean over contours and plants of the RMS contour error [m]: f = mean over c, p of e."""
+    return jnp.mean(metrics.rms_contour_error)[None, None]
 
 
-def no_limits(metrics: Metrics) -> Float[Array, " 0"]:
+def typical_contour_error(metrics: Metrics) -> Float[Array, "c p"]:
+    """RMS contour error [m], a row per contour: f = (prod over c of max over p of e)^(1/C).
+
+    A per cent of any contour counts alike, however large its error.
+    """
+    return metrics.rms_contour_error
+
+
+def worst_tracking_error(metrics: Metrics) -> Float[Array, "1 v"]:
+    """RMS tracking error [m] of every contour c and plant p in one row: f = max over c, p of e."""
+    return jnp.ravel(metrics.rms_tracking_error)[None]
+
+
+def mean_tracking_error(metrics: Metrics) -> Float[Array, "1 1"]:
+    """Mean over contours and plants of the RMS tracking error [m]: f = mean over c, p of e."""
+    return jnp.mean(metrics.rms_tracking_error)[None, None]
+
+
+def typical_tracking_error(metrics: Metrics) -> Float[Array, "c p"]:
+    """RMS tracking error [m], a row per contour: f = (prod over c of max over p of e)^(1/C)."""
+    return metrics.rms_tracking_error
+
+
+class Regret(eqx.Module):
+    """Largest ratio of an error to the best that its contour allows: f = max over c, p of e / b_c.
+
+    >>> regret = Regret([2e-6, 5e-6])
+    >>> regret.best.shape
+    (2,)
+
+    Args:
+        best: smallest error of the family's worst, contour by contour [m]; each is found by tuning
+            for that contour alone.
+        error: which RMS error counts.
+
+    Raises:
+        ValueError: a best error is not finite and above zero.
+    """
+
+    best: Float[Array, " c"]
+    error: Literal["contour", "tracking"] = eqx.field(static=True)
+
+    def __init__(self, best: ArrayLike, error: Literal["contour", "tracking"] = "contour"):
+        values = np.asarray(best, float)
+        if values.ndim != 1 or not np.all(np.isfinite(values) & (values > 0)):
+            raise ValueError(
+                f"best: needs one finite error above zero for every contour, received {best}"
+            )
+        self.best, self.error = jnp.asarray(values), error
+
+    def __call__(self, metrics: Metrics) -> Float[Array, "1 v"]:
+        """Ratios in one row."""
+        errors = getattr(metrics, f"rms_{self.error}_error")
+        if len(errors) != self.best.size:
+            raise ValueError(
+                f"best: needs one error for each of {len(errors)} contours, "
+                f"received {self.best.size}"
+            )
+        return jnp.ravel(errors / self.best[:, None])[None]
+
+
+class Entry(NamedTuple):
+    """One entry of the limits.
+
+    Attributes:
+        name: of the limit.
+        row: index of the contour, or of the probe for a limit on the loops.
+        plant: index in the family.
+    """
+
+    name: str
+    row: int
+    plant: int
+
+
+def no_limits(outcome: Outcome) -> Float[Array, " 0"]:
     """Nothing to respect."""
-    return jnp.zeros((0,), metrics.rms_contour_error.dtype)
+    return jnp.zeros((0,), outcome.metrics.rms_contour_error.dtype)
 
 
 class AtMost(eqx.Module):
-    """Limits on metrics by name, for every contour and plant.
+    """Limits by name: on metrics for every contour and plant, on loops for every probe and plant.
 
-    >>> limits = AtMost(rms_increment=0.114, rms_tracking_error=100e-6)
+    >>> limits = AtMost(rms_increment=0.114, peak_sensitivity=2.0)
     >>> limits.names
-    ('rms_increment', 'rms_tracking_error')
+    ('rms_increment', 'peak_sensitivity')
 
-    The bounds are arrays, so that problems which differ in them only share one compiled program.
+    Names are those of `Metrics`, and `peak_sensitivity` and `peak_complementary_sensitivity`. The
+    bounds are arrays, so that problems which differ in them only share one compiled program.
 
     Raises:
-        ValueError: an unknown metric, or a limit that is not positive.
+        ValueError: an unknown name, a limit that is not positive, or a peak sensitivity that is not
+            above 1, which no loop reaches.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -59,6 +150,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
+        known += LOOP_LIMITS
         for name, limit in limits.items():
             if name not in known:
                 raise ValueError(
@@ -66,15 +158,37 @@ class AtMost(eqx.Module):
                 )
             if not limit > 0:
                 raise ValueError(f"{name}: a limit needs to be positive, received {limit}")
+            if name == "peak_sensitivity" and not limit > 1:
+                raise ValueError(f"{name}: a limit needs to be above 1, received {limit}")
         self.names, self.bounds = tuple(limits), jnp.asarray(list(limits.values()), float)
 
-    def __call__(self, metrics: Metrics) -> Float[Array, " c"]:
-        """ln(value / limit), one entry per limit, contour and plant."""
+    def __call__(self, outcome: Outcome) -> Float[Array, " c"]:
+        """ln(value / limit), one entry per limit, row and plant.
+
+        Raises:
+            ValueError: the loops are limited, and the outcome has none.
+        """
         parts = [
-            jnp.ravel(_log(getattr(metrics, name) / bound))
+            jnp.ravel(_log(_values(outcome, name) / bound))
             for name, bound in zip(self.names, self.bounds, strict=True)
         ]
-        return jnp.concatenate(parts) if parts else no_limits(metrics)
+        return jnp.concatenate(parts) if parts else no_limits(outcome)
+
+    def entries(self, outcome: Outcome) -> list[Entry]:
+        """The entries of the vector, in its order."""
+        return [
+            Entry(name, row, plant)
+            for name in self.names
+            for row, plant in np.ndindex(*_values(outcome, name).shape)
+        ]
+
+
+def _values(outcome: Outcome, name: str) -> Float[Array, "rows plants"]:
+    if name not in LOOP_LIMITS:
+        return getattr(outcome.metrics, name)
+    if outcome.loops is None:
+        raise ValueError(f"{name}: a limit on the loops needs a problem with windows")
+    return getattr(outcome.loops, LOOP_LIMITS[name])
 
 
 def _log(value: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -9,13 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.simulation.metrics import Metrics
 from tuning.objectives import Limits
+from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
 from tuning.tune import FEASIBLE, THOROUGH, Effort, Evaluated, TuneState, advance
@@ -25,7 +26,7 @@ class FrontPoint(NamedTuple):
     """The best point found within one budget; the least violating one when `feasible` is False."""
 
     weights: Weights
-    metrics: Metrics
+    outcome: Outcome
     objective: float
     feasible: bool
 
@@ -113,7 +114,7 @@ def front_points(
         weights = Chart(problem.space, start).weights(jnp.asarray(best.z))
         (violation,) = _violations(problem, [best])
         points.append(
-            FrontPoint(weights, best.metrics, best.objective, bool(violation <= FEASIBLE))
+            FrontPoint(weights, best.outcome, best.objective, bool(violation <= FEASIBLE))
         )
     return points
 
@@ -130,10 +131,11 @@ def _best(problem: Problem, evaluated: Sequence[Evaluated]) -> Evaluated | None:
 
 def _violations(problem: Problem, evaluated: Sequence[Evaluated]) -> Float[np.ndarray, " n"]:
     """Largest limit of every point under the limits of this problem."""
-    metrics = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(row.metrics for row in evaluated))
-    return np.asarray(_largest(problem.limits, metrics))
+    outcomes = jax.tree.map(lambda *leaves: np.stack(leaves), *(row.outcome for row in evaluated))
+    return np.asarray(_largest(problem.limits, outcomes))
 
 
-def _largest(limits: Limits, metrics: Metrics) -> Float[Array, " n"]:
-    """Largest entry of the limits of stacked metrics."""
-    return jax.vmap(lambda one: jnp.max(limits(one), initial=-jnp.inf))(metrics)
+@eqx.filter_jit
+def _largest(limits: Limits, outcomes: Outcome) -> Float[Array, " n"]:
+    """Largest entry of the limits of stacked outcomes."""
+    return jax.vmap(lambda one: jnp.max(limits(one), initial=-jnp.inf))(outcomes)

@@ -15,7 +15,8 @@ from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import Batching, evaluate
 from jcontour.simulation.metrics import Metrics
-from tuning.objectives import Limits, Objective, no_limits
+from tuning.objectives import Entry, Limits, Objective, no_limits
+from tuning.outcome import LoopPeaks, Outcome
 from tuning.parameters import Chart, Weights
 
 Numbers = Array | np.ndarray  # inside jit or on the host
@@ -34,44 +35,97 @@ class Problem(eqx.Module):
         build: weights -> controller; traced, so that gradients flow through it.
         plants: the family, stacked; every member counts.
         references: the training contours, stacked.
-        objective: metrics (contour, plant) -> values, the largest of which is made small.
-        limits: metrics -> vector that must not be above zero.
+        objective: metrics (contour, plant) -> rows of values (g, v), see `objectives`.
+        limits: outcome -> vector that must not be above zero.
         space: one parameter per weight, see `parameters`.
         window: samples a..b-1 that are scored; all when None.
         batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
             by the platform when None.
+        loops: controller, family -> peaks of the frozen loops; they are not looked at when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)
     plants: Plant
     references: Reference
-    objective: Objective = eqx.field(static=True)
+    objective: Objective
     space: object
     limits: Limits = no_limits
     window: tuple[int, int] | None = eqx.field(static=True, default=None)
     batching: Batching | None = eqx.field(static=True, default=None)
+    loops: Callable[[Controller, Plant], LoopPeaks] | None = None
 
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""
-        return evaluate(
-            self.build(weights), self.plants, self.references, self.window, self.batching
-        )
+        return self._metrics(self.build(weights))
 
-    def counts(self) -> tuple[int, int]:
-        """Number of limits, and of values that the objective returns."""
+    def outcome(self, weights: Weights) -> Outcome:
+        """Metrics, and peaks of the frozen loops where the problem asks for them."""
+        controller = self.build(weights)
+        loops = None if self.loops is None else self.loops(controller, self.plants)
+        return Outcome(self._metrics(controller), loops)
+
+    def loop_peaks(self, weights: Weights) -> LoopPeaks:
+        """Peaks of the frozen loops alone, without a run.
+
+        Raises:
+            ValueError: the problem does not look at its loops.
+        """
+        if self.loops is None:
+            raise ValueError("loops: this problem does not look at its frozen loops")
+        return self.loops(self.build(weights), self.plants)
+
+    def counts(self, start: Weights) -> tuple[int, tuple[int, ...]]:
+        """Number of limits, and shape (g, v) of the values that the objective returns.
+
+        Raises:
+            ValueError: the objective returns no rows, or the limits need what the problem lacks.
+        """
+        limits, values = jax.eval_shape(self._judged, start)
+        if len(values.shape) != 2 or 0 in values.shape:
+            raise ValueError(
+                f"objective: needs rows of values (g, v), received the shape {values.shape}"
+            )
+        return limits.size, values.shape
+
+    def limit_entries(self, outcome: Outcome) -> list[Entry]:
+        """Names of the entries of the limits, in their order.
+
+        Limits that cannot tell are numbered.
+        """
+        entries = getattr(self.limits, "entries", None)
+        if entries is not None:
+            return entries(outcome)
+        return [Entry("limit", k, 0) for k in range(self.limits(outcome).size)]
+
+    def _metrics(self, controller: Controller) -> Metrics:
+        return evaluate(controller, self.plants, self.references, self.window, self.batching)
+
+    def _judged(self, start: Weights) -> tuple[Array, Array]:
         runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
-
-        def both():
-            ones = {row.name: jnp.ones(runs) for row in fields(Metrics)}
-            metrics = Metrics(**{**ones, "diverged": jnp.ones(runs, bool)})
-            return self.limits(metrics), self.objective(metrics)
-
-        limits, values = jax.eval_shape(both)
-        return limits.size, values.size
+        ones = {row.name: jnp.ones(runs) for row in fields(Metrics)}
+        metrics = Metrics(**{**ones, "diverged": jnp.ones(runs, bool)})
+        loops = None if self.loops is None else self.loop_peaks(start)
+        return self.limits(Outcome(metrics, loops)), self.objective(metrics)
 
 
-def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -> Float[Array, ""]:
-    """(sum of share v^p)^(1/p), p = SHARPNESS.
+def geometric_mean(rows: Float[Numbers, " g"]) -> Float[Array, ""]:
+    """(prod of rows)^(1/g)."""
+    return jnp.exp(jnp.mean(jnp.log(jnp.maximum(rows, 1e-300))))
+
+
+def objective_value(values: Float[Numbers, "g v"]) -> float:
+    """Geometric mean over rows of the largest value of each.
+
+    >>> round(objective_value(np.array([[1.0, 4.0], [9.0, 2.0]])), 12)
+    6.0
+    """
+    return float(geometric_mean(np.max(values, axis=-1)))
+
+
+def smooth_maximum(
+    values: Float[Numbers, "*g v"], shares: Float[Numbers, "*g v"]
+) -> Float[Array, "*g"]:
+    """(sum of share v^p)^(1/p) of every row, p = SHARPNESS.
 
     It is smooth, and exactly the maximum once the shares are its multipliers.
 
@@ -79,19 +133,20 @@ def smooth_maximum(values: Float[Numbers, " v"], shares: Float[Numbers, " v"]) -
     >>> round(float(smooth_maximum(values, jnp.array([0.5, 0.5]))), 12)
     3.0
     """
-    largest = jax.lax.stop_gradient(jnp.max(values))
-    return largest * jnp.sum(shares * (values / largest) ** SHARPNESS) ** (1 / SHARPNESS)
+    largest = jax.lax.stop_gradient(jnp.max(values, axis=-1, keepdims=True))
+    powers = jnp.sum(shares * (values / largest) ** SHARPNESS, axis=-1)
+    return largest[..., 0] * powers ** (1 / SHARPNESS)
 
 
 def earned_shares(
-    values: Float[Numbers, " v"], shares: Float[Numbers, " v"]
-) -> Float[np.ndarray, " v"]:
-    """Next shares, in proportion to share v^p.
+    values: Float[Numbers, "*g v"], shares: Float[Numbers, "*g v"]
+) -> Float[np.ndarray, "*g v"]:
+    """Next shares, in proportion to share v^p within every row.
 
     This is the exponential method of multipliers for a minimax.
     """
-    earned = shares * (values / np.max(values)) ** SHARPNESS
-    return np.maximum(earned / np.sum(earned), LEAST_SHARE)
+    earned = shares * (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS
+    return np.maximum(earned / np.sum(earned, axis=-1, keepdims=True), LEAST_SHARE)
 
 
 class Merit(NamedTuple):
@@ -100,7 +155,7 @@ class Merit(NamedTuple):
     multipliers: Float[Numbers, " c"]
     penalty: Float[Numbers, ""]
     scale: Float[Numbers, ""]  # of the objective
-    shares: Float[Numbers, " v"]  # multipliers of the objective's values, with sum one
+    shares: Float[Numbers, "g v"]  # multipliers of the objective's values; sum one in every row
 
 
 class Point(NamedTuple):
@@ -108,9 +163,9 @@ class Point(NamedTuple):
 
     lagrangian: Float[Numbers, ""]
     gradient: Float[Numbers, " d"]
-    objective: Float[Numbers, " v"]
+    objective: Float[Numbers, "g v"]
     limits: Float[Numbers, " c"]
-    metrics: Metrics
+    outcome: Outcome
     diverged: Bool[Numbers, ""]
 
 
@@ -120,23 +175,25 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"], meri
 
         L = f / scale + sum(max(0, lambda + mu (c + margin))^2 - lambda^2) / (2 mu)
 
-    f is the smooth maximum of the objective's values under the shares they have earned so far.
+    f is the geometric mean over rows of the smooth maximum of the objective's values, under the
+    shares they have earned so far.
 
-    A point where any member of the family diverges on any contour is `diverged`; its other numbers
-    mean nothing.
+    A point where any member of the family diverges on any contour, or has an unstable frozen loop,
+    is `diverged`; its other numbers mean nothing.
     """
 
     def lagrangian(z):
-        metrics = problem.metrics(Chart(problem.space, start).weights(z))
-        objective, limits = problem.objective(metrics), problem.limits(metrics)
+        outcome = problem.outcome(Chart(problem.space, start).weights(z))
+        objective, limits = problem.objective(outcome.metrics), problem.limits(outcome)
         pressure = jnp.maximum(0.0, merit.multipliers + merit.penalty * (limits + LIMIT_MARGIN))
-        value = smooth_maximum(objective, merit.shares) / merit.scale + jnp.sum(
-            pressure**2 - merit.multipliers**2
-        ) / (2 * merit.penalty)
-        return value, (objective, limits, metrics)
+        rows = smooth_maximum(objective, merit.shares)
+        value = geometric_mean(rows) / merit.scale + jnp.sum(pressure**2 - merit.multipliers**2) / (
+            2 * merit.penalty
+        )
+        return value, (objective, limits, outcome)
 
-    (value, (objective, limits, metrics)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(
+    (value, (objective, limits, outcome)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(
         z
     )
     finite = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
-    return Point(value, gradient, objective, limits, metrics, jnp.any(metrics.diverged) | ~finite)
+    return Point(value, gradient, objective, limits, outcome, outcome.diverged | ~finite)

@@ -3,7 +3,8 @@
 A run is a sequence of `advance` calls on a `TuneState`. The state holds everything: a run that is
 saved after any call and loaded again ends with the same bits.
 
-First, scattered points are evaluated. Then the run descends from the given start and from the most
+First, scattered points are evaluated. A given start whose loops are unstable is stabilised
+(`stabilise`). Then the run descends from the given start and from the most
 promising scattered points. The best feasible point of all is the result. One descent has two loops:
 
     inner   minimise L(z; lambda, mu) along L-BFGS directions (from optax);
@@ -25,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from jcontour.simulation.metrics import Metrics
+from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import (
     LIMIT_MARGIN,
@@ -34,8 +35,11 @@ from tuning.problem import (
     Problem,
     earned_shares,
     evaluate_point,
+    geometric_mean,
+    objective_value,
     smooth_maximum,
 )
+from tuning.stabilise import stabilised
 
 FEASIBLE = 1e-6  # a limit may be exceeded by this relative amount
 NEARLY_FEASIBLE = 0.02  # violation below which the objective tells its size at the optimum
@@ -111,7 +115,7 @@ class Evaluated(NamedTuple):
     z: np.ndarray
     objective: float
     violation: float  # largest limit, ln(value / limit); -inf without limits
-    metrics: Metrics
+    outcome: Outcome
     diverged: bool
 
 
@@ -130,7 +134,28 @@ class TuneState:
     gradient: np.ndarray = field(default_factory=lambda: np.zeros(0))  # likewise
     violation: float = np.inf  # at the last multiplier update
     objective: float = np.inf  # likewise
+    # multipliers of the limits (descent, c), as slopes of ln(objective)
+    prices: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    stabilised: bool = False
+    least_radius: float = np.inf  # where nothing stable was found
+    least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))  # likewise
     done: bool = False
+
+
+class Price(NamedTuple):
+    """What one limit costs: d ln(objective) / d ln(bound) = -price.
+
+    Attributes:
+        name: of the limit.
+        row: index of the contour, or of the probe for a limit on the loops.
+        plant: index in the family.
+        price: zero for a limit that does not act.
+    """
+
+    name: str
+    row: int
+    plant: int
+    price: float
 
 
 class Tuned(NamedTuple):
@@ -138,21 +163,27 @@ class Tuned(NamedTuple):
 
     Attributes:
         weights: the best feasible weights; those of least violation when none is feasible.
-        metrics: metrics of these weights (contour, plant).
+        outcome: metrics of these weights (contour, plant), and peaks of their loops.
         feasible: whether every limit holds to `FEASIBLE`.
         violation: largest ln(value / limit).
         diverged_points: number of evaluated points with a diverging member; they were rejected.
         diverged_starts: number of descents that could not begin because their start diverged.
         history: every point evaluated.
+        prices: of every entry of the limits, from the descent that found the weights; empty when
+            none did.
+        stabilised: whether the given start diverged, and the first descent began at weights that
+            were found for their stable loops.
     """
 
     weights: Weights
-    metrics: Metrics
+    outcome: Outcome
     feasible: bool
     violation: float
     diverged_points: int
     diverged_starts: int
     history: list[Evaluated]
+    prices: list[Price]
+    stabilised: bool
 
 
 def tune(
@@ -187,23 +218,41 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
     """
     sound = [row for row in state.history if not row.diverged]
     if not sound:
-        raise ValueError(
-            "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
-        )
+        raise ValueError(_nothing_stable(problem, start, state))
     best = min(sound, key=_rank)
-    first_points: dict[int, Evaluated] = {}
-    for row in state.history:
-        first_points.setdefault(row.start, row)
-    descents = [s for s in first_points if 0 <= s <= state.start]
+    begun = {row.start for row in sound}
+    descents = {row.start for row in state.history if row.start >= 0}
     return Tuned(
         weights=Chart(problem.space, start).weights(jnp.asarray(best.z)),
-        metrics=best.metrics,
+        outcome=best.outcome,
         feasible=best.violation <= FEASIBLE,
         violation=best.violation,
         diverged_points=sum(row.diverged for row in state.history),
-        diverged_starts=sum(first_points[s].diverged for s in descents),
+        diverged_starts=len(descents - begun),
         history=state.history,
+        prices=_prices(problem, best, state),
+        stabilised=state.stabilised,
     )
+
+
+def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
+    if not np.isfinite(state.least_radius):
+        return (
+            "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
+        )
+    weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
+    return (
+        "every start diverges: the smallest spectral radius of the frozen loops is "
+        f"{state.least_radius:.4g}, found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
+    )
+
+
+def _prices(problem: Problem, best: Evaluated, state: TuneState) -> list[Price]:
+    if not 0 <= best.start < len(state.prices):
+        return []
+    entries = problem.limit_entries(best.outcome)
+    values = state.prices[best.start]
+    return [Price(*entry, float(value)) for entry, value in zip(entries, values, strict=True)]
 
 
 def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) -> TuneState:
@@ -233,11 +282,16 @@ def _begin(problem, start, effort, state: TuneState, index: int) -> TuneState:
     if z is None:
         return replace(state, done=True)
     point = _point(problem, start, z)
-    merit = _first_merit(point.limits.size, point.objective.size)
-    merit = merit._replace(scale=np.max(point.objective))
+    state = replace(state, history=[*state.history, _row(index, z, point)])
+    if point.diverged and index == 0 and problem.loops is not None:
+        state, z, point = _stabilised(problem, start, state, z, point)
+    merit = _first_merit(point.limits.size, point.objective.shape)
+    merit = merit._replace(scale=np.asarray(objective_value(point.objective)))
+    no_prices = np.zeros((1, point.limits.size))
+    prices = state.prices.reshape(index, point.limits.size)
     state = replace(
         state,
-        history=[*state.history, _row(index, z, point)],
+        prices=np.concatenate([prices, no_prices]),
         start=index,
         outer=0,
         inner=0,
@@ -249,6 +303,23 @@ def _begin(problem, start, effort, state: TuneState, index: int) -> TuneState:
     )
     state = _weighed(problem, start, state)
     return _begin(problem, start, effort, state, index + 1) if bool(point.diverged) else state
+
+
+def _stabilised(problem, start, state: TuneState, z, point: Point):
+    """The state, and the first point of the descent, once it is stable; else as they were."""
+    history, found = list(state.history), point
+
+    def accept(there) -> bool:
+        nonlocal found
+        found = _point(problem, start, there)
+        history.append(_row(0, there, found))
+        return not found.diverged
+
+    end = stabilised(problem, start, z, accept)
+    state = replace(state, history=history, least_radius=end.radius, least_z=end.z)
+    if not end.accepted:
+        return state, z, point
+    return replace(state, stabilised=True), end.z, found
 
 
 def _descend(problem, start, effort, state: TuneState) -> TuneState:
@@ -281,8 +352,12 @@ def _update_multipliers(problem, start, effort, state: TuneState) -> TuneState:
     slack = -multipliers / penalty
     violation = float(np.max(np.abs(np.maximum(limits, slack)), initial=0.0))  # and complementarity
     nearly_feasible = violation < NEARLY_FEASIBLE
-    objective = float(np.max(here.objective))
-    overstated = 1 - float(smooth_maximum(here.objective, shares)) / objective
+    objective = objective_value(here.objective)
+    overstated = 1 - float(geometric_mean(smooth_maximum(here.objective, shares))) / objective
+    next_multipliers = np.maximum(0.0, multipliers + penalty * limits)
+    prices = state.prices.copy()
+    prices[state.start] = next_multipliers * scale / objective
+    state = replace(state, prices=prices)
     still = abs(objective - state.objective) < effort.tolerance * objective
     settled = still and abs(overstated) < 10 * effort.tolerance
     converged = violation < LIMIT_MARGIN and settled
@@ -292,7 +367,7 @@ def _update_multipliers(problem, start, effort, state: TuneState) -> TuneState:
     new_scale = np.asarray(objective) if nearly_feasible else scale
     shrunk = violation <= max(state.violation / 4, LIMIT_MARGIN / 2)
     merit = Merit(
-        multipliers=np.maximum(0.0, multipliers + penalty * limits) * scale / new_scale,
+        multipliers=next_multipliers * scale / new_scale,
         penalty=penalty if shrunk else 4 * penalty,
         scale=new_scale,
         shares=earned_shares(here.objective, shares),
@@ -338,17 +413,17 @@ def _direction(z: np.ndarray, gradient, memory) -> tuple[np.ndarray, Any]:
 
 def _point(problem, start, z, merit: Merit | None = None) -> Point:
     if merit is None:  # a first look is for the numbers only
-        merit = _first_merit(*problem.counts())
+        merit = _first_merit(*problem.counts(start))
     traced = jax.tree.map(jnp.asarray, merit)
     return jax.device_get(evaluate_point(problem, start, jnp.asarray(z), traced))
 
 
-def _first_merit(limits: int, values: int) -> Merit:
+def _first_merit(limits: int, values: tuple[int, ...]) -> Merit:
     return Merit(
         multipliers=np.zeros(limits),
         penalty=np.asarray(FIRST_PENALTY),
         scale=np.asarray(1.0),
-        shares=np.full(values, 1 / values),
+        shares=np.full(values, 1 / values[-1]),
     )
 
 
@@ -362,9 +437,9 @@ def _scattered_point(problem, start, effort: Effort, index: int) -> np.ndarray:
 
 
 def _row(start: int, z: np.ndarray, point: Point) -> Evaluated:
-    objective = float(np.max(point.objective))
+    objective = objective_value(point.objective)
     violation = float(np.max(point.limits, initial=-np.inf))
-    return Evaluated(start, z, objective, violation, point.metrics, bool(point.diverged))
+    return Evaluated(start, z, objective, violation, point.outcome, bool(point.diverged))
 
 
 def _next_start(history: list[Evaluated]) -> np.ndarray | None:
@@ -380,7 +455,7 @@ def _behaviour(row: Evaluated) -> np.ndarray:
 
     Weights that look different may behave alike, as all tiny betas do.
     """
-    metrics = row.metrics
+    metrics = row.outcome.metrics
     measures = (metrics.rms_contour_error, metrics.rms_tracking_error, metrics.rms_increment)
     return np.log([max(float(np.mean(measure)), 1e-300) for measure in measures])
 

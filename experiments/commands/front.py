@@ -175,7 +175,7 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
             problems, places = [search.within(NO_BUDGET)], [folder / WITHOUT_BUDGET]
             state = _searched(problems, places, run, show_progress)
             (optimum,) = front_points(problems, run.start, state)
-            needed = _worst(optimum.metrics, "increment")
+            needed = _worst(optimum.outcome.metrics, "increment")
         budgets = _budgets(search.flags, needed, folder)
         problems += [search.within(budget) for budget in budgets]
         places += [folder / f"budget-{k}" for k in range(len(budgets))]
@@ -270,13 +270,13 @@ def _worst(metrics: Metrics, name: str) -> float:
 
 def _point(budget: float, found: FrontPoint) -> BudgetPoint:
     weights = plain_weights(found.weights).items()
-    increment = _worst(found.metrics, "increment")
+    increment = _worst(found.outcome.metrics, "increment")
     feasible = bool(found.feasible)
     return BudgetPoint(
         budget=budget,
         weights={name: value for name, value in weights if isinstance(value, float)},
-        rms_contour_error=_worst(found.metrics, "contour_error"),
-        rms_tracking_error=_worst(found.metrics, "tracking_error"),
+        rms_contour_error=_worst(found.outcome.metrics, "contour_error"),
+        rms_tracking_error=_worst(found.outcome.metrics, "tracking_error"),
         rms_increment=increment,
         objective=found.objective,
         feasible=feasible,

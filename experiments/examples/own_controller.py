@@ -52,7 +52,7 @@ effort = Effort(starts=1, scatter=0, inner_steps=8, outer_steps=6, tolerance=1e-
 tuned = tune(problem, start, effort)
 
 worst_before = float(problem.metrics(start).rms_contour_error.max())
-worst_after = float(tuned.metrics.rms_contour_error.max())
+worst_after = float(tuned.outcome.metrics.rms_contour_error.max())
 print(
     f"Gain {float(tuned.weights['gain']):.0f} 1/m and feedforward "
     f"{float(tuned.weights['feedforward']):.1f} s/m take the worst RMS contour error of three "

@@ -15,6 +15,7 @@ import optax
 
 from experiments.files.run_folder import RunError, write
 from jcontour.simulation.metrics import Metrics
+from tuning.outcome import LoopPeaks, Outcome
 from tuning.problem import Merit
 from tuning.tune import Evaluated, TuneState
 
@@ -37,10 +38,13 @@ def save_state(folder: Path, state: TuneState) -> Path:
         }
     rows = state.history
     for name in Evaluated._fields:
-        if name != "metrics":
+        if name != "outcome":
             arrays[f"history_{name}"] = np.asarray([getattr(row, name) for row in rows])
     for name in Metrics.__dataclass_fields__:
-        arrays[f"metrics_{name}"] = np.asarray([getattr(row.metrics, name) for row in rows])
+        values = [getattr(row.outcome.metrics, name) for row in rows]
+        arrays[f"metrics_{name}"] = np.asarray(values)
+    for name in LoopPeaks._fields if rows and rows[0].outcome.loops is not None else ():
+        arrays[f"loops_{name}"] = np.asarray([getattr(row.outcome.loops, name) for row in rows])
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -76,8 +80,10 @@ def _state(arrays: dict[str, np.ndarray]) -> TuneState:
 
 
 def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
-    columns = {name: arrays[f"history_{name}"] for name in Evaluated._fields if name != "metrics"}
+    columns = {name: arrays[f"history_{name}"] for name in Evaluated._fields if name != "outcome"}
     metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
+    looked = "loops_spectral_radius" in arrays
+    loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
     history = []
     for k in range(len(columns["start"])):
         row = Evaluated(
@@ -85,7 +91,10 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
             columns["z"][k],
             float(columns["objective"][k]),
             float(columns["violation"][k]),
-            Metrics(**{name: values[k] for name, values in metrics.items()}),
+            Outcome(
+                Metrics(**{name: values[k] for name, values in metrics.items()}),
+                LoopPeaks(*(values[k] for values in loops)) if looked else None,
+            ),
             bool(columns["diverged"][k]),
         )
         history.append(row)

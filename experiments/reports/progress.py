@@ -51,6 +51,6 @@ def _words(state: TuneState, settings: Effort, error: str) -> str:
     worst = (
         "diverged"
         if row is None or row.diverged
-        else f"{1e6 * float(np.max(getattr(row.metrics, f'rms_{error}_error'))):.3f} um"
+        else f"{1e6 * float(np.max(getattr(row.outcome.metrics, f'rms_{error}_error'))):.3f} um"
     )
     return f"{phase}: worst RMS {error} error now {worst}"

@@ -21,6 +21,8 @@ from tuning.objectives import (
     Objective,
     mean_contour_error,
     mean_tracking_error,
+    typical_contour_error,
+    typical_tracking_error,
     worst_contour_error,
     worst_tracking_error,
 )
@@ -31,8 +33,10 @@ from tuning.tune import Effort
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
     ("worst", "contour"): worst_contour_error,
     ("mean", "contour"): mean_contour_error,
+    ("typical", "contour"): typical_contour_error,
     ("worst", "tracking"): worst_tracking_error,
     ("mean", "tracking"): mean_tracking_error,
+    ("typical", "tracking"): typical_tracking_error,
 }
 LIMITS = {  # flag -> metric, factor to SI
     "max_tracking_error_um": ("rms_tracking_error", 1e-6),

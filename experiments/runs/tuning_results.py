@@ -117,7 +117,7 @@ def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
     Nominal plant, and worst of the family that was tuned on.
     """
     name = f"rms_{run.machine.error}_error"
-    smooth = np.asarray(getattr(tuned.metrics, name))
+    smooth = np.asarray(getattr(tuned.outcome.metrics, name))
     replayed = np.asarray(getattr(found.metrics, name))
     rows = []
     for c, job in enumerate(run.scenarios.jobs_seen(True)):
@@ -171,8 +171,8 @@ def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
             objective=row.objective,
             violation=row.violation,
             diverged=row.diverged,
-            rms_error=float(np.max(getattr(row.metrics, error))),
-            rms_increment=float(np.max(row.metrics.rms_increment)),
+            rms_error=float(np.max(getattr(row.outcome.metrics, error))),
+            rms_increment=float(np.max(row.outcome.metrics.rms_increment)),
         )
         for row in tuned.history
     ]

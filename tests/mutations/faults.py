@@ -259,8 +259,8 @@ FAULTS = (
     # tuning
     Fault(
         "tuning/problem.py",
-        "earned = shares * (values / np.max(values)) ** SHARPNESS",
-        "earned = (values / np.max(values)) ** SHARPNESS",
+        "earned = shares * (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS",
+        "earned = (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS",
         "tests/tuning/test_problem.py",
     ),
     Fault(

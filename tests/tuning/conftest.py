@@ -11,6 +11,7 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.objectives import mean_contour_error, no_limits
+from tuning.outcome import LoopPeaks
 from tuning.parameters import Positive
 from tuning.problem import Problem
 
@@ -47,9 +48,27 @@ def proportional_problem():
         [along(circle(1e-3), 1e-4 * np.arange(20), 1e-3, 0, at_rest=False)]
     )
 
-    def problem(limits=no_limits, objective=mean_contour_error):
-        return Problem(
-            build, plants, references, objective, {"x": Positive(), "y": Positive()}, limits
-        )
+    def problem(limits=no_limits, objective=mean_contour_error, loops=None):
+        space = {"x": Positive(), "y": Positive()}
+        return Problem(build, plants, references, objective, space, limits, loops=loops)
 
     return problem
+
+
+@pytest.fixture(scope="session")
+def loop_peaks():
+    """Peaks of gains k on integrators of slope b in closed form, with g = b k, at two probes.
+
+    z + g - 1 = 0;   |S| and |T| have their peaks at z = -1, |T| for g < 1 at z = 1
+    """
+
+    def peaks(controller, plants):
+        gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains
+        radius = jnp.max(jnp.abs(1 - gain), axis=1)
+        stable = (radius < 1)[:, None] & (gain < 2)
+        below = jnp.where(stable, 2 - gain, 1.0)
+        largest = jnp.max(jnp.where(stable, 2 / below, jnp.inf), axis=1)
+        most = jnp.max(jnp.where(stable, jnp.maximum(1.0, gain / below), jnp.inf), axis=1)
+        return LoopPeaks(*(jnp.stack([peak, peak]) for peak in (largest, most, radius)))
+
+    return peaks

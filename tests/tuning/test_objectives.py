@@ -6,15 +6,21 @@ import pytest
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,
+    Entry,
+    Regret,
     mean_contour_error,
     mean_tracking_error,
     no_limits,
+    typical_contour_error,
+    typical_tracking_error,
     worst_contour_error,
     worst_tracking_error,
 )
+from tuning.outcome import LoopPeaks, Outcome
 
 NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
 ERRORS = np.array([[1e-6, 4e-6], [3e-6, 2e-6]])
+PEAKS = np.array([[1.5, 3.0], [2.0, 1.2], [1.1, 1.4]])
 
 
 def metrics(**values):
@@ -25,27 +31,67 @@ def metrics(**values):
     )
 
 
-def test_objectives():
-    there = metrics(rms_contour_error=jnp.asarray(ERRORS))
-    np.testing.assert_allclose(mean_contour_error(there), [2.5e-6])
-    np.testing.assert_allclose(worst_contour_error(there), ERRORS.ravel())
-    behind = metrics(rms_tracking_error=jnp.asarray(ERRORS))
-    np.testing.assert_allclose(mean_tracking_error(behind), [2.5e-6])
-    np.testing.assert_allclose(worst_tracking_error(behind), ERRORS.ravel())
-    assert no_limits(there).shape == (0,)
+def outcome(**values):
+    return Outcome(metrics(**values), LoopPeaks(jnp.asarray(PEAKS), PEAKS / 2, PEAKS / 4))
+
+
+@pytest.mark.parametrize(
+    ("error", "mean", "worst", "typical"),
+    [
+        ("contour", mean_contour_error, worst_contour_error, typical_contour_error),
+        ("tracking", mean_tracking_error, worst_tracking_error, typical_tracking_error),
+    ],
+)
+def test_objectives_return_rows(error, mean, worst, typical):
+    there = metrics(**{f"rms_{error}_error": jnp.asarray(ERRORS)})
+    np.testing.assert_allclose(mean(there), [[2.5e-6]])
+    np.testing.assert_allclose(worst(there), ERRORS.reshape(1, 4))
+    np.testing.assert_allclose(typical(there), ERRORS)
+    regret = Regret([0.5e-6, 1e-6], error)
+    np.testing.assert_allclose(regret(there), [[2.0, 8.0, 3.0, 2.0]])
+    assert no_limits(Outcome(there)).shape == (0,)
+
+
+@pytest.mark.parametrize("best", [[1e-6, 0.0], [1e-6, np.nan], [1e-6, np.inf], [-1.0, 1.0], 1e-6])
+def test_bad_best_errors_are_named(best):
+    with pytest.raises(ValueError, match="best: needs one finite error above zero"):
+        Regret(best)
+
+
+def test_regret_needs_a_best_for_every_contour():
+    with pytest.raises(
+        ValueError, match="best: needs one error for each of 2 contours, received 3"
+    ):
+        Regret([1e-6, 1e-6, 1e-6])(metrics())
 
 
 def test_limits_are_logarithms_for_every_contour_and_plant():
     limits = AtMost(rms_contour_error=2e-6, peak_control=0.5)
     np.testing.assert_allclose(
-        limits(metrics(rms_contour_error=jnp.asarray(ERRORS))),
+        limits(outcome(rms_contour_error=jnp.asarray(ERRORS))),
         [*np.log(ERRORS.ravel() / 2e-6), *[np.log(2)] * 4],
     )
-    assert AtMost()(metrics()).shape == (0,)
+    assert AtMost()(outcome()).shape == (0,)
+
+
+def test_loops_are_limited_for_every_probe_and_plant():
+    limits = AtMost(peak_sensitivity=2.0, rms_control=1.0, peak_complementary_sensitivity=1.0)
+    np.testing.assert_allclose(
+        limits(outcome()), [*np.log(PEAKS.ravel() / 2), *[0.0] * 4, *np.log(PEAKS.ravel() / 2)]
+    )
+
+
+def test_entries_name_limit_row_and_plant_in_the_order_of_the_vector():
+    limits = AtMost(peak_sensitivity=2.0, rms_control=1.0)
+    entries = limits.entries(outcome())
+    assert len(entries) == limits(outcome()).size == 10
+    assert entries[1] == Entry("peak_sensitivity", 0, 1)
+    assert entries[5] == Entry("peak_sensitivity", 2, 1)
+    assert entries[-1] == Entry("rms_control", 1, 1)
 
 
 def test_a_limit_has_a_slope_at_zero():
-    slope = jax.grad(lambda u: jnp.sum(AtMost(rms_control=1.0)(metrics(rms_control=u))))(0.0)
+    slope = jax.grad(lambda u: jnp.sum(AtMost(rms_control=1.0)(outcome(rms_control=u))))(0.0)
     assert np.isfinite(slope)
 
 
@@ -55,7 +101,17 @@ def test_bad_limits_are_named(limit):
         AtMost(rms_control=limit)
 
 
+def test_no_loop_has_a_peak_sensitivity_of_one():
+    with pytest.raises(ValueError, match="peak_sensitivity: a limit needs to be above 1"):
+        AtMost(peak_sensitivity=1.0)
+
+
+def test_limits_on_loops_need_loops():
+    with pytest.raises(ValueError, match="peak_sensitivity: .* needs a problem with windows"):
+        AtMost(peak_sensitivity=2.0)(Outcome(metrics()))
+
+
 @pytest.mark.parametrize("name", ["contour", "diverged"])
-def test_unknown_metrics_are_named(name):
+def test_unknown_names_are_told(name):
     with pytest.raises(ValueError, match=f"{name}: there is no such metric.*rms_contour_error"):
         AtMost(**{name: 1.0})

@@ -36,8 +36,10 @@ def test_points_respect_their_budgets_and_larger_budgets_are_never_worse(states)
     assert len(points) == 3
     for point, budget in zip(points, BUDGETS, strict=True):
         assert point.feasible
-        assert float(point.metrics.rms_increment.max()) <= budget * (1 + 1e-6)
-        assert point.objective == pytest.approx(float(point.metrics.rms_contour_error.mean()))
+        assert float(point.outcome.metrics.rms_increment.max()) <= budget * (1 + 1e-6)
+        assert point.objective == pytest.approx(
+            float(point.outcome.metrics.rms_contour_error.mean())
+        )
     assert [p.objective for p in points] == sorted((p.objective for p in points), reverse=True)
     assert points[0].objective > 1.01 * points[-1].objective  # there is a trade-off
 

@@ -16,13 +16,21 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from tuning.objectives import AtMost, mean_contour_error, worst_contour_error
+from tuning.objectives import (
+    AtMost,
+    mean_contour_error,
+    mean_tracking_error,
+    typical_contour_error,
+    worst_contour_error,
+)
+from tuning.outcome import Outcome
 from tuning.parameters import Chart, LQSpace
 from tuning.problem import Problem
 from tuning.tune import FEASIBLE, THOROUGH, TuneState, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
+CAREFUL = replace(THOROUGH, starts=1, scatter=0)
 QUICK = replace(THOROUGH, starts=2, scatter=4, spread=1.0, inner_steps=8, outer_steps=8)
 
 
@@ -40,7 +48,18 @@ def run(problem, start, settings, state=None, save=False):
 def same_bits(a, b):
     leaves = [
         jax.tree.leaves(
-            (s.history, s.start, s.outer, s.inner, s.z, s.memory, s.merit, s.lagrangian, s.gradient)
+            (
+                s.history,
+                s.start,
+                s.outer,
+                s.inner,
+                s.z,
+                s.memory,
+                s.merit,
+                s.lagrangian,
+                s.gradient,
+                s.prices,
+            )
         )
         for s in (a, b)
     ]
@@ -67,7 +86,7 @@ def test_finds_the_constrained_optimum_that_scipy_finds(limited, states):
     @jax.jit
     def numbers(z):
         metrics = limited.metrics({"x": jnp.exp(z[0]), "y": jnp.exp(z[1])})
-        return 1e6 * limited.objective(metrics)[0], limited.limits(metrics)
+        return 1e6 * limited.objective(metrics)[0, 0], limited.limits(Outcome(metrics))
 
     wanted = minimize(
         lambda z: float(numbers(z)[0]),
@@ -77,7 +96,7 @@ def test_finds_the_constrained_optimum_that_scipy_finds(limited, states):
         options={"ftol": 1e-12},
     )
     assert wanted.success
-    assert 1e6 * float(tuned.metrics.rms_contour_error.mean()) <= wanted.fun * 1.001
+    assert 1e6 * float(tuned.outcome.metrics.rms_contour_error.mean()) <= wanted.fun * 1.001
     assert tuned.feasible and tuned.violation <= FEASIBLE
     np.testing.assert_array_equal(limited.metrics(tuned.weights).diverged, False)
 
@@ -144,6 +163,62 @@ def test_a_start_that_is_not_finite_does_not_end_the_search(proportional_problem
     assert {row.start for row in tuned.history} == {-1, 0, 1}
 
 
+FAR = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
+FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, inner_steps=6, outer_steps=4)
+
+
+def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks):
+    problem = proportional_problem(
+        AtMost(peak_sensitivity=1.5), mean_tracking_error, loops=loop_peaks
+    )
+    states = run(problem, FAR, FEW, save=True)
+    tuned = result(problem, FAR, states[-1])
+    assert tuned.stabilised and tuned.feasible and tuned.diverged_starts == 0
+    assert float(tuned.outcome.loops.spectral_radius.max()) < 1
+    assert 1.4 < float(tuned.outcome.loops.sensitivity.max()) <= 1.5 * (1 + FEASIBLE)
+    assert same_bits(run(problem, FAR, FEW)[-1], states[-1])
+    assert not tune(problem, START, FEW).stabilised
+
+
+def test_a_family_without_stable_weights_tells_its_smallest_radius(
+    proportional_problem, loop_peaks
+):
+    def never_below(least):
+        def peaks(controller, plants):
+            found = loop_peaks(controller, plants)
+            return found._replace(spectral_radius=found.spectral_radius + least)
+
+        return peaks
+
+    problem = proportional_problem(loops=never_below(1.0))
+    with pytest.raises(ValueError, match=r"smallest spectral radius .* is 1\.\d+, found at .*x"):
+        tune(problem, FAR, FEW)
+
+
+def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, loop_peaks):
+    """Against optima under bounds that are a per cent apart."""
+
+    def tuned(sensitivity, increment):
+        limits = AtMost(peak_sensitivity=sensitivity, rms_increment=increment)
+        return tune(
+            proportional_problem(limits, typical_contour_error, loops=loop_peaks), START, CAREFUL
+        )
+
+    def objective(found):
+        return np.log(float(found.outcome.metrics.rms_contour_error.max()))
+
+    for bounds, name in (((1.3, 1.0), "peak_sensitivity"), ((10.0, 2e-5), "rms_increment")):
+        here = tuned(*bounds)
+        acting = name == np.array(["peak_sensitivity", "rms_increment"])
+        there = tuned(*(np.array(bounds) * np.where(acting, 1.01, 1.0)))
+        slope = (objective(there) - objective(here)) / np.log(1.01)
+        prices = {one.name: 0.0 for one in here.prices}
+        for one in here.prices:
+            prices[one.name] += one.price
+        assert -prices[name] == pytest.approx(slope, rel=0.03) and slope < 0
+        assert sum(prices.values()) == pytest.approx(prices[name], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     "bad",
     [
@@ -189,8 +264,8 @@ def test_square_front(row, start):
     wanted = DATA["front"]["rows"][row]
     tuned = tune(square_problem(wanted["du_budget"]), LQWeights(*start, 2e-9))
     assert tuned.feasible and tuned.violation <= 1e-6
-    assert 1e6 * float(tuned.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
-    assert float(tuned.metrics.rms_increment[0, 0]) <= wanted["du_budget"] * (1 + 1e-6)
+    assert 1e6 * float(tuned.outcome.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
+    assert float(tuned.outcome.metrics.rms_increment[0, 0]) <= wanted["du_budget"] * (1 + 1e-6)
 
 
 def test_square_front_from_near():
@@ -199,7 +274,7 @@ def test_square_front_from_near():
     settings = replace(THOROUGH, starts=1, scatter=0, inner_steps=8, outer_steps=6)
     tuned = tune(square_problem(wanted["du_budget"]), LQWeights(6.0, 15.0, 2e-9), settings)
     assert tuned.violation <= 1e-6
-    assert 1e6 * float(tuned.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
+    assert 1e6 * float(tuned.outcome.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
 
 
 @pytest.mark.slow
@@ -223,11 +298,13 @@ def test_robust_optimum(start):
     )
     tuned = tune(problem, LQWeights(*start, 2e-9))
     assert tuned.feasible
-    assert 1e6 * float(tuned.metrics.rms_contour_error.max()) <= 1.01 * 3.404
-    assert float(tuned.metrics.rms_tracking_error.max()) <= cap * (1 + 1e-6)
+    assert 1e6 * float(tuned.outcome.metrics.rms_contour_error.max()) <= 1.01 * 3.404
+    assert float(tuned.outcome.metrics.rms_tracking_error.max()) <= cap * (1 + 1e-6)
 
 
 def test_history_can_be_evaluated_again(limited, states):
     row = next(row for row in states[-1].history if not row.diverged)
     again = limited.metrics(Chart(limited.space, START).weights(jnp.asarray(row.z)))
-    np.testing.assert_allclose(again.rms_contour_error, row.metrics.rms_contour_error, rtol=1e-9)
+    np.testing.assert_allclose(
+        again.rms_contour_error, row.outcome.metrics.rms_contour_error, rtol=1e-9
+    )

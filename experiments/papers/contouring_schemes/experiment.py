@@ -122,7 +122,7 @@ def _told(name: str, loops: str, tuned: Tuned, before: list[Evaluated]) -> Tuned
         gains=list(gains),
         feasible=tuned.feasible,
         diverged_points=tuned.diverged_points,
-        smooth_um=1e6 * float(np.mean(tuned.metrics.rms_contour_error)),
+        smooth_um=1e6 * float(np.mean(tuned.outcome.metrics.rms_contour_error)),
         best_um=np.minimum.accumulate(values).tolist(),
     )
 

@@ -17,7 +17,15 @@ from experiments.runs.warnings import (
 from tuning.tune import Tuned
 
 FOUND = Tuned(
-    {}, metrics=None, feasible=True, violation=0.0, diverged_points=0, diverged_starts=0, history=[]
+    {},
+    outcome=None,
+    feasible=True,
+    violation=0.0,
+    diverged_points=0,
+    diverged_starts=0,
+    history=[],
+    prices=[],
+    stabilised=False,
 )  # type: ignore[arg-type]
 JOBS = tuple(SimpleNamespace(name=name) for name in ("ring", "eight"))
 LIMITS = SimpleNamespace(
