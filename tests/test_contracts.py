@@ -174,7 +174,10 @@ def test_a_zero_reference_at_rest_gives_zero_control(closed_loop, name):
     moving = reference(STEPS)
     nowhere = jnp.zeros_like(moving.position)
     ahead = np.tile(np.eye(nowhere.shape[1])[0], (len(nowhere), 1))
-    still = from_samples(nowhere, ahead, moving.dt, moving.preview, moving.contour, in_motion=False)
+    contour = moving.contour
+    still = from_samples(
+        nowhere, ahead, moving.dt, moving.preview, contour, False, tolerance=float(contour.size)
+    )
     rollout = simulate(plant, controller, still)
     assert np.abs(rollout.control).max() <= 1e-12
     assert np.abs(rollout.output).max() <= 1e-18

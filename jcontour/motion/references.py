@@ -18,6 +18,9 @@ from jcontour.geometry.contours import polyline
 
 # times (S,) [s], none negative -> arc lengths (S,) [m]
 TimeLaw = Callable[[np.ndarray], np.ndarray]
+# of a contour's size: samples farther from it belong to another contour, or to another unit
+FARTHEST = 0.01
+BRANCHES = 8  # places on a contour that the first sample may belong to, looked at in full
 
 
 class Reference(eqx.Module):
@@ -56,8 +59,12 @@ def from_samples(
     preview: int,
     contour: Contour | None = None,
     in_motion: bool = True,
+    tolerance: float | None = None,
 ) -> Reference:
     """Reference from sampled positions and tangents, preview samples included: T = S - preview.
+
+    Where a contour meets or overlaps itself, the samples run on the branch that fits the positions
+    and tangents of the whole run best; the first of branches that fit alike.
 
     >>> x = np.linspace(0.0, 1e-3, 21)
     >>> along_x = np.stack([np.ones(21), np.zeros(21)], axis=1)
@@ -74,10 +81,12 @@ def from_samples(
             given.
         in_motion: the machine enters sample 0 at position[1] - position[0] per sample; otherwise it
             stands there.
+        tolerance: largest distance of a control step's sample from the contour [m]; a hundredth of
+            the contour's size when not given. Preview samples may lie beyond the contour.
 
     Raises:
-        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, or no
-            control step is left.
+        ValueError: shapes differ, a value is not finite, a tangent is not a unit vector, a sample
+            is farther from the contour than the tolerance, or no control step is left.
     """
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
     if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
@@ -103,7 +112,8 @@ def from_samples(
         chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(chords)])
     else:
-        arc = np.asarray(_projected(contour, jnp.asarray(position)))
+        arc = _arc_on(contour, position, tangent)
+        _check_on(contour, position[: len(position) - preview], arc, tolerance)
     increment = position[1] - position[0] if in_motion else np.zeros(position.shape[1])
     samples = _Samples(position, tangent, arc, np.ones(len(position), bool))
     return _reference(samples, contour, dt, preview, increment)
@@ -228,9 +238,71 @@ def pad(reference: Reference, steps: int) -> Reference:
     )
 
 
+def _arc_on(contour: Contour, position: np.ndarray, tangent: np.ndarray) -> np.ndarray:
+    """Arc length of every sample [m], on the branch that fits the whole run."""
+    chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    branches = _branches(contour, position[0], np.max(chords))
+    arcs = [np.asarray(_projected(contour, jnp.asarray(position), first)) for first in branches]
+    if len(arcs) == 1:
+        return arcs[0]
+
+    def misfit(arc: np.ndarray) -> float:
+        """RMS distance over the RMS chord, plus the mean of 1 - cos of the angle between tangents.
+
+        It is rounded, so that branches which fit alike tie.
+        """
+        apart = np.linalg.norm(position - contour.position(arc), axis=1)
+        turned = 1 - np.sum(tangent * np.asarray(contour.tangent(arc)), axis=1)
+        chord = max(np.sqrt(np.mean(chords**2)), 1e-9 * float(contour.size))
+        return round(float(np.sqrt(np.mean(apart**2)) / chord + np.mean(turned)), 6)
+
+    return arcs[int(np.argmin([misfit(arc) for arc in arcs]))]
+
+
+def _branches(contour: Contour, point: np.ndarray, chord: float) -> np.ndarray:
+    """Arc lengths [m] from the first one that the point may belong to.
+
+    They are the nearest points of all pieces that are up to a chord farther than the nearest of
+    all; one of several within two chords along the path.
+    """
+    rows = np.asarray(contour.mask)
+    half = np.asarray(contour.extent)[rows] / 2
+    arcs = np.asarray(contour.nearest(point, np.asarray(contour.start)[rows] + half, half))
+    apart = np.linalg.norm(np.asarray(contour.position(arcs)) - point, axis=1)
+    kept: list[float] = []
+    near = np.flatnonzero(apart <= apart.min() + max(chord, 1e-9 * float(contour.size)))
+    for arc in arcs[near[np.argsort(apart[near], kind="stable")]]:
+        if len(kept) < BRANCHES and all(_along(contour, arc, k) > 2 * chord for k in kept):
+            kept.append(float(arc))
+    return np.sort(kept)
+
+
+def _along(contour: Contour, a: float, b: float) -> float:
+    """Distance of two arc lengths along the path [m]."""
+    apart, length = abs(a - b), float(contour.length)
+    return min(apart, length - apart) if contour.closed else apart
+
+
+def _check_on(contour: Contour, position: np.ndarray, arc: np.ndarray, tolerance: float | None):
+    if len(position) == 0:
+        return  # told with the preview
+    most = FARTHEST * float(contour.size) if tolerance is None else tolerance
+    if not most >= 0:
+        raise ValueError(f"tolerance: needs a distance in metres, received {tolerance}")
+    apart = np.linalg.norm(position - contour.position(arc[: len(position)]), axis=1)
+    worst = int(np.argmax(apart))
+    if apart[worst] > most:
+        raise ValueError(
+            f"position: sample {worst} is {apart[worst]:.4g} m from the contour, "
+            f"the tolerance is {most:.4g} m"
+        )
+
+
 @jax.jit
-def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, " S"]:
-    """Arc length of every sample [m].
+def _projected(
+    contour: Contour, position: Float[Array, "S m"], first: Float[Array, ""]
+) -> Float[Array, " S"]:
+    """Arc length of every sample [m], from that of the first.
 
     Each is sought around the one before plus the chord between them: no branch jumps.
     """
@@ -241,7 +313,7 @@ def _projected(contour: Contour, position: Float[Array, "S m"]) -> Float[Array, 
         arc = contour.nearest(here, arc + chord, chord)
         return arc, arc
 
-    first = contour.nearest_anywhere(position[0])
+    first = jnp.asarray(first, position.dtype)
     _, later = jax.lax.scan(advance, first, (position[:-1], position[1:]))
     return jnp.concatenate([first[None], later])
 

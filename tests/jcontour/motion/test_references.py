@@ -90,6 +90,71 @@ def test_samples_of_a_contour_keep_their_place_on_it(contour):
     np.testing.assert_allclose(contour.position(reference.arc), position, rtol=0, atol=1e-12)
 
 
+def double_lap():
+    """A square run twice; the second lap ends with a line that leaves it."""
+    lap = 1e-3 * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    return polyline([*lap, *lap, [0, 0], [-1e-3, 0]])
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.3e-3, 7e-3), (4.3e-3, 8.8e-3), (2e-3, 8.9e-3)])
+def test_samples_run_on_the_lap_that_fits_their_whole_run(first, last):
+    """Both laps fit the first sample, and only one of them the others."""
+    contour, arc = double_lap(), np.arange(first, last, 50e-6)
+    position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
+    np.testing.assert_allclose(from_samples(position, tangent, DT, 2, contour).arc, arc, atol=1e-12)
+
+
+def test_samples_that_fit_every_lap_run_on_the_first():
+    contour, arc = double_lap(), np.arange(0.3e-3, 2e-3, 50e-6)
+    position, tangent = np.asarray(contour.position(arc + 4e-3)), contour.tangent(arc)
+    np.testing.assert_allclose(from_samples(position, tangent, DT, 2, contour).arc, arc, atol=1e-12)
+
+
+def test_samples_run_there_or_back_as_their_tangents_say():
+    contour = polyline([[0, 0], [1e-3, 0], [0, 0]])
+    for arc in (np.linspace(0.2e-3, 0.8e-3, 30), np.linspace(1.2e-3, 1.8e-3, 30)):
+        position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
+        reference = from_samples(position, tangent, DT, 2, contour)
+        np.testing.assert_allclose(reference.arc, arc, atol=1e-12)
+
+
+def test_a_crossing_is_left_as_the_tangent_says():
+    contour = lemniscate(3e-3)
+    half = 0.5 * float(contour.length)
+    for start in (0.0, half):  # where the curve crosses itself
+        arc = start + np.arange(20) * 1e-5
+        position, tangent = np.asarray(contour.position(arc)), np.asarray(contour.tangent(arc))
+        reference = from_samples(position, tangent, DT, 2, contour)
+        np.testing.assert_allclose(reference.arc, arc, atol=1e-9)
+
+
+def test_samples_off_their_contour_are_refused():
+    position, tangent = around(0.1, 20)
+    size = float(circle(1e-3).size)
+    with pytest.raises(ValueError, match=r"position: sample \d+ is 0.9.* m from the contour"):
+        from_samples(1e3 * position, tangent, DT, 2, circle(1e-3))
+    off = position * (1 + 5e-5)
+    from_samples(off, tangent, DT, 2, circle(1e-3))
+    with pytest.raises(ValueError, match="the tolerance is 4e-08 m"):
+        from_samples(off, tangent, DT, 2, circle(1e-3), tolerance=4e-8)
+    far = position * (1 + 0.02 * size / 1e-3)
+    with pytest.raises(ValueError, match="from the contour"):
+        from_samples(far, tangent, DT, 2, circle(1e-3))
+    from_samples(far, tangent, DT, 2, circle(1e-3), tolerance=1e-3)
+    with pytest.raises(ValueError, match="tolerance: needs a distance"):
+        from_samples(off, tangent, DT, 2, circle(1e-3), tolerance=np.nan)
+
+
+def test_preview_samples_may_lie_beyond_an_open_contour():
+    arc = np.linspace(0.0, 2e-3, 21)
+    position = np.stack([arc, 0 * arc], axis=1)
+    tangent = np.tile([1.0, 0.0], (21, 1))
+    contour = line([0, 0], [1e-3, 0])
+    np.testing.assert_allclose(from_samples(position, tangent, DT, 10, contour).arc[:11], arc[:11])
+    with pytest.raises(ValueError, match="sample 11"):
+        from_samples(position, tangent, DT, 9, contour)
+
+
 def test_padding_holds_the_end_and_is_not_scored():
     reference = along(circle(1e-3), 1e-4 * np.arange(5), DT, 2, at_rest=False)
     padded = pad(reference, 8)
