@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import ArrayLike
 
 from experiments.machines.machine import Hosted, Machine
 from experiments.options import Trace
@@ -12,10 +11,11 @@ from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController
 from jcontour.host.held import Held
-from jcontour.host.observed import ObservedHost
+from jcontour.host.observed import FilterGain, OffsetFreeGain
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.contouring import MPCC
 from jcontour.mpc.contouring_weights import ContouringWeights
+from jcontour.mpc.forms import AbsoluteForm, OffsetFreeForm
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.qp.solvers import Solver, solver_named
@@ -37,17 +37,20 @@ def limited_lq(
     weights: LQWeights,
     preview: int,
     terminal: Terminal,
-    gain: ArrayLike | None,
+    observer: FilterGain | OffsetFreeGain | None,
     limits: Limits,
     solver: Solver,
 ) -> HostController:
-    """Contouring LQ under limits, behind a Kalman filter of this gain or fed the state.
+    """Contouring LQ under limits, behind an observer; without one it is fed the state.
 
     Raises:
-        ValueError: as `TrackingMPC`.
+        ValueError: as `TrackingMPC` and the observer.
     """
-    tracking = TrackingMPC(model, TrackingWeights.of(weights), preview, limits, terminal, solver)
-    return tracking if gain is None else ObservedHost(tracking, model, gain)
+    form = OffsetFreeForm() if isinstance(observer, OffsetFreeGain) else AbsoluteForm()
+    tracking = TrackingMPC(
+        model, TrackingWeights.of(weights), preview, limits, terminal, solver, form=form
+    )
+    return tracking if observer is None else observer.around(tracking, model)
 
 
 @dataclass(frozen=True)

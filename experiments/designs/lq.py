@@ -72,11 +72,12 @@ class LQDesign(Design):
         if not self.limitable:
             return None
         from experiments.designs.constrained import limited_lq  # the solvers take a second
+        from jcontour.host.observed import FilterGain
 
-        gain = self.gain if self.fed == "outputs" else None
+        observer = FilterGain(self.gain) if self.fed == "outputs" else None
         terminal = TERMINALS[self.terminal]
         model = self.machine.model
-        return limited_lq(model, weights, self.preview, terminal, gain, limits, solver)
+        return limited_lq(model, weights, self.preview, terminal, observer, limits, solver)
 
     def units(self) -> dict[str, str]:
         """Those of alpha, beta, rho."""

@@ -1,14 +1,33 @@
-"""The Kalman filter of `FilterObserver` in front of a host controller."""
+"""The observers of `kalman`, in front of a host controller.
 
-from typing import Any
+An observer's numbers are a value, `FilterGain` or `OffsetFreeGain`, which puts its observer
+around a controller.
+"""
 
+from typing import Any, NamedTuple
+
+import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
-from jcontour.controllers.observers.kalman import ObserverMemory, corrected
+from jcontour.controller import check_period
+from jcontour.controllers.observers.kalman import (
+    ObserverMemory,
+    OffsetFreeMemory,
+    check_gain,
+    corrected,
+    with_disturbance,
+)
 from jcontour.host.controller import HostController, HostWrapper
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
+
+
+class DisturbedState(NamedTuple):
+    """Estimates of the state x and of a constant load d of the controls."""
+
+    state: Float[np.ndarray, " n"]
+    disturbance: Float[np.ndarray, " p"]
 
 
 class ObservedHost(HostWrapper):
@@ -23,7 +42,7 @@ class ObservedHost(HostWrapper):
         ValueError: the gain has the wrong shape.
     """
 
-    def __init__(self, controller: HostController, model: LinearPlant, gain):
+    def __init__(self, controller: HostController, model: LinearPlant, gain: ArrayLike):
         super().__init__(controller)
         self.model = model
         self._gain = np.asarray(gain, float)
@@ -45,3 +64,84 @@ class ObservedHost(HostWrapper):
     def leave(self, memory: ObserverMemory, fed: Any, inner: Any, control: Any):
         """The predicted estimate A xf + B u, and the control as it is."""
         return ObserverMemory(self._A @ fed + self._B @ control, inner), control
+
+
+class OffsetFreeHost(HostWrapper):
+    """The controller acts on the estimates of state and load, as `OffsetFreeObserver` makes them.
+
+        x(k+1) = A x + B (u + d)
+    The controller answers with u itself, the control that acts: it is told d and cancels it, so
+    that its limits hold for u.
+
+    Args:
+        controller: fed `DisturbedState`, as a `TrackingMPC` in `OffsetFreeForm` is.
+        model: of the machine without load.
+        gain: the filter gain L (n + p, q) of [x, d], as `offset_free_gain` gives it.
+        measured: C (q, n) of the measurement.
+
+    Raises:
+        ValueError: the gain or C has the wrong shape, or the observer is not stable.
+    """
+
+    def __init__(
+        self,
+        controller: HostController,
+        model: LinearPlant,
+        gain: ArrayLike,
+        measured: ArrayLike,
+    ):
+        super().__init__(controller)
+        self.model = model
+        self._gain, self._C = np.asarray(gain, float), np.asarray(measured, float)
+        if self._C.ndim != 2 or self._C.shape[1] != model.states:
+            needed = f"shape (q, {model.states})"
+            raise ValueError(f"measured: needs {needed}, received {self._C.shape}")
+        check_gain(*with_disturbance(model, self._C), self._gain)
+        self._A, self._B = np.asarray(model.A), np.asarray(model.B)
+
+    def initial_memory(self, reference: Reference) -> OffsetFreeMemory:
+        """The estimate starts where the reference says the run begins, without a load.
+
+        Raises:
+            ValueError: the reference has another sample period.
+        """
+        check_period(self.model.dt, reference)
+        known = self.model.initial_state(reference.position[0], reference.start_increment)
+        unloaded = np.zeros(self.model.inputs)
+        return OffsetFreeMemory(
+            np.asarray(known), unloaded, self.controller.initial_memory(reference)
+        )
+
+    def enter(self, memory: OffsetFreeMemory, measurement: Any) -> DisturbedState:
+        """The corrected estimates of state and load."""
+        n, leaves = self.model.states, jax.tree.leaves(measurement)
+        measured = np.concatenate([np.ravel(leaf) for leaf in leaves])
+        estimate, load = np.asarray(memory.estimate), np.asarray(memory.disturbance)
+        correction = self._gain @ (measured - self._C @ estimate)
+        return DisturbedState(estimate + correction[:n], load + correction[n:])
+
+    def leave(self, memory: OffsetFreeMemory, fed: DisturbedState, inner: Any, control: Any):
+        """The predicted estimate A xf + B (u + d), and the control as it is."""
+        predicted = self._A @ fed.state + self._B @ (control + fed.disturbance)
+        return OffsetFreeMemory(predicted, fed.disturbance, inner), control
+
+
+class FilterGain(NamedTuple):
+    """Numbers of `ObservedHost`: its gain L (n, m)."""
+
+    gain: ArrayLike
+
+    def around(self, controller: HostController, model: LinearPlant) -> HostController:
+        """The controller behind its Kalman filter."""
+        return ObservedHost(controller, model, self.gain)
+
+
+class OffsetFreeGain(NamedTuple):
+    """Numbers of `OffsetFreeHost`: its gain L (n + p, q), and C (q, n) of the measurement."""
+
+    gain: ArrayLike
+    measured: ArrayLike
+
+    def around(self, controller: HostController, model: LinearPlant) -> HostController:
+        """The controller behind its observer of state and load."""
+        return OffsetFreeHost(controller, model, self.gain, self.measured)

@@ -1,10 +1,12 @@
 """From a linear model, weights and a window of the reference to a QP in the controls alone.
 
-With z = (u_0, ..., u_{N-1}) and what is known at the sample, s = (x_0, u_{-1}, w), everything ahead
-is affine:
-    x_{j+1} = A x_j + B u_j + w      ->      x_j = Fx_j s + Gx_j z,    y_j = C x_j = Fy_j s + Gy_j z
-`w` is a constant state disturbance, zero in the absolute form. The cost
-    sum_{j=1}^{N-1} stage_j (y_j - y_d,j)' Q_j (y_j - y_d,j) + sum_j u_j' R u_j + du_j' S du_j +
+With z = (u_0, ..., u_{N-1}) and what is known at the sample, s = (x_0, u_{-1}, w, d), everything
+ahead is affine:
+    x_{j+1} = A x_j + B v_j + w,    v_j = u_j + d
+    x_j = Fx_j s + Gx_j z,    y_j = C x_j = Fy_j s + Gy_j z
+`w` is a constant disturbance of the state, `d` one of the controls: v is what the machine feels.
+Their values are the form's. The cost
+    sum_{j=1}^{N-1} stage_j (y_j - y_d,j)' Q_j (y_j - y_d,j) + sum_j v_j' R v_j + du_j' S du_j +
     (xi_N - xi_d)' P (xi_N - xi_d)
 becomes 1/2 z' H z + g' z, divided by one constant so that H is of order one; every row of limits is
 divided by its largest entry.
@@ -65,7 +67,7 @@ class Cost(NamedTuple):
 
     Attributes:
         base: part of H that the controls and their increments cost, scaled.
-        gu: part of g that u_{-1} brings, scaled: g = gu s + ...
+        gu: part of g that u_{-1} and d bring, scaled: g = gu s + ...
         Fy, Gy: maps to the outputs, j = 1..N-1.
         stage: their profile.
         FT, GT: maps to xi_N.
@@ -104,11 +106,13 @@ def predict(model: LinearPlant, horizon: int) -> Prediction:
     """The maps of a model over `horizon` samples."""
     A, B, C = (np.asarray(matrix, float) for matrix in (model.A, model.B, model.C))
     n, p = B.shape
-    Fx, Gx = np.zeros((horizon, n, 2 * n + p)), np.zeros((horizon, n, horizon * p))
-    F, G = np.hstack([np.eye(n), np.zeros((n, n + p))]), np.zeros((n, horizon * p))
+    known = 2 * (n + p)
+    Fx, Gx = np.zeros((horizon, n, known)), np.zeros((horizon, n, horizon * p))
+    F, G = np.eye(n, known), np.zeros((n, horizon * p))
     for j in range(horizon):
         F, G = A @ F, A @ G
-        F[:, n + p :] += np.eye(n)
+        F[:, n + p : -p] += np.eye(n)
+        F[:, -p:] += B
         G[:, j * p : (j + 1) * p] += B
         Fx[j], Gx[j] = F, G
     return Prediction(Fx, Gx, C @ Fx, C @ Gx)
@@ -118,7 +122,7 @@ def difference_maps(
     horizon: int, inputs: int, states: int
 ) -> tuple[Float[np.ndarray, "N p q"], Float[np.ndarray, "N p z"]]:
     """Maps of s and z to du_0..du_{N-1}."""
-    F = np.zeros((horizon, inputs, 2 * states + inputs))
+    F = np.zeros((horizon, inputs, 2 * (states + inputs)))
     F[0, :, states : states + inputs] = -np.eye(inputs)
     G = np.eye(horizon * inputs) - np.eye(horizon * inputs, k=-inputs)
     return F, G.reshape(horizon, inputs, horizon * inputs)
@@ -213,7 +217,7 @@ class Condensed:
         return self.cost.scale
 
     def problem(self, s: Float[np.ndarray, " q"], window: Window, out: QP | None = None) -> QP:
-        """The QP of a sample, from s = (x_0, u_{-1}, w) and the reference ahead.
+        """The QP of a sample, from s = (x_0, u_{-1}, w, d) and the reference ahead.
 
         Args:
             s: what is known.
@@ -258,6 +262,7 @@ def _cost(
     )
     scale = 1 / np.abs(typical).max()
     gu = 2 * scale * np.einsum("jpa,pq,jqb->ab", Gu, S, Fu)
+    gu[:, -model.inputs :] += 2 * scale * np.tile(R, (len(stage), 1))
     return Cost(base * scale, gu, Fy, Gy, profile, FT, GT, float(scale))
 
 

@@ -1,21 +1,39 @@
-"""The two ways in which a tracking MPC predicts: in absolute controls, or from the last change.
+"""The ways in which a tracking MPC predicts under loads that it was not told of.
 
-Absolute form: x_{j+1} = A x_j + B u_j. Velocity form: the prediction goes on from the last change,
+Absolute form: x_{j+1} = A x_j + B u_j, there are none.
+Offset-free form: an observer estimates a constant load d of the controls,
+    x_{j+1} = A x_j + B (u_j + d),
+and u_j + d costs, what the machine feels. A constant load then leaves no error at rest.
+Velocity form: the prediction goes on from the last change,
     x_{j+1} - x_j = A (x_j - x_{j-1}) + B (u_j - u_{j-1}),
 the machine of Lam, eq. 6. Written in absolute controls it is the model under the constant
-disturbance w = x_0 - A x_{-1} - B u_{-1}, so both forms share one QP. A constant load then leaves
+disturbance w = x_0 - A x_{-1} - B u_{-1}, so all forms share one QP. A constant load then leaves
 no error at rest, as long as only increments cost.
 """
 
 import abc
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jcontour.host.observed import DisturbedState
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.mpc.condense import Prediction
 from jcontour.riccati.algebraic import check_dare, dare
+
+
+class Disturbance(NamedTuple):
+    """What acts on the prediction beside the controls, constant over the horizon.
+
+    Attributes:
+        state: w, x_{j+1} = A x_j + B (u_j + d) + w.
+        control: d.
+    """
+
+    state: Float[np.ndarray, " n"]
+    control: Float[np.ndarray, " p"]
 
 
 class Form(abc.ABC):
@@ -26,22 +44,26 @@ class Form(abc.ABC):
         """Raise ValueError unless the weights on control and increment suit the form."""
 
     @abc.abstractmethod
+    def state(self, measurement: Any) -> Float[np.ndarray, " n"]:
+        """State x_0, from what the controller is fed."""
+
+    @abc.abstractmethod
     def disturbance(
         self,
         A: Float[np.ndarray, "n n"],
         B: Float[np.ndarray, "n p"],
         before: Float[np.ndarray, " n"],
         control: Float[np.ndarray, " p"],
-        state: Float[np.ndarray, " n"],
-    ) -> Float[np.ndarray, " n"]:
-        """The constant w of the prediction.
+        measurement: Any,
+    ) -> Disturbance:
+        """The constants w and d of the prediction.
 
         Args:
             A: of the model.
             B: of the model.
             before: x_{-1}, NaN before the first sample.
             control: u_{-1}, which acted on it.
-            state: x_0.
+            measurement: what the controller is fed.
         """
 
     @abc.abstractmethod
@@ -74,8 +96,8 @@ class Form(abc.ABC):
         """xi_d of every step, from the reference's sample N and its last increment."""
 
 
-class AbsoluteForm(Form):
-    """The model as it is: xi = x_N."""
+class _WholeState(Form):
+    """Common part of the absolute and the offset-free form: xi = x_N."""
 
     def check_weights(self, R, S) -> None:
         """Some weight on every control, on itself or on its increment."""
@@ -84,10 +106,6 @@ class AbsoluteForm(Form):
                 "control, increment: every control needs a weight above zero, "
                 "on itself or on its increment"
             )
-
-    def disturbance(self, A, B, before, control, state) -> Float[np.ndarray, " n"]:
-        """None: w = 0."""
-        return np.zeros(state.size)
 
     def riccati(self, model, Q, R, S) -> Float[np.ndarray, "t t"]:
         """Solution for C' Q C and R alone: the increments of the tail are not counted."""
@@ -104,8 +122,36 @@ class AbsoluteForm(Form):
         return np.asarray(motion.state(jnp.asarray(end), jnp.asarray(increment)))
 
 
+class AbsoluteForm(_WholeState):
+    """The model as it is, fed its state."""
+
+    def state(self, measurement) -> Float[np.ndarray, " n"]:
+        """The measurement is the state."""
+        return measurement
+
+    def disturbance(self, A, B, before, control, measurement) -> Disturbance:
+        """None: w = 0, d = 0."""
+        return Disturbance(np.zeros(A.shape[0]), np.zeros(B.shape[1]))
+
+
+class OffsetFreeForm(_WholeState):
+    """The model under a load of its controls, fed the estimate of both by `OffsetFreeHost`."""
+
+    def state(self, measurement: DisturbedState) -> Float[np.ndarray, " n"]:
+        """Estimate of the state."""
+        return measurement.state
+
+    def disturbance(self, A, B, before, control, measurement: DisturbedState) -> Disturbance:
+        """Estimate of the load: w = 0."""
+        return Disturbance(np.zeros(A.shape[0]), measurement.disturbance)
+
+
 class VelocityForm(Form):
     """The changes: xi = (x_N - x_{N-1}, y_N), an integrator per output without an observer."""
+
+    def state(self, measurement) -> Float[np.ndarray, " n"]:
+        """The measurement is the state."""
+        return measurement
 
     def check_weights(self, R, S) -> None:
         """No weight on the control itself: it would pull towards zero, which leaves an error."""
@@ -117,11 +163,12 @@ class VelocityForm(Form):
         if np.linalg.eigvalsh(S).min() <= 0:
             raise ValueError("increment: needs to be positive definite in the velocity form")
 
-    def disturbance(self, A, B, before, control, state) -> Float[np.ndarray, " n"]:
-        """w = x_0 - A x_{-1} - B u_{-1}, zero in the first sample."""
+    def disturbance(self, A, B, before, control, measurement) -> Disturbance:
+        """w = x_0 - A x_{-1} - B u_{-1}, zero in the first sample; d = 0."""
+        none = np.zeros(B.shape[1])
         if np.isnan(before[0]):
-            return np.zeros(state.size)
-        return state - A @ before - B @ control
+            return Disturbance(np.zeros(A.shape[0]), none)
+        return Disturbance(measurement - A @ before - B @ control, none)
 
     def riccati(self, model, Q, R, S) -> Float[np.ndarray, "t t"]:
         """Solution for the model of the changes, [dx, y], its increments at weight S."""

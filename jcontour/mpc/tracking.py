@@ -70,7 +70,7 @@ class TrackingMemory(NamedTuple):
 
 
 class TrackingMPC(HostController):
-    """A receding-horizon LQ controller under limits, fed the state.
+    """A receding-horizon LQ controller under limits, fed the state (and the load, see `form`).
 
     Args:
         model: what the controller believes the machine to be.
@@ -81,7 +81,8 @@ class TrackingMPC(HostController):
         solver: of the QPs; DAQP when not given, the fastest at these sizes.
         penalty: of the slack of soft limits (state, output, speed, acceleration) in the scaled
             problem; None keeps them hard.
-        form: absolute when not given; the velocity form leaves no offset under a constant load.
+        form: absolute when not given; the offset-free form, behind its observer, and the velocity
+            form leave no offset under a constant load.
 
     Raises:
         ValueError: limits crossed, a weight not positive semidefinite or not for this form, no
@@ -164,7 +165,7 @@ class TrackingMPC(HostController):
         self,
         memory: TrackingMemory,
         window: Window,
-        state: Float[np.ndarray, " n"],
+        measurement: Any,
         soft: bool = False,
         out: QP | None = None,
     ) -> QP:
@@ -173,21 +174,22 @@ class TrackingMPC(HostController):
         Args:
             memory: of the sample before.
             window: one row of the plan.
-            state: measured now.
+            measurement: what the form is fed: the state, or `DisturbedState`.
             soft: limits on state, output, speed and acceleration give way.
             out: an earlier QP of the same kind to write over; new arrays when not given.
         """
         condensed = self._softened if soft else self._condensed
-        w = self.form.disturbance(self._A, self._B, memory.state, memory.control, state)
-        return condensed.problem(np.concatenate([state, memory.control, w]), window, out)
+        before = memory.control
+        w, d = self.form.disturbance(self._A, self._B, memory.state, before, measurement)
+        known = np.concatenate([self.form.state(measurement), before, w, d])
+        return condensed.problem(known, window, out)
 
-    def applied(
-        self, solution: Solution, state: Float[np.ndarray, " n"], soft: bool = False
-    ) -> Stepped:
+    def applied(self, solution: Solution, measurement: Any, soft: bool = False) -> Stepped:
         """Next memory, first control and report, from the solved QP of a sample."""
         condensed = self._softened if soft else self._condensed
         control = solution.z[: self.model.inputs].copy()
-        return TrackingMemory(control, np.array(state)), control, _report(condensed, solution)
+        acted = TrackingMemory(control, np.array(self.form.state(measurement)))
+        return acted, control, _report(condensed, solution)
 
     def step(self, memory: TrackingMemory, plan: Window, measurement: Any) -> Stepped:
         """Build, solve, apply the first control.
@@ -208,7 +210,7 @@ class TrackingMPC(HostController):
 
     def held(self, memory: TrackingMemory, measurement: Any, control: Any) -> TrackingMemory:
         """The held control acts on the state measured now."""
-        return TrackingMemory(control, np.array(measurement))
+        return TrackingMemory(control, np.array(self.form.state(measurement)))
 
     @property
     def _Q_max(self) -> Float[np.ndarray, "m m"]:

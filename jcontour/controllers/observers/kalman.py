@@ -119,8 +119,8 @@ class PredictorObserver(_Observer):
 class OffsetFreeMemory(NamedTuple):
     """The predicted state and disturbance, and the memory of the wrapped controller."""
 
-    estimate: Float[Array, " n"]
-    disturbance: Float[Array, " p"]
+    estimate: Float[Array, " n"] | Float[np.ndarray, " n"]  # NumPy's on the host
+    disturbance: Float[Array, " p"] | Float[np.ndarray, " p"]
     inner: Any
 
 
@@ -148,7 +148,7 @@ class OffsetFreeObserver(Wrapper):
     limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
-        A, C = _with_disturbance(self.model, self.measured)
+        A, C = with_disturbance(self.model, self.measured)
         check_gain(A, C, self.gain)
         check_limit(self.limit)
 
@@ -237,7 +237,7 @@ def offset_free_gain(
     Raises:
         ValueError: as `kalman_gain`.
     """
-    A, C = _with_disturbance(model, measured)
+    A, C = with_disturbance(model, measured)
     n, p = model.states, model.inputs
     B = jnp.zeros((n + p, 2 * p), A.dtype).at[:n, :p].set(model.B).at[n:, p:].set(jnp.eye(p))
     noise = jnp.concatenate(
@@ -264,10 +264,10 @@ def check_gain(
         check_stable(f"{name}: the observer", A - A @ gain @ C)
 
 
-def _with_disturbance(
+def with_disturbance(
     model: LinearPlant, measured: Float[ArrayLike, "q n"]
 ) -> tuple[Float[Array, "both both"], Float[Array, "q both"]]:
-    """A and C of [x, d], with n + p states."""
+    """Matrices A and C of [x, d], with n + p states; d is a constant load of the controls."""
     n, p = model.states, model.inputs
     A = jnp.eye(n + p, dtype=model.A.dtype).at[:n, :n].set(model.A).at[:n, n:].set(model.B)
     measured = jnp.asarray(measured, model.A.dtype)

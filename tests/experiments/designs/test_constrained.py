@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.designs.constrained import traverser
+from experiments.designs.constrained import limited_lq, traverser
 from experiments.options import Simulate, Trace
+from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
+from jcontour.controllers.observers.kalman import offset_free_gain
 from jcontour.geometry.contours import circle
-from jcontour.host.observed import ObservedHost
+from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
+from jcontour.linear.transformations import with_input_delay
+from jcontour.mpc.forms import OffsetFreeForm
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC
 from jcontour.qp.solvers import DAQP
@@ -25,6 +29,15 @@ def test_what_has_the_cost_and_the_filter_has_a_constrained_form(name):
     design = design_for(machine_named("bridgeport"), Simulate(controller=name, preview=3))
     found = design.constrained(design.start, Limits.within(control=10.0), DAQP())
     assert type(found) is KINDS[name]
+
+
+def test_behind_an_observer_of_the_load_it_is_told_of_the_load(two_axes):
+    model = with_input_delay(two_axes, 1)
+    observer = OffsetFreeGain(offset_free_gain(model, model.C, 0.1, 0.1, 1e-6), model.C)
+    weights, limits = LQWeights(3.0, 50.0, 2e-8), Limits.within(control=10.0)
+    found = limited_lq(model, weights, 4, OutputTerminal(), observer, limits, DAQP())
+    assert isinstance(found, OffsetFreeHost) and isinstance(found.controller, TrackingMPC)
+    assert isinstance(found.controller.form, OffsetFreeForm) and found.preview == 4
 
 
 def test_of_a_machine_file_the_model_is_the_plant(machine_file):

@@ -20,37 +20,35 @@ N = 5
 
 @pytest.fixture
 def drawn(coupled_plant):
-    """A dense plant, what is known at the sample, and some controls."""
+    """A dense plant, what is known at the sample (x_0, u_{-1}, w, d), and some controls."""
     plant, random = coupled_plant(1, 5, 2), np.random.default_rng(2)
-    x0, before, w = (
-        random.standard_normal(5),
-        random.standard_normal(2),
-        0.1 * random.standard_normal(5),
-    )
-    return plant, x0, before, w, random.standard_normal((N, 2))
+    known = [random.standard_normal(size) for size in (5, 2, 5, 2)]
+    known[2] *= 0.1
+    return plant, known, random.standard_normal((N, 2))
 
 
-def simulated(plant, x0, w, controls):
+def simulated(plant, known, controls):
+    x0, _, w, d = known
     states = [x0]
     for u in controls:
-        states.append(np.asarray(plant.A) @ states[-1] + np.asarray(plant.B) @ u + w)
+        states.append(np.asarray(plant.A) @ states[-1] + np.asarray(plant.B) @ (u + d) + w)
     return np.array(states), np.array(states) @ np.asarray(plant.C).T
 
 
 def test_predictions_are_simulations(drawn):
-    plant, x0, before, w, controls = drawn
-    states, outputs = simulated(plant, x0, w, controls)
-    one, s, z = predict(plant, N), np.concatenate([x0, before, w]), controls.ravel()
+    plant, known, controls = drawn
+    states, outputs = simulated(plant, known, controls)
+    one, s, z = predict(plant, N), np.concatenate(known), controls.ravel()
     np.testing.assert_allclose(one.Fx @ s + one.Gx @ z, states[1:], rtol=0, atol=1e-12)
     np.testing.assert_allclose(one.Fy @ s + one.Gy @ z, outputs[1:], rtol=0, atol=1e-12)
     Fu, Gu = difference_maps(N, 2, 5)
     np.testing.assert_allclose(
-        Fu @ s + Gu @ z, np.diff(np.vstack([before, controls]), axis=0), rtol=0, atol=1e-14
+        Fu @ s + Gu @ z, np.diff(np.vstack([known[1], controls]), axis=0), rtol=0, atol=1e-14
     )
 
 
 def test_rows_are_the_signals_they_limit(drawn):
-    plant, x0, before, w, controls = drawn
+    plant, known, controls = drawn
     limits = full_limits(
         Limits.within(
             increment=1.0,
@@ -62,9 +60,9 @@ def test_rows_are_the_signals_they_limit(drawn):
         plant,
     )
     rows = limit_rows(plant, predict(plant, N), limits)
-    states, outputs = simulated(plant, x0, w, controls)
+    states, outputs = simulated(plant, known, controls)
     wanted = [
-        np.diff(np.vstack([before, controls]), axis=0),
+        np.diff(np.vstack([known[1], controls]), axis=0),
         states[1:, [0, 4]],
         outputs[1:],
         np.diff(outputs, axis=0) / plant.dt,
@@ -77,7 +75,7 @@ def test_rows_are_the_signals_they_limit(drawn):
         np.full(10, 5.0),
         np.full(8, 6.0),
     ]
-    found = rows.size * (rows.C @ controls.ravel() + rows.F @ np.concatenate([x0, before, w]))
+    found = rows.size * (rows.C @ controls.ravel() + rows.F @ np.concatenate(known))
     np.testing.assert_allclose(
         found, np.concatenate([part.ravel() for part in wanted]), rtol=1e-9, atol=1e-9
     )
@@ -88,15 +86,16 @@ def test_rows_are_the_signals_they_limit(drawn):
     )
 
 
-def cost_of(plant, s, controls, Q, y_d, P, xi_d, R, S, stage):
+def cost_of(plant, known, controls, Q, y_d, P, xi_d, R, S, stage):
     """The cost written as the docstring has it."""
-    states, outputs = simulated(plant, s[:5], s[7:], controls)
-    e, du = outputs[1:N] - y_d, np.diff(np.vstack([s[5:7], controls]), axis=0)
+    states, outputs = simulated(plant, known, controls)
+    e, du = outputs[1:N] - y_d, np.diff(np.vstack([known[1], controls]), axis=0)
+    felt = controls + known[3]
     last = states[N] - xi_d
     running = sum(stage[j] * e[j] @ Q[j] @ e[j] for j in range(N - 1))
     return (
         running
-        + np.einsum("ja,ab,jb", controls, R, controls)
+        + np.einsum("ja,ab,jb", felt, R, felt)
         + np.einsum("ja,ab,jb", du, S, du)
         + last @ P @ last
     )
@@ -104,7 +103,7 @@ def cost_of(plant, s, controls, Q, y_d, P, xi_d, R, S, stage):
 
 @pytest.mark.parametrize("penalty", [None, 7.0])
 def test_the_cost_up_to_a_constant(drawn, penalty):
-    plant, x0, before, w, controls = drawn
+    plant, known, controls = drawn
     random = np.random.default_rng(3)
 
     def psd(*shape):
@@ -112,11 +111,8 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
         return M @ np.swapaxes(M, -1, -2)
 
     Q, P, R, S, stage = psd(N - 1, 2), psd(5), psd(2), psd(2), 1 + random.random(N)
-    y_d, xi_d, s = (
-        random.standard_normal((N - 1, 2)),
-        random.standard_normal(5),
-        np.concatenate([x0, before, w]),
-    )
+    y_d, xi_d = random.standard_normal((N - 1, 2)), random.standard_normal(5)
+    s = np.concatenate(known)
     one = predict(plant, N)
     limits = full_limits(Limits.within(control=1.0, output=0.5), plant)
     maps = TerminalMaps(one.Fx[-1], one.Gx[-1], P)
@@ -135,9 +131,9 @@ def test_the_cost_up_to_a_constant(drawn, penalty):
         z = np.concatenate([u.ravel(), slack])
         return (z @ qp.H @ z / 2 + qp.g @ z) / problem.scale
 
-    wanted = [cost_of(plant, s, u, Q, y_d, P, xi_d, R, S, stage) for u in (controls, other)]
+    wanted = [cost_of(plant, known, u, Q, y_d, P, xi_d, R, S, stage) for u in (controls, other)]
     assert quadratic(controls) - quadratic(other) == pytest.approx(wanted[0] - wanted[1], rel=1e-10)
-    _, outputs = simulated(plant, x0, w, controls)
+    _, outputs = simulated(plant, known, controls)
     values = qp.C[:, : 2 * N] @ controls.ravel()
     room = (qp.upper_rows - values)[: 2 * N] * problem.rows.size
     np.testing.assert_allclose(room, 0.5 - outputs[1:].ravel(), atol=1e-11)
