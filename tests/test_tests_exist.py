@@ -38,7 +38,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # what the commands drive, through the catalogue
     "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_gantry.py",
     "experiments/benchmarks/lq_results.py": "experiments/benchmarks/test_lq.py",
-    "experiments/benchmarks/mpc.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/plain_loops.py": "experiments/benchmarks/test_lq.py",
     "experiments/benchmarks/timings.py": "experiments/benchmarks/test_lq.py",
     "experiments/designs/contouring_schemes.py": "experiments/designs/test_flexible_axis.py",

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -27,7 +28,37 @@ FAST_PERIOD = 1e-4  # [s] the industrial period that the paper names as out of r
 FAST_BLOCKS = growing_blocks(280, 9)  # 28 ms
 
 
-def show(console: Console, summary: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class StepTime:
+    """Time of one step of a controller, and of its parts [us].
+
+    Attributes:
+        controller: its horizon and, where it is not the paper's, its period.
+        solver: its name.
+        build: making the QP.
+        solve: solving and checking it.
+        step: the whole step, median.
+        step_99: likewise, 99th percentile.
+        ratio: step over NumPy's solution of linear equations of that size.
+    """
+
+    controller: str
+    solver: str
+    build: float
+    solve: float
+    step: float
+    step_99: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class MPCBench:
+    """One row for every controller and solver."""
+
+    steps: list[StepTime]
+
+
+def show(console: Console, result: MPCBench) -> None:
     """One table."""
     columns = [
         "controller",
@@ -38,16 +69,15 @@ def show(console: Console, summary: dict[str, Any]) -> None:
         "99 %\nus",
         "times NumPy's\nlinear solve",
     ]
-    numbers = ("build", "solve", "step", "step_99", "ratio")
     lines = []
-    for row in summary["steps"]:
-        times = [tables.digits(row[name]) for name in numbers]
-        lines.append([row["controller"], row["solver"], *times])
+    for row in result.steps:
+        numbers = row.build, row.solve, row.step, row.step_99, row.ratio
+        lines.append([row.controller, row.solver, *(tables.digits(number) for number in numbers)])
     title = "One step of MPCC on the X-Y table, process time"
     console.print(tables.plain_table(title, columns, lines, text_columns=2))
 
 
-def measured(flags: Bench, tell: Callable[[str], None]) -> dict[str, Any]:
+def measured(flags: Bench, tell: Callable[[str], None]) -> MPCBench:
     """Every horizon with DAQP, the paper's with every solver, blocks at the fast period."""
     cases: list[tuple[str, Solver, float, Any]] = [(f"N = {n}", DAQP(), 4e-3, n) for n in HORIZONS]
     cases += [("N = 7", solver, 4e-3, 7) for solver in (ProxQP(), Hildreth())]
@@ -55,11 +85,11 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> dict[str, Any]:
     steps = []
     for name, solver, period, horizon in cases:
         steps.append(_measured(name, solver, period, horizon))
-        tell(f"{name}, {solver.name}: {steps[-1]['step']:.4g} us per step")
-    return {"steps": steps}
+        tell(f"{name}, {solver.name}: {steps[-1].step:.4g} us per step")
+    return MPCBench(steps)
 
 
-def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[str, Any]:
+def _measured(name: str, solver: Solver, period: float, horizon: Any) -> StepTime:
     contour = polar_lobes(30e-3, 10e-3, 4)
     controller = MPCC(xy_table(period), contour, solver=solver, horizon=horizon)
     reference = along(contour, np.zeros(STEPS + WARM), period, 0, at_rest=True)
@@ -74,15 +104,7 @@ def _measured(name: str, solver: Solver, period: float, horizon: Any) -> dict[st
     step, step_99 = _times([partial(controller.step, memory, None, x) for memory, x in samples])
     solve, _ = _times([partial(solver.solve, problem) for problem in problems])
     linear, _ = _times([partial(np.linalg.solve, problem.H, problem.g) for problem in problems])
-    return {
-        "controller": name,
-        "solver": solver.name,
-        "build": build,
-        "solve": solve,
-        "step": step,
-        "step_99": step_99,
-        "ratio": step / linear,
-    }
+    return StepTime(name, solver.name, build, solve, step, step_99, ratio=step / linear)
 
 
 def _times(calls: list[Callable[[], Any]]) -> tuple[float, float]:
