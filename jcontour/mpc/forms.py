@@ -135,7 +135,20 @@ class AbsoluteForm(_WholeState):
 
 
 class OffsetFreeForm(_WholeState):
-    """The model under a load of its controls, fed the estimate of both by `OffsetFreeHost`."""
+    """The model under a load of its controls, fed the estimate of both by `OffsetFreeHost`.
+
+    >>> from jcontour.controllers.observers.kalman import offset_free_gain
+    >>> from jcontour.host.observed import OffsetFreeHost
+    >>> from jcontour.mpc.limits import Limits
+    >>> from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+    >>> from jcontour.plants.bridgeport import exact_bridgeport
+    >>> table, limits = exact_bridgeport(), Limits.within(control=5.0)
+    >>> weights = TrackingWeights(output=3.0, contour=5.0, control=2e-9)
+    >>> mpc = TrackingMPC(table, weights, 10, limits, form=OffsetFreeForm())
+    >>> gain = offset_free_gain(table, table.C, 0.05, 0.01, 1e-6)
+    >>> OffsetFreeHost(mpc, table, gain, table.C).preview
+    10
+    """
 
     def state(self, measurement: DisturbedState) -> Float[np.ndarray, " n"]:
         """Estimate of the state."""
