@@ -121,16 +121,21 @@ class Interpreter:
         lengths = {
             letter: values[letter] * self.unit for letter in values.keys() & frozenset("XYZIJKR")
         }
-        origin = self.at if self.incremental else (0.0, 0.0, 0.0)
-
-        def coordinate(i: int, name: str) -> float:
-            return origin[i] + lengths[name] if name in lengths else self.at[i]
-
-        target = coordinate(0, "X"), coordinate(1, "Y"), coordinate(2, "Z")
+        target = (
+            self._coordinate(lengths.get("X"), self.at[0]),
+            self._coordinate(lengths.get("Y"), self.at[1]),
+            self._coordinate(lengths.get("Z"), self.at[2]),
+        )
         if not all(abs(length) <= FARTHEST for length in (*target, *lengths.values())):
             raise ToolpathError(f"a coordinate is farther than {FARTHEST:g} m away")
         offset = {i: lengths[name] for i, name in enumerate("IJK") if name in lengths}
         return target, offset, lengths.get("R")
+
+    def _coordinate(self, word: float | None, at: float) -> float:
+        """Coordinate [m] of the end point on an axis at `at` [m], which stays without a word."""
+        if word is None:
+            return at
+        return (at if self.incremental else 0.0) + word
 
     def _arc(self, target: Point, offset: dict[int, float], radius: float | None) -> None:
         first, second, normal = PLANES[self.plane]
