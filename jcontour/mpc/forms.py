@@ -111,7 +111,7 @@ class _WholeState(Form):
         """Solution for C' Q C and R alone: the increments of the tail are not counted."""
         weight = np.asarray(model.C.T @ Q @ model.C)
         check_dare(model.A, model.B, weight, R)
-        return np.asarray(dare(model.A, model.B, weight, R))  # pyright: ignore[reportArgumentType]
+        return np.asarray(dare(model.A, model.B, jnp.asarray(weight), jnp.asarray(R)))
 
     def terminal_maps(self, prediction):
         """Maps to the last state."""
@@ -192,7 +192,7 @@ class VelocityForm(Form):
         weight = np.zeros((n + m, n + m))
         weight[n:, n:] = Q
         check_dare(changes, pushed, weight, S)
-        return np.asarray(dare(changes, pushed, weight, S))  # pyright: ignore[reportArgumentType]
+        return np.asarray(dare(*map(jnp.asarray, (changes, pushed, weight, S))))
 
     def terminal_maps(self, prediction):
         """Maps to the last change of the state and the last output."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import ArrayLike, Float
 
 from jcontour.geometry.contour import Contour
 
@@ -36,11 +36,11 @@ class Score(NamedTuple):
 
 def traversal_score(
     contour: Contour,
-    output: Float[Array, "T m"],
+    output: Float[ArrayLike, "T m"],
     dt: float,
     start: float = 0.0,
     margin: float = END_MARGIN,
-    progress=None,
+    progress: Float[ArrayLike, " T"] | None = None,
 ) -> Score:
     """Time and contour error of a tool path.
 

@@ -6,6 +6,8 @@ Poles of a machine sampled fast crowd around 1. Differences from 1 keep the digi
 of A would lose.
 """
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +17,9 @@ from jcontour.linear.plant import LinearPlant, decoupled_axes
 from jcontour.tracing import is_concrete
 
 
-def placed_gain(model: LinearPlant, poles: Num[ArrayLike, "*m s"]) -> Float[Array, "p n"]:
+def placed_gain(
+    model: LinearPlant, poles: Num[ArrayLike, "*m s"] | Sequence[float | complex]
+) -> Float[Array, "p n"]:
     """Gain K that gives every axis of the loop A - B K these poles.
 
     Args:
@@ -47,7 +51,7 @@ def placed_gain(model: LinearPlant, poles: Num[ArrayLike, "*m s"]) -> Float[Arra
 
 
 def damped_poles(
-    frequency: ArrayLike | list[float], damping: ArrayLike | list[float], dt: float
+    frequency: ArrayLike | Sequence[float], damping: ArrayLike | Sequence[float], dt: float
 ) -> Complex[Array, " s"]:
     """Sampled poles exp(s dt) of k pairs s^2 + 2 zeta w s + w^2, w [rad/s].
 

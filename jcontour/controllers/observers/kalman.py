@@ -7,6 +7,7 @@ form feeds xh and does not need it. The offset-free form estimates a constant di
 controls beside the state, and cancels it; `integral_lqg` has an integral instead.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -21,6 +22,13 @@ from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.sensors import row
 from jcontour.tracing import is_concrete
+
+
+Deviation = ArrayLike | Sequence[float]  # one for all, or one for each channel
+
+
+def _array(value: ArrayLike | None) -> Array | None:
+    return None if value is None else jnp.asarray(value)
 
 
 class ObserverMemory(NamedTuple):
@@ -52,9 +60,9 @@ class _Observer(Wrapper):
 
     controller: Controller
     model: LinearPlant
-    gain: Float[Array, "n q"]
-    start: Float[Array, " n"] | None = None
-    measured: Float[Array, "q n"] | None = None
+    gain: Float[Array, "n q"] = eqx.field(converter=jnp.asarray)
+    start: Float[Array, " n"] | None = eqx.field(converter=_array, default=None)
+    measured: Float[Array, "q n"] | None = eqx.field(converter=_array, default=None)
 
     def __check_init__(self):
         check_gain(self.model.A, self._C, self.gain)
@@ -143,7 +151,7 @@ class OffsetFreeObserver(Wrapper):
 
     controller: Controller
     model: LinearPlant
-    gain: Float[Array, "both q"]
+    gain: Float[Array, "both q"] = eqx.field(converter=jnp.asarray)
     measured: Float[Array, "q n"] = eqx.field(converter=jnp.asarray)
     limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
@@ -183,8 +191,8 @@ class OffsetFreeObserver(Wrapper):
 
 def kalman_gain(
     model: LinearPlant,
-    control_noise: ArrayLike,
-    measurement_noise: ArrayLike,
+    control_noise: Deviation,
+    measurement_noise: Deviation,
     measured: Float[ArrayLike, "q n"] | None = None,
 ) -> Float[Array, "n q"]:
     """Steady-state gain L = P C' (C P C' + V)^-1 of the Kalman filter.
@@ -220,9 +228,9 @@ def kalman_gain(
 def offset_free_gain(
     model: LinearPlant,
     measured: Float[ArrayLike, "q n"],
-    control_noise: ArrayLike,
-    drift: ArrayLike,
-    measurement_noise: ArrayLike,
+    control_noise: Deviation,
+    drift: Deviation,
+    measurement_noise: Deviation,
 ) -> Float[Array, "both q"]:
     """Kalman filter gain (n + p, q) of [x, d] for `OffsetFreeObserver`, where d walks at random.
 

@@ -1,5 +1,6 @@
 """Limits of the actuators."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -23,7 +24,7 @@ class Saturated(Wrapper):
         ValueError: a limit is negative or not a number.
     """
 
-    limit: Float[Array, " p"]
+    limit: Float[Array, " p"] = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self):
         if is_concrete(self.limit) and not np.all(np.asarray(self.limit) >= 0):
