@@ -97,14 +97,14 @@ def verify(
             )
 
 
-def acting_fraction(control: ArrayLike | None, limits: Limits) -> float:
+def acting_fraction(control: Float[ArrayLike, "T p"], limits: Limits) -> float:
     """Fraction of the steps whose control (T, p), or its change, is at a limit.
 
     0 without a step.
     """
-    if control is None:
-        return 0.0
     u = np.asarray(control)
+    if len(u) == 0:
+        return 0.0
     at = _at(u, limits.control)
     at[1:] |= _at(np.diff(u, axis=0), limits.increment)
     return float(np.mean(at))

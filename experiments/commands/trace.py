@@ -135,7 +135,7 @@ def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Trave
         arrived=False,
         time_s=None,
     )
-    return found if rollout.output is None else _scored(found, asked, run)
+    return found if len(rollout.output) == 0 else _scored(found, asked, run)
 
 
 def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:

@@ -198,7 +198,7 @@ def _listed(bounds: Bounds | None) -> list | None:
 def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
     """The constrained run, or what there is of one that stopped."""
     rollout, report = gap.run.rollout, gap.run.report
-    if rollout.output is None:
+    if len(rollout.output) == 0:
         return
     output, control = np.asarray(rollout.output), np.asarray(rollout.control)
     fallback, time = report.fallback.astype("i1"), machine.model.dt * np.arange(len(output))

@@ -136,7 +136,8 @@ def reported_loop(
 class _Rows:
     """The rows of a rollout and of its report while they come in."""
 
-    def __init__(self):
+    def __init__(self, axes: int):
+        self.axes = axes
         self.signals: list[tuple] = []
         self.reports: list[StepReport] = []
         self.fallback: list[bool] = []
@@ -148,8 +149,15 @@ class _Rows:
         self.fallback.append(fallback)
 
     def run(self, state: Any, memory: Any) -> HostRun:
-        """Everything up to here; an empty run has no rows to stack, its signals are None."""
-        columns = [_stacked([row[i] for row in self.signals]) for i in range(5)]
+        """Everything up to here.
+
+        Before the first control its size is not known: an empty run has controls of shape (0, 0),
+        and None for state, measurement and memory.
+        """
+        if self.signals:
+            columns = [_stacked([row[i] for row in self.signals]) for i in range(5)]
+        else:
+            columns = [None, jnp.zeros((0, self.axes)), None, jnp.zeros((0, 0)), None]
         report = LoopReport(
             np.array([one.active for one in self.reports], int),
             np.array([one.residual for one in self.reports], float),
@@ -165,7 +173,7 @@ def _traced(plant: Plant, controller: Controller, reference: Reference, state: S
     memory = controller.initial_memory(reference)
     plan = _Plan(prepared(controller, reference))
     numbers, step = _with_numbers(_whole_step, (plant, controller))
-    rows = _Rows()
+    rows = _Rows(reference.position.shape[1])
     for k in range(reference.steps):
         after = step(numbers, state, memory, plan.row(k))
         next_state, next_memory, output, measurement, control = after
@@ -187,7 +195,7 @@ def _hosted(
     numbers, see = _with_numbers(_seen, (plant,))
     _, advance = _with_numbers(_advanced, (plant,))
     output, measurement = see(numbers, state)
-    rows, control = _Rows(), None
+    rows, control = _Rows(output.size), None
     for k in range(reference.steps):
         if controller.finished(memory):
             break
@@ -276,9 +284,7 @@ def _compiled(function: Callable, tree: Any, static: Any) -> Callable:
 
 
 def _stacked(rows: list) -> Any:
-    """Pytrees stacked on a new leading axis; None when there are none."""
-    if not rows:
-        return None
+    """Pytrees stacked on a new leading axis."""
     tree = jax.tree.structure(rows[0])
     columns = zip(*(jax.tree.leaves(row) for row in rows), strict=True)
     stacked = [np.stack([np.asarray(value) for value in column]) for column in columns]

@@ -73,7 +73,7 @@ def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
     assert (
         acting_fraction(control, Limits(control=(-np.inf, 1.0), increment=(-0.4, np.inf))) == 2 / 4
     )
-    assert acting_fraction(None, Limits()) == 0
+    assert acting_fraction(np.zeros((0, 2)), Limits.within(control=1.0)) == 0
 
 
 def test_a_step_without_an_answer_is_named_or_falls_back(gaps):
