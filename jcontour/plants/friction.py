@@ -51,8 +51,7 @@ class Friction(eqx.Module):
 
     def slipping(self, mode: Int[Array, "*m"], speed: Axes) -> Axes:
         """Force against the motion [N] while the mode is -1 or 1."""
-        speed = jnp.asarray(speed)
-        return jnp.asarray(mode, speed.dtype) * self.dry(speed) + self.viscous * speed
+        return mode.astype(speed.dtype) * self.dry(speed) + self.viscous * speed
 
     def smooth(self, speed: Axes, sharpness: Float[Array, ""]) -> Axes:
         """Force of the differentiable twin [N]: tanh(sharpness v) replaces the mode.

@@ -4,11 +4,12 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import jax
+from jaxtyping import Array, Float
 
 State = TypeVar("State")  # any pytree of arrays
 
 
-def runge_kutta(rates: Callable[[State], State], x: State, h: float) -> State:
+def runge_kutta(rates: Callable[[State], State], x: State, h: float | Float[Array, ""]) -> State:
     """State after one classical Runge-Kutta step of fourth order over h seconds.
 
     Args:

@@ -85,11 +85,11 @@ def joined(*estimates: Estimate) -> Estimate:
 
 
 def coloured_covariance(
-    jacobians: Sequence[Float[np.ndarray, "T n"]], correlations: Sequence[Float[np.ndarray, " L"]]
+    jacobians: Sequence[Float[np.ndarray, "_ n"]], correlations: Sequence[Float[np.ndarray, " _"]]
 ) -> Float[np.ndarray, "n n"]:
     """Covariance of a least-squares fit to runs of rows without gaps.
 
-    The residuals of run k have the autocorrelation `correlations[k]`.
+    Run k has a Jacobian (T_k, n), and its residuals have the autocorrelation `correlations[k]`.
     """
     spread, information = 0.0, 0.0
     for J, one_sided in zip(jacobians, correlations, strict=True):
@@ -103,8 +103,8 @@ def coloured_covariance(
 
 
 def autocorrelation(
-    residuals: Sequence[Float[np.ndarray, " T"]], lags: int
-) -> Float[np.ndarray, " lags+1"]:
+    residuals: Sequence[Float[np.ndarray, " _"]], lags: int
+) -> Float[np.ndarray, " {lags}+1"]:
     """Mean of r(k) r(k + l) for l = 0..lags, tapered to nothing over the second half of the lags.
 
     The flat top keeps correlations of up to half the lags unbiased (Politis & Romano, J. Time

@@ -208,8 +208,13 @@ def _from_logarithms(searched: dict) -> dict:
 
 
 def _residual(
-    shared: Float[Array, "7"], own: Float[Array, "2"], currents, readings, sheet, dt
-) -> Float[Array, " 3T"]:
+    shared: Float[Array, "7"],
+    own: Float[Array, "2"],
+    currents: Float[Array, "T 3"],
+    readings: Float[Array, "T 3"],
+    sheet: Float[Array, "5"],
+    dt: Float[Array, ""],
+) -> Float[Array, " 3*T"]:
     """Simulated minus measured encoders.
 
     Positive parameters are given by their logarithms; `own` is the place of head and beam at the

@@ -43,7 +43,7 @@ class LinkFit(NamedTuple):
     """
 
     estimate: Estimate
-    residuals: list[Float[np.ndarray, " T"]]
+    residuals: list[Float[np.ndarray, " _"]]
     noise: Float[np.ndarray, "R 2"]
 
 

@@ -26,19 +26,19 @@ class OutputError(NamedTuple):
 
     Attributes:
         shared: parameters of all records (n,).
-        residuals: of every record (T,).
+        residuals: of every record (T,), which may differ in length.
         slopes: of the residuals to the shared parameters, then to the own ones of every record (T,
             n + R m).
         converged: whether the search ended by itself.
     """
 
     shared: Float[np.ndarray, " n"]
-    residuals: list[Float[np.ndarray, " T"]]
-    slopes: list[Float[np.ndarray, "T n+Rm"]]
+    residuals: list[Float[np.ndarray, " _"]]
+    slopes: list[Float[np.ndarray, "_ s"]]
     converged: bool
 
     def covariance(
-        self, correlations: Sequence[Float[np.ndarray, " L"]]
+        self, correlations: Sequence[Float[np.ndarray, " _"]]
     ) -> Float[np.ndarray, "n n"]:
         """Covariance of the shared parameters, for these autocorrelations of every record."""
         n = len(self.shared)

@@ -35,7 +35,7 @@ class WindingFit(NamedTuple):
     """R, L, k_e, and what of the current they leave unexplained, record by record [A]."""
 
     estimate: Estimate
-    residuals: list[Float[np.ndarray, " T"]]
+    residuals: list[Float[np.ndarray, " _"]]
 
 
 def fit_winding(records: Sequence[Record]) -> WindingFit:

@@ -23,7 +23,7 @@ class Disturbed(Remembering):
     """
 
     force: Float[Array, "T p"] | None = None
-    noise: Float[Array, "T q"] | None = None
+    noise: Float[Array, "S q"] | None = None
 
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant, and the counter at zero."""

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -64,14 +65,11 @@ def test_model_is_that_of_the_estimate(found):
     for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant", "pole_pitch"):
         assert float(getattr(p, name)[0]) == pytest.approx(value[name], rel=1e-12), name
     np.testing.assert_array_equal(p.cogging_sine[0], [value[f"sine_{j}"] for j in (1, 2, 3)])
-    for speed in (
-        0.0,
-        0.1,
-        0.2,
-        0.35,
-    ):  # friction is right up to the fastest speed of the data, although its parts are not known
-        truth = thesis_axis().friction.slipping(1.0, speed)
-        np.testing.assert_allclose(p.friction.slipping(1.0, speed), truth, rtol=3e-3)
+    # friction is right up to the fastest speed of the data, although its parts are not known
+    for speed in (0.0, 0.1, 0.2, 0.35):
+        forward = jnp.array([1]), jnp.array([speed])
+        truth = thesis_axis().friction.slipping(*forward)
+        np.testing.assert_allclose(p.friction.slipping(*forward), truth, rtol=3e-3)
 
 
 def test_forces_scale_with_a_given_force_constant(found, records):
@@ -128,7 +126,7 @@ def test_what_is_missing_or_wrong(records):
     with pytest.raises(
         ValueError, match="force_constant: needs to be finite and above zero, received -1"
     ):
-        identify(motion, force_constant=-1)
+        identify(motion, force_constant=-1.0)
     with pytest.raises(
         ValueError, match="pole_pitch: needs to be finite and above zero, received nan"
     ):

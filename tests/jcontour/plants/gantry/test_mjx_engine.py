@@ -31,7 +31,9 @@ def test_mass_matrix_and_accelerations(machine, request):
         )
         return mjx.full_m(plant.model, data)[jnp.ix_(OUR_ORDER, OUR_ORDER)], data.qacc[OUR_ORDER]
 
-    mass, acceleration = jax.jit(jax.vmap(engine))(q, v, u)
+    # MuJoCo's own `full_m` promotes both
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+        mass, acceleration = jax.jit(jax.vmap(engine))(q, v, u)
     wanted, fast = jax.vmap(
         lambda q, v, u: (motion.mass_matrix(q), jnp.stack(motion.acceleration(q, v, u)))
     )(q, v, u)
