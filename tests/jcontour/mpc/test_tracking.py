@@ -328,7 +328,7 @@ BAD = {
         limits=Limits(increment=(0.1, -0.1))
     ),
     r"output: needs one bound or one per component, shape \(2,\), received \(3,\)": dict(
-        limits=Limits.within(output=[1, 2, 3])
+        limits=Limits.within(output=[1.0, 2.0, 3.0])
     ),
     "output: needs to be positive semidefinite": dict(weights=TrackingWeights(-1.0, control=1.0)),
     "output: needs to be symmetric": dict(

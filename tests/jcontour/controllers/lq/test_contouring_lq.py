@@ -174,11 +174,11 @@ def test_bad_weights_are_named(weights, words):
         LQWeights(*weights)
 
 
-def test_bad_controllers_are_named(two_axes):
+def test_bad_controllers_are_named(any_type, two_axes):
     with pytest.raises(ValueError, match="preview: needs a whole number"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1), 0)
     with pytest.raises(ValueError, match="received 2.7"):
-        ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)  # pyright: ignore[reportArgumentType]
+        ContouringLQ(two_axes, LQWeights(1, 1, 1), 2.7)
     with pytest.raises(ValueError, match=r"stage.*shape \(3,\), received \(2,\)"):
         ContouringLQ(two_axes, LQWeights(1, 1, 1, [1.0, 1.0]), 3)
     with pytest.raises(

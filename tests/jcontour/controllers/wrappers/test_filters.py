@@ -68,7 +68,7 @@ def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     plan = prepared(inside, reference)
     raw = np.stack(
         [
-            inside.step((), jax.tree.map(lambda leaf, k=k: leaf[k], plan), rollout.state[k])[1]
+            inside.step(None, jax.tree.map(lambda leaf, k=k: leaf[k], plan), rollout.state[k])[1]
             for k in range(6)
         ]
     )

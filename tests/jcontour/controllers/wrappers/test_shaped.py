@@ -58,7 +58,7 @@ def test_a_ramp_is_late_by_the_mean_delay_from_its_first_sample_on():
     late = float(shaper.times @ shaper.amplitudes) / DT
     np.testing.assert_allclose(
         shaped_positions(ramp, shaper),
-        ramp.position - late * 1e-4 * np.array([0.6, 0.8]),
+        np.asarray(ramp.position) - late * 1e-4 * np.array([0.6, 0.8]),
         rtol=0,
         atol=1e-15,
     )
