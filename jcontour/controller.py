@@ -62,7 +62,7 @@ class Wrapper(Controller):
     controller: eqx.AbstractVar[Controller]
 
     @property
-    def preview(self) -> int:
+    def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Preview of the wrapped controller [samples]."""
         return self.controller.preview
 

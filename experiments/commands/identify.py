@@ -167,7 +167,7 @@ def _demo(seed: int) -> str:
 def _parameters(found: IdentifiedAxis, simulated: bool) -> list[FoundParameter]:
     estimate, hidden = found.estimate, unseparated(found.estimate)
     truth = _true_values(thesis_axis(), thesis_motor()) if simulated else {}
-    orders = range(1, found.forces.cogging.count + 1)
+    orders = range(1, found.forces.cogging.highest + 1)
     units = UNITS | {f"{kind}_{j}": "N" for j in orders for kind in WAVES}
     rows = []
     for name, unit in units.items():

@@ -30,13 +30,12 @@ filtered = FilterObserver(inner, model, kalman_gain(model, noise, count))
 gain = offset_free_gain(model, model.C, noise, 1e-3, count)
 offset_free = OffsetFreeObserver(inner, model, gain, model.C)
 
-errors = {}
+rollouts, errors = {}, {}
 for name, controller in {"Kalman filter": filtered, "with load": offset_free}.items():
-    rollout = simulate(machine, controller, reference)
+    rollouts[name] = simulate(machine, controller, reference)
     second_half = (reference.steps // 2, reference.steps)
-    errors[name] = float(score(rollout, reference, second_half).rms_tracking_error)
-    estimate = rollout.final_memory
-found = np.asarray(estimate.disturbance)  # of the last controller
+    errors[name] = float(score(rollouts[name], reference, second_half).rms_tracking_error)
+found = np.asarray(rollouts["with load"].final_memory.disturbance)
 print(
     f"Under the load the RMS tracking error is {1e6 * errors['Kalman filter']:.2f} um, "
     f"and {1e6 * errors['with load']:.2f} um if the observer estimates the load too: "

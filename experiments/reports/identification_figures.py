@@ -71,7 +71,7 @@ def _draw_cogging(axes: Axes, found: IdentifiedAxis) -> None:
 def _draw_spectrum(axes: Axes, found: IdentifiedAxis) -> None:
     spectrum, cogging = found.forces.spectrum, found.forces.cogging
     axes.plot(spectrum.wavenumber, spectrum.amplitude, linewidth=0.9)
-    for j in range(1, cogging.count + 1):
+    for j in range(1, cogging.highest + 1):
         axes.axvline(j / cogging.pole_pitch, color="tab:orange", linewidth=0.6)
     axes.set_xlim(0, HARMONICS_SHOWN / cogging.pole_pitch)
     grid(axes, "spectrum over position, harmonics in the fit orange", "1/m", "N")
@@ -91,7 +91,7 @@ def _friction(value: dict[str, float], speed: np.ndarray) -> np.ndarray:
 
 def _cogging(value: dict[str, float], found: IdentifiedAxis, position: np.ndarray) -> np.ndarray:
     angle = 2 * np.pi / value.get("pole_pitch", found.forces.cogging.pole_pitch) * position
-    orders = range(1, found.forces.cogging.count + 1)
+    orders = range(1, found.forces.cogging.highest + 1)
     return sum(
         (
             value[f"sine_{j}"] * np.sin(j * angle) + value[f"cosine_{j}"] * np.cos(j * angle)

@@ -35,6 +35,7 @@ def quintic_pieces(
     Raises:
         ValueError: the tolerance is out of reach.
     """
+    error = np.full(knots.size - 1, np.inf)
     for _ in range(MOST_HALVINGS):
         # a curve that stops or overflows makes NaN, which never fits
         with np.errstate(all="ignore"):

@@ -206,7 +206,7 @@ def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, programs: int, *refs):
         K_bar = [of_input(u) for u in range(sizes.p)]
         lane_data = read(pattern, sizes, lanes, data)
         results = rows, R_bar, end
-        one_block(pattern, sizes, lane_data, K_bar, results, lanes.index, kept)
+        one_block(pattern, sizes, lane_data, K_bar, results, lanes.number, kept)
         return nothing
 
     blocks = -(-sizes.steps * batch.members // LANES)

@@ -195,7 +195,7 @@ def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> 
         no_cost = dict.fromkeys(shape.entries, 0.0)
         return weigh(shape, sizes, output, no_cost, of_sample(sizes.preview))
 
-    nothing = jnp.full(lanes.index.shape, 0.0, cost.ref.dtype)
+    nothing = jnp.full(lanes.number.shape, 0.0, cost.ref.dtype)
     return Data(M, output, weight, of_sample, start, nothing)
 
 
@@ -234,8 +234,8 @@ def kernel(pattern: Pattern, sizes: Sizes, batch: Batch, *refs):
     K, _ = swept(pattern, sizes, read(pattern, sizes, lanes, batch.rows(data, lanes.member)))
     for u in range(sizes.p):
         for i in range(sizes.n):
-            F[u * sizes.n + i, lanes.index] = K[u][i]
-        f[u, lanes.index] = -K[u][sizes.n]
+            F[u * sizes.n + i, lanes.number] = K[u][i]
+        f[u, lanes.number] = -K[u][sizes.n]
 
 
 def as_rows(operands: Sequence[Operand]) -> list[Operand]:

@@ -120,18 +120,18 @@ class Batch(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """Lanes of one program: flat number, step and member of the batch."""
+    """Lanes of one program: flat number, step and member of the batch, (L,) each."""
 
-    index: Array
+    number: Array
     step: Array
     member: Array
 
     @classmethod
     def of(cls, program, steps: int, members: int, count: int = LANES) -> "Lanes":
         """Lanes program * count onwards."""
-        index = program * count + jnp.arange(count, dtype=jnp.int32)
-        index = jnp.minimum(index, steps * members - 1)
-        return cls(index, index // members, index % members)
+        number = program * count + jnp.arange(count, dtype=jnp.int32)
+        number = jnp.minimum(number, steps * members - 1)
+        return cls(number, number // members, number % members)
 
 
 def processors() -> int:

@@ -134,7 +134,7 @@ def _together(scale: Estimate, link: LinkFit | None, forces: ForceFit) -> Estima
             found["motor_mass"] = found["total_mass"] - found["tool_mass"]
             found["stiffness"] = value["stiffness_per_mass"] * found["tool_mass"]
             found["damping"] = value["damping_per_mass"] * found["tool_mass"]
-        for j in range(1, forces.cogging.count + 1):
+        for j in range(1, forces.cogging.highest + 1):
             found[f"amplitude_{j}"] = jnp.hypot(found[f"sine_{j}"], found[f"cosine_{j}"])
         if "curvature" in value:
             found["stribeck"] = found["drop"] / value["curvature"]
@@ -160,7 +160,7 @@ def _parameters(estimate: Estimate, forces: ForceFit) -> AxisParameters:
         most = max(estimate["break_away"], 0.0)
         stribeck = float(np.clip(estimate["drop"] * stribeck_speed**2, 0.0, most))
     tool_mass = max(estimate["tool_mass"], LIGHT * estimate["total_mass"])
-    orders = range(1, forces.cogging.count + 1)
+    orders = range(1, forces.cogging.highest + 1)
     pole_pitch = forces.cogging.pole_pitch
     if "pole_pitch" in estimate.names:
         pole_pitch = estimate["pole_pitch"]

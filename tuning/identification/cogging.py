@@ -25,13 +25,13 @@ class Spectrum(NamedTuple):
 
 
 class Harmonics(NamedTuple):
-    """Pole pitch [m] and number of its harmonics that stand out.
+    """Pole pitch [m] and order of the highest of its harmonics that stand out.
 
     Where none does and no pitch was given, the pitch is the travel.
     """
 
     pole_pitch: float
-    count: int
+    highest: int
 
 
 def spectrum(position: Float[np.ndarray, " N"], force: Float[np.ndarray, " N"]) -> Spectrum:
@@ -69,7 +69,8 @@ def harmonics(found: Spectrum, pole_pitch: float | None = None) -> Harmonics:
         peaks = peaks[resolved[peaks]]
         if not peaks.size:
             return Harmonics(found.travel, 0)
-        pole_pitch = 1 / _top(found, peaks[np.argmax(found.amplitude[peaks])])
+        highest = int(peaks[np.argmax(found.amplitude[peaks])])
+        pole_pitch = 1 / _top(found, highest)
     if found.travel < LEAST_PITCHES * pole_pitch:
         raise ValueError(
             f"pole_pitch: the slow passes travel {found.travel:.3g} m, "

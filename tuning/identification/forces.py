@@ -53,7 +53,7 @@ class ForceFit(NamedTuple):
 
     estimate: Estimate
     slides: list[Slide]
-    residuals: list[Float[np.ndarray, " R"]]
+    residuals: list[Float[np.ndarray, " _"]]
     spectrum: Spectrum
     cogging: Harmonics
 
@@ -90,7 +90,7 @@ def fit_forces(
         )
     lines = _left_over(_fit(found, force_constant, NO_COGGING, ("curvature",)), found)
     cogging = harmonics(lines, pole_pitch)
-    pitch = ("pole_pitch",) if cogging.count and pole_pitch is None else ()
+    pitch = ("pole_pitch",) if cogging.highest and pole_pitch is None else ()
     fit, curved = (
         _fit(found, force_constant, cogging, searched)
         for searched in (pitch, (*pitch, "curvature"))
@@ -102,7 +102,7 @@ def fit_forces(
 
 class _Fit(NamedTuple):
     estimate: Estimate
-    residuals: list[Float[np.ndarray, " R"]]
+    residuals: list[Float[np.ndarray, " _"]]
 
 
 def _fit(
@@ -123,7 +123,7 @@ def _fit(
         return fixed | {name: fixed[name] + scale[name] * x for name, x in moved}
 
     def columns(z):
-        return np.concatenate([_columns(slide, cogging.count, **shape(z)) for slide in found])
+        return np.concatenate([_columns(slide, cogging.highest, **shape(z)) for slide in found])
 
     def solved(z):
         matrix = columns(z)
@@ -146,7 +146,7 @@ def _fit(
     slopes = np.split(np.column_stack([columns(z), *bent]), ends)
     residuals = np.split(left, ends)
     correlations = [autocorrelation(residuals, CORRELATED)] * len(slopes)
-    names = (*_linear_names(found, cogging.count), *searched)
+    names = (*_linear_names(found, cogging.highest), *searched)
     values = np.append(linear, [shape(z)[name] for name in searched])
     return _Fit(Estimate(names, values, coloured_covariance(slopes, correlations)), residuals)
 
@@ -166,7 +166,9 @@ def _gain(fit: _Fit, wider: _Fit) -> float:
     return (squares - wider_squares) / variance
 
 
-def _columns(slide: Slide, count: int, curvature: complex, pole_pitch: complex) -> np.ndarray:
+def _columns(
+    slide: Slide, count: int, curvature: float | complex, pole_pitch: float | complex
+) -> np.ndarray:
     """Factors of all linear parameters (R, n), in the order of `_linear_names`."""
     squared, ones = slide.speed**2, np.ones(len(slide.time))
     fall = squared / (1 + curvature * squared) @ slide.weights

@@ -74,7 +74,7 @@ def notes(estimate: Estimate, forces: ForceFit) -> Iterator[str]:
         )
     for name in undetermined(estimate):
         yield f"{name}: not separated; {EXPERIMENTS[name]} would tell it"
-    if not forces.cogging.count:
+    if not forces.cogging.highest:
         yield (
             "cogging: no harmonic stands out of the noise; "
             "a slower sweep over more pole pitches would show smaller ones"

@@ -49,7 +49,7 @@ class OnPath(Controller):
     cascade: eqx.AbstractVar[Cascade]
 
     @property
-    def preview(self) -> int:
+    def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Samples of the future that the cascade needs."""
         return self.cascade.preview
 

@@ -80,7 +80,7 @@ class IntegralLQG(Controller):
         check_stable("integral_gain: the loop", whole.A - whole.B @ gain)
 
     @property
-    def preview(self) -> int:
+    def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Samples of the future that the state feedback needs."""
         return self.feedback.preview
 

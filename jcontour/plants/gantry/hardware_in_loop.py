@@ -65,7 +65,7 @@ class HardwareInLoop(Plant):
         self.gantry, self.bench, self.delay = gantry, bench, int(delay)
 
     @property
-    def dt(self) -> float:
+    def dt(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Sample period [s]."""
         return self.gantry.dt
 

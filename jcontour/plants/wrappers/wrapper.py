@@ -17,7 +17,7 @@ class Wrapper(Plant):
     plant: Plant
 
     @property
-    def dt(self) -> float:
+    def dt(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Sample period of the wrapped plant [s]."""
         return self.plant.dt
 

@@ -111,7 +111,7 @@ def test_pieces_are_the_whole(monkeypatch, numbers):
 def test_lanes_beyond_the_last_repeat_it():
     found = Lanes.of(1, steps=3, members=2, count=4)
     assert (
-        found.index.tolist() == [4, 5, 5, 5]
+        found.number.tolist() == [4, 5, 5, 5]
         and found.step.tolist() == [2, 2, 2, 2]
         and found.member.tolist() == [0, 1, 1, 1]
     )

@@ -25,18 +25,18 @@ def test_amplitudes_of_the_lines():
 
 def test_finds_pitch_and_harmonics():
     found = harmonics(spectrum(*scattered()))
-    assert found.pole_pitch == pytest.approx(PITCH, rel=2e-3) and found.count == 3
+    assert found.pole_pitch == pytest.approx(PITCH, rel=2e-3) and found.highest == 3
 
 
 def test_a_given_pitch_is_kept():
     """Its fifth multiple is the strongest line."""
     found = harmonics(spectrum(*scattered(travel=1.0)), pole_pitch=5 * PITCH / 3)
-    assert found.pole_pitch == 5 * PITCH / 3 and found.count == 5
+    assert found.pole_pitch == 5 * PITCH / 3 and found.highest == 5
 
 
 def test_without_cogging():
     found = harmonics(spectrum(*scattered(amplitudes=(0.0,))))
-    assert found.count == 0 and found.pole_pitch == pytest.approx(0.4, rel=1e-3)
+    assert found.highest == 0 and found.pole_pitch == pytest.approx(0.4, rel=1e-3)
 
 
 def test_a_travel_that_is_too_short():
