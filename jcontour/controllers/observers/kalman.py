@@ -23,7 +23,6 @@ from jcontour.riccati.algebraic import check_dare, dare
 from jcontour.sensors import row
 from jcontour.tracing import is_concrete
 
-
 Deviation = ArrayLike | Sequence[float]  # one for all, or one for each channel
 
 
