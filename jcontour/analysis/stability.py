@@ -13,9 +13,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import ArrayLike, Bool, Float, Int
+from jaxtyping import Float, Int
 
+from jcontour.analysis.frozen_loops import CutLoops, frozen_loop
 from jcontour.controller import Controller, Wrapper
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
@@ -49,49 +49,6 @@ class Margins(NamedTuple):
     gain_at: np.ndarray
     delay: int
     saturated: int
-
-
-class CutLoops(NamedTuple):
-    """Frozen loops cut at their control, for small changes; v = u closes them.
-
-    z(k+1) = A z(k) + B v(k),   u(k) = C z(k)
-    """
-
-    A: Float[np.ndarray, "T N N"]
-    B: Float[np.ndarray, "T N p"]
-    C: Float[np.ndarray, "T p N"]
-
-    def closed(self, gains: ArrayLike = 1.0) -> Float[np.ndarray, "T N N"]:
-        """Closed loops A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
-        return self.A + (self.B * gains) @ self.C
-
-    def late(self, samples: int) -> Float[np.ndarray, "T L L"]:
-        """Closed loops with v(k) = u(k - samples), at least one sample.
-
-        The state gains the line u(k-1), ..., u(k-samples).
-        """
-        T, N, p = self.B.shape
-        M = np.zeros((T, N + samples * p, N + samples * p))
-        M[:, :N, :N], M[:, :N, -p:], M[:, N : N + p, :N] = self.A, self.B, self.C
-        M[:, N + p :, N:-p] = np.eye((samples - 1) * p)
-        return M
-
-    def acting(self) -> Bool[np.ndarray, "T p"]:
-        """Controls that are part of a loop.
-
-        Their row and their column in the Markov parameters C A^k B, k < N, are not all zero. Only
-        the zeros of A, B and C are looked at: no power of an unstable A is taken.
-        """
-        A, B, C = (matrices != 0 for matrices in self)
-        reached = B
-        for _ in range(1, A.shape[1]):
-            reached = reached | A @ reached
-        heard = C @ reached
-        return heard.any(axis=1) & heard.any(axis=2)
-
-    def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
-        """Loops of some rows."""
-        return CutLoops(*(matrices[rows] for matrices in self))
 
 
 def frozen_spectral_radius(controller: Controller, direction, plant: Plant | None = None) -> float:
@@ -196,27 +153,16 @@ def _modelled_plant(controller: Controller) -> Plant:
 
 
 @eqx.filter_jit
-def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows) -> tuple:
+def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows) -> CutLoops:
     plan = controller.prepare(reference)
     run = follow(plant, controller, plan, reference)
 
-    def cut(plan_k, state, memory):
-        moving, fixed = eqx.partition((state, memory), eqx.is_inexact_array)
-        flat, unravel = ravel_pytree(moving)
-        N = flat.size
+    def cut(step):
+        plan_k, state, memory = step
+        return frozen_loop(plant, controller, plan_k, state, memory).cut()
 
-        def one_step(inputs):
-            state, memory = eqx.combine(unravel(inputs[:N]), fixed)
-            memory, control = controller.step(memory, plan_k, plant.measure(state))
-            after = plant.step(state, jax.lax.stop_gradient(control) + inputs[N:]), memory
-            moved, _ = ravel_pytree(eqx.filter(after, eqx.is_inexact_array))
-            return jnp.concatenate([moved, control])
-
-        no_change = jnp.zeros(run.control.shape[1], flat.dtype)
-        J = jax.jacfwd(one_step)(jnp.concatenate([flat, no_change]))
-        return J[:N, :N], J[:N, N:], J[N:, :N]
-
-    return jax.vmap(cut)(*jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory)))
+    steps = jax.tree.map(lambda leaf: leaf[rows], (plan, run.state, run.memory))
+    return jax.vmap(cut)(steps)
 
 
 def _margins(loops: CutLoops, samples: Int[np.ndarray, " R"], saturated: int) -> Margins:

@@ -1,0 +1,174 @@
+"""Frozen loops: the closed loop linearised at one step of a run.
+
+For small changes, the plan of that step held for ever, v the control that acts on the plant:
+    x(k+1) = A x(k) + B v(k),        y(k) = H x(k)                        the plant
+    w(k+1) = W w(k) + E y(k),        u(k) = K w(k) + D y(k)               the controller
+x is the state of the plant, w the memory of the controller; v = u closes the loop. All floating
+numbers of state, memory and measurement count; whole numbers (counters, taps) stay as they are.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from jcontour.controller import Controller, Memory, Plan
+from jcontour.plant import Plant, State
+
+
+class CutLoops(NamedTuple):
+    """Frozen loops cut at their control, for small changes; v = u closes them.
+
+    z(k+1) = A z(k) + B v(k),   u(k) = C z(k)
+    """
+
+    A: Float[Array | np.ndarray, "*loops N N"]
+    B: Float[Array | np.ndarray, "*loops N p"]
+    C: Float[Array | np.ndarray, "*loops p N"]
+
+    def closed(self, gains: ArrayLike = 1.0) -> Float[Array | np.ndarray, "*loops N N"]:
+        """Closed loops A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
+        return self.A + (self.B * gains) @ self.C
+
+    def late(self, samples: int) -> Float[Array, "*loops L L"]:
+        """Closed loops with v(k) = u(k - samples), at least one sample.
+
+        The state gains the line u(k-1), ..., u(k-samples).
+        """
+        A, B, C = (jnp.asarray(matrices) for matrices in self)
+        *loops, N, p = B.shape
+        kept = (samples - 1) * p
+        unused = jnp.zeros((*loops, N, kept), A.dtype)
+        shift = jnp.broadcast_to(
+            jnp.eye(kept, N + samples * p, N, A.dtype), (*loops, kept, N + samples * p)
+        )
+        rows = [
+            jnp.concatenate([A, unused, B], axis=-1),
+            jnp.concatenate([C, jnp.zeros((*loops, p, samples * p), A.dtype)], axis=-1),
+            shift,
+        ]
+        return jnp.concatenate(rows, axis=-2)
+
+    def acting(self) -> Bool[np.ndarray, "T p"]:
+        """Controls that are part of a loop.
+
+        Their row and their column in the Markov parameters C A^k B, k < N, are not all zero. Only
+        the zeros of A, B and C are looked at: no power of an unstable A is taken.
+        """
+        A, B, C = (np.asarray(matrices) != 0 for matrices in self)
+        reached = B
+        for _ in range(1, A.shape[1]):
+            reached = reached | A @ reached
+        heard = C @ reached
+        return heard.any(axis=1) & heard.any(axis=2)
+
+    def at(self, rows: Int[np.ndarray, " R"]) -> "CutLoops":
+        """Loops of some rows."""
+        return CutLoops(*(matrices[rows] for matrices in self))
+
+
+class LinearMachine(NamedTuple):
+    """The plant of a frozen loop."""
+
+    A: Float[Array, "n n"]
+    B: Float[Array, "n p"]
+    H: Float[Array, "q n"]
+
+
+class LinearLaw(NamedTuple):
+    """The controller of a frozen loop."""
+
+    W: Float[Array, "c c"]
+    E: Float[Array, "c q"]
+    K: Float[Array, "p c"]
+    D: Float[Array, "p q"]
+
+
+class FrozenLoop(NamedTuple):
+    """One frozen loop in the letters of the module."""
+
+    machine: LinearMachine
+    law: LinearLaw
+
+    def cut(self) -> CutLoops:
+        """The loop cut at its control; the state is (x, w)."""
+        (A, B, H), (W, E, K, D) = self
+        n, c, p = A.shape[0], W.shape[0], B.shape[1]
+        return CutLoops(
+            jnp.block([[A, jnp.zeros((n, c), A.dtype)], [E @ H, W]]),
+            jnp.concatenate([B, jnp.zeros((c, p), A.dtype)]),
+            jnp.concatenate([D @ H, K], axis=1),
+        )
+
+    def entry(self) -> Float[Array, "N q"]:
+        """Change of the state (x, w) under a change of what the controller reads."""
+        return jnp.concatenate([self.machine.B @ self.law.D, self.law.E])
+
+
+def frozen_loop(
+    plant: Plant, controller: Controller, plan: Plan, state: State, memory: Memory
+) -> FrozenLoop:
+    """The loop linearised at one step.
+
+    Args:
+        plant: smooth; a quantiser has no slope.
+        controller: in whatever branch it is there: at a limit, its control does not move.
+        plan: one row, that of the step.
+        state: of the plant, before the step.
+        memory: of the controller, before the step.
+    """
+    law, control = linear_law(controller, plan, memory, plant.measure(state))
+    return FrozenLoop(linear_machine(plant, state, control), law)
+
+
+def linear_machine(plant: Plant, state: State, control: Float[Array, " p"]) -> LinearMachine:
+    """A plant linearised at a state and a control."""
+    moving, fixed = eqx.partition(state, eqx.is_inexact_array)
+
+    def step(inputs):
+        moving, control = inputs
+        state = eqx.combine(moving, fixed)
+        after = plant.step(state, control), plant.measure(state)
+        return eqx.filter(after, eqx.is_inexact_array)
+
+    slope = _slope(step, (moving, control))
+    n = slope.shape[1] - control.size
+    return LinearMachine(slope[:n, :n], slope[:n, n:], slope[n:, :n])
+
+
+def linear_law(
+    controller: Controller, plan: Plan, memory: Memory, measurement: Any
+) -> tuple[LinearLaw, Float[Array, " p"]]:
+    """A controller linearised at a memory and a measurement, and its control there."""
+    moving, fixed = eqx.partition(memory, eqx.is_inexact_array)
+    seen, unseen = eqx.partition(measurement, eqx.is_inexact_array)
+
+    def step(inputs):
+        moving, seen = inputs
+        after = controller.step(eqx.combine(moving, fixed), plan, eqx.combine(seen, unseen))
+        return eqx.filter(after, eqx.is_inexact_array)
+
+    _, control = controller.step(memory, plan, measurement)
+    slope = _slope(step, (moving, seen))
+    c = slope.shape[0] - control.size
+    return LinearLaw(slope[:c, :c], slope[:c, c:], slope[c:, :c], slope[c:, c:]), control
+
+
+def _slope(function: Any, inputs: Any) -> Float[Array, "outputs inputs"]:
+    """Jacobian between two pytrees, each as one row."""
+    flat, unravel = ravel_pytree(inputs)
+    return jax.jacfwd(lambda row: ravel_pytree(function(unravel(row)))[0])(flat)
+
+
+def unlimited(module: Any) -> Any:
+    """The same plant or controller with every field `limit` (or `..._limit`) infinite."""
+
+    def without(path, leaf):
+        name = getattr(path[-1], "name", "") if path else ""
+        return jnp.full_like(leaf, jnp.inf) if name.endswith("limit") else leaf
+
+    return jax.tree_util.tree_map_with_path(without, module)

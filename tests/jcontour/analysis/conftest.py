@@ -1,0 +1,115 @@
+"""Loops of given matrices, and their peaks by python-control."""
+
+from typing import Any
+
+import control
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+from jcontour.analysis.sensitivity import probe_windows
+from jcontour.controller import Controller
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_references
+
+
+class Law(Controller):
+    """w+ = W w + E y, u = K w + D y."""
+
+    W: Any
+    E: Any
+    K: Any
+    D: Any
+    preview: int = eqx.field(static=True, default=0)
+
+    @classmethod
+    def static(cls, D):
+        D = jnp.asarray(D)
+        p, q = D.shape
+        return cls(jnp.zeros((0, 0)), jnp.zeros((0, q)), jnp.zeros((p, 0)), D)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return jnp.zeros(self.W.shape[0])
+
+    def step(self, memory, plan, measurement):
+        u = self.K @ memory + self.D @ measurement
+        return self.W @ memory + self.E @ measurement, u
+
+
+def transfer(system, z):
+    """Values (F, outputs, inputs) of a state space at points z."""
+    A, B, C, D = (np.asarray(matrix) for matrix in (system.A, system.B, system.C, system.D))
+    shifted = z[:, None, None] * np.eye(len(A)) - A
+    return C @ np.linalg.solve(shifted, np.broadcast_to(B + 0j, (z.size, *B.shape))) + D
+
+
+def highest(system):
+    """Peak of the largest singular value: a fine grid, refined where it is high."""
+
+    def level(w):
+        values = transfer(system, np.exp(1j * np.atleast_1d(w)))
+        return np.linalg.svd(values, compute_uv=False)[:, 0]
+
+    poles = system.poles()
+    near = np.abs(np.angle(poles))[:, None] + (1 - np.abs(poles))[:, None] * np.linspace(-2, 2, 41)
+    grid = np.concatenate([np.geomspace(1e-8, np.pi, 1500), np.linspace(1e-3, np.pi, 1500)])
+    grid = np.unique(np.clip(np.concatenate([grid, near.ravel()]), 1e-9, np.pi))
+    values = level(grid)
+    best = values.max()
+    for k in np.argsort(values)[-4:]:
+        bounds = grid[max(k - 1, 0)], grid[min(k + 1, grid.size - 1)]
+        found = minimize_scalar(
+            lambda w: -level(w)[0], bounds=bounds, method="bounded", options={"xatol": 1e-12}
+        )
+        best = max(best, -found.fun)
+    return best
+
+
+def peaks_by_control(P, K):
+    """Ms and Mt of u = K y, y = P u, each at input and output."""
+    found = []
+    for loop in (K * P, P * K):
+        one = control.ss([], [], [], np.eye(loop.noutputs), loop.dt)
+        S = control.feedback(one, loop, sign=1)
+        found.append((highest(S), highest(S - one)))
+    return np.array(found)
+
+
+@pytest.fixture(scope="session")
+def given_law():
+    return Law
+
+
+@pytest.fixture(scope="session")
+def control_peaks():
+    return peaks_by_control
+
+
+@pytest.fixture(scope="session")
+def linear_machine():
+    """(A, B, C) -> plant; steady motions do not matter to a linear loop."""
+
+    def of(A, B, C):
+        nothing = jnp.zeros((len(A), len(C)))
+        return LinearPlant(A, B, C, 1e-3, motion=SteadyMotion(nothing, nothing))
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def straight_window():
+    """(axes, preview) -> one window of a straight line in motion."""
+
+    def of(axes, preview=0):
+        there = line(np.zeros(axes), np.full(axes, 1e-2))
+        run = along(there, 1e-5 * np.arange(4), 1e-3, preview, at_rest=False)
+        return probe_windows(stack_references([run]), 1)
+
+    return of

@@ -1,0 +1,54 @@
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.analysis.frozen_loops import frozen_loop, unlimited
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.sensors import motors
+
+
+def matrices(*shapes):
+    random = np.random.default_rng(0)
+    return [jnp.asarray(random.standard_normal(shape)) for shape in shapes]
+
+
+def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
+    A, B, C = matrices((4, 4), (4, 2), (2, 4))
+    W, E, K, D = law = matrices((3, 3), (3, 2), (2, 3), (2, 2))
+    plant = Encoders(linear_machine(A, B, C))
+    state, memory = (jnp.ones(size) for size in (4, 3))
+    loop = frozen_loop(plant, given_law(*law), None, state, memory)
+    for found, wanted in zip((*loop.machine, *loop.law), (A, B, C, *law), strict=True):
+        np.testing.assert_allclose(found, wanted)
+    closed = np.block([[A + B @ D @ C, B @ K], [E @ C, W]])
+    np.testing.assert_allclose(loop.cut().closed(), closed, rtol=1e-12)
+    # one sample late: (x, w, u(k-1)) by hand
+    late = np.block(
+        [
+            [A, np.zeros((4, 3)), B],
+            [E @ C, W, np.zeros((3, 2))],
+            [D @ C, K, np.zeros((2, 2))],
+        ]
+    )
+    np.testing.assert_allclose(loop.cut().late(1), late, rtol=1e-12)
+
+
+def test_counters_do_not_move(given_law, linear_machine):
+    """The tap of a delay line is a whole number; the places of the line are states."""
+    A, B, C, D = matrices((4, 4), (4, 2), (2, 4), (2, 2))
+    plant = Delayed(Encoders(linear_machine(A, B, C)), jnp.asarray(1), 2, 2)
+    state = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
+    loop = frozen_loop(plant, given_law.static(D), None, state, jnp.zeros(0))
+    assert loop.machine.A.shape == (8, 8) and loop.law.W.shape == (0, 0)
+    np.testing.assert_allclose(loop.machine.A[:4, 4:6], B)
+    np.testing.assert_array_equal(loop.machine.B[:4], 0.0)
+
+
+def test_limits_are_lifted_and_nothing_else(linear_machine):
+    A, B, C = matrices((4, 4), (4, 2), (2, 4))
+    plant = unlimited(Saturated(linear_machine(A, B, C), jnp.ones(2)))
+    assert np.isinf(plant.limit).all() and (plant.plant.A == A).all()
+    cascade = unlimited(Cascade(CascadeGains(1.0, 2.0, 3.0), motors(2), 1e-3, limit=5.0))
+    assert np.isinf(cascade.limit) and cascade.gains.integral_time == 3.0

@@ -1,0 +1,104 @@
+"""Peaks over all frequencies, through `loop_peaks`."""
+
+import control
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.analysis.sensitivity import loop_peaks
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
+from jcontour.sensors import Sensors, motors
+from jcontour.simulation.evaluation import stack_plants
+
+
+def random_loop(random, axes, states=4):
+    """A stable plant and a stable controller whose loop is stable, and not far from the edge."""
+    while True:
+        A, W = (random.standard_normal((states, states)) for _ in range(2))
+        A, W = (0.9 * M / np.abs(np.linalg.eigvals(M)).max() for M in (A, W))
+        B, E = (random.standard_normal((states, axes)) for _ in range(2))
+        C, K = (random.standard_normal((axes, states)) for _ in range(2))
+        K, D = 0.05 * K, 0.05 * random.standard_normal((axes, axes))
+        closed = np.block([[A + B @ D @ C, B @ K], [E @ C, W]])
+        if 0.6 < np.abs(np.linalg.eigvals(closed)).max() < 0.999:
+            return (A, B, C), (W, E, K, D)
+
+
+@pytest.mark.parametrize("axes", [1, 2])
+def test_peaks_are_those_of_python_control(
+    axes, given_law, control_peaks, linear_machine, straight_window
+):
+    """25 random loops each."""
+    random, windows = np.random.default_rng(axes), straight_window(axes)
+    for _ in range(25):
+        matrices, law = random_loop(random, axes)
+        family = stack_plants([Encoders(linear_machine(*matrices))])
+        found = loop_peaks(given_law(*(jnp.asarray(M) for M in law)), family, windows)
+        P, K = control.ss(*matrices, 0, 1e-3), control.ss(*law, 1e-3)
+        Ms, Mt = control_peaks(P, K).max(axis=0)
+        assert found.sensitivity[0, 0] == pytest.approx(Ms, rel=1e-6)
+        assert found.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
+
+
+def test_integrators_have_closed_forms(linear_machine, given_law, straight_window):
+    """Ms of x+ = x - g u is 2 / (2 - g), at half the sampling frequency.
+
+    One sample late it is 1 / ((1 - s) sqrt(1 + 2 s)), s = sqrt(g). Mt is 1, at standstill.
+    """
+    integrators = linear_machine(np.eye(2), np.eye(2), np.eye(2))
+    family = [Delayed(Encoders(integrators), jnp.asarray(delay), 1, 2) for delay in (0, 1)]
+    law = given_law.static([[-0.3, 0.0], [0.0, -0.2]])
+    found = loop_peaks(law, stack_plants(family), straight_window(2))
+    s = np.sqrt(0.3)
+    late = 1 / ((1 - s) * np.sqrt(1 + 2 * s))
+    np.testing.assert_allclose(found.sensitivity[0], [2 / 1.7, late], rtol=1e-9)
+    assert found.complementary[0, 0] == pytest.approx(1, rel=1e-9)
+    assert found.spectral_radius[0, 0] == pytest.approx(0.8, rel=1e-9)
+
+
+@pytest.mark.parametrize("inside", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("angle", [0.003, 0.7654321, 3.0])
+def test_a_narrow_resonance_is_not_missed(
+    inside, angle, linear_machine, given_law, straight_window
+):
+    """S = (z^2 - 2 q cos(a) z + q^2) / (z^2 - 2 r cos(a) z + r^2) with r close to 1."""
+
+    def pair(r):
+        return np.array([[2 * r * np.cos(angle), -(r**2)], [1.0, 0.0]])
+
+    opened, closed = 1 - 100 * inside, 1 - inside
+    change = (pair(closed) - pair(opened))[:1]
+    plant = linear_machine(pair(opened), np.array([[1.0], [0.0]]), change)
+    found = loop_peaks(
+        given_law.static([[1.0]]), stack_plants([Encoders(plant)]), straight_window(1)
+    )
+    w = angle + inside * np.linspace(-5, 5, 20001)
+    z = np.exp(1j * w)
+    numerator, denominator = (
+        abs((z - r * np.exp(1j * angle)) * (z - r * np.exp(-1j * angle))) for r in (opened, closed)
+    )
+    wanted = (numerator / denominator).max()
+    assert wanted > 50
+    assert found.sensitivity[0, 0] == pytest.approx(wanted, rel=1e-6 + 1e-16 / inside**2)
+
+
+def test_speeds_by_difference_change_with_the_positions(
+    linear_machine, control_peaks, straight_window
+):
+    """A cascade on two coupled axes, where input and output differ, by python-control."""
+    A = np.array([[1, 0, 8e-4, 1e-4], [0, 1, 0, 9e-4], [0, 0, 0.6, 0.1], [0, 0, 0, 0.8]])
+    B = np.array([[2e-4, 0], [0, 3e-4], [0.4, 0.1], [0, 0.05]])
+    dt, k_p, k_v, T_i = 1e-3, np.array([60.0, 15.0]), 0.5, 0.02
+    plant = FineEncoders(linear_machine(A, B, np.eye(2, 4)), Sensors([0, 1]))
+    cascade = Cascade(CascadeGains(k_p, k_v, T_i), motors(2), dt)
+    found = loop_peaks(cascade, stack_plants([plant]), straight_window(2, preview=1))
+    z = control.tf([1, 0], [1], dt)
+    one, other = (
+        control.ss(-k_v * (1 + dt / T_i * z / (z - 1)) * (k + (1 - 1 / z) / dt)) for k in k_p
+    )
+    peaks = control_peaks(control.ss(A, B, np.eye(2, 4), 0, dt), control.append(one, other))
+    assert abs(peaks[0] - peaks[1]).max() > 1e-3  # the output does count
+    assert found.sensitivity[0, 0] == pytest.approx(peaks[:, 0].max(), rel=1e-6)
+    assert found.complementary[0, 0] == pytest.approx(peaks[:, 1].max(), rel=1e-6)

@@ -1,0 +1,307 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.analysis.sensitivity import (
+    late_radius,
+    loop_peaks,
+    probe_windows,
+    sensitivity_curves,
+)
+from jcontour.analysis.stability import frozen_spectral_radii
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import (
+    FilterObserver,
+    OffsetFreeObserver,
+    kalman_gain,
+    offset_free_gain,
+)
+from jcontour.geometry.contours import circle, ellipse, line, square
+from jcontour.linear.transformations import with_input_delay
+from jcontour.motion.references import along
+from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
+from jcontour.plants.wrappers.saturation import Saturated
+from jcontour.sensors import motors
+from jcontour.simulation.closed_loop import prepared
+from jcontour.simulation.evaluation import stack_plants, stack_references
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 3, at_rest=False)
+
+
+@pytest.fixture(scope="module")
+def law(two_axes):
+    return ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3)
+
+
+@pytest.fixture(scope="module")
+def integrators(linear_machine):
+    return linear_machine(np.eye(2), np.eye(2), np.eye(2))
+
+
+def samples_of(windows, reference):
+    """Samples of one reference at which its windows begin."""
+    starts = np.asarray(windows.position)[:, None, 0]
+    away = np.linalg.norm(starts - np.asarray(reference.position)[: reference.steps], axis=2)
+    return away.argmin(axis=1)
+
+
+def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law, straight_window):
+    windows, family = straight_window(2), stack_plants([Encoders(integrators)])
+
+    @jax.jit
+    def peaks(gain):
+        law = given_law.static(jnp.diag(jnp.stack([-gain, jnp.full_like(gain, -0.5)])))
+        return jax.tree.map(lambda peak: peak[0, 0], loop_peaks(law, family, windows))
+
+    found = peaks(2.5)
+    assert np.isinf(found.sensitivity) and np.isinf(found.complementary)
+    assert found.spectral_radius == pytest.approx(1.5)
+    slopes = jax.jacrev(peaks)(2.5)
+    assert slopes.spectral_radius == pytest.approx(1.0)
+    assert (slopes.sensitivity, slopes.complementary) == (0.0, 0.0)
+    broken = peaks(jnp.nan)
+    assert np.isinf(broken.spectral_radius) and np.isinf(broken.sensitivity)
+
+
+def test_a_limit_is_lifted(integrators, given_law, straight_window):
+    law, windows = given_law.static(-0.3 * jnp.eye(2)), straight_window(2)
+    limited = Saturated(integrators, jnp.full(2, 1e-12))
+    free, at_limit = (
+        loop_peaks(law, stack_plants([Encoders(plant)]), windows)
+        for plant in (integrators, limited)
+    )
+    np.testing.assert_array_equal(free.sensitivity, at_limit.sensitivity)
+    assert free.sensitivity[0, 0] > 1.1
+
+
+def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
+    observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
+    windows = probe_windows(stack_references([bent]), 4)
+    samples = samples_of(windows, bent)
+    late, later = (Delayed(Encoders(two_axes), jnp.asarray(delay), 2, 2) for delay in (1, 2))
+    wanted = [frozen_spectral_radii(plant, observer, bent)[samples] for plant in (late, later)]
+    family = stack_plants([late])
+    found = loop_peaks(observer, family, windows).spectral_radius[:, 0]
+    np.testing.assert_allclose(found, wanted[0], rtol=1e-9)
+    for more in (0, 1):
+        found = late_radius(observer, family, windows, more)[:, 0]
+        np.testing.assert_allclose(found, wanted[more], rtol=1e-8)
+
+
+def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent):
+    """I - F (zI - A + B F)^-1 B, by NumPy."""
+    windows, family = probe_windows(stack_references([bent]), 1), stack_plants([two_axes])
+    F = np.asarray(prepared(law, bent).F)[samples_of(windows, bent)[0]]
+    A, B = np.asarray(two_axes.A), np.asarray(two_axes.B)
+    w = np.linspace(1e-4, np.pi, 40001)
+    shifted = np.exp(1j * w)[:, None, None] * np.eye(4) - (A - B @ F)
+    S = np.eye(2) - F @ np.linalg.solve(shifted, np.broadcast_to(B + 0j, (w.size, 4, 2)))
+    wanted = np.linalg.svd(S, compute_uv=False)[:, 0]
+    found = loop_peaks(law, family, windows).sensitivity[0, 0]
+    assert found == pytest.approx(wanted.max(), rel=1e-6)
+    curves = sensitivity_curves(law, family, windows, w[::4000])
+    np.testing.assert_allclose(curves, wanted[None, None, ::4000], rtol=1e-9)
+
+
+def central_differences(function, point, step=3e-3):
+    """Slopes of fourth order, (outputs, inputs)."""
+    columns = []
+    for direction in step * np.eye(point.size):
+        near, far = (
+            (function(point + k * direction) - function(point - k * direction)) / (2 * k * step)
+            for k in (1, 2)
+        )
+        columns.append((4 * near - far) / 3)
+    return np.stack(columns, axis=1)
+
+
+def check_slopes(build, start, family, windows):
+    """Sums of all peaks and radii, so that every loop counts, against central differences."""
+
+    def sums(numbers):
+        controller = build(numbers)
+        late = late_radius(controller, family, windows, 1)
+        return jnp.stack([jnp.sum(one) for one in (*loop_peaks(controller, family, windows), late)])
+
+    values = jax.jit(sums)
+    assert np.isfinite(values(start)).all()
+    found = jax.jit(jax.jacrev(sums))(jnp.asarray(start))
+    wanted = central_differences(lambda numbers: np.asarray(values(numbers)), start)
+    largest = np.abs(wanted).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found / largest, wanted / largest, rtol=1e-5, atol=1e-6)
+
+
+def late_table():
+    """Table with and without two samples of delay, probed around a square."""
+    machine = bridgeport()
+    family = [Delayed(Encoders(machine), jnp.asarray(late), 2, 2) for late in (0, 2)]
+    run = along(square(1e-3), 5e-5 * np.arange(60), machine.dt, 10, at_rest=False)
+    return machine, stack_plants(family), probe_windows(stack_references([run]), 3)
+
+
+def behind_filter(machine):
+    def build(numbers):
+        alpha, beta, noise = jnp.exp(numbers)
+        inner = ContouringLQ(machine, LQWeights(alpha, beta, 2e-9), 10)
+        return FilterObserver(inner, machine, kalman_gain(machine, noise, 3e-7))
+
+    return build, np.log([0.03, 0.1, 0.1])
+
+
+def behind_offset_free(machine):
+    model = with_input_delay(machine, 1)
+
+    def build(numbers):
+        alpha, beta, noise, drift = jnp.exp(numbers)
+        gain = offset_free_gain(model, model.C, noise, drift, 3e-7)
+        inner = ContouringLQ(model, LQWeights(alpha, beta, 2e-9), 10)
+        return OffsetFreeObserver(inner, model, gain, model.C, 10.0)
+
+    return build, np.log([1.0, 3.0, 0.1, 1e-3])
+
+
+@pytest.mark.parametrize("behind", [behind_filter, behind_offset_free])
+def test_slopes_on_the_table_with_delay(behind):
+    machine, family, windows = late_table()
+    check_slopes(*behind(machine), family, windows)
+
+
+def test_slopes_of_a_cascade_on_the_flexible_axis():
+    dt = 1e-3
+    axis = SmoothFlexibleAxis(thesis_axis(), dt, substeps=4)
+    late = [Delayed(axis, jnp.asarray(late), 1, 1) for late in (0, 1)]
+    family = stack_plants([FineEncoders(plant, motors(1)) for plant in late])
+    run = along(line([0.0], [1e-2]), 1e-4 * np.arange(30), dt, 1, at_rest=False)
+    windows = probe_windows(stack_references([run]), 2)
+
+    def build(numbers):
+        return Cascade(CascadeGains(*jnp.exp(numbers)), motors(1), dt, limit=10.0)
+
+    check_slopes(build, np.log([30.0, 55.0, 0.04]), family, windows)
+
+
+@pytest.mark.slow
+def test_slopes_of_lq_on_the_gantry(closed_loop):
+    (plant, _), controller, reference = closed_loop("gantry-scheduled-lq")
+    windows = probe_windows(stack_references([reference(60)]), 2)
+    weights, unravel = jax.flatten_util.ravel_pytree(controller.controller.weights)
+
+    def build(numbers):
+        changed = unravel(weights * jnp.exp(jnp.append(numbers, 0.0 * weights[2:])))
+        return eqx.tree_at(lambda c: c.controller.weights, controller, changed)
+
+    check_slopes(build, np.zeros(2), stack_plants([plant]), windows)
+
+
+HANGING = """
+import jax
+from test_sensitivity import behind_offset_free, late_table, loop_peaks
+
+machine, family, windows = late_table()
+build, start = behind_offset_free(machine)
+
+
+@jax.jit
+@jax.value_and_grad
+def worst(numbers):
+    return loop_peaks(build(numbers), family, windows).sensitivity.max()
+
+
+for k in range(30):
+    jax.block_until_ready(worst(start + 1e-3 * k))
+"""
+
+
+def test_weights_and_peaks_in_one_program_do_not_hang():
+    """Batches of LAPACK calls, two at a time, would wait for each other for ever."""
+    folder = Path(__file__).parent
+    subprocess.run([sys.executable, "-c", HANGING], cwd=folder, check=True, timeout=600)
+
+
+def probed(references, count):
+    """Samples of the probes, contour by contour."""
+    windows = probe_windows(stack_references(references), count)
+    kept = np.split(np.arange(len(windows.arc)), len(references))
+    every = [jax.tree.map(lambda leaf, rows=rows: leaf[rows], windows) for rows in kept]
+    return [samples_of(one, run) for one, run in zip(every, references, strict=True)]
+
+
+def test_probes_are_ends_corners_and_all_directions():
+    """The third sample of every side is its first behind a corner."""
+    run = along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=False)
+    (samples,) = probed([run], 8)
+    assert np.unique(samples).size == 8 and {0, 37} <= set(samples)
+    corners = [k for k in samples if min((k + 1) % 10, (k - 1) % 10, k % 10) == 0]
+    assert corners
+    tangents = np.asarray(run.tangent)[samples]
+    assert (np.abs(tangents) > 0.99).any(axis=0).all()  # along both axes
+
+
+def test_probes_of_a_circle_look_everywhere():
+    run = along(circle(1e-3), 2e-5 * np.arange(314), 1e-3, 5, at_rest=False)
+    (samples,) = probed([run], 8)
+    gaps = np.diff(np.append(samples, samples[0] + 314))
+    assert gaps.max() < 2.5 * 314 / 8
+
+
+def test_the_sharpest_bend_is_probed():
+    """The ends of the long axis of a slim ellipse."""
+    run = along(ellipse(5e-3, 5e-4), 1e-5 * np.arange(2000), 1e-3, 5, at_rest=False)
+    (samples,) = probed([run], 1)
+    assert np.abs(np.asarray(run.position)[samples, 1]).max() < 1e-5
+
+
+def test_windows_start_in_the_motion_of_their_sample_and_see_its_future():
+    runs = [
+        along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=True),
+        along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 3, at_rest=False),
+    ]
+    windows = probe_windows(stack_references(runs), 4)
+    assert windows.steps == 1 and windows.preview == 3 and windows.position.shape == (8, 4, 2)
+    assert np.asarray(windows.mask).tolist() == [[True, False, False, False]] * 8
+    for k, samples in enumerate(probed(runs, 4)):
+        position, tangent = np.asarray(runs[k].position), np.asarray(runs[k].tangent)
+        for row, sample in zip(range(4 * k, 4 * k + 4), samples, strict=True):
+            future = slice(sample, sample + 4)
+            np.testing.assert_allclose(windows.position[row], position[future])
+            np.testing.assert_allclose(windows.tangent[row], tangent[future])
+            before = position[sample] - position[sample - 1]
+            entered = before if sample else np.asarray(runs[k].start_increment)
+            np.testing.assert_allclose(windows.start_increment[row], entered)
+            length = windows.contour.length[row]
+            assert length == pytest.approx(float(runs[k].contour.length))
+
+
+def test_what_is_not_scored_is_not_probed_and_few_samples_repeat():
+    scored = (np.arange(38) == 7) | (np.arange(38) == 20)
+    run = along(square(1e-3), 1e-4 * np.arange(38), 1e-3, 3, at_rest=False, scored=scored)
+    (samples,) = probed([run], 5)
+    assert samples.size == 5 and set(samples) == {7, 20}
+
+
+def test_bad_input_is_refused(two_axes, law, bent):
+    with pytest.raises(ValueError, match="count"):
+        probe_windows(stack_references([bent]), 0)
+    nothing = eqx.tree_at(lambda r: r.mask, bent, jnp.zeros_like(bent.mask))
+    with pytest.raises(ValueError, match="number 1 has no scored sample"):
+        probe_windows(stack_references([bent, nothing]), 2)
+    short = along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 1, at_rest=False)
+    windows, family = probe_windows(stack_references([short]), 2), stack_plants([two_axes])
+    for query in (loop_peaks, lambda *three: late_radius(*three, 1)):
+        with pytest.raises(ValueError, match="preview"):
+            query(law, family, windows)
+    with pytest.raises(ValueError, match="samples"):
+        late_radius(law, family, probe_windows(stack_references([bent]), 1), -1)
