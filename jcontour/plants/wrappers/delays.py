@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from jcontour.plant import State
 from jcontour.plants.wrappers.wrapper import Remembering
@@ -93,7 +93,50 @@ class Delayed(Remembering):
         return self.plant.step(inner, line[self.samples]), line[:-1]
 
 
-def _check_line(samples: Int[Array, ""], depth: int) -> None:
+class PartlyDelayed(Remembering):
+    """A plant on which the control acts a part of a sample late, or several samples and a part.
+
+        u_acts(k) = (1 - f) u(k - n) + f u(k - n - 1),   delay = n + f samples
+    It is the mean over the sample of a control that is held and changes f of a sample late. The
+    line has a fixed `depth`, so that plants of any delay from 0 to depth batch; it starts at zero.
+
+    >>> from jcontour.plants.bridgeport import bridgeport
+    >>> late = PartlyDelayed(bridgeport(), 0.25, depth=1, inputs=2)
+    >>> rest = late.initial_state(jnp.zeros(2), jnp.zeros(2))
+    >>> late.acting(rest[1], jnp.array([1.0, 0.0])).tolist()
+    [0.75, 0.0]
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: Float[Array, ""] = eqx.field(converter=jnp.asarray)
+    depth: int = eqx.field(static=True)
+    inputs: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        _check_line(self.samples, self.depth)
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and an empty line."""
+        line = jnp.zeros((self.depth, self.inputs), position.dtype)
+        return self.plant.initial_state(position, increment), line
+
+    def acting(self, line: Float[Array, "depth p"], control: Float[Array, " p"]):
+        """Control that acts now (p,)."""
+        line = jnp.concatenate([control[None], line])
+        whole = jnp.minimum(jnp.floor(self.samples), self.depth - 1)
+        part, index = self.samples - whole, whole.astype(int)
+        return (1 - part) * line[index] + part * line[index + 1]
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under the control that acts."""
+        inner, line = state
+        after = self.plant.step(inner, self.acting(line, control))
+        return after, jnp.concatenate([control[None], line])[:-1]
+
+
+def _check_line(samples: Int[Array, ""] | Float[Array, ""], depth: int) -> None:
     if depth < 1:
         raise ValueError(f"depth: the delay line needs at least one place, received {depth}")
     if is_concrete(samples):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
-from jcontour.plants.wrappers.delays import Delayed, LateSensors
+from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2])
@@ -42,3 +42,23 @@ def test_delay_line_needs_a_place(two_axes):
 def test_a_delay_that_the_line_does_not_hold_is_refused(samples, two_axes):
     with pytest.raises(ValueError, match="samples"):
         Delayed(two_axes, samples, 2, 2)
+
+
+@pytest.mark.parametrize("samples", [0.0, 0.25, 1.0, 1.5, 2.0])
+def test_part_of_a_sample_mixes_both_whole_delays(samples, two_axes, controls, run):
+    """The plant is linear: its output is mixed as its controls are."""
+
+    def outputs(plant):
+        return run(plant, plant.initial_state(jnp.zeros(2), jnp.zeros(2)), controls)[0]
+
+    whole = int(np.floor(samples))
+    late = [outputs(Delayed(two_axes, jnp.asarray(whole + k), 3, 2)) for k in (0, 1)]
+    wanted = (1 - (samples - whole)) * late[0] + (samples - whole) * late[1]
+    found = outputs(PartlyDelayed(two_axes, samples, 2, 2))
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-20)
+
+
+@pytest.mark.parametrize("samples", [2.5, -0.1])
+def test_a_partial_delay_that_the_line_does_not_hold_is_refused(samples, two_axes):
+    with pytest.raises(ValueError, match="samples"):
+        PartlyDelayed(two_axes, samples, 2, 2)
