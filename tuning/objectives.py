@@ -28,6 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.outcome import Outcome
 
@@ -38,6 +39,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
 }
+USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
 
 
 def worst_contour_error(metrics: Metrics) -> Float[Array, "1 v"]:
@@ -137,8 +139,9 @@ class AtMost(eqx.Module):
     >>> limits.names
     ('rms_increment', 'peak_sensitivity')
 
-    Names are those of `Metrics`, and `peak_sensitivity` and `peak_complementary_sensitivity`. The
-    bounds are arrays, so that problems which differ in them only share one compiled program.
+    Names are those of `Metrics`, `peak_sensitivity` and `peak_complementary_sensitivity`, and
+    `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine has.
+    The bounds are arrays, so that problems which differ in them only share one compiled program.
 
     Raises:
         ValueError: an unknown name, a limit that is not positive, or a peak sensitivity that is not
@@ -150,7 +153,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += LOOP_LIMITS
+        known += [*LOOP_LIMITS, *USE_LIMITS]
         for name, limit in limits.items():
             if name not in known:
                 raise ValueError(
@@ -184,6 +187,10 @@ class AtMost(eqx.Module):
 
 
 def _values(outcome: Outcome, name: str) -> Float[Array, "rows plants"]:
+    if name in USE_LIMITS:
+        if outcome.use is None:
+            raise ValueError(f"{name}: needs a problem with the limits of its machine")
+        return getattr(outcome.use, USE_LIMITS[name])
     if name not in LOOP_LIMITS:
         return getattr(outcome.metrics, name)
     if outcome.loops is None:

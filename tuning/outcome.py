@@ -3,23 +3,11 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
+from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
-
-
-class LoopPeaks(NamedTuple):
-    """Peaks of the frozen loops of every probe on every plant; infinite where a loop is unstable.
-
-    Attributes:
-        sensitivity: largest singular value of S over all frequencies.
-        complementary: largest singular value of T over all frequencies.
-        spectral_radius: of the closed loop; it is stable below 1.
-    """
-
-    sensitivity: Float[Array, "K P"]
-    complementary: Float[Array, "K P"]
-    spectral_radius: Float[Array, "K P"]
 
 
 class Outcome(NamedTuple):
@@ -28,10 +16,12 @@ class Outcome(NamedTuple):
     Attributes:
         metrics: axes (contour, plant).
         loops: axes (probe, plant); None for a problem without windows.
+        use: of the machine's limits, axes (contour, plant); None for a problem without them.
     """
 
     metrics: Metrics
     loops: LoopPeaks | None = None
+    use: LimitUse | None = None
 
     @property
     def diverged(self) -> Bool[Array, ""]:

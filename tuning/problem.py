@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,8 +13,9 @@ from jaxtyping import Array, Bool, Float
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.simulation.evaluation import Batching, evaluate
-from jcontour.simulation.metrics import Metrics
+from jcontour.simulation.evaluation import Batching, Score, evaluate
+from jcontour.simulation.limit_use import AxisLimits, LimitUse, limit_use
+from jcontour.simulation.metrics import Metrics, score_signals
 from tuning.objectives import Entry, Limits, Objective, no_limits
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.parameters import Chart, Weights
@@ -42,6 +43,7 @@ class Problem(eqx.Module):
         batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
             by the platform when None.
         loops: controller, family -> peaks of the frozen loops; they are not looked at when None.
+        axis_limits: limits of the machine, whose use is looked at; it is not when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)
@@ -53,6 +55,7 @@ class Problem(eqx.Module):
     window: tuple[int, int] | None = eqx.field(static=True, default=None)
     batching: Batching | None = eqx.field(static=True, default=None)
     loops: Callable[[Controller, Plant], LoopPeaks] | None = None
+    axis_limits: AxisLimits | None = None
 
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""
@@ -62,7 +65,10 @@ class Problem(eqx.Module):
         """Metrics, and peaks of the frozen loops where the problem asks for them."""
         controller = self.build(weights)
         loops = None if self.loops is None else self.loops(controller, self.plants)
-        return Outcome(self._metrics(controller), loops)
+        if self.axis_limits is None:
+            return Outcome(self._metrics(controller), loops)
+        metrics, use = self._evaluated(controller, self._score_with_use)
+        return Outcome(metrics, loops, use)
 
     def loop_peaks(self, weights: Weights) -> LoopPeaks:
         """Peaks of the frozen loops alone, without a run.
@@ -98,14 +104,23 @@ class Problem(eqx.Module):
         return [Entry("limit", k, 0) for k in range(self.limits(outcome).size)]
 
     def _metrics(self, controller: Controller) -> Metrics:
-        return evaluate(controller, self.plants, self.references, self.window, self.batching)
+        return self._evaluated(controller, score_signals)
+
+    def _evaluated(self, controller: Controller, score: Score) -> Any:
+        return evaluate(controller, self.plants, self.references, self.window, self.batching, score)
+
+    def _score_with_use(self, output, control, reference, window) -> tuple[Metrics, LimitUse]:
+        assert self.axis_limits is not None
+        use = limit_use(output, control, reference, self.axis_limits)
+        return score_signals(output, control, reference, window), use
 
     def _judged(self, start: Weights) -> tuple[Array, Array]:
         runs = (len(self.references.mask), len(jax.tree.leaves(self.plants)[0]))
         ones = {row.name: jnp.ones(runs) for row in fields(Metrics)}
         metrics = Metrics(**{**ones, "diverged": jnp.ones(runs, bool)})
         loops = None if self.loops is None else self.loop_peaks(start)
-        return self.limits(Outcome(metrics, loops)), self.objective(metrics)
+        use = None if self.axis_limits is None else LimitUse(*([jnp.ones(runs)] * 4))
+        return self.limits(Outcome(metrics, loops, use)), self.objective(metrics)
 
 
 def geometric_mean(rows: Float[Numbers, " g"]) -> Float[Array, ""]:

@@ -28,6 +28,8 @@ from jcontour.simulation.metrics import Metrics, score_signals
 KEPT = 16
 # (function of one member, batch of members with axis 0 in front) -> batch of results
 Batching = Callable[[Callable, Any], Any]
+# (output, control, reference, window) of one run -> arrays
+Score = Callable[[Any, Any, Reference, tuple[int, int] | None], Any]
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
@@ -60,7 +62,8 @@ def evaluate(
     references: Reference,
     window: tuple[int, int] | None = None,
     batching: Batching | None = None,
-) -> Metrics:
+    score: Score = score_signals,
+) -> Any:
     """Metrics (contour, plant) of one controller, over stacked references and stacked plants.
 
     >>> from jcontour import contours, feed_laws, references
@@ -83,6 +86,8 @@ def evaluate(
         window: samples a..b-1 that are scored; all when not given.
         batching: how contours are batched, on one device or on several (`devices.Spread`); chosen
             by the platform when not given.
+        score: (output, control, reference, window) -> any arrays of one run, in the place of its
+            metrics.
 
     Raises:
         ValueError: as `simulate` and `score`.
@@ -93,7 +98,9 @@ def evaluate(
 
     def on_contour(reference: Reference) -> Metrics:
         plan = controller.prepare(reference)
-        return each(lambda plant: _followed(plant, controller, plan, reference, window), plants)
+        return each(
+            lambda plant: _followed(plant, controller, plan, reference, window, score), plants
+        )
 
     return batching(on_contour, references)
 
@@ -104,24 +111,29 @@ def _followed(
     plan: Plan,
     reference: Reference,
     window: tuple[int, int] | None,
-) -> Metrics:
-    """Metrics of one run.
+    score: Score,
+) -> Any:
+    """Score of one run.
 
     A linear plant under u = f - F x has a kernel on a GPU, which returns no rollout.
     """
     static = isinstance(plan, AffinePlan) and controller.initial_memory(reference) is None
-    if static and type(plant) is LinearPlant:  # a wrapper may measure less than the state
+    if (
+        static and type(plant) is LinearPlant and score is score_signals
+    ):  # a wrapper may measure less than the state
         start = start_state(plant, reference)
         if suits_lanes(plant.pattern, plant, plan, start):
             # imported here: it loads Pallas, which a CPU has no use for
             from jcontour.kernels.lane_score import lane_score
 
-            score = partial(score_signals, window=window)
+            over_window = partial(score_signals, window=window)
             model = plant.A, plant.B, plant.C
-            metrics = lane_score(plant.pattern, score, *model, plan.F, plan.f, start, reference)
+            metrics = lane_score(
+                plant.pattern, over_window, *model, plan.F, plan.f, start, reference
+            )
             return eqx.tree_at(lambda m: m.diverged, metrics, replace_fn=lambda flag: flag != 0)
     rollout = follow(plant, controller, plan, reference)
-    return score_signals(rollout.output, rollout.control, reference, window)
+    return score(rollout.output, rollout.control, reference, window)
 
 
 def stack_plants(plants: Sequence[Plant]) -> Plant:

@@ -1,0 +1,46 @@
+"""Use of a machine's limits, against loops in NumPy."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.geometry.contours import line
+from jcontour.motion.references import along
+from jcontour.simulation.limit_use import AxisLimits, limit_use
+
+
+def test_only_scored_samples_count_and_the_worst_axis_does():
+    random = np.random.default_rng(0)
+    output, control = random.normal(size=(12, 2)), random.normal(size=(12, 2))
+    scored = np.ones(12, bool)
+    scored[[0, 5]] = False
+    output[5], control[5] = 1e3, 1e3  # not scored: nothing that touches it counts
+    dt = 0.5
+    path = line([0.0, 0.0], [1.0, 0.0])
+    reference = along(path, np.linspace(0, 1, 12), dt, 0, at_rest=False, scored=scored)
+    limits = AxisLimits(*(np.array([1.0, 4.0]) * k for k in (1.0, 2.0, 3.0, 5.0)))
+    use = limit_use(jnp.asarray(output), jnp.asarray(control), reference, limits)
+    wanted = dict.fromkeys(limits._fields, 0.0)
+    for k in range(12):
+        for axis in range(2):
+            if scored[k]:
+                value = abs(control[k, axis]) / limits.control[axis]
+                wanted["control"] = max(wanted["control"], value)
+            if scored[k : k + 2].all() and k + 1 < 12:
+                change = control[k + 1, axis] - control[k, axis]
+                speed = (output[k + 1, axis] - output[k, axis]) / dt
+                for name, value in (("increment", change), ("speed", speed)):
+                    share = abs(value) / getattr(limits, name)[axis]
+                    wanted[name] = max(wanted[name], share)
+            if scored[k : k + 3].all() and k + 2 < 12:
+                bend = (output[k + 2] - 2 * output[k + 1] + output[k])[axis] / dt**2
+                share = abs(bend) / limits.acceleration[axis]
+                wanted["acceleration"] = max(wanted["acceleration"], share)
+    for name, value in wanted.items():
+        np.testing.assert_allclose(getattr(use, name), value, rtol=1e-12)
+
+
+def test_what_has_no_limit_is_not_used():
+    path = line([0.0], [1.0])
+    reference = along(path, np.linspace(0, 1, 5), 1.0, 0, at_rest=False)
+    use = limit_use(jnp.ones((5, 1)), jnp.ones((5, 1)), reference, AxisLimits())
+    assert [float(value) for value in use] == [0.0] * 4
