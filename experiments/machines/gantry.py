@@ -13,6 +13,7 @@ import numpy as np
 from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
+from experiments.machines.count_noise import rounding_noise
 from experiments.machines.families import LATE, Member, MotorMeasuredMachine, members
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from experiments.video.film import FilmMaker
@@ -33,7 +34,6 @@ from jcontour.sensors import motors, row
 SAMPLE = 1e-3  # [s] twenty-two to the period of the anti-resonance
 CURRENT = 10.0  # [A] of each of the three motors
 ENCODER_RESOLUTION = 1e-6  # [m] per count
-NOISY = 8192  # samples of a run in which the smooth encoders have the noise of counts
 # of more gain: the late loop is not left at its edge
 LATE_AND_LIGHT = Member(f"{LATE} sample late, masses x 0.9", 1.0, 0.9, LATE)
 SCHEDULED = 9  # head positions whose models are interpolated
@@ -211,8 +211,8 @@ def _rounding_noise() -> Float[Array, "T 6"]:
 
     Speeds are made of the positions.
     """
-    counts = np.random.default_rng(0).uniform(-0.5, 0.5, (NOISY, 3))
-    return jnp.asarray(ENCODER_RESOLUTION * np.hstack([counts, np.zeros((NOISY, 3))]))
+    positions = rounding_noise(3, ENCODER_RESOLUTION)
+    return jnp.concatenate([positions, jnp.zeros_like(positions)], axis=1)
 
 
 def _flat(plant: Plant) -> Plant:

@@ -3,20 +3,26 @@
 Their families differ in input gains and delays.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.machines.count_noise import rounding_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
 from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
-from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.simulation.evaluation import stack_plants
 
 DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper
+CONTROL_NOISE = 0.1  # control units: about what an input gain 10 % off does
+# McNab & Tsao, Table 1, case II, the best of those found by hand; the filter estimates no load
+PUBLISHED = {"alpha": 1.2, "beta": 20.0, "rho": 2e-9, "control_noise": CONTROL_NOISE, "drift": 1e-6}
 USUAL = Usual(
     "contouring-lq",
     training=("cam", "circle", "square"),
@@ -39,6 +45,7 @@ class LinearMachine(Machine):
         delay: most samples of delay that the model does not know.
         encoder_resolution: [m] per count.
         control_noise: standard deviation that the Kalman filter assumes on each control.
+        published: weights of its publication by name; None where nothing is published.
         with_friction: the machine that a controller of a given period [s] meets on the host, where
             that is another than the model.
     """
@@ -48,6 +55,7 @@ class LinearMachine(Machine):
     delay: int
     encoder_resolution: float
     control_noise: float
+    published: Mapping[str, float] | None = None
     with_friction: Callable[[float | None], Hosted] | None = None
 
     @property
@@ -80,25 +88,61 @@ class LinearMachine(Machine):
         return [name for name, _, _ in self.members]
 
     @property
+    def middle_delay(self) -> int:
+        """Middle of the delay that the model does not know, rounded down [samples]."""
+        return self.delay // 2
+
+    @property
+    def largest_control(self) -> float:
+        """Smallest of the controls' limits; 1 where none is stated."""
+        return 1.0 if self.limits.control is None else float(np.min(self.limits.control))
+
+    @property
     def unknown_delay(self) -> int:
         """Most samples of delay that the model does not know."""
         return self.delay
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members behind encoders without quantisation, or with their whole state measured."""
+        """The members behind encoders with the noise that counts make, or their state measured.
+
+        Without the noise a loop that amplifies it would pass for a good one.
+        """
+        late = self._late_family()
+        if fed == "state":
+            return late
+        noise = rounding_noise(self.model.axes, self.encoder_resolution)
+        return [Disturbed(Encoders(plant), noise=noise) for plant in late]
+
+    def _late_family(self) -> list[Delayed]:
         depth = max(self.delay, 1)
         late = []
         for _, gains, delay in self.members:
             plant = with_input_gains(self.model, gains)
             late.append(Delayed(plant, jnp.asarray(delay), depth, plant.inputs))
-        return late if fed == "state" else [Encoders(plant) for plant in late]
+        return late
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders that round to whole counts; a state is measured as it is."""
-        smooth = self.smooth_family(fed)
+        late = self._late_family()
         if fed == "state":
-            return smooth
-        return [Quantised(plant, self.encoder_resolution) for plant in smooth]
+            return late
+        return [Quantised(Encoders(plant), self.encoder_resolution) for plant in late]
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
+        if self.gain == 0 and self.delay == 0:
+            return None
+        random, inputs = np.random.default_rng(seed), self.model.inputs
+        gains = 1 + self.gain * random.uniform(-1, 1, (count, inputs))
+        delays = random.uniform(0, self.delay, count)
+        depth = max(self.delay, 1)
+        late = [
+            PartlyDelayed(with_input_gains(self.model, gain), jnp.asarray(delay), depth, inputs)
+            for gain, delay in zip(gains, delays, strict=True)
+        ]
+        if fed == "state":
+            return stack_plants(late)
+        return stack_plants([Quantised(Encoders(plant), self.encoder_resolution) for plant in late])
 
     def hosted(self, period: float | None = None) -> Hosted:
         """The machine with friction, or the model itself."""
@@ -113,10 +157,9 @@ class LinearMachine(Machine):
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
         sensors = f"positions only, encoder {1e6 * self.encoder_resolution:g} um"
-        noise = f"{self.control_noise:g} {self.control_unit} of noise on every control"
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
-            "Measured": f"{sensors}; Kalman filter for {noise}",
+            "Measured": sensors,
         }
 
     @property
@@ -140,5 +183,6 @@ def bridgeport_machine() -> LinearMachine:
         gain=0.1,
         delay=2,
         encoder_resolution=ENCODER_RESOLUTION,
-        control_noise=0.1,
+        control_noise=CONTROL_NOISE,
+        published=PUBLISHED,
     )

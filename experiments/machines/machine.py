@@ -103,7 +103,7 @@ class Machine(abc.ABC):
         """Effects that the true family has and the smooth one has not, in a few words."""
 
     @property
-    def error(self) -> str:
+    def error(self) -> Literal["contour", "tracking"]:
         """Error that counts: "contour" along a path, "tracking" on a single axis."""
         return "contour" if len(self.axes) > 1 else "tracking"
 
@@ -137,6 +137,16 @@ class Machine(abc.ABC):
         Raises:
             ValueError: this machine does not measure that.
         """
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
+        """Plants drawn at random from within the family's intervals, stacked; sensors as they are.
+
+        None where the family is a single plant.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+        return None
 
     def independent(self) -> tuple[str, Plant] | None:
         """Name of an engine that others have written, and the nominal true plant in it.

@@ -1,0 +1,18 @@
+"""Noise that stands for the counts of an encoder where a smooth machine is needed."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
+
+
+def rounding_noise(positions: int, resolution: float) -> Float[Array, "T q"]:
+    """Noise of positions [m], even within half a count, the same in every run.
+
+    >>> noise = rounding_noise(2, 1e-6)
+    >>> noise.shape, bool(abs(noise).max() <= 0.5e-6)
+    ((8192, 2), True)
+    """
+    counts = np.random.default_rng(0).uniform(-0.5, 0.5, (SAMPLES, positions))
+    return jnp.asarray(resolution * counts)

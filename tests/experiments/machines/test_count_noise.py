@@ -1,0 +1,16 @@
+"""Noise in the place of counts."""
+
+import numpy as np
+
+from experiments.machines.count_noise import SAMPLES, rounding_noise
+
+
+def test_it_is_what_rounding_leaves_of_a_position_that_moves():
+    """Even within half a count: its deviation is resolution / sqrt(12), and it is white."""
+    noise = np.asarray(rounding_noise(2, 3e-6)) / 3e-6
+    assert noise.shape == (SAMPLES, 2) and np.abs(noise).max() <= 0.5
+    np.testing.assert_allclose(noise.std(axis=0), 1 / np.sqrt(12), rtol=0.03)
+    assert np.abs(noise.mean(axis=0)).max() < 4 / np.sqrt(12 * SAMPLES)
+    correlation = np.mean(noise[1:] * noise[:-1], axis=0) * 12
+    assert np.abs(correlation).max() < 4 / np.sqrt(SAMPLES)
+    assert abs(np.mean(noise[:, 0] * noise[:, 1])) * 12 < 4 / np.sqrt(SAMPLES)
