@@ -58,14 +58,15 @@ CONSTRAINED = {
 }
 CONTROLLERS = {
     "contouring-lq": _lq(
-        "receding-horizon LQ contouring, Kalman filter; --terminal chooses its end"
+        "receding-horizon LQ contouring, offset-free observer; --terminal chooses its end"
     ),
     "contouring-lq-riccati": _lq("the same with the Riccati terminal"),
+    "contouring-lq-kalman": _lq("the same with a Kalman filter that finds no load"),
     "contouring-lq-predictor": _lq("the same with the predictor form of the observer"),
     "contouring-lq-state": _lq("the same fed the true state"),
     "contouring-lq-riccati-state": _lq("Riccati terminal, fed the true state"),
     "preview-lq": _lq(
-        "finite-preview LQ tracking (Tomizuka & Whitney), Kalman filter; beta unused"
+        "finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused"
     ),
     "preview-lq-state": _lq("the same fed the true state"),
     "cascade": _on_axis("P position loop around a PI velocity loop"),

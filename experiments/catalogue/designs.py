@@ -13,12 +13,12 @@ from experiments.catalogue.entries import MakeDesign
 def lq_designs() -> Mapping[str, MakeDesign]:
     """Receding-horizon LQ on a machine given by A, B, C."""
     from experiments.designs.lq import contouring_lq, preview_lq
-    from jcontour.controllers.observers.kalman import PredictorObserver
 
     return {
         "contouring-lq": contouring_lq(),
         "contouring-lq-riccati": contouring_lq("riccati"),
-        "contouring-lq-predictor": contouring_lq(observer=PredictorObserver),
+        "contouring-lq-kalman": contouring_lq(observer="filter"),
+        "contouring-lq-predictor": contouring_lq(observer="predictor"),
         "contouring-lq-state": contouring_lq(fed="state"),
         "contouring-lq-riccati-state": contouring_lq("riccati", "state"),
         "preview-lq": preview_lq(),

@@ -4,10 +4,11 @@ A design also stores the files of a tuned controller.
 """
 
 import abc
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,9 +45,39 @@ class Design(abc.ABC):
     preview: int
     fed: Fed
 
+    limitable = False  # whether `constrained` has an answer
+    # samples that a tuned tool may be behind, where no flag limits it: a loop of 20 1/s at 1 ms
+    lag: ClassVar[float] = 50.0
+    # names that stand for several weights
+    groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+
     @abc.abstractmethod
     def build(self, weights: Weights) -> Controller:
         """The controller; traced, so that gradients flow through it."""
+
+    def freed(self, names: Sequence[str]) -> Self:
+        """The same with these weights free and all others fixed; a group stands for its weights.
+
+        Raises:
+            ValueError: there is no such weight or group.
+        """
+        space = by_name(self.space)
+        known = [name for name, parameter in space.items() if parameter is not None]
+        wanted = [name for group in names for name in self.groups.get(group, (group,))]
+        for name in wanted:
+            if name not in known:
+                named = ", ".join([*known, *self.groups])
+                raise ValueError(f"free: there is no weight {name!r}; known are {named}")
+        fixed = {
+            name: parameter if parameter is None or name in wanted else Fixed()
+            for name, parameter in space.items()
+        }
+        kept = fixed if isinstance(self.space, dict) else type(self.space)(**fixed)
+        return replace(self, space=kept)
+
+    def tunable(self) -> "Design":
+        """The design that is tuned: itself where it does not say otherwise."""
+        return self
 
     def constrained(
         self, weights: Weights, limits: "Limits", solver: "Solver"

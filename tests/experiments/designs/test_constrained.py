@@ -17,7 +17,8 @@ from jcontour.mpc.tracking import TrackingMPC
 from jcontour.qp.solvers import DAQP
 
 KINDS = {
-    "contouring-lq": ObservedHost,
+    "contouring-lq": OffsetFreeHost,
+    "contouring-lq-kalman": ObservedHost,
     "contouring-lq-state": TrackingMPC,
     "contouring-lq-predictor": type(None),
     "preview-lq": type(None),

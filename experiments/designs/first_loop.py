@@ -1,0 +1,93 @@
+"""A first loop for any linear machine: the fastest of a series that keeps a margin.
+
+The regulator is fast, and the bandwidth w of the observer alone decides the margin: loop transfer
+recovery (Doyle & Stein, IEEE Trans. Automatic Control 26, 1981). Weights follow from the gain |G|
+of the machine, its smallest singular value at a frequency in rad per sample:
+
+    (alpha + beta) / rho = 1 / |G(1)|^2      the regulator crosses over at 1 rad per sample
+    drift / rounding = w / |G(w)|            the observer's disturbance loop crosses over at w
+    control noise / rounding = 0.3 / |G(w)|  its state estimate is not much faster
+
+Of a series of w the fastest is taken whose peak sensitivity stays below 2, on straight lines along
+an axis and across all of them, for the whole family.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.designs.loop_weights import LoopWeights
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import Fed
+from jcontour.analysis.sensitivity import loop_peaks, probe_windows
+from jcontour.controller import Controller
+from jcontour.geometry.contours import line
+from jcontour.motion.references import Reference, along
+from jcontour.simulation.evaluation import stack_plants, stack_references
+
+REGULATOR = 1.0  # [rad per sample] settles within a few samples, and corners do not kick
+CONTOUR_RATIO = 1.0  # beta / alpha
+STATES = 0.3  # noise of the controls, over that which would cross over at w by itself
+SENSITIVITY = 2.0  # peak that a first loop may have: 6 dB, the usual bound
+BANDWIDTHS = np.geomspace(0.5, 1e-3, 16)  # [rad per sample] from fast to slow
+
+
+def first_loop(
+    machine: LinearMachine,
+    build: Callable[[LoopWeights], Controller],
+    start: LoopWeights,
+    preview: int,
+    fed: Fed,
+) -> LoopWeights:
+    """Weights of the fastest loop of the series that keeps the margin; rho and stage of `start`.
+
+    Where none keeps it, those of the loop with the smallest peak: tuning begins by mending it.
+    """
+    series = [_weights(machine, bandwidth, start) for bandwidth in BANDWIDTHS]
+    family = stack_plants(machine.smooth_family(fed))
+    stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
+    peaks = np.asarray(_peaks(build, stacked, family, _lines(machine, preview)))
+    kept = np.flatnonzero(peaks <= SENSITIVITY)
+    return series[kept[0] if kept.size else int(np.argmin(peaks))]
+
+
+def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> LoopWeights:
+    regulator = bandwidth if start.control_noise is None else REGULATOR
+    alpha = float(start.rho) / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
+    found = start._replace(alpha=alpha, beta=CONTOUR_RATIO * alpha)
+    if start.control_noise is None:
+        return found
+    noise = machine.measurement_noise / _gain(machine, bandwidth)
+    if start.drift is None:
+        return found._replace(control_noise=noise)
+    return found._replace(control_noise=STATES * noise, drift=bandwidth * noise)
+
+
+def _gain(machine: LinearMachine, bandwidth: float) -> float:
+    """Smallest singular value of C (zI - A)^-1 B at exp(j w), w in rad per sample."""
+    A, B, C = (np.asarray(matrix) for matrix in (machine.model.A, machine.model.B, machine.model.C))
+    G = C @ np.linalg.solve(np.exp(1j * bandwidth) * np.eye(len(A)) - A, B)
+    return float(np.linalg.svd(G, compute_uv=False)[-1])
+
+
+def _lines(machine: LinearMachine, preview: int) -> Reference:
+    """Windows on straight lines along the first axis and across all of them."""
+    axes, dt = machine.model.axes, machine.model.dt
+    directions = np.eye(axes)[0], np.ones(axes) / np.sqrt(axes)
+    step = 1e-5  # [m] per sample: the loops of a linear machine do not depend on it
+    paths = [line(np.zeros(axes), direction) for direction in directions]
+    runs = [along(path, [0.0, step], dt, preview, at_rest=False) for path in paths]
+    return probe_windows(stack_references(runs), 1)
+
+
+@eqx.filter_jit
+def _peaks(build, series: LoopWeights, family, windows: Reference):
+    """Largest peak sensitivity of every loop of the series."""
+
+    def peak(weights: LoopWeights):
+        return jnp.max(loop_peaks(build(weights), family, windows).sensitivity)
+
+    return jax.lax.map(peak, series)
