@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated, Any, Union
 
 import tyro
@@ -28,10 +29,25 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
 }
 BAD_INPUT, INTERRUPTED = 2, 130
 TRACEBACK = "JCONTOUR_TRACEBACK"
+COMPILED = 1_000_000_000  # bytes of compiled programs that are kept; the oldest go first
+
+
+def keep_compiled() -> None:
+    """Keep compiled programs in the user's cache folder: the next run need not compile them.
+
+    What the environment or the program says already holds.
+    """
+    if "jax" in sys.modules or "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(caches) / "jcontour" / "compiled")
+    os.environ["JAX_COMPILATION_CACHE_MAX_SIZE"] = str(COMPILED)
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.1"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
+    keep_compiled()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         flags, run = _chosen(arguments)
