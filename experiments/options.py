@@ -9,7 +9,7 @@ from tyro.conf import Positional
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 Terminal = Literal["output", "riccati"]
-Objective = Literal["worst", "mean"]
+Objective = Literal["typical", "worst", "mean", "regret"]
 Fallback = Literal["stop", "hold", "soft"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
 
@@ -54,19 +54,26 @@ class Controlled(MachineFlags):
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
     The Riccati solution is stable on straight lines."""
-    alpha: float = 1.2  # McNab & Tsao, Table 1, case II: with beta the best found by hand
-    """LQ: start weight on the tracking error [1/m^2]."""
-    beta: float = 20.0  # McNab & Tsao, Table 1, case II
-    """LQ: start weight on the contour error [1/m^2]."""
-    rho: float = 2e-9  # the paper's control weight
-    """LQ: weight on the control [1/control unit^2].
+    alpha: float | None = None
+    """LQ: start weight on the tracking error [1/m^2].
+    When not given: the published one of the machine, else one that suits its bandwidth."""
+    beta: float | None = None
+    """LQ: start weight on the contour error [1/m^2]; likewise."""
+    rho: float | None = None
+    """LQ: weight on the control [1/control unit^2]; likewise.
     Fixed, because only alpha/rho and beta/rho matter."""
+    model_delay: int | None = None
+    """LQ: samples of the machine's unknown delay that the model predicts over.
+    Tuning takes the middle of what the machine may have when not given."""
 
 
 @dataclass(frozen=True)
 class Limited(Controlled):
     """Limits on the tuned controller, for every contour and every plant of the family."""
 
+    max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
+    """Limit on the peak sensitivity Ms of the loops along the path; None for no limit.
+    1.4 is very robust, 2 usual, 3 the most that should run a machine."""
     max_tracking_error_um: float | None = None
     """Limit on the RMS tracking error [um]."""
     max_peak_tracking_error_um: float | None = None
@@ -121,13 +128,20 @@ class Tune(Spreading):
     parts: Positional[tuple[str, ...]] = ()
     """Training set: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`.
     The machine's usual one when none is given."""
-    objective: Objective = "worst"  # no contour and no plant pays for the others
-    """Objective: the worst, or the mean, RMS error over contours and plants.
-    The error is that of the contour; on a single axis, that of tracking."""
+    contours: str | None = None
+    """Training set of random contours instead, as random:64, in the size and feed of the parts.
+    As many others are held out. --seed draws other ones."""
+    objective: Objective = "typical"  # a per cent of any contour counts alike
+    """Objective, of RMS contour errors; on a single axis, of tracking errors.
+    typical: the geometric mean over contours of the family's worst.
+    worst: the largest error of all. mean: the mean over contours and plants.
+    regret: the largest ratio to the best that each contour allows alone, which is found first."""
     nominal_only: bool = False  # the machine is not known better than its family
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
-    stage_profile: bool = False  # one more weight for every sample is slower to tune
-    """LQ: also tune a positive weight for every sample of the horizon."""
+    free: str | None = None
+    """Weights to tune, by name with commas, as alpha,beta,observer; the others stay.
+    Those that give the best answer in a minute when not given. LQ: observer stands for its noises,
+    stage for one weight more for every sample of the horizon."""
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones

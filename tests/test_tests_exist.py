@@ -43,7 +43,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/designs/contouring_schemes.py": "experiments/designs/test_flexible_axis.py",
     "experiments/designs/design.py": "experiments/designs/test_flexible_axis.py",
     "experiments/designs/gains.py": "experiments/designs/test_flexible_axis.py",
-    "experiments/designs/lq.py": "experiments/runs/test_tuning.py",
     "experiments/jobs": "experiments/designs/test_flexible_axis.py",
     "experiments/machines/families.py": "experiments/machines/test_flexible_axis.py",
     "experiments/machines/machine.py": "experiments/machines/test_from_file.py",

@@ -6,7 +6,7 @@ can bite. Every search has a folder of its own inside the run folder, with the s
 so that an interrupted front goes on where it was.
 
 A machine that stands still at the start of its contour has no contour error. So the tracking error
-is limited too: as the flags say, or to a multiple of what the start weights have.
+is limited too, as in `jcontour tune`: as the flags say, or to a few samples of travel.
 """
 
 import json
@@ -31,7 +31,7 @@ from experiments.reports.front_figure import Spent, front
 from experiments.reports.png import save_figures
 from experiments.reports.progress import progress_of
 from experiments.runs.lifecycle import finished, opened
-from experiments.runs.tuning import TuningRun, start_metrics, tuning_run
+from experiments.runs.tuning import TuningRun, tuning_run
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
@@ -42,8 +42,7 @@ EFFORT = replace(QUICK, scatter=8, tolerance=1e-4)  # a budget begins where the 
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
 LEAST = 2 / 3  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up
-TRACKING_CAP = 3.0  # largest tracking error over that of the start weights, where none is given
-WITHOUT_BUDGET, BUDGETS, CAP = "without-budget", "budgets.json", "tracking-cap.json"
+WITHOUT_BUDGET, BUDGETS = "without-budget", "budgets.json"
 
 
 @dataclass(frozen=True)
@@ -124,15 +123,13 @@ class Search:
 
     def within(self, budget: float) -> Problem:
         """The tuning problem under a budget; problems that differ in it only share one program."""
-        cap = {} if self.tracking_cap is None else {"rms_tracking_error": self.tracking_cap}
-        limits = AtMost(**{**self.run.limits, **cap, "rms_increment": budget})
+        limits = AtMost(**{**self.run.limits, "rms_increment": budget})
         return replace(self.run.problem, limits=limits)
 
 
 def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
     with opened(flags, "front", search_of) as (folder, search):
-        search = replace(search, tracking_cap=_tracking_cap(search.run, folder))
         result = traced(search, folder, tables.console_of(quiet=flags.json))
         _store(result, search.run.design.units(), folder)
     return finished(folder, result, flags, show, next_steps(result))
@@ -157,7 +154,9 @@ def search_of(flags: Front) -> Search:
     shared = {one.name: getattr(flags, one.name) for one in fields(Spreading)}
     parts = flags.parts or machine_named(flags.plant).usual.front
     run = tuning_run(Tune(**{**shared, "parts": parts}))
-    return Search(flags, replace(run, settings=replace(EFFORT, seed=flags.seed)))
+    asked = flags.max_tracking_error_um is not None or flags.max_peak_tracking_error_um is not None
+    cap = None if asked else run.limits.get("rms_tracking_error")
+    return Search(flags, replace(run, settings=replace(EFFORT, seed=flags.seed)), cap)
 
 
 def traced(search: Search, folder: Path, console: Console) -> FrontResult:
@@ -218,22 +217,6 @@ def _load(places: Sequence[Path]) -> FrontState:
             return FrontState(histories, run)
         histories.append(run.history)
     return FrontState(histories)
-
-
-def _tracking_cap(run: TuningRun, folder: Path) -> float | None:
-    """Limit on the tracking error where the contour error counts and no flag limits it.
-
-    It is kept in the run folder once it is chosen; older runs have none.
-    """
-    path = folder / CAP
-    if path.exists():
-        return json.loads(path.read_text())["rms_tracking_error"]
-    limited = {"rms_tracking_error", "peak_tracking_error"} & set(run.limits)
-    if limited or run.machine.error != "contour" or (folder / BUDGETS).exists():
-        return None
-    cap = TRACKING_CAP * _worst(start_metrics(run.problem, run.start), "tracking_error")
-    run_folder.write_json(path, {"rms_tracking_error": cap})
-    return cap
 
 
 def _optimum_needed(flags: Front, folder: Path) -> bool:
@@ -340,8 +323,8 @@ def next_steps(result: FrontResult) -> list[str]:
     if result.tracking_cap is not None:
         lines.append(
             f"The RMS tracking error is held below {1e6 * result.tracking_cap:.4g} um, "
-            f"{TRACKING_CAP:g} times that of the start weights: a machine that stands still has no "
-            "contour error. Another cap: --max-tracking-error-um."
+            "a few samples of travel: a machine that stands still has no contour error. "
+            "Another cap: --max-tracking-error-um."
         )
     if result.slack:
         slack = ", ".join(map(tables.digits, result.slack))

@@ -200,7 +200,7 @@ def _check(asked: Swept) -> None:
 
 
 def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
-    return design_for(machine, replace(flags, preview=preview))
+    return design_for(machine, replace(flags, preview=preview)).tunable()
 
 
 def found_along(asked: Swept, folder: Path) -> xr.Dataset:

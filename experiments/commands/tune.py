@@ -20,13 +20,21 @@ from experiments.reports.contour_figures import draw_runs
 from experiments.reports.png import save_figures
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
-from experiments.reports.tuned_tables import show_tuned
+from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.reports.tuning_figures import FIGURES, Search
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened
+from experiments.runs.regret import with_regret
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning import PLENTY, TuningRun, tuning_run
-from experiments.runs.tuning_results import Trial, confirmed, history_of, trial_of, tuned_result
+from experiments.runs.tuning_results import (
+    Trial,
+    confirmed,
+    history_of,
+    start_trial,
+    trial_of,
+    tuned_result,
+)
 from tuning.tune import Tuned, TuneState, advance, result
 
 
@@ -57,9 +65,9 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
     with ThreadPoolExecutor(1) as beside:
         # compiles on the second core while the tuner descends
-        start = beside.submit(trial_of, run, run.start)
+        start = beside.submit(start_trial, run)
         tuned, state = _descended(run, folder, console)
-        trials = {"start": start.result(), "tuned": trial_of(run, tuned.weights)}
+        trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
     in_engine = confirmed(run, tuned, trials["tuned"].replay)
     seconds = time.perf_counter() - began
     found = tuned_result(run, tuned, state, trials, in_engine, seconds)
@@ -68,8 +76,10 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
 
 
 def _descended(run: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
-    state = load_state(folder)
     with progress_of(console, run.settings, run.machine.error) as show:
+        if run.flags.objective == "regret":
+            run = with_regret(run, folder, show)
+        state = load_state(folder)
         while not state.done:
             state = advance(run.problem, run.start, run.settings, state)
             save_state(folder, state)
@@ -83,7 +93,7 @@ def _descended(run: TuningRun, folder: Path, console: Console) -> tuple[Tuned, T
 def describe(run: TuningRun, console: Console) -> None:
     """Say what is tuned, on what."""
     machine, flags, scenarios = run.machine, run.flags, run.scenarios
-    bounds = [f"{name} <= {value:.6g}" for name, value in run.limits.items()]
+    bounds = [limit_words(name, value) for name, value in run.limits.items()]
     over = "the plant" if flags.nominal_only else "family"
     objective = f"{flags.objective} RMS {machine.error} error over training contours and {over}"
     alone = " (tuned on the nominal plant alone)" if flags.nominal_only else ""
@@ -146,6 +156,6 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
     if not found.usable:
         return []
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
-    if found.terminal is not None:  # an LQ controller: the constrained MPC has the same weights
+    if found.limitable:
         steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
     return [f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

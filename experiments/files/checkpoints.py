@@ -14,6 +14,7 @@ import numpy as np
 import optax
 
 from experiments.files.run_folder import RunError, write
+from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.problem import Merit
@@ -45,6 +46,8 @@ def save_state(folder: Path, state: TuneState) -> Path:
         arrays[f"metrics_{name}"] = np.asarray(values)
     for name in LoopPeaks._fields if rows and rows[0].outcome.loops is not None else ():
         arrays[f"loops_{name}"] = np.asarray([getattr(row.outcome.loops, name) for row in rows])
+    for name in LimitUse._fields if rows and rows[0].outcome.use is not None else ():
+        arrays[f"use_{name}"] = np.asarray([getattr(row.outcome.use, name) for row in rows])
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -84,6 +87,8 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     metrics = {name: arrays[f"metrics_{name}"] for name in Metrics.__dataclass_fields__}
     looked = "loops_spectral_radius" in arrays
     loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
+    limited = "use_speed" in arrays
+    use = [arrays[f"use_{name}"] for name in LimitUse._fields] if limited else []
     history = []
     for k in range(len(columns["start"])):
         row = Evaluated(
@@ -94,6 +99,7 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
             Outcome(
                 Metrics(**{name: values[k] for name, values in metrics.items()}),
                 LoopPeaks(*(values[k] for values in loops)) if looked else None,
+                LimitUse(*(values[k] for values in use)) if limited else None,
             ),
             bool(columns["diverged"][k]),
         )

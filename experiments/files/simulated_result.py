@@ -51,6 +51,7 @@ class SimulatedResult:
     samples: int
     preview: int
     terminal: str | None = None
+    model_delay: int | None = None
     plants: dict[str, RunMetrics]
     read: ContourRead | None = None
     peak: PeakPlace | None = None

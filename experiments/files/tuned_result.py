@@ -1,6 +1,6 @@
 """Result of `jcontour tune`: what `result.json` and `history.json` of its run folder hold."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from experiments.files.results import Weight, stored_as
@@ -47,6 +47,9 @@ class PathMargins:
         probes_left_out: samples where the loop is open: a control at its limit, or a zero gain.
         contours_without_margins: paths on which every probed loop is open.
         lost_first: where the smallest gain margin is; None where no place stands out.
+        sensitivity: peak Ms over the whole family, at plant input and output; None where a loop is
+            unstable, or in folders of older versions; so is the next.
+        complementary: peak Mt likewise.
     """
 
     spectral_radius: float = stored_as("largest_frozen_spectral_radius")
@@ -58,6 +61,8 @@ class PathMargins:
     probes_left_out: int
     contours_without_margins: tuple[str, ...]
     lost_first: LostFirst | None
+    sensitivity: float | None = None
+    complementary: float | None = None
 
     @property
     def stable(self) -> bool:
@@ -74,6 +79,38 @@ class GapRow:
     smooth: float
     nonsmooth: float = stored_as("true")
     relative: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustTest:
+    """Random plants of the family, gains and delays anywhere in their intervals.
+
+    Attributes:
+        members: plants that were run on every training contour, with all effects.
+        diverged: how many of them diverged.
+        error: largest RMS error of the others [m].
+        contour: where it occurred.
+    """
+
+    members: int
+    diverged: int
+    error: float
+    contour: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActiveLimit:
+    """A limit that stops further improvement.
+
+    Attributes:
+        name: as in `limits` of the result.
+        bound: its value.
+        price: per cents of error that one per cent of the bound buys.
+    """
+
+    name: str
+    bound: float
+    price: float
 
 
 @dataclass(frozen=True)
@@ -113,12 +150,17 @@ class TunedResult:
     Attributes:
         error: the error that counts, "contour" or "tracking".
         terminal: cost at the end of an LQ controller's horizon; None for other controllers.
+        model_delay: samples of the unknown delay in an LQ controller's model; None likewise.
+        limitable: a constrained MPC has the same weights: `jcontour verify` replays it.
         start, weights: before and after tuning.
         weight_lines: the tuned weights with their units, for people.
         violation: logarithm of how far a limit is exceeded; None where nothing could be run.
-        usable: feasible, nothing diverged, stable along the training paths.
+        usable: there is no reason against loading the weights.
+        reasons: reasons against it, each with what helps.
         limits: metric and bound, SI units.
         margins, start_margins: of the tuned weights and of the start.
+        active: limits that stop further improvement, the dearest first.
+        robust: random plants of the family; None where the family is a single plant.
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
@@ -129,12 +171,17 @@ class TunedResult:
     error: str
     preview: int
     terminal: str | None = None
+    model_delay: int | None = None
+    limitable: bool = False
     start: dict[str, Weight]
     weights: dict[str, Weight]
     weight_lines: list[str] = stored_as("values")
     feasible: bool
     violation: float | None
     usable: bool
+    reasons: list[str] = field(default_factory=list)
+    active: list[ActiveLimit] = field(default_factory=list)
+    robust: RobustTest | None = None
     limits: dict[str, float]
     evaluated_points: int
     diverged_points: int

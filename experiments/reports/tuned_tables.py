@@ -1,6 +1,7 @@
 """Tables that `jcontour tune` prints."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 from rich.console import Console
 from rich.table import Table
@@ -14,50 +15,90 @@ from experiments.files.tuned_result import (
     TunedResult,
     rms_error,
 )
-from experiments.reports.tables import (
-    columns_of,
-    metric_cells,
-    peak_line,
-    plain_table,
-    position,
-    say,
-)
+from experiments.reports.tables import digits, peak_line, plain_table, position, say
 
-SEEN = "Training contours"
-HELD_OUT = "Held-out contours (never seen by the tuner)"
+SEEN, HELD_OUT = "training", "held out"
+STEP = 1.1  # of a limit, whose worth is told
+EFFORT = (  # metric, heading, factor from SI
+    ("peak_{error}_error", "peak\n{error}\nerror um", 1e6),
+    ("rms_tracking_error", "RMS\ntracking\nerror um", 1e6),
+    ("rms_control", "RMS\ncontrol\n", 1.0),
+    ("rms_increment", "RMS\nincre-\nment", 1.0),
+)
 
 
 def show_tuned(result: TunedResult, console: Console) -> None:
     """Everything a tuning run found, and one sentence."""
-    for table in design_tables(result):
+    for table in (error_table(result), effort_table(result)):
         console.print(table)
     lines = [*peak_lines(result), *values_block(result), "", sentence(result)]
-    say(console, *lines, *held_out_lines(result))
+    say(console, *lines, *limit_lines(result))
 
 
-def design_tables(result: TunedResult) -> list[Table]:
-    """Start against tuned, training and held-out contours apart, nominal plant and worst."""
-    headings = [heading for _, heading, _ in columns_of(result.error)]
-    columns = ["contour", "plant", "weights", *headings]
-    made = []
-    for training, title in ((True, SEEN), (False, HELD_OUT)):
-        contours = [one for one in result.contours if one.training is training]
-        rows = [row for one in contours for row in _contour_rows(one, result.error)]
-        if rows:
-            title = f"{title}, machine with {result.machine.nonsmooth_effects}"
-            made.append(plain_table(title, columns, rows, text_columns=3))
-    return made
+def error_table(result: TunedResult) -> Table:
+    """RMS error of start and tuned weights on every contour, nominal plant and worst of the family.
+
+    Contours that the tuner has never seen stand below the others.
+    """
+    headings = [
+        f"{plant}\n{words}"
+        for plant in ("nominal", "worst")
+        for words in ("start", "tuned", "change %")
+    ]
+    rows = _by_training(result, _error_cells)
+    effects = result.machine.nonsmooth_effects
+    title = f"RMS {result.error} error in um, machine with {effects}"
+    return plain_table(title, ["contour", *headings], rows)
 
 
-def _contour_rows(contour: TunedContour, error: str) -> list[list[str]]:
+def effort_table(result: TunedResult) -> Table:
+    """Peak error, lag and effort of start and tuned weights, worst of the family."""
+    columns = [column for column in EFFORT if column[0] != f"rms_{result.error}_error"]
+    headings = [
+        f"{heading.replace('{error}', result.error)}\n{design}"
+        for _, heading, _ in columns
+        for design in ("start", "tuned")
+    ]
+
+    def cells(contour: TunedContour, error: str) -> list[str]:
+        pairs = [contour.metrics[design].worst for design in ("start", "tuned")]
+        return [
+            _number(factor * getattr(one, name.replace("{error}", error)), one.diverged)
+            for name, _, factor in columns
+            for one in pairs
+        ]
+
+    unit = result.machine.control_unit
+    title = f"What it costs, worst of the family; controls in {unit}"
+    return plain_table(title, ["contour", *headings], _by_training(result, cells))
+
+
+def _by_training(
+    result: TunedResult, cells: Callable[[TunedContour, str], list[str]]
+) -> list[list[str]]:
     rows = []
-    for plant in ("nominal", "worst"):
-        words = plant
-        for design, metrics in contour.metrics.items():
-            name = "" if rows else contour.name
-            rows.append([name, words, design, *metric_cells(getattr(metrics, plant), error)])
-            words = ""
+    for training, words in ((True, SEEN), (False, HELD_OUT)):
+        contours = [one for one in result.contours if one.training is training]
+        if contours:
+            rows.append([words])
+        rows += [[f"  {one.name}", *cells(one, result.error)] for one in contours]
     return rows
+
+
+def _error_cells(contour: TunedContour, error: str) -> list[str]:
+    cells = []
+    for plant in ("nominal", "worst"):
+        start, tuned = (getattr(contour.metrics[name], plant) for name in ("start", "tuned"))
+        before, after = rms_error(start, error), rms_error(tuned, error)
+        lost = start.diverged or tuned.diverged
+        change = "" if lost else f"{100 * (after / before - 1):+.0f}"
+        cells += [_number(1e6 * before, start.diverged), _number(1e6 * after, tuned.diverged)]
+        cells.append(change)
+    return cells
+
+
+def _number(value: float, diverged: bool) -> str:
+    return "diverged" if diverged else digits(value)
 
 
 def peak_lines(result: TunedResult) -> list[str]:
@@ -71,19 +112,16 @@ def peak_lines(result: TunedResult) -> list[str]:
 
 
 def values_block(result: TunedResult) -> list[str]:
-    """The block "use these values"."""
+    """The block "use these values", or why not."""
     margins = result.margins
     probes = f"up to {margins.probes_per_contour} points of each training contour"
-    lines = [
-        "",
-        "USE THESE VALUES" if result.usable else "DO NOT USE THESE VALUES: see the warnings",
-        *(f"  {line}" for line in result.weight_lines),
-        f"Stability margins of the loop, its gains frozen at {probes}",
-    ]
+    lines = ["", *verdict(result), *(f"  {line}" for line in result.weight_lines)]
+    lines.append(f"Margins of the loop, its gains frozen at {probes}")
     for name, value, before in margin_rows(margins, result.start_margins):
         lines.append(f"  {name:<23}  {value:<24} start: {before}")
     if margins.lost_first is not None:
         lines.append(lost_first_line(margins.lost_first, result.machine.axes))
+    lines += robust_lines(result)
     effects = result.machine.nonsmooth_effects
     lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
     lines += [_gap_line(row) for row in result.gap]
@@ -93,37 +131,62 @@ def values_block(result: TunedResult) -> list[str]:
     return [*lines, *(f"WARNING: {line}" for line in result.warnings)]
 
 
-def sentence(result: TunedResult) -> str:
-    """Worst RMS error of the training contours, before and after."""
-    trained = [one.metrics for one in result.contours if one.training]
-    worst = {}
-    for design in ("start", "tuned"):
-        errors = [rms_error(metrics[design].worst, result.error) for metrics in trained]
-        worst[design] = max(errors)
-    lost = any(metrics["start"].worst.diverged for metrics in trained)
-    before = "diverged" if lost else f"{1e6 * worst['start']:.4g} um"
-    after = f"{1e6 * worst['tuned']:.4g} um"
-    if any(metrics["tuned"].worst.diverged for metrics in trained):
-        after = "diverged"
-    what = f"Worst RMS {result.error} error over training contours and plants"
-    return f"{what}: {before} with the start weights, {after} with the tuned ones."
+def verdict(result: TunedResult) -> list[str]:
+    """Whether to load the values, and every reason against it."""
+    if result.usable:
+        return ["USE THESE VALUES"]
+    return ["DO NOT USE THESE VALUES", *(f"  because: {line}" for line in result.reasons)]
 
 
-def held_out_lines(result: TunedResult) -> list[str]:
-    """Which held-out contours the tuned weights make worse; no line where they make none worse."""
-    held_out = [one for one in result.contours if not one.training]
-    ratios = {}
-    for one in held_out:
-        start, tuned = (
-            rms_error(one.metrics[design].worst, result.error) for design in ("start", "tuned")
-        )
-        if tuned > start:
-            ratios[one.name] = tuned / start
-    if not ratios:
+def robust_lines(result: TunedResult) -> list[str]:
+    """Random plants of the family."""
+    test = result.robust
+    if test is None:
         return []
-    worse = ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
-    count = f"{len(ratios)} of {len(held_out)}"
-    return [f"WARNING: worse than the start weights on {count} held-out contours: {worse}"]
+    lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
+    worst = f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour}"
+    return [f"{test.members} random plants of the family: {lost}, {worst}"]
+
+
+def sentence(result: TunedResult) -> str:
+    """Change of the worst error of the family, contours held out and trained on."""
+    parts = []
+    for training, words in ((False, "held-out"), (True, "training")):
+        ratios = [_ratio(one, result.error) for one in result.contours if one.training is training]
+        known = [ratio for ratio in ratios if ratio is not None]
+        if known:
+            typical = math.exp(sum(math.log(ratio) for ratio in known) / len(known))
+            parts.append(f"x {typical:.2f} on {len(known)} {words} contours")
+    what = f"Worst RMS {result.error} error of the family, geometric mean"
+    return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
+
+
+def limit_lines(result: TunedResult) -> list[str]:
+    """What stops further improvement, and what one more step of it would buy."""
+    if not result.active:
+        return ["No limit stops it."]
+    lines = []
+    for one in result.active:
+        gain = 100 * (1 - STEP**-one.price)
+        lines.append(
+            f"What stops it: the limit {limit_words(one.name, one.bound)}. "
+            f"{100 * (STEP - 1):.0f} % more of it would buy about {gain:.2g} % of error."
+        )
+    return lines
+
+
+def limit_words(name: str, bound: float) -> str:
+    """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
+    if name.endswith("_use"):
+        return f"{name.removesuffix('_use')} within the machine's"
+    return f"{name.replace('_', ' ')} <= {bound:.6g}"
+
+
+def _ratio(contour: TunedContour, error: str) -> float | None:
+    start, tuned = (contour.metrics[name].worst for name in ("start", "tuned"))
+    if start.diverged or tuned.diverged:
+        return None
+    return rms_error(tuned, error) / rms_error(start, error)
 
 
 def _engine_line(row: EngineRow) -> str:
@@ -145,7 +208,12 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
     rows = [("largest spectral radius", *radii)]
     for k in range(len(designs[0].gain_range)):
         rows.append((f"gain margin, input {k + 1}", *(_gain_range(one, k) for one in designs)))
-    return [*rows, ("delay margin", *(_delay(one) for one in designs))]
+    rows.append(("delay margin", *(_delay(one) for one in designs)))
+    for name, words in (("sensitivity", "Ms"), ("complementary", "Mt")):
+        values = [getattr(one, name) for one in designs]
+        peaks = ("unstable" if value is None else f"{value:.4g}" for value in values)
+        rows.append((f"{words} over the family", *peaks))
+    return rows
 
 
 def lost_first_line(place: LostFirst, axes: Sequence[str]) -> str:

@@ -1,27 +1,35 @@
 """Stability margins along the training paths, with the gains held at points of each path."""
 
 import equinox as eqx
+import jax
 import numpy as np
 
 from experiments.files.tuned_result import LostFirst, PathMargins
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
+from jcontour.analysis.sensitivity import LoopPeaks, loop_peaks, probe_windows
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
-from jcontour.simulation.evaluation import member
+from jcontour.simulation.evaluation import member, stack_plants
 
 # loops per contour: they change with direction, bend and place of the path, slowly; as many as
 # `margins` probes at once
 PROBES = 48
+WINDOWS = 8  # per contour, at which the peak sensitivity is looked at
 
 
 def path_margins(
-    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
+    controller: Controller,
+    machine: Machine,
+    scenarios: Scenarios,
+    fed: Fed,
+    peaks: LoopPeaks | None = None,
 ) -> PathMargins:
-    """Spectral radius, gain and delay margins over the training paths.
+    """Spectral radius, gain and delay margins over the training paths, and peak sensitivities.
 
-    Every path is probed at up to `PROBES` of its scored samples.
+    Every path is probed at up to `PROBES` of its scored samples. The peaks are computed unless they
+    are given.
     """
     plant = machine.nominal(fed)
     names = [job.name for job in scenarios.jobs_seen(True)]
@@ -42,7 +50,24 @@ def path_margins(
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(found, paths, names),
+        **_largest(_peaks(controller, machine, scenarios, fed) if peaks is None else peaks),
     )
+
+
+def _peaks(controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed) -> LoopPeaks:
+    """Peaks at the probes of the training paths, over the whole smooth family."""
+    trained = np.flatnonzero(scenarios.training)
+    paths = jax.tree.map(lambda leaf: leaf[trained], scenarios.references)
+    windows = probe_windows(paths, WINDOWS)
+    return loop_peaks(controller, stack_plants(machine.smooth_family(fed)), windows)
+
+
+def _largest(peaks: LoopPeaks) -> dict[str, float | None]:
+    largest = {
+        "sensitivity": float(np.max(peaks.sensitivity)),
+        "complementary": float(np.max(peaks.complementary)),
+    }
+    return {name: peak if np.isfinite(peak) else None for name, peak in largest.items()}
 
 
 def lost_first(found: list[Margins], paths: list[Reference], names: list[str]) -> LostFirst | None:

@@ -4,17 +4,25 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import Partial
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
-from experiments.jobs.job import Pace, Task
+from experiments.jobs.held_out import held_out_like
+from experiments.jobs.job import Job, Pace, Task
+from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
+from experiments.runs.path_margins import WINDOWS
 from experiments.runs.spreading import batching_of
+from jcontour.analysis.sensitivity import loop_peaks, probe_windows
 from jcontour.controller import Controller
+from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from jcontour.simulation.limit_use import AxisLimits
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,
@@ -55,7 +63,8 @@ class TuningRun:
     """Everything that a tuning run consists of.
 
     Attributes:
-        design: of the controller; its start is where the run begins.
+        before: design that the tuned one is compared with.
+        design: of the controller that is tuned; its start is where the run begins.
         problem: on the smooth machines; the tuner sees nothing else.
         scenarios: training and held-out contours, on the true machines.
         limits: metric and bound in SI.
@@ -63,6 +72,7 @@ class TuningRun:
 
     flags: Tune
     machine: Machine
+    before: Design
     design: Design
     problem: Problem
     settings: Effort
@@ -97,25 +107,55 @@ def tuning_run(flags: Tune) -> TuningRun:
     machine = machine_named(flags.plant)
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
-    training = _distinct([job_named(name, pace) for name in flags.parts or usual.training])
-    others = usual.beside_own if flags.parts else usual.held_out
-    held_out = [job_named(name, pace) for name in others if name not in flags.parts]
-    design = design_for(machine, flags)
+    training, held_out = _jobs(flags, machine, pace)
+    before = design_for(machine, flags)
+    design = before.tunable()
+    if flags.free is not None:
+        design = design.freed([name.strip() for name in flags.free.split(",")])
     design.check_start()
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
     scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
     family = machine.smooth_family(design.fed)
+    runs = [job.reference(machine.model.dt, design.preview) for job in training]
+    references = stack_references(runs)
     problem = Problem(
         design.build,
         stack_plants(family[:1] if flags.nominal_only else family),
-        stack_references([job.reference(machine.model.dt, design.preview) for job in training]),
-        OBJECTIVES[flags.objective, machine.error],
+        references,
+        _objective(flags, machine),
         design.space,
         batching=batching_of(flags),
     )
-    limits = named_limits(flags) | _effort_limit(flags, usual, problem, design.start)
-    problem = replace(problem, limits=AtMost(**limits))
-    return TuningRun(flags, machine, design, problem, settings, scenarios, limits)
+    limits = _lag_limit(machine, design, references) | named_limits(flags)
+    limits |= _effort_limit(flags, usual, problem, design.start)
+    stated = _stated_limits(machine)
+    limits |= _loop_limits(flags) | {f"{name}_use": 1.0 for name in _named(stated)}
+    problem = replace(
+        problem,
+        limits=AtMost(**limits),
+        loops=_loops(flags, references),
+        axis_limits=stated if _named(stated) else None,
+    )
+    return TuningRun(flags, machine, before, design, problem, settings, scenarios, limits)
+
+
+def _jobs(flags: Tune, machine: Machine, pace: Pace) -> tuple[list[Task], list[Task]]:
+    """Training and held-out contours.
+
+    Raises:
+        ValueError: a name, a file or the words of random contours are wrong.
+    """
+    usual = machine.usual
+    own = [job_named(name, pace) for name in flags.parts]
+    jobs = [job for job in own if isinstance(job, Job)]
+    if flags.contours is not None:
+        training, held_out = contour_jobs(flags.contours, pace, flags.seed, jobs)
+        return [*training], [*held_out]
+    if jobs:
+        return _distinct(own), [*held_out_like(jobs, pace)]
+    names = usual.beside_own if own else usual.held_out
+    held_out = [job_named(name, pace) for name in names if name not in flags.parts]
+    return _distinct(own or [job_named(name, pace) for name in usual.training]), held_out
 
 
 def tuner_settings(flags: Any) -> Effort:
@@ -142,6 +182,56 @@ def named_limits(flags: Limited) -> dict[str, float]:
             flag = name.replace("_", "-")
             raise ValueError(f"{flag}: a limit needs to be finite and above zero, received {value}")
     return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
+
+
+def _objective(flags: Tune, machine: Machine) -> Objective:
+    """Objective of the flags; `regret` begins as `typical`, see `runs.regret`."""
+    name = "typical" if flags.objective == "regret" else flags.objective
+    return OBJECTIVES[name, machine.error]
+
+
+def _lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
+    """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
+
+    Contour error alone is also small for a tool that lags, or hardly moves.
+    """
+    if machine.error != "contour":
+        return {}
+    steps = jnp.linalg.norm(jnp.diff(references.position, axis=1), axis=-1)
+    return {"rms_tracking_error": design.lag * float(jnp.max(steps))}
+
+
+def _loop_limits(flags: Limited) -> dict[str, float]:
+    """Bound on the peak sensitivity; none where the flag is None.
+
+    Raises:
+        ValueError: the bound is not above 1, which no loop keeps.
+    """
+    bound = flags.max_sensitivity
+    if bound is None:
+        return {}
+    if not bound > 1:
+        raise ValueError(f"max-sensitivity: no loop keeps 1 or less, received {bound}")
+    return {"peak_sensitivity": bound}
+
+
+def _stated_limits(machine: Machine) -> AxisLimits:
+    """Limits that the machine states."""
+    stated = machine.limits._asdict()
+    return AxisLimits(
+        **{name: None if value is None else jnp.asarray(value) for name, value in stated.items()}
+    )
+
+
+def _named(limits: AxisLimits) -> list[str]:
+    return [name for name, value in limits._asdict().items() if value is not None]
+
+
+def _loops(flags: Limited, references: Reference) -> Partial | None:
+    """Peaks of the frozen loops that the limits look at; None where none does."""
+    if flags.max_sensitivity is None:
+        return None
+    return Partial(loop_peaks, windows=probe_windows(references, WINDOWS))
 
 
 def start_metrics(problem: Problem, start: Weights) -> Metrics:

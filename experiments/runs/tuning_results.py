@@ -1,7 +1,7 @@
 """Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,7 @@ from experiments.files.tuned_result import (
     GapRow,
     HistoryPoint,
     PathMargins,
+    RobustTest,
     TunedContour,
     TunedResult,
 )
@@ -20,10 +21,14 @@ from experiments.jobs.replays import Replay, replay, scored
 from experiments.machines.machine import Machine
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.path_margins import path_margins
+from experiments.runs.recommendation import active_limits, reasons_against
+from experiments.runs.robustness import robust_test
 from experiments.runs.tuning import TuningRun
-from experiments.runs.warnings import run_warnings
+from experiments.runs.warnings import exceeded_limits, run_warnings
+from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants
-from tuning.parameters import Chart, Weights
+from tuning.parameters import Chart
 from tuning.tune import Tuned, TuneState
 
 
@@ -33,12 +38,26 @@ class Trial:
 
     replay: Replay
     margins: PathMargins
+    robust: RobustTest | None = None
 
 
-def trial_of(run: TuningRun, weights: Weights) -> Trial:
-    """Weights tried on every contour and every plant."""
-    controller = run.controller(weights)
-    margins = path_margins(controller, run.machine, run.scenarios, run.design.fed)
+def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
+    """Tuned weights tried on every contour and every plant, and on random ones."""
+    controller = run.controller(tuned.weights)
+    known = None if run.flags.nominal_only else tuned.outcome.loops
+    trial = _tried(run, controller, known)
+    machine, scenarios, fed = run.machine, run.scenarios, run.design.fed
+    robust = robust_test(controller, machine, scenarios, fed, run.flags.seed)
+    return replace(trial, robust=robust)
+
+
+def start_trial(run: TuningRun) -> Trial:
+    """The design that the tuned one is compared with, with its own weights."""
+    return _tried(run, run.before.build(run.before.start))
+
+
+def _tried(run: TuningRun, controller: Controller, peaks: LoopPeaks | None = None) -> Trial:
+    margins = path_margins(controller, run.machine, run.scenarios, run.design.fed, peaks)
     return Trial(replay(controller, run.scenarios), margins)
 
 
@@ -60,19 +79,26 @@ def tuned_result(
     """The whole result; `trials` are those of the start and of the tuned weights."""
     found, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
-    lost = bool(np.any(found.metrics.diverged))
+    contours = [_contour(run, replays, c) for c in range(len(run.scenarios.jobs))]
+    robust, error = trials["tuned"].robust, run.machine.error
+    exceeded = exceeded_limits(found, run.scenarios, run.machine)
+    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error)
     weights = plain_weights(tuned.weights)
     return TunedResult(
         machine=machine_summary(run.machine),
         controller=run.design.name,
-        error=run.machine.error,
+        error=error,
         **run.design.settings(),
-        start=plain_weights(run.start),
+        limitable=run.design.limitable,
+        start=plain_weights(run.before.start),
         weights=weights,
         weight_lines=run.design.weight_lines(weights),
         feasible=bool(tuned.feasible),
         violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
-        usable=bool(tuned.feasible) and not lost and margins.stable,
+        usable=not reasons,
+        reasons=reasons,
+        active=active_limits(tuned.prices, run.limits),
+        robust=robust,
         limits=run.limits,
         evaluated_points=len(tuned.history),
         diverged_points=tuned.diverged_points,
@@ -82,7 +108,7 @@ def tuned_result(
         margins=margins,
         start_margins=trials["start"].margins,
         warnings=run_warnings(run, tuned, margins, replays),
-        contours=[_contour(run, replays, c) for c in range(len(run.scenarios.jobs))],
+        contours=contours,
         gap=gap(run, tuned, found),
         training_samples=run.training_samples,
         confirmed=confirmed,

@@ -27,17 +27,24 @@ class Peak(NamedTuple):
     plant: str
     limit: float
 
+    @property
+    def is_near(self) -> bool:
+        """Within the limit, by less than a tenth."""
+        return NEAR * self.limit <= self.value <= self.limit
+
+    @property
+    def words(self) -> str:
+        """Value, limit and place."""
+        size = f"{self.value:.4g} of {self.limit:.4g} {self.unit}"
+        return f"{size} ({self.contour}, {self.plant})"
+
 
 def run_warnings(
     run: TuningRun, tuned: Tuned, margins: PathMargins, replays: dict[str, Replay]
 ) -> list[str]:
     """All warnings, one line each; `replays` are those of start and tuned weights."""
     found = replays["tuned"]
-    lines = []
-    if np.any(found.metrics.diverged):
-        effects = run.machine.nonsmooth_effects
-        lines.append(f"a run of the machine with {effects} diverges with the tuned weights")
-    lines += search_warnings(tuned)
+    lines = search_warnings(tuned)
     lines += margin_warnings(margins, run.machine.unknown_delay)
     lines += limit_warnings(found, run.scenarios, run.machine)
     return lines + lag_warnings(replays, run.scenarios)
@@ -46,9 +53,8 @@ def run_warnings(
 def search_warnings(tuned: Tuned) -> list[str]:
     """Points that the tuner did not find, or had to reject."""
     lines = []
-    if not tuned.feasible:
-        excess = 100 * np.expm1(tuned.violation)
-        lines.append(f"no feasible point was found; these weights exceed a limit by {excess:.3g} %")
+    if tuned.stabilised:
+        lines.append("the start was unstable: the tuner first made every loop stable")
     if tuned.diverged_points:
         points = f"{tuned.diverged_points} of {len(tuned.history)} evaluated points"
         lines.append(f"{points} had a diverging plant and were rejected")
@@ -82,15 +88,15 @@ def margin_warnings(margins: PathMargins, unknown_delay: int) -> list[str]:
 
 
 def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run exceeds, or meets to within 10 %."""
-    lines = []
-    for peak in _peaks(replay, scenarios, machine):
-        if peak.value >= NEAR * peak.limit:
-            state = "EXCEEDS" if peak.value > peak.limit else "is near"
-            size = f"{peak.value:.4g} of {peak.limit:.4g} {peak.unit}"
-            where = f"{peak.contour}, {peak.plant}"
-            lines.append(f"{peak.quantity} of {peak.name} {state} its limit: {size} ({where})")
-    return lines
+    """One line for every machine limit that a run meets to within 10 %."""
+    near = [one for one in _peaks(replay, scenarios, machine) if one.is_near]
+    return [f"{one.quantity} of {one.name} is near its limit: {one.words}" for one in near]
+
+
+def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
+    """One line for every machine limit that a run exceeds."""
+    beyond = [one for one in _peaks(replay, scenarios, machine) if one.value > one.limit]
+    return [f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}" for one in beyond]
 
 
 def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:

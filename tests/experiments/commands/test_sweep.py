@@ -19,6 +19,14 @@ NAMES = ("alpha", "beta")
 def flags(machine_file, part_file):
     """Four designs with one preview; the large alpha diverges where a drive is late."""
     vary = ["--vary", "alpha=2,2e6", "beta=0.5,5", "--previews", "4"]
+    vary += [
+        "--controller",
+        "contouring-lq-kalman",
+        "--weights",
+        "control_noise=5",
+        "--rho",
+        "2e-9",
+    ]
     return [str(part_file), "--plant", str(machine_file), *vary]
 
 

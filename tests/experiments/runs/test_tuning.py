@@ -91,5 +91,6 @@ def test_gains_round_trip(job, tmp_path):
 
 
 def test_parts_are_for_training_and_others_held_out(job):
-    assert [one.name for one in job.scenarios.jobs] == ["part", "circle", "ellipse", "lemniscate"]
-    assert job.scenarios.training == (True, False, False, False)
+    names = ["part", "circle", "ellipse", "lemniscate", "square"]
+    assert [one.name for one in job.scenarios.jobs] == names
+    assert job.scenarios.training == (True, False, False, False, False)

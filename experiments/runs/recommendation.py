@@ -1,0 +1,112 @@
+"""Whether tuned weights may be loaded: every reason against it, each with what helps."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from experiments.files.tuned_result import (
+    ActiveLimit,
+    PathMargins,
+    RobustTest,
+    TunedContour,
+    rms_error,
+)
+from tuning.tune import Price, Tuned
+
+CHEAP = 1e-3  # price below which a limit does not stop anything
+
+
+def reasons_against(
+    tuned: Tuned,
+    contours: Sequence[TunedContour],
+    margins: PathMargins,
+    robust: RobustTest | None,
+    exceeded: Sequence[str],
+    error: str,
+) -> list[str]:
+    """Reasons against loading the weights, the gravest first; none where they may be loaded.
+
+    Args:
+        tuned: what the tuner found.
+        contours: start against tuned, on the machine with all effects.
+        margins: of the tuned loop.
+        robust: random plants of the family.
+        exceeded: limits of the machine that a run exceeds, one line each.
+        error: the error that counts, "contour" or "tracking".
+    """
+    return [
+        *_unstable(contours, margins, robust),
+        *_infeasible(tuned),
+        *exceeded,
+        *_worse(contours, error),
+    ]
+
+
+def active_limits(prices: Sequence[Price], bounds: Mapping[str, float]) -> list[ActiveLimit]:
+    """Limits that stop further improvement, the dearest first.
+
+    Entries of one limit, for different contours and plants, are loosened together.
+    """
+    totals = {name: sum(one.price for one in prices if one.name == name) for name in bounds}
+    dear = sorted((name for name in totals if totals[name] > CHEAP), key=lambda n: -totals[n])
+    return [ActiveLimit(name=name, bound=bounds[name], price=totals[name]) for name in dear]
+
+
+def _unstable(
+    contours: Sequence[TunedContour], margins: PathMargins, robust: RobustTest | None
+) -> list[str]:
+    lines = []
+    lost = [one.name for one in contours if one.metrics["tuned"].worst.diverged]
+    if lost:
+        lines.append(
+            f"a plant of the family diverges on {', '.join(lost)}: ask for more margin, "
+            "--max-sensitivity 1.7"
+        )
+    if not margins.stable:
+        lines.append(
+            "with its gains frozen at a point of the training paths the loop is open or unstable"
+        )
+    if robust is not None and robust.diverged:
+        lines.append(
+            f"{robust.diverged} of {robust.members} random plants of the family diverge: ask for "
+            "more margin, --max-sensitivity 1.7"
+        )
+    return lines
+
+
+def _infeasible(tuned: Tuned) -> list[str]:
+    if tuned.feasible:
+        return []
+    excess = 100 * np.expm1(tuned.violation)
+    lines = [f"no weights were found within every limit; these exceed one by {excess:.3g} %"]
+    loops = tuned.outcome.loops
+    if loops is not None:
+        least = float(np.max(loops.sensitivity))
+        lines.append(f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more")
+    return lines
+
+
+def _worse(contours: Sequence[TunedContour], error: str) -> list[str]:
+    """Contours that the tuned weights make worse, those that were held out first."""
+    lines = []
+    for training, words in ((False, "held-out"), (True, "training")):
+        ratios = {
+            one.name: ratio
+            for one in contours
+            if one.training is training and (ratio := _ratio(one, error)) > 1
+        }
+        if ratios:
+            worse = ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
+            lines.append(
+                f"worse than the start on {words} contours: {worse}; train on contours like "
+                "them, or on --contours random:64"
+            )
+    return lines
+
+
+def _ratio(contour: TunedContour, error: str) -> float:
+    """Worst error of the family, tuned over start; 0 where the start diverges."""
+    start, tuned = contour.metrics["start"].worst, contour.metrics["tuned"].worst
+    if start.diverged or tuned.diverged:
+        return 0.0
+    return rms_error(tuned, error) / rms_error(start, error)

@@ -1,0 +1,60 @@
+"""Random plants of the family under tuned weights: the tuner has seen its corners only."""
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from experiments.files.tuned_result import RobustTest
+from experiments.jobs.replays import Scenarios
+from experiments.machines.machine import Fed, Machine
+from jcontour.controller import Controller
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import follow
+from jcontour.simulation.evaluation import platform_batching, stack_references
+from jcontour.simulation.metrics import Metrics, score_signals
+
+MEMBERS = 1000
+SIDE_BY_SIDE = 50  # plants that are stepped together: fastest on a CPU, little memory
+
+
+def robust_test(
+    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed, seed: int
+) -> RobustTest | None:
+    """Random plants with all effects on every training contour; None for a family of one plant."""
+    family = machine.random_family(MEMBERS, seed, fed)
+    if family is None:
+        return None
+    jobs = scenarios.jobs_seen(True)
+    references = stack_references(
+        [job.reference(machine.model.dt, controller.preview) for job in jobs]
+    )
+    metrics = jax.device_get(_metrics(controller, family, references))
+    errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
+    lost = np.asarray(metrics.diverged)
+    largest = np.where(lost, -1.0, errors)
+    contour = int(np.argmax(largest.max(axis=1)))
+    return RobustTest(
+        members=MEMBERS,
+        diverged=int(lost.any(axis=0).sum()),
+        error=float(largest.max()),
+        contour=jobs[contour].name,
+    )
+
+
+@eqx.filter_jit
+def _metrics(controller: Controller, family: Plant, references: Reference) -> Metrics:
+    """Metrics (contour, member)."""
+    groups = jax.tree.map(lambda leaf: leaf.reshape(-1, SIDE_BY_SIDE, *leaf.shape[1:]), family)
+
+    def on_contour(reference: Reference) -> Metrics:
+        plan = controller.prepare(reference)
+
+        def on_plant(plant: Plant) -> Metrics:
+            run = follow(plant, controller, plan, reference)
+            return score_signals(run.output, run.control, reference)
+
+        grouped = jax.lax.map(jax.vmap(on_plant), groups)
+        return jax.tree.map(lambda leaf: leaf.reshape(MEMBERS), grouped)
+
+    return platform_batching()(on_contour, references)

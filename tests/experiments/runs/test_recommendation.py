@@ -1,0 +1,111 @@
+"""Reasons against loading tuned weights."""
+
+import math
+
+import numpy as np
+import pytest
+
+from experiments.files.run_metrics import FamilyMetrics, RunMetrics
+from experiments.files.tuned_result import PathMargins, RobustTest, TunedContour
+from experiments.runs.recommendation import active_limits, reasons_against
+from tuning.outcome import LoopPeaks, Outcome
+from tuning.tune import Price, Tuned
+
+
+def found(feasible=True, violation=-0.1, sensitivity=1.9):
+    loops = LoopPeaks(*(np.full((2, 2), value) for value in (sensitivity, 1.2, 0.9)))
+    return Tuned(
+        {},
+        outcome=Outcome(None, loops),  # pyright: ignore[reportArgumentType]
+        feasible=feasible,
+        violation=violation,
+        diverged_points=0,
+        diverged_starts=0,
+        history=[],
+        prices=[],
+        stabilised=False,
+    )
+
+
+def margins(radius=0.9):
+    return PathMargins(
+        spectral_radius=radius,
+        gain_range=((0.5, 2.0),),
+        gain_search=(0.05, 20.0),
+        delay_samples=3,
+        delay_search=10,
+        probes_per_contour=48,
+        probes_left_out=0,
+        contours_without_margins=(),
+        lost_first=None,
+    )
+
+
+def run(error, diverged=False):
+    return RunMetrics(*([error] * 10), duration=1.0, diverged=diverged)
+
+
+def contour(name, training, start, tuned, diverged=False):
+    before, after = run(start), run(tuned, diverged)
+    metrics = {"start": FamilyMetrics(before, before), "tuned": FamilyMetrics(after, after)}
+    return TunedContour(name=name, training=training, samples=10, metrics=metrics)
+
+
+GOOD = [contour("part", True, 3e-6, 1e-6), contour("circle", False, 2e-6, 1e-6)]
+SOUND = RobustTest(members=1000, diverged=0, error=2e-6, contour="part")
+
+
+def reasons(**changes):
+    given = {
+        "tuned": found(),
+        "contours": GOOD,
+        "margins": margins(),
+        "robust": SOUND,
+        "exceeded": [],
+        "error": "contour",
+    }
+    return reasons_against(**{**given, **changes})
+
+
+def test_nothing_speaks_against_a_loop_that_is_better_everywhere():
+    assert reasons() == [] and reasons(robust=None) == []
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"margins": margins(1.0)}, "unstable"),
+        ({"robust": SOUND.__class__(members=1000, diverged=1, error=1.0, contour="part")}, "1 of"),
+        ({"contours": [*GOOD, contour("square", False, 1.0, 1.0, True)]}, "diverges on square"),
+        ({"exceeded": ["speed of X EXCEEDS its limit"]}, "speed of X"),
+    ],
+)
+def test_each_fault_is_one_line(changes, words):
+    (line,) = reasons(**changes)
+    assert words in line
+
+
+def test_held_out_contours_that_became_worse_are_named_before_training_ones():
+    worse = [contour("cam", True, 1e-6, 1.1e-6), contour("ellipse", False, 2e-6, 3e-6)]
+    first, second = reasons(contours=[*GOOD, *worse])
+    assert "held-out contours: ellipse x 1.50;" in first
+    assert "training contours: cam x 1.10;" in second
+
+
+def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
+    first, second = reasons(tuned=found(False, math.log(1.3), 2.6))
+    assert "exceed one by 30 %" in first and "2.6" in second and "--max-sensitivity" in second
+
+
+def test_prices_of_one_limit_are_added_and_free_ones_left_out():
+    """Halving what one limit costs elsewhere does not change what it is worth in all."""
+    prices = [
+        Price("peak_sensitivity", 0, 0, 0.3),
+        Price("peak_sensitivity", 4, 1, 0.2),
+        Price("rms_control", 0, 0, 0.8),
+        Price("rms_increment", 0, 0, 0.0),
+    ]
+    bounds = {"peak_sensitivity": 2.0, "rms_control": 0.1, "rms_increment": 1.0}
+    active = active_limits(prices, bounds)
+    assert [one.name for one in active] == ["rms_control", "peak_sensitivity"]
+    assert active[1].price == pytest.approx(0.5) and active[1].bound == 2.0

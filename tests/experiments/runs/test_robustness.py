@@ -1,0 +1,80 @@
+"""The robust test, against one run after another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for
+from experiments.jobs.job import Pace, at_constant_feed
+from experiments.jobs.replays import Scenarios
+from experiments.machines.linear import bridgeport_machine
+from experiments.machines.machine import MachineLimits
+from experiments.options import Simulate
+from experiments.runs import robustness
+from jcontour.geometry.contours import circle, line
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import member
+from jcontour.simulation.metrics import score
+
+FEW = 6
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return bridgeport_machine()
+
+
+def scenarios(machine, design):
+    pace = Pace(machine, 0.05, None)
+    jobs = [
+        at_constant_feed("arc", circle(0.5e-3), pace),
+        at_constant_feed("line", line([0.0, 0.0], [2e-3, 1e-3]), pace),
+        at_constant_feed("other", circle(1e-3), pace),
+    ]
+    return Scenarios.of(jobs, [True, True, False], machine, design.fed, design.preview)
+
+
+@pytest.mark.parametrize("drift", [1e-6, 3e-2])
+def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
+    """The second observer integrates so fast that late plants diverge under the model of none.
+
+    No limit holds the control: a loop that rings within its limits does not diverge.
+    """
+    machine = replace(machine, limits=MachineLimits())
+    monkeypatch.setattr(robustness, "MEMBERS", FEW)
+    monkeypatch.setattr(robustness, "SIDE_BY_SIDE", 3)
+    design = design_for(machine, Simulate(preview=10))
+    controller = design.build(design.start._replace(drift=drift))
+    seen = scenarios(machine, design)
+    found = robustness.robust_test(controller, machine, seen, design.fed, seed=3)
+    family = machine.random_family(FEW, 3)
+    errors, lost = np.zeros((2, FEW)), np.zeros((2, FEW), bool)
+    for c, job in enumerate(seen.jobs_seen(True)):
+        reference = job.reference(machine.model.dt, design.preview)
+        for k in range(FEW):
+            metrics = score(simulate(member(family, k), controller, reference), reference)
+            errors[c, k], lost[c, k] = metrics.rms_contour_error, metrics.diverged
+    assert found.members == FEW and found.diverged == lost.any(axis=0).sum()
+    kept = np.where(lost, -1.0, errors)
+    assert found.error == pytest.approx(kept.max(), rel=1e-6)
+    assert found.contour == ("arc", "line")[int(np.argmax(kept.max(axis=1)))]
+    assert (found.diverged > 0) is (drift > 1e-3)
+
+
+def test_members_lie_within_the_stated_intervals(machine):
+    family = machine.random_family(400, 1)
+    plants = family.plant.plant  # behind counts and encoders
+    gains = np.asarray(plants.plant.B)[:, :, :] / np.where(
+        np.asarray(machine.model.B) == 0, np.inf, np.asarray(machine.model.B)
+    )
+    gains = gains.max(axis=1)
+    assert gains.min() >= 0.9 and gains.max() <= 1.1 and np.ptp(gains) > 0.19
+    late = np.asarray(plants.samples)
+    assert late.min() >= 0 and late.max() <= 2 and np.ptp(late) > 1.9
+    assert np.any(late % 1 > 0.1)
+
+
+def test_a_machine_that_is_known_exactly_has_no_random_members(machine):
+    known = replace(machine, gain=0.0, delay=0)
+    assert known.random_family(10, 0) is None
