@@ -23,7 +23,7 @@ from jcontour.controllers.observers.kalman import (
     kalman_gain,
     offset_free_gain,
 )
-from jcontour.geometry.contours import circle, ellipse, line, square
+from jcontour.geometry.contours import circle, ellipse, line, polygon
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
 from jcontour.plants.bridgeport import bridgeport
@@ -34,6 +34,11 @@ from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import stack_plants, stack_references
+
+
+def square(side):
+    """Square from the origin [m]."""
+    return polygon(side * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
 
 
 @pytest.fixture(scope="module")
