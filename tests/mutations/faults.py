@@ -251,7 +251,7 @@ FAULTS = (
     ),
     # analysis
     Fault(
-        "jcontour/analysis/stability.py",
+        "jcontour/analysis/frozen_loops.py",
         "self.A + (self.B * gains) @ self.C",
         "self.A + self.B @ self.C",
         f"{LIBRARY}/analysis/test_stability.py",
