@@ -32,6 +32,17 @@ TRACEBACK = "JCONTOUR_TRACEBACK"
 COMPILED = 1_000_000_000  # bytes of compiled programs that are kept; the oldest go first
 
 
+def one_pool() -> None:
+    """Keep LAPACK out of the pool of threads that XLA runs a program on.
+
+    On a computer of few cores batched factorisations otherwise wait for ever for a thread of the
+    pool that waits for them.
+    """
+    if "jax" not in sys.modules:
+        given = os.environ.get("XLA_FLAGS", "")
+        os.environ["XLA_FLAGS"] = f"{given} --xla_cpu_multi_thread_eigen=false".strip()
+
+
 def keep_compiled() -> None:
     """Keep compiled programs in the user's cache folder: the next run need not compile them.
 
@@ -47,6 +58,7 @@ def keep_compiled() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
+    one_pool()
     keep_compiled()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:

@@ -38,7 +38,8 @@ from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_poi
 from tuning.problem import Problem
 from tuning.tune import QUICK, TuneState
 
-EFFORT = replace(QUICK, scatter=8, tolerance=1e-4)  # a budget begins where the one before ended
+# a budget begins where the one before ended; both limits at once need more multiplier updates
+EFFORT = replace(QUICK, scatter=8, outer_steps=10, tolerance=1e-4)
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
 LEAST = 2 / 3  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up

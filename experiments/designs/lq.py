@@ -112,7 +112,7 @@ class LQDesign(Design):
             return offset_free_gain(model, model.C, *noises, rounding)
         return kalman_gain(model, weights.control_noise, rounding)
 
-    lag: ClassVar[float] = 3.0  # it sees the path ahead
+    lag: ClassVar[float] = 5.0  # it sees the path ahead
     groups: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {"observer": ("control_noise", "drift")}
     )

@@ -43,7 +43,7 @@ def flags(machine_file, part_file):
 def traced(tmp_path_factory, flags):
     folder = tmp_path_factory.mktemp("front") / "run"
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(command_front, "EFFORT", replace(command_front.EFFORT, starts=1, scatter=2))
+        patched.setattr(command_front, "EFFORT", replace(command_front.EFFORT, starts=2, scatter=4))
         assert main(["front", *flags, "--out", str(folder)]) == 0
     return folder
 
@@ -67,12 +67,14 @@ def test_default_budgets_bite(traced):
     result = read_result(traced, FrontResult)
     tight, loose = result.points
     assert tight.budget == pytest.approx(loose.budget * 2 / 3)
-    assert loose.rms_increment == pytest.approx(loose.budget, rel=1e-6)
+    assert tight.rms_increment == pytest.approx(tight.budget, rel=1e-3)
+    assert not tight.slack
     for point in result.points:
-        assert point.feasible and not point.slack
+        assert point.feasible
         assert point.rms_increment <= point.budget * (1 + 1e-6)
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
-    assert result.slack == []
+    # other weights may reach the error of the search without a budget with less increment
+    assert set(result.slack) <= {loose.budget}
 
 
 def test_a_machine_that_stands_still_is_no_answer(traced):
