@@ -1,6 +1,7 @@
 """Every bad input: one clear line on stderr, exit code 2, nothing written."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -298,3 +299,26 @@ def test_simulate(tmp_path, machine_file):
         "rollouts.nc",
         "contour-circle.png",
     }
+
+
+def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
+    """In a process of its own: this one has loaded JAX, and then nothing changes."""
+    program = (
+        "import os, experiments.cli as cli; cli.one_pool(); cli.keep_compiled();"
+        "print(os.environ['XLA_FLAGS']); print(os.environ['JAX_COMPILATION_CACHE_DIR'])"
+    )
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_"))}
+    cases = [
+        ({}, "--xla_cpu_multi_thread_eigen=false", str(tmp_path / "jcontour" / "compiled")),
+        (
+            {"XLA_FLAGS": "--one=1", "JAX_COMPILATION_CACHE_DIR": "mine"},
+            "--one=1 --xla_cpu_multi_thread_eigen=false",
+            "mine",
+        ),
+    ]
+    for given, flags, folder in cases:
+        environment = {**kept, "XDG_CACHE_HOME": str(tmp_path), **given}
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+        )
+        assert done.stdout.splitlines() == [flags, folder], done.stderr
