@@ -10,6 +10,8 @@ from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, own_name
 from experiments.files.checks import MachineError
 
+FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
+
 
 def check_plant(name: str) -> None:
     """Raise ValueError unless a machine has this name, or it is that of a file."""
@@ -49,7 +51,8 @@ def check_flags(flags: Any) -> None:
     """Check the numbers, the plant, the controller, the contour and the parts of any command.
 
     Raises:
-        ValueError: a number that is not finite, an unknown name, or a file that is not there.
+        ValueError: a number that is not finite, an unknown name, a file that is not there, or a
+            toolpath file with a fault among its first lines.
     """
     _check_numbers(flags)
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
@@ -64,6 +67,8 @@ def check_flags(flags: Any) -> None:
     for name in (*parts, *([contour] if contour else [])):
         check_contour(name)
         _check_file(name, CONTOURS)
+        if name not in CONTOURS:
+            _check_lines(Path(name), any_feed=getattr(flags, "feed_mm_per_min", None) is not None)
 
 
 def _check_numbers(flags: Any) -> None:
@@ -83,6 +88,30 @@ def _check_file(name: str, known: dict[str, Any]) -> None:
             pass
     except OSError as error:
         raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def _check_lines(path: Path, any_feed: bool) -> None:
+    """Carry out the first lines of a toolpath file on three axes, with a feed in force or none.
+
+    It refuses nothing that is right later. The whole file is checked when it is read.
+
+    Raises:
+        ToolpathError: a line that cannot be read or traced.
+    """
+    from jcontour.geometry.csv_points import csv_points
+    from jcontour.geometry.gcode import interpreted
+    from jcontour.geometry.toolpath_rules import ToolpathError
+    from jcontour.geometry.toolpath_text import lines_of, read_text
+
+    try:
+        lines = lines_of(read_text(path))[:FIRST_LINES]
+        if path.suffix.lower() == ".csv":
+            csv_points(lines)
+        else:
+            interpreted(lines, axes=3, feed=1.0 if any_feed else None)
+    except ToolpathError as error:
+        text = str(error)
+        raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
 
 
 def _almost_own(name: str) -> bool:

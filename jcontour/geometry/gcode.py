@@ -5,6 +5,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -173,6 +174,32 @@ class Interpreter:
         normal = PLANES[self.plane][2]
         self.moves.append(Move(self.at, end, centre, angle, normal, feed, rapid, self.line))
         self.at = end
+
+
+def interpreted(lines: Iterable[str], axes: int, feed: float | None) -> Interpreter:
+    """Interpreter that has carried out the lines of a program, up to its end (M2, M30).
+
+    >>> program = interpreted(["G1 X1 F600", "X2", "M30", "not read"], axes=2, feed=None)
+    >>> len(program.moves)
+    2
+
+    Args:
+        lines: of the program.
+        axes: 3, or 2 for the projection to X and Y.
+        feed: in force at the beginning [m/s]; None where the program has to give one.
+
+    Raises:
+        ToolpathError: "line 12: ..." for whatever cannot be read or traced.
+    """
+    interpreter = Interpreter(axes=axes, feed=feed)
+    for number, line in enumerate(lines, start=1):
+        try:
+            interpreter.execute(line)
+        except ToolpathError as error:
+            raise ToolpathError(f"line {number}: {error}") from None
+        if interpreter.ended:
+            break
+    return interpreter
 
 
 def _words(line: str) -> tuple[dict[str, int], set[float], set[float], dict[str, float]]:

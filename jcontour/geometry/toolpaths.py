@@ -19,10 +19,7 @@ cycles, G90.1 and G93: they move the tool or the clock. The machine starts at X0
 absolute, XY plane, with neither a feed nor a motion mode.
 """
 
-import math
-import re
 from os import PathLike
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -30,22 +27,11 @@ from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.gcode import Interpreter, Move
+from jcontour.geometry.csv_points import csv_points
+from jcontour.geometry.gcode import Move, interpreted
 from jcontour.geometry.pieces import Piece
-from jcontour.geometry.toolpath_rules import (
-    FARTHEST,
-    FASTEST,
-    MM,
-    MOST_MOVES,
-    NUMBER,
-    SHORTEST,
-    ToolpathError,
-    shown,
-)
-
-MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
-CSV_NUMBER = re.compile(rf"{NUMBER}(?:[eE][+-]?[0-9]+)?")
-CSV_HEADERS = (["x", "y"], ["x", "y", "z"], ["x_mm", "y_mm"], ["x_mm", "y_mm", "z_mm"])
+from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
+from jcontour.geometry.toolpath_text import lines_of, read_text
 
 Axes = Literal["XY", "XYZ"]
 
@@ -74,7 +60,7 @@ def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None 
     Raises:
         ToolpathError: what `parse_gcode` says, or the file is missing, too long or not UTF-8.
     """
-    return parse_gcode(_text(path), axes, feed)
+    return parse_gcode(read_text(path), axes, feed)
 
 
 def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -112,14 +98,7 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
         raise ToolpathError(
             f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}"
         )
-    interpreter = Interpreter(axes=len(axes), feed=feed)
-    for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
-        try:
-            interpreter.execute(line)
-        except ToolpathError as error:
-            raise ToolpathError(f"line {number}: {error}") from None
-        if interpreter.ended:
-            break
+    interpreter = interpreted(lines_of(text), len(axes), feed)
     moves = interpreter.moves
     cutting = [i for i, move in enumerate(moves) if not move.rapid]
     if not cutting:
@@ -137,6 +116,7 @@ def read_csv(path: str | PathLike[str]) -> Contour:
     last point is the first. A header (x,y or x_mm,y_mm, likewise with z), empty lines and lines
     that begin with # may be there. Points within 1 nm of the one before are dropped.
 
+    >>> from pathlib import Path
     >>> _ = Path("points.csv").write_text("x,y\n0,0\n30,0\n30,40\n")
     >>> round(float(read_csv("points.csv").length), 9)
     0.07
@@ -145,29 +125,7 @@ def read_csv(path: str | PathLike[str]) -> Contour:
         ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two
             distinct points; a file that cannot be read.
     """
-    points: list[tuple[float, ...]] = []
-    for number, line in enumerate(re.split(r"\r\n|\r|\n", _text(path)), start=1):
-        cells = [cell.strip() for cell in line.split(",")]
-        blank = cells == [""] or line.lstrip().startswith("#")
-        header = not points and [cell.lower() for cell in cells] in CSV_HEADERS
-        if blank or header:
-            continue
-        if len(cells) not in (2, 3) or not all(CSV_NUMBER.fullmatch(cell) for cell in cells):
-            raise ToolpathError(
-                f"line {number}: needs two or three numbers x,y[,z] in mm, received {shown(line)}"
-            )
-        point = tuple(MM * float(cell) for cell in cells)
-        if not all(abs(coordinate) <= FARTHEST for coordinate in point):
-            raise ToolpathError(f"line {number}: {shown(line)} is farther than {FARTHEST:g} m away")
-        if points and len(point) != len(points[0]):
-            raise ToolpathError(
-                f"line {number}: needs {len(points[0])} numbers as the lines above, "
-                f"received {shown(line)}"
-            )
-        if not points or math.dist(point, points[-1]) >= SHORTEST:
-            points.append(point)
-        if len(points) > MOST_MOVES:
-            raise ToolpathError(f"line {number}: more than {MOST_MOVES} points")
+    points = csv_points(lines_of(read_text(path)))
     if len(points) < 2:
         raise ToolpathError("the file has fewer than two distinct points")
     return contours.polyline(points)
@@ -210,22 +168,3 @@ def _pieces(start, end, centre, angle, normal) -> Piece:
     polynomial[:, 0], polynomial[:, 1] = np.where(turns, centre, start), along / extent[:, None]
     sine = np.sign(angle)[:, None] * np.cross(normal, radial)
     return Piece(polynomial, radial, sine, np.abs(angle) / extent, np.zeros(angle.size), extent)
-
-
-def _text(path: str | PathLike[str]) -> str:
-    path = Path(path)
-    if not path.is_file():
-        fault = "not a file" if path.exists() else "no such file"
-        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
-    if path.stat().st_size > MOST_BYTES:
-        raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ToolpathError(f"{path}: {error.strerror}") from None
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        byte = content[error.start]
-        raise ToolpathError(f"line {line}: byte 0x{byte:02x} is not UTF-8 text") from None

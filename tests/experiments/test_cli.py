@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from experiments.catalogue.known_names import FIRST_LINES
 from experiments.cli import main
 
 PARTS_READ = {"tune": "runs.tuning", "simulate": "commands.simulate"}  # command -> module
@@ -113,8 +114,10 @@ def test_a_fault_of_the_part_is_told_before_a_controller_is_designed(
 
     monkeypatch.setattr(f"experiments.{PARTS_READ[command]}.design_for", designed)
     part = tmp_path / "part.ngc"
-    part.write_text("G1 X1\n")
-    refused(capsys, tmp_path, [command, str(part), "--out", str(tmp_path / "run")], "line 1")
+    # its first lines are checked before anything is loaded
+    part.write_text("G0 X1\n" * FIRST_LINES + "G1 X2\n")
+    where = f"line {FIRST_LINES + 1}"
+    refused(capsys, tmp_path, [command, str(part), "--out", str(tmp_path / "run")], where)
 
 
 def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):

@@ -21,8 +21,39 @@ def test_the_version_is_that_of_the_package():
 
 def test_only_what_is_needed_is_loaded():
     heavy = ("jcontour.plants", "jcontour.controllers", "mujoco", "scipy.optimize", "numba")
-    look = f"import sys, jcontour; sys.exit([m for m in {heavy} if m in sys.modules] or 0)"
-    found = subprocess.run(
-        [sys.executable, "-c", look], capture_output=True, text=True, check=False
-    )
+    names = "[getattr(jcontour, name) for name in jcontour.__all__]"
+    loaded = f"sys.exit([m for m in {heavy} if m in sys.modules] or 0)"
+    printed("import sys, jcontour", names, loaded)
+
+
+def test_nothing_is_loaded_before_it_is_asked_for():
+    look = "print('jax' in sys.modules, 'contours' in dir(jcontour))"
+    assert printed("import sys, jcontour", look) == "False True"
+
+
+@pytest.mark.parametrize(
+    ("first", "asked", "dtype"),
+    [
+        ("jcontour, jax", None, "float64"),
+        ("jax, jcontour", None, "float64"),
+        ("jcontour, jax", "1", "float64"),
+        ("jcontour, jax", "", "float64"),
+        ("jcontour, jax", "0", "float32"),
+        ("jax, jcontour", "False", "float32"),
+        ("jcontour, jax", "off", "float32"),
+        ("jcontour, jax", "True", "float64"),
+    ],
+)
+def test_numbers_are_float64_unless_asked_otherwise(monkeypatch, first, asked, dtype):
+    monkeypatch.delenv("JAX_ENABLE_X64", raising=False)
+    if asked is not None:
+        monkeypatch.setenv("JAX_ENABLE_X64", asked)
+    assert printed(f"import {first}", "print(jax.numpy.zeros(1).dtype)") == dtype
+
+
+def printed(*statements):
+    """Output of the statements in a process of its own."""
+    command = [sys.executable, "-c", "; ".join(statements)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
+    return found.stdout.strip()

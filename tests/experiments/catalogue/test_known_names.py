@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from experiments.catalogue.known_names import check_flags
+from experiments.catalogue.known_names import FIRST_LINES, check_flags
 from experiments.options import Simulate, Trace, Tune
 
 SCRIPT = """
@@ -16,6 +16,7 @@ heavy = {"jax", "jcontour", "mujoco", "scipy", "matplotlib", "xarray"} & set(sys
 assert not heavy, heavy
 sys.exit(code)
 """
+READER = SCRIPT.replace('"jcontour", ', "")  # the library's reader of programs is light
 
 
 @pytest.mark.parametrize(
@@ -34,6 +35,43 @@ def test_names_are_answered_without_anything_heavy(arguments, code, says):
     )
     assert done.returncode == code, done.stderr
     assert says in (done.stderr if code else done.stdout)
+
+
+@pytest.mark.parametrize("command", ["tune", "simulate"])
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("part.ngc", "G1 Q7 F100\n", "part.ngc: line 1: unknown word 'Q7'"),
+        ("part.ngc", "G1 X1\n", "part.ngc: line 1: a cutting move without a feed"),
+        ("part.csv", "0,0\n1,a\n", "part.csv: line 2: needs two or three numbers"),
+    ],
+)
+def test_a_fault_of_a_part_is_told_without_anything_heavy(tmp_path, command, name, text, says):
+    (tmp_path / name).write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-c", READER, command, str(tmp_path / name)],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"jcontour: {tmp_path / says.partition(':')[0]}: line ")
+    assert done.stderr.count("\n") == 1
+    assert says in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("flags", "text"),
+    [
+        ({}, "G1 X1 F100\nX2\n"),
+        ({"feed_mm_per_min": 600.0}, "G1 X1\n"),  # the flag is its feed
+        ({}, "G18 F100\nG2 X1 Z1 R1\n"),  # right on three axes
+        ({}, "G1 X1 F100\nM30\nQ7\n"),  # after the end
+        ({}, "G1 X1 F100\n" * FIRST_LINES + "Q7\n"),  # told when the whole is read
+    ],
+)
+def test_parts_that_may_be_right_pass(tmp_path, flags, text):
+    (tmp_path / "part.ngc").write_text(text)
+    check_flags(Tune(parts=(str(tmp_path / "part.ngc"),), **flags))
 
 
 @pytest.mark.parametrize(

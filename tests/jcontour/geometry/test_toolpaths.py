@@ -9,6 +9,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from jcontour.geometry.gcode import interpreted
+from jcontour.geometry.toolpath_text import lines_of
 from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, read_gcode
 
 HEAD = "G21 G90 G17 F3000\n"
@@ -77,7 +79,7 @@ def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr("jcontour.geometry.gcode.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
-    monkeypatch.setattr("jcontour.geometry.toolpaths.MOST_BYTES", 2**20)
+    monkeypatch.setattr("jcontour.geometry.toolpath_text.MOST_BYTES", 2**20)
     (tmp_path / "long.ngc").write_bytes(b"\n" * (2**20 + 1))
     with pytest.raises(ToolpathError, match="larger than 1 MiB"):
         read_gcode(tmp_path / "long.ngc")
@@ -131,6 +133,8 @@ def assert_sound(traced, program: str, axes) -> None:
         assert len(str(error).splitlines()) == 1
     else:
         traced.assert_valid(toolpath)
+        # the check before anything heavy is loaded refuses nothing that is right
+        interpreted(lines_of(program), axes=3, feed=None)
 
 
 @settings(anything, max_examples=200)

@@ -1,0 +1,42 @@
+"""Text of toolpath files, read without anything heavy: a fault of it is told at once."""
+
+import re
+from os import PathLike
+from pathlib import Path
+
+from jcontour.geometry.toolpath_rules import ToolpathError, shown
+
+MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
+
+
+def read_text(path: str | PathLike[str]) -> str:
+    """Text of a file in UTF-8, with or without a byte-order mark.
+
+    Raises:
+        ToolpathError: the file is missing, larger than 64 MiB or not UTF-8.
+    """
+    path = Path(path)
+    if not path.is_file():
+        fault = "not a file" if path.exists() else "no such file"
+        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
+    if path.stat().st_size > MOST_BYTES:
+        raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ToolpathError(f"{path}: {error.strerror}") from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise ToolpathError(f"line {line}: byte 0x{byte:02x} is not UTF-8 text") from None
+
+
+def lines_of(text: str) -> list[str]:
+    r"""Lines that end with a line feed, a carriage return, or both.
+
+    >>> lines_of("G1 X1\r\nX2\rX3")
+    ['G1 X1', 'X2', 'X3']
+    """
+    return re.split(r"\r\n|\r|\n", text)
