@@ -1,8 +1,9 @@
 """Colours, axes and legends that all figures of the commands share."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -43,12 +44,18 @@ def plain_ticks(axis: Axis) -> None:
     axis.set_minor_formatter("")
 
 
-def legend_below(figure: Figure, axes: Axes | None = None, columns: int = 3) -> None:
-    """One legend under all axes, of the curves of `axes` or of all, every name once."""
-    named = {}
+def legend_below(
+    figure: Figure, axes: Axes | None = None, columns: int = 3, more: Iterable[Artist] = ()
+) -> None:
+    """One legend under all axes, where it hides no curve.
+
+    It names the curves of `axes`, or of all, and `more` besides; every name once.
+    """
+    named: dict[object, Artist] = {}
     for one in figure.axes if axes is None else [axes]:
         handles, labels = one.get_legend_handles_labels()
         named |= {label: handle for handle, label in zip(handles, labels, strict=True)}
+    named |= {artist.get_label(): artist for artist in more}
     figure.legend(
-        named.values(), named.keys(), loc="outside lower center", ncols=columns, frameon=False
+        handles=list(named.values()), loc="outside lower center", ncols=columns, frameon=False
     )

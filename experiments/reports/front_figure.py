@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import TUNED, grid, logarithmic
+from experiments.reports.axes import TUNED, grid, legend_below, logarithmic
 
 
 class Spent(NamedTuple):
@@ -42,7 +42,7 @@ def front(points: Sequence[Spent], error: str, unit: str) -> Figure:
         y=f"worst RMS {error} error [um]",
     )
     logarithmic(axes)
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure)
     return figure
 
 

@@ -10,6 +10,8 @@ from matplotlib.collections import Collection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from experiments.reports.axes import legend_below
+
 LOST, BEST = "tab:red", "white"
 COLUMNS = 3  # panels side by side
 TICKS = 8  # values of a weight that are all written at the axis
@@ -59,7 +61,7 @@ def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
         axes.set_xscale("log")
     axes.set_title("Star: best; red cross: diverged", fontsize=10)
     axes.grid(color="0.9")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure)
     return figure
 
 

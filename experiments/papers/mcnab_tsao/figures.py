@@ -8,7 +8,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.papers.legends import legend_below
 from experiments.papers.mcnab_tsao.claims import (
     FIGURE_2_ALPHA,
     FIGURE_9,
@@ -17,6 +16,7 @@ from experiments.papers.mcnab_tsao.claims import (
     table_over_weights,
 )
 from experiments.papers.mcnab_tsao.result import Case, MachineRun, Member, Result
+from experiments.reports.axes import legend_below
 from experiments.reports.png import save_figures
 
 NAMES = {"output": "output terminal C'QC", "dare": "terminal H_s(Q_max)"}

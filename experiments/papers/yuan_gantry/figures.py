@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.papers.legends import legend_below
 from experiments.papers.yuan_gantry.claims import LARGEST_TWIST, PRINTED_HZ
 from experiments.papers.yuan_gantry.result import Response, Result
+from experiments.reports.axes import legend_below
 from experiments.reports.png import save_figures
 
 STYLES = {  # (head [m], coupling kept) -> colour, line

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from experiments.papers.legends import legend_below
 from experiments.papers.yuan_tracking.result import KEPT_PERIOD, Result, Signals
+from experiments.reports.axes import legend_below
 from experiments.reports.png import save_figures
 
 LABELS = {"cascade": "PI", "cascade-notch": "PI with filter", "cascade-leso-exact": "PI with LESO"}

@@ -1,9 +1,9 @@
-"""The legend of a paper's figure is below its panels."""
+"""The legend of a figure is below its panels."""
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.papers.legends import legend_below
+from experiments.reports.axes import legend_below
 
 
 def test_legend_holds_all_entries_and_covers_no_panel():
