@@ -1,7 +1,7 @@
 """Rollouts of a run as a netCDF data set, and how much of them is kept."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,9 @@ FILE = "rollouts.nc"
 LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them
 FLOAT = 8  # bytes
 ERROR = "vector from the nearest point of the contour to the tool"
+RUN = ("design", "contour", "plant")  # axes of what there is one of for every run
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]
 
 
 def save_rollouts(
@@ -66,9 +69,22 @@ def rollouts(
 ) -> xr.Dataset:
     """Signals and metrics of several designs over the same scenarios, one sample of `every`."""
     runs = list(replays.values())
-    steps = runs[0].output.shape[2]
-    kept = slice(None, None, every)
-    signal = ("design", "contour", "plant", "time")
+    kept, unit = slice(None, None, every), machine.control_unit
+    data = _signals(runs, kept, unit) | _of_scenarios(scenarios, kept) | _metrics(runs, unit)
+    time = np.arange(runs[0].output.shape[2])[kept] * scenarios.references.dt
+    coordinates = {
+        "design": list(replays),
+        "contour": [job.name for job in scenarios.jobs],
+        "plant": list(scenarios.plants),
+        "time": ("time", time, {"units": "s"}),
+        "axis": list(machine.axes),
+        "input": [f"u{k + 1}" for k in range(runs[0].control.shape[-1])],
+    }
+    return xr.Dataset(data, coordinates, attributes)
+
+
+def _signals(runs: Sequence[Replay], kept: slice, unit: str) -> Variables:
+    """What every run did, in the samples that are kept."""
 
     def stacked(values: Callable[[Replay], np.ndarray]) -> np.ndarray:
         return np.stack([values(run)[:, :, kept] for run in runs])
@@ -76,43 +92,36 @@ def rollouts(
     output = stacked(lambda run: run.output)
     control = stacked(lambda run: run.control)
     error = stacked(lambda run: run.contour_error)
-    counted = scored(scenarios)[:, kept].astype("i1")
-    training = np.array(scenarios.training).astype("i1")
-    unit = machine.control_unit
-    data = {
+    signal = (*RUN, "time")
+    return {
         "output": ((*signal, "axis"), output, _words("m", "tool point")),
         "control": ((*signal, "input"), control, _words(unit, "control")),
         "contour_error": ((*signal, "axis"), error, _words("m", ERROR)),
-        "reference": (
-            ("contour", "time", "axis"),
-            desired(scenarios)[:, kept],
-            _words("m", "where the tool should be"),
-        ),
-        "scored": (
-            ("contour", "time"),
-            counted,
-            {"long_name": "1 where the sample counts in the metrics"},
-        ),
-        "training": (
-            ("contour",),
-            training,
-            {"long_name": "1 where the tuner has seen the contour"},
-        ),
     }
+
+
+def _of_scenarios(scenarios: Scenarios, kept: slice) -> Variables:
+    """Where the tool should be, which samples count, and which contours the tuner has seen."""
+    wanted = desired(scenarios)[:, kept]
+    counted = scored(scenarios)[:, kept].astype("i1")
+    training = np.array(scenarios.training).astype("i1")
+    score = {"long_name": "1 where the sample counts in the metrics"}
+    seen = {"long_name": "1 where the tuner has seen the contour"}
+    return {
+        "reference": (("contour", "time", "axis"), wanted, _words("m", "where the tool should be")),
+        "scored": (("contour", "time"), counted, score),
+        "training": (("contour",), training, seen),
+    }
+
+
+def _metrics(runs: Sequence[Replay], unit: str) -> Variables:
+    """Metrics of every run."""
+    data: Variables = {}
     for name in vars(runs[0].metrics):
         values = np.stack([np.asarray(getattr(run.metrics, name)) for run in runs])
         kind = values.astype("i1") if values.dtype == bool else values
-        data[name] = (signal[:3], kind, {"units": metric_unit(name, unit)})
-    time = np.arange(steps)[kept] * scenarios.references.dt
-    coordinates = {
-        "design": list(replays),
-        "contour": [job.name for job in scenarios.jobs],
-        "plant": list(scenarios.plants),
-        "time": ("time", time, {"units": "s"}),
-        "axis": list(machine.axes),
-        "input": [f"u{k + 1}" for k in range(control.shape[-1])],
-    }
-    return xr.Dataset(data, coordinates, attributes)
+        data[name] = (RUN, kind, {"units": metric_unit(name, unit)})
+    return data
 
 
 def _words(unit: str, name: str) -> dict[str, str]:

@@ -298,18 +298,29 @@ def _trajectories(
         return (W, Q_bar, R_bar + _paired(W[-p:, :p], W[-p:, p:])), scale_bar
 
     K_bar = jnp.concatenate([F_bar[:, :, pack.order], -f_bar[:, :, None]], axis=2)
-    K_bar = K_bar.transpose(2, 1, 0)
-    KK_bar = _applied(gains.first, K_bar)
-    U = jnp.pad(_through(B, gains.G), ((0, C.shape[0] + p), (0, 0), (0, 0)))
-    V = _through(along, jnp.concatenate([K_bar, KK_bar]))
-    start = jnp.concatenate([U, V], axis=1), jnp.zeros_like(data.cost), -_paired(gains.G, KK_bar)
+    W, R_bar = _first_trajectories(along, B, gains, K_bar.transpose(2, 1, 0))
     stages = jnp.arange(1, preview), data.stage[:-1]
+    start = W, jnp.zeros_like(data.cost), R_bar
     (W, Q_bar, R_bar), stage_bar = jax.lax.scan(step, start, stages)
-    back = np.argsort(pack.order)
-    end_bar = _paired(W[:size, :p], W[:size, p:])
-    H_bar = (end_bar + end_bar.swapaxes(0, 1))[back][:, back].transpose(2, 0, 1) / 2
-    g_bar = end_bar[back, -1].T
+    H_bar, g_bar = _end_cotangents(pack.order, W[:size, :p], W[:size, p:])
     return SweepData(Q_bar, jnp.pad(stage_bar, (0, 1)), jnp.sum(R_bar, axis=-1), H_bar, g_bar)
+
+
+def _first_trajectories(along, B, gains: Gains, K_bar) -> tuple[Array, Array]:
+    """Trajectories that the cotangents of the first gains begin, and their part of R's."""
+    KK_bar = _applied(gains.first, K_bar)
+    rows = along.shape[0] - B.shape[0]
+    U = jnp.pad(_through(B, gains.G), ((0, rows), (0, 0), (0, 0)))
+    V = _through(along, jnp.concatenate([K_bar, KK_bar]))
+    return jnp.concatenate([U, V], axis=1), -_paired(gains.G, KK_bar)
+
+
+def _end_cotangents(order, U, V) -> tuple[Array, Array]:
+    """Cotangents of H and g at the end of the horizon, the states in the model's order again."""
+    back = np.argsort(order)
+    end_bar = _paired(U, V)
+    H_bar = (end_bar + end_bar.swapaxes(0, 1))[back][:, back].transpose(2, 0, 1) / 2
+    return H_bar, end_bar[back, -1].T
 
 
 def _closed_step(A, B, C) -> Float[Array, "rows columns"]:

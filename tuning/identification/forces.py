@@ -12,7 +12,7 @@ All is linear but w and the pole pitch, so that these two alone are searched, th
 by linear least squares (variable projection, Golub & Pereyra 1973).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -133,12 +133,7 @@ def _fit(
     def residual(z):
         return solved(z)[1]
 
-    z = np.zeros(0)
-    if searched:
-        bounds = tuple(zip(*(BOUNDS[name] for name in searched), strict=True))
-        curved = np.array([float(name == "curvature") for name in searched])
-        tries = [least_squares(residual, w * curved, bounds=bounds) for w in CURVATURES]
-        z = min(tries, key=lambda one: one.cost).x
+    z = _searched(residual, searched)
     linear, left = solved(z)
     bent = []
     for step, name in zip(COMPLEX_STEP * 1j * np.eye(len(searched)), searched, strict=True):
@@ -149,6 +144,19 @@ def _fit(
     names = (*_linear_names(found, cogging.highest), *searched)
     values = np.append(linear, [shape(z)[name] for name in searched])
     return _Fit(Estimate(names, values, coloured_covariance(slopes, correlations)), residuals)
+
+
+def _searched(
+    residual: Callable[[Float[np.ndarray, " s"]], Float[np.ndarray, " rows"]],
+    searched: tuple[str, ...],
+) -> Float[np.ndarray, " s"]:
+    """The best of searches from several curvatures; scaled, and 0 at their fixed values."""
+    if not searched:
+        return np.zeros(0)
+    bounds = tuple(zip(*(BOUNDS[name] for name in searched), strict=True))
+    curved = np.array([float(name == "curvature") for name in searched])
+    tries = [least_squares(residual, w * curved, bounds=bounds) for w in CURVATURES]
+    return min(tries, key=lambda one: one.cost).x
 
 
 def _gain(fit: _Fit, wider: _Fit) -> float:

@@ -179,7 +179,8 @@ class Setup:
 
     def tuned(self, scheme: Scheme, loops: Loops, starts: Sequence[Weights]) -> Tuned:
         """The best of one descent from each of these starts."""
-        space = Weights(loops.space, tuple(Positive() for _ in scheme.names))  # type: ignore[arg-type]
+        positive = tuple(Positive() for _ in scheme.names)
+        space = Weights._make([loops.space, positive])  # constraints in the places of the values
         machines = (self.plants, self.references)
         problem = Problem(scheme.build, *machines, mean_contour_error, space, self.limits)
         history = [row for start in starts for row in self._descent(problem, start)]
