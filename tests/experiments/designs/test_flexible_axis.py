@@ -1,6 +1,7 @@
 """Controllers of flexible axes: loops built from gains, derivatives by name, files."""
 
 import json
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -90,8 +91,8 @@ def test_the_drive_limits_the_current(machine):
         with_values(loops_start(machine), {})
     )
     assert np.isinf(limited.limit)
-    axis = biaxial_machine()
-    axis.__dict__["limits"] = axis.limits._replace(control=np.array([3.0, 2.0]))
+    free = biaxial_machine()
+    axis = replace(free, limits=free.limits._replace(control=np.array([3.0, 2.0])))
     np.testing.assert_array_equal(cascade(axis, loops_start(axis)).limit, [3.0, 2.0])
 
 

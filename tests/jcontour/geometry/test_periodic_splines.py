@@ -72,7 +72,7 @@ def test_a_spline_without_a_length_takes_its_own():
         (lambda: polar_lobes(0.01, 0.02, 4), "base"),
         (lambda: polar_lobes(0.03, 0.01, 0), "lobes"),
         (lambda: polar_lobes(0.03, 0.01, 4, knots=5), "knots"),
-        (lambda: polar_lobes(0.03, 0.01, 2.5), "lobes"),  # type: ignore
+        (lambda: polar_lobes(0.03, 0.01, 2.5), "lobes"),
         (lambda: periodic_spline(np.zeros((4, 2))), "points"),
         (lambda: periodic_spline(np.zeros((8, 2))), "repeated"),
         (lambda: periodic_spline(np.full((8, 2), np.nan)), "finite"),

@@ -27,17 +27,8 @@ def block(*blocks):
     return out
 
 
-def run(plant, x, controls):
-    """States and outputs by NumPy."""
-    A, B, C = (np.asarray(m) for m in (plant.A, plant.B, plant.C))
-    states = [np.asarray(x)]
-    for u in controls:
-        states.append(A @ states[-1] + B @ u)
-    return np.array(states), np.array(states) @ C.T
-
-
 @pytest.mark.parametrize("delay", [2, pytest.param(0, marks=pytest.mark.slow)])
-def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
+def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay, run):
     plant = with_input_delay(bridgeport(), delay)
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
     x = np.asarray(plant.initial_state(y, dy))
@@ -51,7 +42,7 @@ def test_steady_motion_goes_on_as_a_ramp_under_a_constant_control(delay):
         np.testing.assert_allclose(free + u * forced, ramp, rtol=0, atol=1e-14)
 
 
-def test_steady_motion_of_true_integrators_never_ends(two_axes):
+def test_steady_motion_of_true_integrators_never_ends(two_axes, run):
     y, dy = np.array([3e-3, -2e-3]), np.array([2.5e-5, 1e-5])
     x = np.asarray(two_axes.initial_state(jnp.asarray(y), jnp.asarray(dy)))
     u = dy / np.array(

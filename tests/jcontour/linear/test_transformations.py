@@ -10,15 +10,6 @@ from jcontour.linear.transformations import with_input_delay, with_input_gains, 
 from jcontour.plants.wrappers.delays import Delayed
 
 
-def run(plant, x, controls):
-    """States and outputs by NumPy."""
-    A, B, C = (np.asarray(m) for m in (plant.A, plant.B, plant.C))
-    states = [np.asarray(x)]
-    for u in controls:
-        states.append(A @ states[-1] + B @ u)
-    return np.array(states), np.array(states) @ C.T
-
-
 def test_zoh_is_that_of_scipy():
     states, random = 6, np.random.default_rng(6)
     A, B = random.standard_normal((states, states)), random.standard_normal((states, 2))
@@ -32,7 +23,7 @@ def test_zoh_is_that_of_scipy():
 
 
 @pytest.mark.parametrize("samples", [1, 3])
-def test_delay_in_the_model_is_the_delay_of_the_wrapper(samples, coupled_plant):
+def test_delay_in_the_model_is_the_delay_of_the_wrapper(samples, coupled_plant, run):
     plant = coupled_plant(1, 4, 2)
     model, wrapped = with_input_delay(plant, samples), Delayed(plant, samples, 3, 2)
     random = np.random.default_rng(2)

@@ -49,16 +49,6 @@ def still(where, steps=40, preview=N, dt=1e-3):
     )
 
 
-@cache
-def table():
-    A, B = np.zeros((4, 4)), np.zeros((4, 2))
-    A[:2, :2], A[2:, 2:] = [[1.0, 8e-4], [0.0, 0.6]], [[1.0, 7e-4], [0.0, 0.5]]
-    B[:2, 0], B[2:, 1] = [2e-4, 0.4], [3e-4, 0.5]
-    C = np.zeros((2, 4))
-    C[0, 0] = C[1, 2] = 1.0
-    return LinearPlant(A, B, C, 1e-3)
-
-
 def offset_free(*arguments):
     return TrackingMPC(*arguments, form=VelocityForm())
 
@@ -71,8 +61,8 @@ def sample_of(plan, k):
 @pytest.mark.parametrize(
     "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
 )
-def test_without_an_active_limit_it_is_contouring_lq(terminal, stage):
-    plant, weights = table(), LQWeights(3.0, 50.0, 2e-8, stage)
+def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
+    plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8, stage)
     controller = ContouringLQ(plant, weights, N, terminal)
     mpc = TrackingMPC(
         plant,
@@ -91,8 +81,8 @@ def test_without_an_active_limit_it_is_contouring_lq(terminal, stage):
         assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
 
 
-def test_no_profile_is_a_profile_of_ones():
-    plant, reference = table(), still([2e-3, -1e-3])
+def test_no_profile_is_a_profile_of_ones(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
     flat, none = (
         loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
         for weights in (
@@ -103,8 +93,8 @@ def test_no_profile_is_a_profile_of_ones():
     np.testing.assert_array_equal(flat.control, none.control)
 
 
-def test_horizon_of_one():
-    plant, weights = table(), LQWeights(3.0, 50.0, 2e-8)
+def test_horizon_of_one(two_axes):
+    plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):
         wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), shapes()["circle"])
         found = loop(
@@ -117,8 +107,8 @@ def test_horizon_of_one():
         )
 
 
-def test_every_limit_holds_along_the_run():
-    plant = table()
+def test_every_limit_holds_along_the_run(two_axes):
+    plant = two_axes
     mpc = TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED)
     run = reported_loop(plant, mpc, still([2e-3, -1e-3], 60))
     control, output = np.asarray(run.rollout.control), np.asarray(run.rollout.output)
@@ -135,9 +125,9 @@ def test_every_limit_holds_along_the_run():
     np.testing.assert_allclose(output[-1], [2e-3, -1e-3], atol=2e-5)
 
 
-def test_the_plan_is_the_minimum_that_scipy_finds():
+def test_the_plan_is_the_minimum_that_scipy_finds(two_axes):
     """Cost by simulation of the model, minimised by a general solver under the same limits."""
-    plant, reference = table(), still([2e-3, -1e-3])
+    plant, reference = two_axes, still([2e-3, -1e-3])
     weights = TrackingWeights(3.0, 5.0, 2e-7, 1e-7, np.linspace(1, 2, N))
     mpc = TrackingMPC(plant, weights, N, Limits.within(control=0.4, increment=0.3, speed=0.15))
     plan = mpc.prepare(reference)
@@ -192,8 +182,8 @@ def test_the_plan_is_the_minimum_that_scipy_finds():
     assert mpc.applied(solution, x0)[2].active > 0
 
 
-def test_both_solvers_give_the_same_run():
-    plant, reference = table(), still([2e-3, -1e-3])
+def test_both_solvers_give_the_same_run(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
     runs = [
         loop(
             plant,
@@ -205,8 +195,8 @@ def test_both_solvers_give_the_same_run():
     np.testing.assert_allclose(runs[0].control, runs[1].control, rtol=0, atol=1e-6)
 
 
-def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer():
-    plant, reference = table(), still([2e-3, -1e-3])
+def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
     weights = TrackingWeights(3.0, 50.0, 2e-8)
     hard = loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
     soft = reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED, penalty=1e5), reference)
@@ -214,9 +204,9 @@ def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer():
     assert soft.report.slack.max() <= 1e-9
 
 
-def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way():
+def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way(two_axes):
     """The tool comes in too fast to stay inside: hard is infeasible, soft returns early."""
-    plant, reference = table(), still([0.9e-3, 0.0])
+    plant, reference = two_axes, still([0.9e-3, 0.0])
     limits = Limits(control=(-0.4, 0.4), output=(-1e-3, 1e-3))
     fast = np.array([0.99e-3, 0.5, 0.0, 0.0])
     weights = TrackingWeights(3.0, 5.0, 2e-8)
@@ -248,8 +238,8 @@ class Loaded(LinearPlant):
 @pytest.mark.parametrize(
     "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
 )
-def test_the_velocity_form_leaves_no_offset(terminal):
-    plant, reference = table(), still([1e-3, 5e-4], 400, 12)
+def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
+    plant, reference = two_axes, still([1e-3, 5e-4], 400, 12)
     loaded = Loaded(plant.A, plant.B, plant.C, plant.dt)
     limits = Limits.within(control=0.5, increment=0.4)
     free = loop(
@@ -289,8 +279,8 @@ def test_the_x_y_table_under_a_constant_torque():
     assert 90e-6 <= np.abs(absolute.output[-1] - reference.position[-1]).max() <= 180e-6
 
 
-def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it():
-    plant, reference = table(), still([2e-3, -1e-3])
+def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
     mpc = TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED)
     plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
     first = mpc.problem(memory, sample_of(plan, 0), np.zeros(4))
@@ -304,9 +294,9 @@ def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it():
 
 
 @pytest.mark.parametrize("form", [AbsoluteForm(), VelocityForm()])
-def test_two_runs_of_one_controller_are_two_runs(form):
+def test_two_runs_of_one_controller_are_two_runs(form, two_axes):
     """Sample by sample in turns, towards different points, as each alone: to the last bit."""
-    plant, weights = table(), TrackingWeights(3.0, 50.0, increment=2e-8)
+    plant, weights = two_axes, TrackingWeights(3.0, 50.0, increment=2e-8)
     mpc = TrackingMPC(plant, weights, N, LIMITED, form=form)
     references = [still([2e-3, -1e-3]), still([-1e-3, 1.5e-3])]
     wanted = [
@@ -348,18 +338,18 @@ BAD = {
 
 
 @pytest.mark.parametrize("message", BAD)
-def test_bad_input(message):
+def test_bad_input(message, two_axes):
     arguments = (
-        dict(model=table(), weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
+        dict(model=two_axes, weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
     )
     with pytest.raises(ValueError, match=f"^{message}") as caught:
         TrackingMPC(**arguments)
     assert "\n" not in str(caught.value)
 
 
-def test_a_start_outside_the_limits():
-    mpc = TrackingMPC(table(), TrackingWeights(1.0, control=1.0), N, Limits(output=(5e-4, 1.0)))
+def test_a_start_outside_the_limits(two_axes):
+    mpc = TrackingMPC(two_axes, TrackingWeights(1.0, control=1.0), N, Limits(output=(5e-4, 1.0)))
     with pytest.raises(ValueError, match="^output: the start is outside the limits"):
-        loop(table(), mpc, still([1e-3, 1e-3]))
+        loop(two_axes, mpc, still([1e-3, 1e-3]))
     with pytest.raises(ValueError, match="^control: the velocity form weighs increments only"):
-        offset_free(table(), TrackingWeights(1.0, control=1.0, increment=1.0), N)
+        offset_free(two_axes, TrackingWeights(1.0, control=1.0, increment=1.0), N)

@@ -26,4 +26,4 @@ def test_without_a_place_for_the_cache_it_still_compiles(monkeypatch):
 
 def test_other_failures_are_heard():
     with pytest.raises(Exception, match="callable|function|type"):
-        compiled(3)  # type: ignore
+        compiled(3)

@@ -22,9 +22,8 @@ from jcontour.geometry.contours import line
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.axis import FlexibleAxis
 from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.plants.wrappers.saturation import Saturated
@@ -34,22 +33,6 @@ from jcontour.simulation.closed_loop import simulate
 DT = 1e-3
 NOISE = [1e-6, 1e-3]  # of an encoder, and of its difference
 Q, Q_I, R = np.diag([1e7, 1e3, 1e7, 1.0]), np.array([[1e10]]), np.eye(1)
-
-
-def pair():
-    """Two different axes without dry friction and cogging."""
-    drag = Friction(0.0, 0.0, 1.0, [250.9, 100.0])
-    return AxisParameters(
-        [39.62, 20.0],
-        [0.38, 2.0],
-        [2908.0, 9e3],
-        [2.1, 30.0],
-        [79.33, 60.0],
-        drag,
-        [[0.0]] * 2,
-        [[0.0]] * 2,
-        [0.1, 0.1],
-    )
 
 
 def designed(model, axes=1, limit=np.inf):
@@ -66,8 +49,8 @@ MOTOR = np.eye(4)[:2]
 
 
 @pytest.fixture(scope="module")
-def model():
-    return zoh_model(thesis_axis(), DT)
+def model(thesis_model):
+    return thesis_model
 
 
 @pytest.fixture(scope="module")
@@ -138,11 +121,11 @@ def test_neither_a_load_nor_a_wrong_input_gain_leaves_a_lag(
     assert lag(lqg) < 1e-8 and lag(offset_free) < 1e-8
 
 
-def test_two_axes_are_each_on_their_own():
-    model = zoh_model(pair(), DT)
+def test_two_axes_are_each_on_their_own(two_flexible_axes):
+    model = zoh_model(two_flexible_axes, DT)
     law = designed(model, axes=2)
     task = in_time(line([0.0, 0.0], [0.03, -0.04]), PointToPoint(0.05, 0.1, 4.0), 1.8, DT)
-    machine = Disturbed(FlexibleAxis(pair(), DT), jnp.array([[0.5, -0.2]]))
+    machine = Disturbed(FlexibleAxis(two_flexible_axes, DT), jnp.array([[0.5, -0.2]]))
     run = simulate(machine, law, task)
     np.testing.assert_allclose(run.output[-1], [0.03, -0.04], rtol=0, atol=1e-6)
     apart = np.kron(np.ones((1, 4)), np.ones((2, 2)) - np.eye(2)).astype(bool)

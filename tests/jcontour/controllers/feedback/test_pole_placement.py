@@ -7,16 +7,9 @@ import pytest
 
 from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
 from jcontour.linear.plant import LinearPlant
-from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.friction import Friction
 
 DT = 1e-3
-
-
-@cache
-def thesis_model():
-    return zoh_model(thesis_axis(), DT)
 
 
 @cache
@@ -28,15 +21,15 @@ def moved(model, K):
     return np.sort_complex(np.linalg.eigvals(model.A - model.B @ K))
 
 
-def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control():
-    K = placed_gain(thesis_model(), two_pairs())
+def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control(thesis_model):
+    K = placed_gain(thesis_model, two_pairs())
     np.testing.assert_allclose(
-        moved(thesis_model(), K), np.sort_complex(two_pairs()), rtol=0, atol=1e-9
+        moved(thesis_model, K), np.sort_complex(two_pairs()), rtol=0, atol=1e-9
     )
     np.testing.assert_allclose(
         K,
         control.place(
-            np.asarray(thesis_model().A), np.asarray(thesis_model().B), np.asarray(two_pairs())
+            np.asarray(thesis_model.A), np.asarray(thesis_model.B), np.asarray(two_pairs())
         ),
         rtol=1e-9,
     )
@@ -49,28 +42,16 @@ def test_pairs_are_those_of_the_continuous_oscillator():
     )
 
 
-def test_equal_real_poles_make_a_dead_beat():
-    K = placed_gain(thesis_model(), np.zeros(4))
+def test_equal_real_poles_make_a_dead_beat(thesis_model):
+    K = placed_gain(thesis_model, np.zeros(4))
     assert (
-        np.abs(np.linalg.matrix_power(np.asarray(thesis_model().A - thesis_model().B @ K), 4)).max()
-        < 1e-4 * np.abs(thesis_model().B @ K).max()
+        np.abs(np.linalg.matrix_power(np.asarray(thesis_model.A - thesis_model.B @ K), 4)).max()
+        < 1e-4 * np.abs(thesis_model.B @ K).max()
     )
 
 
-def test_axes_side_by_side_each_have_their_own():
-    drag = Friction(0.0, 0.0, 1.0, [250.9, 100.0])
-    pair = AxisParameters(
-        [39.62, 20.0],
-        [0.38, 2.0],
-        [2908.0, 9e3],
-        [2.1, 30.0],
-        [79.33, 60.0],
-        drag,
-        [[0.0]] * 2,
-        [[0.0]] * 2,
-        [0.1, 0.1],
-    )
-    model, others = zoh_model(pair, DT), damped_poles([30.0, 60.0], [0.7, 0.7], DT)
+def test_axes_side_by_side_each_have_their_own(two_flexible_axes):
+    model, others = zoh_model(two_flexible_axes, DT), damped_poles([30.0, 60.0], [0.7, 0.7], DT)
     K = placed_gain(model, np.stack([two_pairs(), others]))
     np.testing.assert_allclose(
         moved(model, K), np.sort_complex(np.concatenate([two_pairs(), others])), rtol=0, atol=1e-9
@@ -78,12 +59,12 @@ def test_axes_side_by_side_each_have_their_own():
     np.testing.assert_array_equal(K[0, 1::2], 0.0)
 
 
-def test_gradient_with_respect_to_damping():
+def test_gradient_with_respect_to_damping(thesis_model):
     at = np.array([0.9, 0.3])
 
     def size(damping):
         return placed_gain(
-            thesis_model(), damped_poles(np.array([40.0, 95.0]), damping, DT)
+            thesis_model, damped_poles(np.array([40.0, 95.0]), damping, DT)
         ) @ np.array([1.0, 100.0, 1.0, 100.0])
 
     slope = jax.jacobian(size)(at)[0]
@@ -97,32 +78,32 @@ def test_gradient_with_respect_to_damping():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
+        (lambda model: placed_gain(model, [0.5, 0.6, 0.7]), "poles: the axis has 4 states"),
         (
-            lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7, 1.01]),
+            lambda model: placed_gain(model, [0.5, 0.6, 0.7, 1.01]),
             "poles: need to be inside the unit circle",
         ),
         (
-            lambda: placed_gain(thesis_model(), [0.5, 0.6, 0.7, 0.5 + 0.1j]),
+            lambda model: placed_gain(model, [0.5, 0.6, 0.7, 0.5 + 0.1j]),
             "poles: complex ones need to come in pairs",
         ),
         (
-            lambda: placed_gain(
-                LinearPlant(thesis_model().A, np.ones((4, 2)), thesis_model().C, DT), [0.5] * 4
+            lambda model: placed_gain(
+                LinearPlant(model.A, np.ones((4, 2)), model.C, DT), [0.5] * 4
             ),
             "one input",
         ),
         (
-            lambda: placed_gain(
+            lambda model: placed_gain(
                 LinearPlant(np.diag([0.5, 0.6]), [[1.0], [0.0]], [[1.0, 1.0]], DT), [0.5] * 2
             ),
             "cannot be controlled",
         ),
-        (lambda: damped_poles(-1.0, 0.5, DT), "frequency"),
-        (lambda: damped_poles(1.0, 1.5, DT), "damping"),
+        (lambda model: damped_poles(-1.0, 0.5, DT), "frequency"),
+        (lambda model: damped_poles(1.0, 1.5, DT), "damping"),
     ],
 )
-def test_bad_input_is_named(make, words):
+def test_bad_input_is_named(thesis_model, make, words):
     with pytest.raises(ValueError, match=words) as error:
-        make()
+        make(thesis_model)
     assert "\n" not in str(error.value)

@@ -1,5 +1,3 @@
-from functools import cache
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,26 +14,19 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
-from jcontour.plants.flexible_axis.axis import thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.simulation.closed_loop import simulate
 
 DT = 1e-3
 
 
-@cache
-def thesis_model():
-    return zoh_model(thesis_axis(), DT)
-
-
 Q, R = np.diag([1e7, 1e3, 1e7, 1.0]), np.array([[2.0]])
 
 
-def test_gain_and_closed_loop_poles_are_those_of_scipys_riccati_equation():
-    A, B = np.asarray(thesis_model().A), np.asarray(thesis_model().B)
+def test_gain_and_closed_loop_poles_are_those_of_scipys_riccati_equation(thesis_model):
+    A, B = np.asarray(thesis_model.A), np.asarray(thesis_model.B)
     P = solve_discrete_are(A, B, Q, R)
     wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    K = lq_gain(thesis_model(), Q, R)
+    K = lq_gain(thesis_model, Q, R)
     np.testing.assert_allclose(K, wanted, rtol=1e-9)
     poles = [np.sort_complex(np.linalg.eigvals(A - B @ gain)) for gain in (np.asarray(K), wanted)]
     np.testing.assert_allclose(*poles, rtol=0, atol=1e-9)
@@ -58,20 +49,20 @@ def test_targets_of_a_coupled_machine(coupled_plant):
     assert not np.any(rest.state_moving) and not np.any(rest.control_moving)
 
 
-def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags():
+def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags(thesis_model):
     reference = along(line([0.0], [0.1]), 1e-4 * np.arange(800), DT, 1, at_rest=False)
-    K = lq_gain(thesis_model(), Q, R)
+    K = lq_gain(thesis_model, Q, R)
     lags = [
         abs(
             float(
-                simulate(thesis_model(), StateFeedback(K, target), reference).output[-1, 0]
+                simulate(thesis_model, StateFeedback(K, target), reference).output[-1, 0]
                 - reference.position[799, 0]
             )
         )
-        for target in (moving_target(thesis_model()), quasi_steady_target(thesis_model()))
+        for target in (moving_target(thesis_model), quasi_steady_target(thesis_model))
     ]
-    A, B = np.asarray(thesis_model().A), np.asarray(thesis_model().B)
-    rest, motion = quasi_steady_target(thesis_model()), moving_target(thesis_model())
+    A, B = np.asarray(thesis_model.A), np.asarray(thesis_model.B)
+    rest, motion = quasi_steady_target(thesis_model), moving_target(thesis_model)
     closed = A - B @ np.asarray(
         K
     )  # at rest relative to the ramp: x = closed x + B K x_d - motion of the frame
@@ -82,19 +73,18 @@ def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags():
     np.testing.assert_allclose(lags[1], abs(away[2, 0]), rtol=1e-6)
 
 
-def test_gradient_reaches_the_weights():
+def test_gradient_reaches_the_weights(thesis_model):
     reference = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, DT)
-    start = thesis_model().initial_state(reference.position[0] + 1e-3, reference.start_increment)
-
-    model = thesis_model()
+    start = thesis_model.initial_state(reference.position[0] + 1e-3, reference.start_increment)
 
     @jax.jit
     @jax.value_and_grad
     def cost(logarithms):
         weights = jnp.exp(logarithms)
-        gain = lq_gain(model, jnp.diag(weights[:4]), weights[4] * jnp.eye(1))
-        controller = StateFeedback(gain, moving_target(model))
-        error = simulate(model, controller, reference, start).output - reference.position[:-1]
+        gain = lq_gain(thesis_model, jnp.diag(weights[:4]), weights[4] * jnp.eye(1))
+        controller = StateFeedback(gain, moving_target(thesis_model))
+        run = simulate(thesis_model, controller, reference, start)
+        error = run.output - reference.position[:-1]
         return 1e6 * jnp.mean(error**2)
 
     at = np.log([1e7, 1e3, 1e7, 10.0, 2.0])
@@ -106,16 +96,16 @@ def test_gradient_reaches_the_weights():
         np.testing.assert_allclose(slope[i], difference, rtol=1e-5, atol=tolerance)
 
 
-def test_bad_input_is_named():
+def test_bad_input_is_named(thesis_model):
     with pytest.raises(ValueError, match=r"^gain: needs shape \(1, 4\)"):
-        StateFeedback(np.zeros((1, 3)), moving_target(thesis_model()))
+        StateFeedback(np.zeros((1, 3)), moving_target(thesis_model))
     with pytest.raises(ValueError, match="^gain: every entry"):
-        StateFeedback(np.full((1, 4), np.nan), moving_target(thesis_model()))
+        StateFeedback(np.full((1, 4), np.nan), moving_target(thesis_model))
     with pytest.raises(ValueError, match="as many controls as outputs"):
-        moving_target(LinearPlant(thesis_model().A, thesis_model().B, np.eye(4)[:2], DT))
+        moving_target(LinearPlant(thesis_model.A, thesis_model.B, np.eye(4)[:2], DT))
     with pytest.raises(ValueError, match="cannot hold every position"):
         moving_target(
-            LinearPlant(thesis_model().A, thesis_model().B, [[0.0, 1.0, 0.0, 0.0]], DT)
+            LinearPlant(thesis_model.A, thesis_model.B, [[0.0, 1.0, 0.0, 0.0]], DT)
         )  # a speed
     with pytest.raises(ValueError, match="no stabilising solution"):
         lq_gain(LinearPlant(np.diag([1.2, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], DT), np.eye(2), R)

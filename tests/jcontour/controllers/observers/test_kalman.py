@@ -1,5 +1,3 @@
-from functools import cache
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,8 +18,7 @@ from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import along, in_time
 from jcontour.plants.bridgeport import bridgeport
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
-from jcontour.plants.flexible_axis.models import zoh_model
+from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis
 from jcontour.plants.friction import Friction
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Sensed
@@ -110,23 +107,18 @@ def test_filter_uses_the_current_measurement_and_predictor_does_not(two_axes, la
         assert (np.abs(controls[0] - controls[1]).max() > 0) == uses
 
 
-@cache
-def thesis_model():
-    return zoh_model(thesis_axis(), 1e-3)
-
-
 MOTOR = np.eye(4)[:2]
 NOISE = (0.05, np.array([1e-6, 1e-3]))
 
 
-@cache
-def thesis_feedback():
-    gain = lq_gain(thesis_model(), np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))
-    return StateFeedback(gain, moving_target(thesis_model()))
+@pytest.fixture(scope="module")
+def thesis_feedback(thesis_model):
+    gain = lq_gain(thesis_model, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))
+    return StateFeedback(gain, moving_target(thesis_model))
 
 
-def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
-    A, B = np.asarray(thesis_model().A), np.asarray(thesis_model().B)
+def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state(thesis_model):
+    A, B = np.asarray(thesis_model.A), np.asarray(thesis_model.B)
     whole, seen = (
         np.block([[A, B], [np.zeros((1, 4)), np.ones((1, 1))]]),
         np.hstack([MOTOR, np.zeros((2, 1))]),
@@ -140,21 +132,23 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state():
         P @ seen.T @ scale @ np.linalg.inv(scale @ seen @ P @ seen.T @ scale + np.eye(2)) @ scale
     )
     np.testing.assert_allclose(
-        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.02, [1e-6, 1e-3]),
+        offset_free_gain(thesis_model, MOTOR, 0.05, 0.02, [1e-6, 1e-3]),
         wanted,
         rtol=1e-7,
         atol=1e-9,
     )
 
 
-def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does():
+def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does(
+    thesis_model, thesis_feedback
+):
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 1e-3)
-    gain = kalman_gain(thesis_model(), *NOISE, MOTOR)
-    plain = FilterObserver(thesis_feedback(), thesis_model(), gain, measured=MOTOR)
+    gain = kalman_gain(thesis_model, *NOISE, MOTOR)
+    plain = FilterObserver(thesis_feedback, thesis_model, gain, measured=MOTOR)
     integral = OffsetFreeObserver(
-        thesis_feedback(),
-        thesis_model(),
-        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+        thesis_feedback,
+        thesis_model,
+        offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
         MOTOR,
     )
     frictionless = AxisParameters(
@@ -168,16 +162,16 @@ def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_doe
     assert errors[0] > 5e-5 and errors[1] < 1e-9
 
 
-def test_without_a_load_integral_action_is_state_feedback():
+def test_without_a_load_integral_action_is_state_feedback(thesis_model, thesis_feedback):
     """Separation: an observer that starts right changes nothing."""
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)
-    wanted = simulate(thesis_model(), thesis_feedback(), task)
+    wanted = simulate(thesis_model, thesis_feedback, task)
     found = simulate(
-        thesis_model(),
+        thesis_model,
         OffsetFreeObserver(
-            thesis_feedback(),
-            thesis_model(),
-            offset_free_gain(thesis_model(), np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
+            thesis_feedback,
+            thesis_model,
+            offset_free_gain(thesis_model, np.eye(4), 0.05, 0.05, [1e-6, 1e-3] * 2),
             np.eye(4),
         ),
         task,
@@ -187,22 +181,22 @@ def test_without_a_load_integral_action_is_state_feedback():
     )
 
 
-def test_at_a_limit_the_disturbance_is_not_mistaken():
+def test_at_a_limit_the_disturbance_is_not_mistaken(thesis_model, thesis_feedback):
     """An observer told of the limit keeps only the rest of its wrong start.
 
     Untold, it takes the missing control for a load.
     """
     rest = along(line([0.0], [0.1]), np.zeros(400), 1e-3, 1, at_rest=True)
     start, gain = (
-        thesis_model().initial_state(jnp.array([-0.02]), jnp.zeros(1)),
-        offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+        thesis_model.initial_state(jnp.array([-0.02]), jnp.zeros(1)),
+        offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
     )
-    machine = Saturated(Sensed(thesis_model(), lambda x: x[:2]), jnp.array([2.0]))
+    machine = Saturated(Sensed(thesis_model, lambda x: x[:2]), jnp.array([2.0]))
     found = [
         np.abs(
             simulate(
                 machine,
-                OffsetFreeObserver(thesis_feedback(), thesis_model(), gain, MOTOR, limit),
+                OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR, limit),
                 rest,
                 start,
             ).memory.disturbance[50:]
@@ -211,29 +205,31 @@ def test_at_a_limit_the_disturbance_is_not_mistaken():
     ]
     assert found[0] > 10.0 and found[1] < 1.0
     with pytest.raises(ValueError, match="^limit: "):
-        OffsetFreeObserver(thesis_feedback(), thesis_model(), gain, MOTOR, -1.0)
+        OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR, -1.0)
 
 
-def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
+def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues(
+    thesis_model, thesis_feedback
+):
     for make in (
-        lambda: FilterObserver(thesis_feedback(), thesis_model(), -np.ones((4, 2)), measured=MOTOR),
-        lambda: PredictorObserver(thesis_feedback(), thesis_model(), np.zeros((4, 1))),
-        lambda: OffsetFreeObserver(thesis_feedback(), thesis_model(), np.zeros((5, 2)), MOTOR),
+        lambda: FilterObserver(thesis_feedback, thesis_model, -np.ones((4, 2)), measured=MOTOR),
+        lambda: PredictorObserver(thesis_feedback, thesis_model, np.zeros((4, 1))),
+        lambda: OffsetFreeObserver(thesis_feedback, thesis_model, np.zeros((5, 2)), MOTOR),
     ):
         with pytest.raises(ValueError, match=r"^gain: the observer is not stable: .* they are \["):
             make()
     slow = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 1.5, 2e-3)
     for observer in (
         FilterObserver(
-            thesis_feedback(),
-            thesis_model(),
-            kalman_gain(thesis_model(), *NOISE, MOTOR),
+            thesis_feedback,
+            thesis_model,
+            kalman_gain(thesis_model, *NOISE, MOTOR),
             measured=MOTOR,
         ),
         OffsetFreeObserver(
-            thesis_feedback(),
-            thesis_model(),
-            offset_free_gain(thesis_model(), MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
+            thesis_feedback,
+            thesis_model,
+            offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3]),
             MOTOR,
         ),
     ):
@@ -243,4 +239,4 @@ def test_gains_that_do_not_stabilise_are_named_with_their_eigenvalues():
         ):
             observer.initial_memory(slow)
     with pytest.raises(ValueError, match=r"^gain: needs shape \(4, 2\)"):
-        FilterObserver(thesis_feedback(), thesis_model(), np.zeros((4, 1)), measured=MOTOR)
+        FilterObserver(thesis_feedback, thesis_model, np.zeros((4, 1)), measured=MOTOR)

@@ -15,18 +15,13 @@ from jcontour.controllers.observers.reduced_observer import (
 )
 from jcontour.linear.plant import AffinePlan
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
+from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.simulation.closed_loop import simulate
 
 DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())
 DT = 1e-3
-
-
-@cache
-def thesis_model():
-    return zoh_model(thesis_axis(), DT)
 
 
 class Swinging(Controller):
@@ -73,54 +68,42 @@ def test_thesis_observer(name, make):
             ReducedObserver(inner(), model, thesis_gain())
 
 
-class Measured(Plant):
+@pytest.fixture(scope="module")
+def machine(thesis_model):
     """The model as a machine that measures its motor."""
-
-    dt: float = DT
-
-    def initial_state(self, position, increment):
-        return thesis_model().initial_state(position, increment)
-
-    def step(self, state, control):
-        return thesis_model().step(state, control)
-
-    def output(self, state):
-        return thesis_model().output(state)
-
-    def measure(self, state):
-        return state[:1], state[1:2]
+    return Sensed(thesis_model, lambda x: (x[:1], x[1:2]))
 
 
-def test_estimation_error_obeys_lambda_under_any_control():
-    plant, task = Measured(), thesis_task_a()
+def test_estimation_error_obeys_lambda_under_any_control(machine, thesis_model):
+    task = thesis_task_a()
     off = np.array([1e-3, -0.02])
-    start = thesis_model().initial_state(task.position[0], task.start_increment) + np.concatenate(
+    start = thesis_model.initial_state(task.position[0], task.start_increment) + np.concatenate(
         [[0, 0], off]
     )
     run = simulate(
-        plant, ReducedObserver(inner(), thesis_model(), thesis_gain()), task, jnp.asarray(start)
+        machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task, jnp.asarray(start)
     )
     states = np.asarray(run.state)
     estimate = np.asarray(run.memory.z) + states[:, :2] @ thesis_gain().T
     assert np.abs(states).max() > 1e-2
-    Lambda = np.asarray(error_matrix(thesis_model(), thesis_gain()))
+    Lambda = np.asarray(error_matrix(thesis_model, thesis_gain()))
     for k in (0, 1, 7, 400):
         np.testing.assert_allclose(
             states[k, 2:] - estimate[k], np.linalg.matrix_power(Lambda, k) @ off, rtol=0, atol=1e-12
         )
 
 
-def test_a_perfect_start_is_state_feedback():
-    plant, task = Measured(), thesis_task_a()
-    found = simulate(plant, ReducedObserver(inner(), thesis_model(), thesis_gain()), task)
-    wanted = simulate(thesis_model(), inner(), task)
+def test_a_perfect_start_is_state_feedback(machine, thesis_model):
+    task = thesis_task_a()
+    found = simulate(machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task)
+    wanted = simulate(thesis_model, inner(), task)
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-8 * np.abs(wanted.control).max()
     )
 
 
-def test_bad_gains_are_named():
+def test_bad_gains_are_named(thesis_model):
     with pytest.raises(ValueError, match="^gain: needs shape"):
-        ReducedObserver(inner(), thesis_model(), np.zeros((2, 1)))
+        ReducedObserver(inner(), thesis_model, np.zeros((2, 1)))
     with pytest.raises(ValueError, match="^gain: the observer is not stable"):
-        ReducedObserver(inner(), thesis_model(), np.array([[0.0, -1.0], [0.0, -1.0]]))
+        ReducedObserver(inner(), thesis_model, np.array([[0.0, -1.0], [0.0, -1.0]]))

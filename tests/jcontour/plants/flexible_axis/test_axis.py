@@ -96,24 +96,8 @@ def test_reference_trajectories(row):
     )
 
 
-def ideal(**changes):
-    """The thesis's axis without friction and cogging."""
-    named = {
-        "motor_mass": 39.62,
-        "tool_mass": 0.38,
-        "stiffness": 2908.0,
-        "damping": 2.1,
-        "force_constant": 79.33,
-        "pole_pitch": 0.0875,
-    }
-    none = Friction(0.0, 0.0, 1.0, 0.0)
-    return AxisParameters(
-        **{**named, "friction": none, "cogging_sine": [0.0], "cogging_cosine": [0.0], **changes}
-    )
-
-
 @pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
-def test_without_friction_it_is_the_linear_equation(kind):
+def test_without_friction_it_is_the_linear_equation(kind, ideal):
     """Against an adaptive integrator of higher order."""
     axis = kind(ideal(), DT)
     start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.001, -0.1)))
@@ -254,7 +238,7 @@ def test_it_comes_to_rest_and_sticks():
     assert state.mode == 0 and state.motion.motor_speed == 0
 
 
-def test_axes_side_by_side_are_single_axes():
+def test_axes_side_by_side_are_single_axes(ideal):
     plain = eqx.tree_at(
         lambda p: (p.cogging_sine, p.cogging_cosine),
         ideal(),
@@ -312,12 +296,12 @@ def test_the_smooth_twin_comes_near_the_true_axis():
 @pytest.mark.parametrize(
     "name", ["motor_mass", "tool_mass", "force_constant", "pole_pitch", "stiffness", "damping"]
 )
-def test_bad_parameters_are_named(name):
+def test_bad_parameters_are_named(name, ideal):
     with pytest.raises(ValueError, match=f"^{name}:"):
         ideal(**{name: -1.0})
 
 
-def test_bad_axes_are_named():
+def test_bad_axes_are_named(ideal):
     with pytest.raises(ValueError, match="cogging_cosine"):
         ideal(cogging_cosine=[0.0, 1.0])
     with pytest.raises(ValueError, match="cogging_sine: every entry"):

@@ -9,34 +9,16 @@ from scipy.integrate import simpson
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.motion.point_to_point import thesis_task_a
 from jcontour.plants.flexible_axis.axis import (
-    AxisParameters,
     FlexibleAxis,
     Motion,
     SmoothFlexibleAxis,
     thesis_axis,
 )
-from jcontour.plants.friction import Friction
 from jcontour.sensors import motors
 from jcontour.simulation.closed_loop import simulate
 
 DT = 1e-3
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04  # thesis, section 3.4.2
-
-
-def ideal(**changes):
-    """The thesis's axis without friction and cogging."""
-    named = {
-        "motor_mass": 39.62,
-        "tool_mass": 0.38,
-        "stiffness": 2908.0,
-        "damping": 2.1,
-        "force_constant": 79.33,
-        "pole_pitch": 0.0875,
-    }
-    none = Friction(0.0, 0.0, 1.0, 0.0)
-    return AxisParameters(
-        **{**named, "friction": none, "cogging_sine": [0.0], "cogging_cosine": [0.0], **changes}
-    )
 
 
 def substep_states(axis, start, currents):
@@ -76,7 +58,7 @@ def per_sample(power, axis):
 
 
 @pytest.mark.parametrize("kind", [FlexibleAxis, SmoothFlexibleAxis])
-def test_left_alone_it_loses_its_energy_in_the_damper_only(kind):
+def test_left_alone_it_loses_its_energy_in_the_damper_only(kind, ideal):
     """Every sample of a second of free motion, to 1e-9 J of about 1 J."""
     axis = kind(ideal(), DT)
     start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.002, -0.3)))

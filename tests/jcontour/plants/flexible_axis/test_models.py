@@ -7,28 +7,11 @@ import numpy as np
 import pytest
 
 from jcontour.linear.plant import decoupled_axes
-from jcontour.plants.flexible_axis.axis import AxisParameters, FlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
-from jcontour.plants.friction import Friction
 
 DATA = json.loads((Path(__file__).parents[3] / "data" / "single_axis" / "models.json").read_text())
 DT = 1e-3
-
-
-def pair():
-    """Two different axes without dry friction and cogging."""
-    drag = Friction(0.0, 0.0, 1.0, [250.9, 100.0])
-    return AxisParameters(
-        [39.62, 20.0],
-        [0.38, 2.0],
-        [2908.0, 9e3],
-        [2.1, 30.0],
-        [79.33, 60.0],
-        drag,
-        [[0.0]] * 2,
-        [[0.0]] * 2,
-        [0.1, 0.1],
-    )
 
 
 @pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
@@ -42,8 +25,11 @@ def test_thesis_models(name, make):
     np.testing.assert_array_equal(model.C, [[0, 0, 1, 0]])
 
 
-def test_two_axes_are_the_plant_without_dry_friction():
-    model, axis = zoh_model(pair(), DT), FlexibleAxis(pair(), DT, substeps=200)
+def test_two_axes_are_the_plant_without_dry_friction(two_flexible_axes):
+    model, axis = (
+        zoh_model(two_flexible_axes, DT),
+        FlexibleAxis(two_flexible_axes, DT, substeps=200),
+    )
     state, control = (
         axis.initial_state(jnp.array([0.01, 0.02]), jnp.array([1e-4, -2e-4])),
         jnp.array([0.7, -0.3]),
@@ -62,8 +48,8 @@ def test_two_axes_are_the_plant_without_dry_friction():
     )
 
 
-def test_axes_stay_decoupled_under_traced_parameters():
+def test_axes_stay_decoupled_under_traced_parameters(two_flexible_axes):
     seen = []
-    jax.jit(lambda parameters: seen.append(zoh_model(parameters, DT).pattern))(pair())
+    jax.jit(lambda parameters: seen.append(zoh_model(parameters, DT).pattern))(two_flexible_axes)
     axes = decoupled_axes(seen[0])
     assert [axis.states for axis in axes] == [(0, 2, 4, 6), (1, 3, 5, 7)] and axes[1].inputs == (1,)

@@ -3,8 +3,6 @@
 Against closed forms and the work that is done; `test_friction_gantry_by_events` has a program.
 """
 
-from functools import cache
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,47 +19,15 @@ from jcontour.simulation.evaluation import member, stack_plants
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
 
 
-@cache
-def rubbing():
-    return Friction(
-        coulomb=[12.0, 15.0, 19.0],
-        stribeck=[6.0, 5.0, 8.0],
-        stribeck_speed=[0.02, 0.03, 0.01],
-        viscous=[0.0, 3.0, 5.0],
-    )
-
-
-def swinging(steps, seed, size):
-    """Smooth random currents (T, 3), through which sliders stick, break loose and turn."""
-    random = np.random.default_rng(seed)
-    time = np.arange(steps)[:, None] * DT
-    return sum(
-        size / k * np.sin(2 * np.pi * k * 8 * time + random.uniform(0, 7, 3)) for k in (1, 2, 3)
-    )
-
-
-@eqx.filter_jit
-def run(plant, start, currents):
-    """What is measured, and the state, after every sample."""
-
-    def step(state, control):
-        after = plant.step(state, control)
-        return after, (plant.measure(after), after)
-
-    return jax.lax.scan(step, start, currents)[1]
-
-
-def at_rest(plant, position=(0.3, 0.1)):
-    return plant.initial_state(jnp.array(position), jnp.zeros(2))
-
-
 def only(**friction):
     return Friction(
         **{"coulomb": 0.0, "stribeck": 0.0, "stribeck_speed": 1.0, "viscous": 0.0, **friction}
     )
 
 
-def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head():
+def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head(
+    at_rest,
+):
     """Pulled at the first drive alone, a = (k i - f_1) / M_11.
 
     The others feel M_12 a and M_x1 a of it.
@@ -107,7 +73,7 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     ]
 
 
-def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
+def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):
     """Both guide ways hold 2 k_r theta / (2 L cos theta), to the bit; then the beam swings."""
     p, held = thesis_gantry(), 20.0
     plant = StickSlipGantry(
@@ -122,7 +88,7 @@ def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it():
         assert all(np.array_equal(a, b) for a, b in zip(after, twisted, strict=True)) is stays
 
 
-def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
+def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way(run, at_rest):
     """M v' = k i - b v - f for the head alone, then for both drives with the head held.
 
     They come to rest and stay there.
@@ -156,14 +122,16 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way():
         )
 
 
-def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
+def test_energy_changes_by_the_work_of_the_motors_and_all_friction(
+    odd_gantry, rubbing, swinging, run, at_rest
+):
     """Between changes of mode to 1e-9 of the work done.
 
     Over all of them to the first order of the instants.
     """
     fine, count = 1e-5, 100
     plant, motion = (
-        StickSlipGantry(odd_gantry, rubbing(), fine, substeps=1),
+        StickSlipGantry(odd_gantry, rubbing, fine, substeps=1),
         EquationOfMotion.of(odd_gantry),
     )
     currents = np.repeat(swinging(80, seed=1, size=0.6), count, axis=0)
@@ -175,9 +143,9 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
     energy = np.asarray(jax.jit(jax.vmap(lambda x: motion.energy(x[:3], x[3:])))(jnp.asarray(x)))
     work = np.diff(z[:, :3], axis=0) * currents * [35.0, 80.0, 80.0]
     assert (mode == 0).any(axis=0).all() and set(np.unique(mode)) == {-1, 0, 1}
-    dry, drag = np.asarray(rubbing().coulomb), np.asarray(rubbing().viscous) + [90.0, 310.0, 310.0]
-    lorentz = dry + np.asarray(rubbing().stribeck) / (
-        1 + (speed / np.asarray(rubbing().stribeck_speed)) ** 2
+    dry, drag = np.asarray(rubbing.coulomb), np.asarray(rubbing.viscous) + [90.0, 310.0, 310.0]
+    lorentz = dry + np.asarray(rubbing.stribeck) / (
+        1 + (speed / np.asarray(rubbing.stribeck_speed)) ** 2
     )
     lost = (np.abs(speed) * lorentz + drag * speed**2).sum(axis=1)
     windows = [slice(k, k + count + 1) for k in range(0, len(currents), count)]
@@ -195,7 +163,7 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(odd_gantry):
 
 
 @pytest.mark.parametrize("kind", [StickSlipGantry, SmoothFrictionGantry])
-def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
+def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry, swinging, run):
     """In other coordinates the error of the integrator is another, of fourth order.
 
     From a state in motion and far off straight.
@@ -217,7 +185,7 @@ def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry):
 
 
 @pytest.mark.parametrize("kind", [StickSlipGantry, SmoothFrictionGantry])
-def test_equal_currents_never_twist_a_symmetric_machine(kind):
+def test_equal_currents_never_twist_a_symmetric_machine(kind, swinging, run, at_rest):
     """Head at the centre, equal guide ways: through start, turns and rest."""
     plant = kind(
         thesis_gantry(),
@@ -231,24 +199,24 @@ def test_equal_currents_never_twist_a_symmetric_machine(kind):
     assert np.abs(found[:, [0, 2]]).max() < 1e-15
 
 
-def test_the_sharper_the_twin_the_nearer_it_comes():
+def test_the_sharper_the_twin_the_nearer_it_comes(rubbing, swinging, run, at_rest):
     """Ten times sharper is at least three times nearer to the true gantry in x_h and y_N.
 
     The steps are too fine for the twin to be stiff.
     """
     p, currents = thesis_gantry(), swinging(STEPS, seed=1, size=1.5)
-    true = StickSlipGantry(p, rubbing(), DT, SUBSTEPS)
+    true = StickSlipGantry(p, rubbing, DT, SUBSTEPS)
     wanted, _ = run(true, at_rest(true), currents)
     gaps = []
     for sharpness in (1e2, 1e3, 1e4):
-        twin = SmoothFrictionGantry(p, rubbing(), DT, sharpness, SUBSTEPS)
+        twin = SmoothFrictionGantry(p, rubbing, DT, sharpness, SUBSTEPS)
         gaps.append(np.abs(run(twin, at_rest(twin), currents)[0] - wanted).max(axis=0)[:2])
     assert np.all(gaps[1] < gaps[0] / 3) and np.all(gaps[2] < gaps[1] / 3)
 
 
-def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
+def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry, rubbing, swinging, at_rest):
     """To currents, friction and the start."""
-    currents, dry = jnp.asarray(swinging(20, seed=1, size=1.0)), rubbing()
+    currents, dry = jnp.asarray(swinging(20, seed=1, size=1.0)), rubbing
 
     @jax.jit
     @jax.value_and_grad
@@ -271,9 +239,9 @@ def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry):
 
 
 @pytest.mark.parametrize("slider", range(3))
-def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
+def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider, rubbing, run):
     """It stays in the slider's position and speed, and so in what is measured."""
-    plant = StickSlipGantry(thesis_gantry(), rubbing(), DT, SUBSTEPS)
+    plant = StickSlipGantry(thesis_gantry(), rubbing, DT, SUBSTEPS)
     moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
     lost = moving._replace(sliders=moving.sliders.at[3 + slider].set(jnp.nan))
     after = jax.tree.map(lambda rows: rows[-1], run(plant, lost, np.zeros((STEPS, 3)))[1])
@@ -281,12 +249,10 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider):
     assert np.isnan(plant.measure(after)).any() and np.isnan(plant.output(after)).any()
 
 
-def test_a_family_of_machines_is_a_batch(odd_gantry):
-    family = stack_plants(
-        [StickSlipGantry(p, rubbing(), DT) for p in (thesis_gantry(), odd_gantry)]
-    )
+def test_a_family_of_machines_is_a_batch(odd_gantry, rubbing, at_rest):
+    family = stack_plants([StickSlipGantry(p, rubbing, DT) for p in (thesis_gantry(), odd_gantry)])
     start, control = (
-        at_rest(StickSlipGantry(odd_gantry, rubbing(), DT), (0.2, 0.0)),
+        at_rest(StickSlipGantry(odd_gantry, rubbing, DT), (0.2, 0.0)),
         jnp.array([0.2, 0.5, 0.1]),
     )
     step = eqx.filter_jit(lambda plant: plant.step(start, control))
@@ -297,8 +263,8 @@ def test_a_family_of_machines_is_a_batch(odd_gantry):
         np.testing.assert_array_equal(found.mode[k], wanted.mode)
 
 
-def test_it_starts_stuck_or_in_steady_motion():
-    plant = StickSlipGantry(thesis_gantry(), rubbing(), DT)
+def test_it_starts_stuck_or_in_steady_motion(rubbing, at_rest):
+    plant = StickSlipGantry(thesis_gantry(), rubbing, DT)
     moving = plant.initial_state(jnp.array([0.3, 0.1]), jnp.array([2e-4, -1e-4]))
     np.testing.assert_allclose(
         plant.measure(moving), [0.3, 0.3, 0.0, 0.2, -0.1, 0.0], rtol=0, atol=1e-15
@@ -307,18 +273,18 @@ def test_it_starts_stuck_or_in_steady_motion():
     np.testing.assert_array_equal(at_rest(plant).mode, [0, 0, 0])
 
 
-def test_bad_input_is_named():
+def test_bad_input_is_named(rubbing, at_rest):
     p = thesis_gantry()
     wanted = "one value, or one each for the head and the two drives, received 2"
     with pytest.raises(ValueError, match=f"friction: coulomb needs {wanted}"):
         StickSlipGantry(p, only(coulomb=[1.0, 2.0]), DT)
     with pytest.raises(ValueError, match="does not divide the sample period"):
-        StickSlipGantry(p, rubbing(), 1.1e-3)
+        StickSlipGantry(p, rubbing, 1.1e-3)
     with pytest.raises(
         ValueError, match="sharpness: needs to be finite and above zero, received 0"
     ):
-        SmoothFrictionGantry(p, rubbing(), DT, sharpness=0.0)
+        SmoothFrictionGantry(p, rubbing, DT, sharpness=0.0)
     with pytest.raises(
         ValueError, match=r"position: the head runs from -0.9 to 0.9 m along the beam, received 1"
     ):
-        at_rest(StickSlipGantry(p, rubbing(), DT), (1.0, 0.0))
+        at_rest(StickSlipGantry(p, rubbing, DT), (1.0, 0.0))

@@ -1,30 +1,17 @@
 """Stick and slip of the gantry's three sliders against a program with events."""
 
-from functools import cache
 from itertools import product
 from types import SimpleNamespace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import StickSlipGantry
 
 DT, SUBSTEPS, STEPS = 1e-3, 20, 100  # the same in most tests: compiled once
-
-
-@cache
-def rubbing():
-    return Friction(
-        coulomb=[12.0, 15.0, 19.0],
-        stribeck=[6.0, 5.0, 8.0],
-        stribeck_speed=[0.02, 0.03, 0.01],
-        viscous=[0.0, 3.0, 5.0],
-    )
 
 
 class ByEvents:
@@ -178,37 +165,13 @@ class _Change:
         )
 
 
-def swinging(steps, seed, size):
-    """Smooth random currents (T, 3), through which sliders stick, break loose and turn."""
-    random = np.random.default_rng(seed)
-    time = np.arange(steps)[:, None] * DT
-    return sum(
-        size / k * np.sin(2 * np.pi * k * 8 * time + random.uniform(0, 7, 3)) for k in (1, 2, 3)
-    )
-
-
-@eqx.filter_jit
-def run(plant, start, currents):
-    """What is measured, and the state, after every sample."""
-
-    def step(state, control):
-        after = plant.step(state, control)
-        return after, (plant.measure(after), after)
-
-    return jax.lax.scan(step, start, currents)[1]
-
-
-def at_rest(plant, position=(0.3, 0.1)):
-    return plant.initial_state(jnp.array(position), jnp.zeros(2))
-
-
-def test_it_is_the_machine_of_a_program_with_events(odd_gantry):
+def test_it_is_the_machine_of_a_program_with_events(odd_gantry, rubbing, swinging, run, at_rest):
     """Forty milliseconds in which all three stick, break loose and turn.
 
     The instants are found to a substep.
     """
-    currents, program = swinging(STEPS, seed=1, size=0.6), ByEvents(odd_gantry, rubbing())
-    plant = StickSlipGantry(odd_gantry, rubbing(), DT, SUBSTEPS)
+    currents, program = swinging(STEPS, seed=1, size=0.6), ByEvents(odd_gantry, rubbing)
+    plant = StickSlipGantry(odd_gantry, rubbing, DT, SUBSTEPS)
     x, mode, wanted, modes = np.asarray(plant.measure(at_rest(plant))), np.zeros(3, int), [], []
     for control in currents[:40]:
         x, mode = program.sample(x, mode.copy(), control, DT)
@@ -229,13 +192,13 @@ def test_it_is_the_machine_of_a_program_with_events(odd_gantry):
 
 
 @pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
-def test_sliders_break_loose_as_only_they_can(machine, request):
+def test_sliders_break_loose_as_only_they_can(machine, request, rubbing, at_rest):
     """Breaking loose one after another finds what trying all choices finds.
 
     Only one choice for the sliders at rest agrees with the equation of motion.
     """
     p, random, choices = request.getfixturevalue(machine), np.random.default_rng(5), set()
-    plant, program = StickSlipGantry(p, rubbing(), 1e-7, substeps=1), ByEvents(p, rubbing())
+    plant, program = StickSlipGantry(p, rubbing, 1e-7, substeps=1), ByEvents(p, rubbing)
     step = eqx.filter_jit(plant.step)
     for _ in range(200):
         start = at_rest(plant, (random.uniform(-0.5, 0.5), 0.0))

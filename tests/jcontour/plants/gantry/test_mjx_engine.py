@@ -41,21 +41,10 @@ def test_mass_matrix_and_accelerations(machine, request):
     assert np.max(np.abs(acceleration - fast) / np.abs(fast).max(axis=1, keepdims=True)) < 1e-11
 
 
-def test_a_closed_loop_is_ours(gantry_data, gantry_path, gantry_loop, reference_gantry):
+def test_a_closed_loop_is_ours(tools_in_a_loop, reference_gantry):
     """3,365 samples of line, circle, line."""
-    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
-    engine, ours = (
-        jax.jit(
-            lambda p=plant: gantry_loop(
-                p,
-                gains,
-                position,
-                velocity,
-                p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)),
-            )[-1]
-        )()
-        for plant in (GantryMJX(reference_gantry, DT), Gantry(reference_gantry, DT))
-    )
+    engine = tools_in_a_loop(GantryMJX(reference_gantry, DT))
+    ours = tools_in_a_loop(Gantry(reference_gantry, DT))
     np.testing.assert_allclose(engine, ours, rtol=0, atol=1e-8)
 
 

@@ -10,21 +10,10 @@ from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 DT = 2e-3
 
 
-def test_a_closed_loop_is_ours(gantry_data, gantry_path, gantry_loop, reference_gantry):
+def test_a_closed_loop_is_ours(tools_in_a_loop, reference_gantry):
     """3,365 samples of line, circle, line."""
-    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
-    engine, ours = (
-        jax.jit(
-            lambda p=plant: gantry_loop(
-                p,
-                gains,
-                position,
-                velocity,
-                p.initial_state(jnp.asarray(position[0]), jnp.zeros(2)),
-            )[-1]
-        )()
-        for plant in (GantryMuJoCo(reference_gantry, DT), Gantry(reference_gantry, DT))
-    )
+    engine = tools_in_a_loop(GantryMuJoCo(reference_gantry, DT))
+    ours = tools_in_a_loop(Gantry(reference_gantry, DT))
     assert len(ours) == 3365
     np.testing.assert_allclose(engine, ours, rtol=0, atol=1e-8)
 

@@ -1,0 +1,76 @@
+"""Gantries with friction and engines in a closed loop: what several test files do with them."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.plants.friction import Friction
+
+DT = 1e-3  # [s] between currents that swing
+
+
+@pytest.fixture(scope="session")
+def rubbing():
+    """Friction of a head and two drives, all different."""
+    return Friction(
+        coulomb=[12.0, 15.0, 19.0],
+        stribeck=[6.0, 5.0, 8.0],
+        stribeck_speed=[0.02, 0.03, 0.01],
+        viscous=[0.0, 3.0, 5.0],
+    )
+
+
+@pytest.fixture(scope="session")
+def swinging():
+    """(steps, seed, size) -> smooth random currents (T, 3), one a millisecond.
+
+    Through them sliders stick, break loose and turn.
+    """
+
+    def currents(steps, seed, size):
+        random = np.random.default_rng(seed)
+        time = np.arange(steps)[:, None] * DT
+        return sum(
+            size / k * np.sin(2 * np.pi * k * 8 * time + random.uniform(0, 7, 3)) for k in (1, 2, 3)
+        )
+
+    return currents
+
+
+@eqx.filter_jit
+def _run(plant, start, currents):
+    def step(state, control):
+        after = plant.step(state, control)
+        return after, (plant.measure(after), after)
+
+    return jax.lax.scan(step, start, currents)[1]
+
+
+@pytest.fixture(scope="session")
+def run():
+    """(plant, start, currents) -> what is measured, and the state, after every sample."""
+    return _run
+
+
+@pytest.fixture(scope="session")
+def at_rest():
+    """(plant, position) -> its state at rest there."""
+
+    def start(plant, position=(0.3, 0.1)):
+        return plant.initial_state(jnp.array(position), jnp.zeros(2))
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def tools_in_a_loop(gantry_data, gantry_path, gantry_loop):
+    """Plant -> its tool (T, 2) along the reference's path, under the reference's controller."""
+    gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
+
+    def tools(plant):
+        start = plant.initial_state(jnp.asarray(position[0]), jnp.zeros(2))
+        return jax.jit(lambda: gantry_loop(plant, gains, position, velocity, start)[-1])()
+
+    return tools
