@@ -3,6 +3,10 @@
 import os
 from functools import cache
 
+# One thread for each worker, said before NumPy is loaded: those of two workers on two cores wait
+# for each other longer than they compute. Workers and commands inherit it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import hypothesis
 import jax
 import numpy as np
