@@ -6,7 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from jcontour.plant import State
 from jcontour.plants.wrappers.wrapper import Remembering, Wrapper
@@ -27,9 +27,9 @@ class Sensed(Wrapper):
     An example are the motor encoders of a machine whose whole state is measured.
     """
 
-    sensors: Callable[[Any], Array]
+    sensors: Callable[[Any], PyTree[Array]]
 
-    def measure(self, state) -> Array:
+    def measure(self, state) -> PyTree[Array]:
         """sensors(measurement)."""
         return self.sensors(self.plant.measure(state))
 
