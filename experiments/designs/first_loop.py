@@ -22,10 +22,13 @@ import numpy as np
 from experiments.designs.loop_weights import LoopWeights
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
-from jcontour.analysis.sensitivity import loop_peaks, probe_windows
+from jcontour.analysis.frozen_loops import FrozenLoop
+from jcontour.analysis.peak_search import loop_measures
+from jcontour.analysis.sensitivity import encoding_of, frozen_family, probe_windows
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
+from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants, stack_references
 
 REGULATOR = 1.0  # [rad per sample] settles within a few samples, and corners do not kick
@@ -83,11 +86,13 @@ def _lines(machine: LinearMachine, preview: int) -> Reference:
     return probe_windows(stack_references(runs), 1)
 
 
-@eqx.filter_jit
-def _peaks(build, series: LoopWeights, family, windows: Reference):
+def _peaks(build, series: LoopWeights, family: Plant, windows: Reference) -> np.ndarray:
     """Largest peak sensitivity of every loop of the series."""
+    loops = jax.device_get(_loops(build, series, family, windows))
+    values, _ = loop_measures(loops, encoding_of(family, windows))
+    return values[..., 0].max(axis=(1, 2))
 
-    def peak(weights: LoopWeights):
-        return jnp.max(loop_peaks(build(weights), family, windows).sensitivity)
 
-    return jax.lax.map(peak, series)
+@eqx.filter_jit
+def _loops(build, series: LoopWeights, family: Plant, windows: Reference) -> FrozenLoop:
+    return jax.vmap(lambda weights: frozen_family(build(weights), family, windows))(series)

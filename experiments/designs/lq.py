@@ -7,6 +7,7 @@ at most one sample away from it. Gain schedule and observer are stored.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal
@@ -79,7 +80,7 @@ class LQDesign(Design):
     chosen_delay: bool
     limitable: bool = False
 
-    @property
+    @cached_property
     def model(self) -> LinearPlant:
         """Model of the machine with its known delay and `late` samples more.
 

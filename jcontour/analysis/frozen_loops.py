@@ -72,20 +72,20 @@ class CutLoops(NamedTuple):
 
 
 class LinearMachine(NamedTuple):
-    """The plant of a frozen loop."""
+    """Plants of frozen loops."""
 
-    A: Float[Array, "n n"]
-    B: Float[Array, "n p"]
-    H: Float[Array, "q n"]
+    A: Float[Array | np.ndarray, "*loops n n"]
+    B: Float[Array | np.ndarray, "*loops n p"]
+    H: Float[Array | np.ndarray, "*loops q n"]
 
 
 class LinearLaw(NamedTuple):
-    """The controller of a frozen loop."""
+    """Controllers of frozen loops."""
 
-    W: Float[Array, "c c"]
-    E: Float[Array, "c q"]
-    K: Float[Array, "p c"]
-    D: Float[Array, "p q"]
+    W: Float[Array | np.ndarray, "*loops c c"]
+    E: Float[Array | np.ndarray, "*loops c q"]
+    K: Float[Array | np.ndarray, "*loops p c"]
+    D: Float[Array | np.ndarray, "*loops p q"]
 
 
 class FrozenLoop(NamedTuple):

@@ -1,23 +1,21 @@
-"""Peaks of the sensitivities of one frozen loop over all frequencies.
+"""Peaks of the sensitivities of frozen loops over all frequencies, and their slopes. Host side.
 
-S_u = (I - K P)^-1 and S_y = I + P S_u K J, with plant P and controller K; J says how a change of
-the positions shows in the measurement. P and K are evaluated apart, on triangular matrices (Schur
-form), which is cheaper than the loop as a whole. A grid over all frequencies finds the wide peaks.
-No narrow one is missed: it comes from a pair of poles r exp(+-j a) of the closed loop near the unit
-circle, stands at a, is 1 - r wide, and a belongs to the grid. The highest points are refined by
-parabolas in brackets ever narrower.
+A grid over all frequencies finds the wide peaks. No narrow one is missed: it comes from a pair of
+poles r exp(+-j a) of the closed loop near the unit circle, stands at a, is 1 - r wide, and a
+belongs to the grid. The highest points are refined by parabolas in brackets ever narrower.
+
+The slope of a peak is that of the largest singular value at its frequency (envelope theorem): of
+s = Re(l' G r) with singular vectors l and r.
 """
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Bool, Complex, Float
 
-from jcontour.analysis.frozen_loops import FrozenLoop
-from jcontour.analysis.spectral import in_turn, unit_circle
-from jcontour.riccati.algebraic import small_inverse
+from jcontour.analysis.frequency_response import Encoding, Responses
+from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
+from jcontour.analysis.spectral import dominant
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(1e-4, 0.2, 28), np.linspace(0.2, 1, 17)[1:]])
@@ -25,192 +23,287 @@ REFINED = 4  # highest points of the grid that are refined: the highest may lie 
 WIDEST = 0.02  # half a bracket around the angle of a pair of poles, in the logarithm
 SPREAD = 0.05  # of a bracket, about the vertex of its parabola: it shrinks to a tenth each time
 NARROWED = 4  # brackets of the highest peak after the first
-
-
-class Encoding(NamedTuple):
-    """How the r positions in a measurement of q numbers are read, and changed at z.
-
-    The measurement changes by (level + (1 - 1/z) slope) d under a change d of the positions.
-    """
-
-    read: Float[np.ndarray, "r q"]
-    level: Float[np.ndarray, "q r"]
-    slope: Float[np.ndarray, "q r"]
-
-    def at(self, z: Complex[Array, "*F"]) -> Complex[Array, "*F q r"]:
-        """J(z) = level + (1 - 1/z) slope."""
-        level, slope = (jnp.asarray(matrix, z.dtype) for matrix in (self.level, self.slope))
-        later = jnp.einsum("...,qr->...qr", 1 - 1 / z, slope)
-        return jnp.broadcast_to(level, later.shape) + later
-
-
-class Triangular(NamedTuple):
-    """A system with a triangular matrix A; as it is where there is no Schur form but LU."""
-
-    A: Complex[Array, "n n"]
-    B: Complex[Array, "n p"]
-    C: Complex[Array, "q n"]
-
-    @classmethod
-    def of(cls, A: Float[Array, "n n"], B, C) -> "Triangular":
-        """Schur form on a CPU."""
-        if jax.default_backend() != "cpu" or not A.size:
-            kind = jnp.result_type(A.dtype, jnp.complex64)
-            return cls(*(matrix.astype(kind) for matrix in (A, B, C)))
-        T, Q = jax.scipy.linalg.schur(A, output="complex")
-        return cls(T, Q.conj().T @ B.astype(T.dtype), C.astype(T.dtype) @ Q)
-
-    def response(self, z: Complex[Array, " F"]) -> Complex[Array, "F q p"]:
-        """C (zI - A)^-1 B."""
-        A, B, C = self
-        n = A.shape[0]
-        if n == 0:  # a controller without memory
-            return jnp.zeros((z.size, C.shape[0], B.shape[1]), z.dtype)
-        if jax.default_backend() != "cpu":
-            one = jnp.eye(n, dtype=z.dtype)
-            return jax.vmap(lambda z: C @ jnp.linalg.solve(z * one - A, B))(z)
-
-        def substitute(k, X):
-            known = jnp.einsum("j,fjp->fp", A[n - 1 - k], X) + B[n - 1 - k][None]
-            return X.at[:, n - 1 - k].set(known / (z - A[n - 1 - k, n - 1 - k])[:, None])
-
-        X = jax.lax.fori_loop(0, n, substitute, jnp.zeros((z.size, *B.shape), z.dtype))
-        return jnp.einsum("qj,fjp->fqp", C, X)
+MEASURES = 3  # peak of S, peak of T, spectral radius
 
 
 class Brackets(NamedTuple):
-    """Peaks between three places each, the middle one the highest; curves in axis 0.
+    """Peaks between three places each, the middle one the highest; curves S and T in axis -3.
 
     Attributes:
         place: logarithms of frequencies.
         height: there.
     """
 
-    place: Float[Array, "2 R 3"]
-    height: Float[Array, "2 R 3"]
+    place: Float[np.ndarray, "*loops 2 R 3"]
+    height: Float[np.ndarray, "*loops 2 R 3"]
 
 
-class Responses(NamedTuple):
-    """Plant and controller of one loop, ready for many frequencies; no derivatives."""
+def loop_measures(
+    loop: FrozenLoop, encoding: Encoding
+) -> tuple[Float[np.ndarray, "*loops 3"], FrozenLoop]:
+    """Peak of S, peak of T and spectral radius of a batch of loops, and their slopes.
 
-    plant: Triangular
-    law: Triangular
-    D: Float[Array, "p q"]
-
-    @classmethod
-    def of(cls, loop: FrozenLoop) -> "Responses":
-        """Both in triangular form."""
-        (A, B, H), (W, E, K, D) = loop
-        triangular = in_turn(Triangular.of)
-        return cls(triangular(A, B, H), triangular(W, E, K), jax.lax.stop_gradient(D))
-
-    def heights(self, frequency: Float[Array, " F"], encoding: Encoding) -> Float[Array, "F 2"]:
-        """Largest singular values of S and T, over input and output."""
-        z = unit_circle(frequency)
-        P, K = self.plant.response(z), self.D.astype(z.dtype)[None] + self.law.response(z)
-        read = jnp.asarray(encoding.read, z.dtype)
-        S = small_inverse(_one_plus(-K @ P))
-        both = [T for T in (_one_plus(S, -1), read @ P @ S @ K @ encoding.at(z)) if T.size]
-        sensitivity = [_norm(_one_plus(T)) for T in both]
-        complementary = [_norm(T) for T in both]
-        found = [jnp.max(jnp.stack(curve), axis=0) for curve in (sensitivity, complementary)]
-        return jnp.nan_to_num(jnp.stack(found, axis=1), posinf=0.0)
-
-
-def peak_frequencies(heights, poles: Complex[Array, " N"], on_grid: Float[Array, "F 2"]):
-    """Frequencies [rad per sample] of the peaks of S and of T, (2,).
+    A loop that is not stable has infinite peaks with slope 0; one that is not finite has an
+    infinite radius, too.
 
     Args:
-        heights: (M,) frequencies -> largest singular values (M, 2) of S and T.
-        poles: of the closed loop, which is stable.
-        on_grid: heights on `GRID`.
+        loop: batched in front; plant and controller may have different batches that go together.
+        encoding: how the sensors show positions.
+
+    Returns:
+        Values, and their derivatives with respect to the matrices of the loop (*loops, 3, ...).
+    """
+    loop = FrozenLoop(
+        LinearMachine(*(np.asarray(matrix, float) for matrix in loop.machine)),
+        LinearLaw(*(np.asarray(matrix, float) for matrix in loop.law)),
+    )
+    finite = _finite(loop)
+    loop = _only(loop, finite)
+    M = _closed(loop)
+    poles, radius, left, right = dominant(M)
+    stable = finite & (radius < 1)
+    size = np.where(finite, radius, np.inf), _only(_slope(loop, left, right), finite)
+    found = [*_peaks(loop, encoding, M, poles, stable), size]
+    values = np.stack([value for value, _ in found], axis=-1)
+    matrices = [
+        [np.stack(three, axis=-3) for three in zip(*parts, strict=True)]
+        for parts in zip(*(slope for _, slope in found), strict=True)
+    ]
+    return values, FrozenLoop(LinearMachine(*matrices[0]), LinearLaw(*matrices[1]))
+
+
+def _peaks(loop: FrozenLoop, encoding: Encoding, M, poles, stable: Bool[np.ndarray, "*loops"]):
+    """Peak and slope of S, then of T."""
+    responses = Responses.of(loop, encoding)
+    frequency = peak_frequencies(responses, np.where(stable[..., None], poles, 0.0))
+    tops = []
+    for curve in range(2):
+        z = np.exp(1j * frequency[..., curve])
+        size, slope = _top(loop, np.where(stable[..., None, None], M, 0.0), encoding, z, curve)
+        tops.append((np.where(stable, size, np.inf), _only(slope, stable)))
+    return tops
+
+
+def peak_frequencies(
+    responses: Responses, poles: Complex[np.ndarray, "*loops N"]
+) -> Float[np.ndarray, "*loops 2"]:
+    """Frequencies [rad per sample] of the peaks of S and of T.
+
+    Args:
+        responses: of the loops.
+        poles: of the closed loops, which are stable.
     """
     places = _places(poles)
-    values = jnp.concatenate([on_grid, heights(jnp.exp(places[GRID.size :]))])
-    order = jnp.argsort(places)
-    brackets = _highest(places[order], values[order])
-    brackets = _narrowed(heights, brackets)
-    best = jnp.argmax(brackets.height[..., 1], axis=1)[:, None, None]
-    brackets = Brackets(*(jnp.take_along_axis(one, best, axis=1) for one in brackets))
-    repeated = jax.lax.fori_loop(0, NARROWED, lambda _, one: _narrowed(heights, one), brackets)
-    frequency = jnp.exp(_vertex(repeated)[:, 0])
-    return jnp.where(frequency > np.pi, 2 * np.pi - frequency, frequency)
+    on_grid = np.broadcast_to(responses.heights(GRID), (*poles.shape[:-1], GRID.size, 2))
+    beside = responses.heights(np.exp(places[..., GRID.size :]))
+    values = np.concatenate([on_grid, np.broadcast_to(beside, (*beside.shape[:-1], 2))], axis=-2)
+    order = np.argsort(places, axis=-1)
+    places = np.take_along_axis(places, order, axis=-1)
+    values = np.take_along_axis(values, order[..., None], axis=-2)
+    brackets = _narrowed(responses, _highest(places, values))
+    best = np.argmax(brackets.height[..., 1], axis=-1)[..., None, None]
+    brackets = Brackets(*(np.take_along_axis(one, best, axis=-2) for one in brackets))
+    for _ in range(NARROWED):
+        brackets = _narrowed(responses, brackets)
+    frequency = np.exp(_vertex(brackets)[..., 0])
+    return np.where(frequency > np.pi, 2 * np.pi - frequency, frequency)
 
 
-def _one_plus(G: Complex[Array, "F p p"], factor: int = 1) -> Complex[Array, "F p p"]:
-    """Matrices with `factor` added on their diagonals."""
-    return G + factor * jnp.eye(G.shape[1], dtype=G.dtype)[None]
-
-
-def _norm(G: Complex[Array, "F p p"]) -> Float[Array, " F"]:
-    """Largest singular value, in closed form up to 2 x 2."""
-    if G.shape[1] == 1:
-        return jnp.abs(G[:, 0, 0])
-    if G.shape[1] > 2:
-        return jnp.linalg.svd(G, compute_uv=False)[:, 0]
-    square = jnp.sum(jnp.abs(G) ** 2, axis=1)
-    cross = jnp.abs(jnp.sum(jnp.conj(G[:, :, 0]) * G[:, :, 1], axis=1))
-    middle, half = (square[:, 0] + square[:, 1]) / 2, (square[:, 0] - square[:, 1]) / 2
-    return jnp.sqrt(middle + jnp.sqrt(half**2 + cross**2))
-
-
-def _places(poles: Complex[Array, " N"]) -> Float[Array, " F"]:
+def _places(poles: Complex[np.ndarray, "*loops N"]) -> Float[np.ndarray, "*loops F"]:
     """Logarithms of the grid, then of three frequencies for each pair of poles.
 
     They stand at the angle of the pair and its distance from the unit circle on either side: a
     bracket as wide as the peak.
     """
-    pairs = min(poles.size // 2, GRID.size - 2)
+    pairs = min(poles.shape[-1] // 2, GRID.size - 2)
     unused = np.sqrt(GRID[1:-1] * GRID[2:])[GRID.size - 2 - pairs :]
-    angle = jnp.angle(poles)
-    resonant = (jnp.imag(poles) > 0) & (angle > GRID[1])
-    relative = jnp.where(resonant, (1 - jnp.abs(poles)) / jnp.where(resonant, angle, 1.0), jnp.inf)
-    narrow = jnp.argsort(relative)[:pairs]
-    beside = jnp.log(jnp.where(resonant[narrow], angle[narrow], unused))
-    width = jnp.where(resonant[narrow], jnp.minimum(relative[narrow], WIDEST), WIDEST)
-    return jnp.concatenate([np.log(GRID), beside - width, beside, beside + width])
+    angle = np.angle(poles)
+    resonant = (np.imag(poles) > 0) & (angle > GRID[1])
+    inside = (1 - np.abs(poles)) / np.where(resonant, angle, 1.0)
+    relative = np.where(resonant, inside, np.inf)
+    narrow = np.argsort(relative, axis=-1)[..., :pairs]
+    resonant, angle, relative = (
+        np.take_along_axis(one, narrow, axis=-1) for one in (resonant, angle, relative)
+    )
+    beside = np.log(np.where(resonant, angle, unused))
+    width = np.where(resonant, np.minimum(relative, WIDEST), WIDEST)
+    grid = np.broadcast_to(np.log(GRID), (*poles.shape[:-1], GRID.size))
+    return np.concatenate([grid, beside - width, beside, beside + width], axis=-1)
 
 
-def _highest(places: Float[Array, " F"], values: Float[Array, "F 2"]) -> Brackets:
-    """Highest local maxima of both curves, (2, REFINED), and their neighbours.
+def _highest(
+    places: Float[np.ndarray, "*loops F"], values: Float[np.ndarray, "*loops F 2"]
+) -> Brackets:
+    """Highest local maxima of both curves, REFINED of each, and their neighbours.
 
     Beyond pi a curve is its own reflection.
     """
-    mirrored = jnp.log(2 * np.pi - jnp.exp(places[-2:-1]))
-    places = jnp.concatenate([places[:1] - 1, places, mirrored])
-    values = jnp.concatenate([values[:1], values, values[-2:-1]]).T
-    before, here, after = values[:, :-2], values[:, 1:-1], values[:, 2:]
-    top = jnp.where((here >= before) & (here >= after), here, -jnp.inf)
-    _, chosen = jax.lax.top_k(top, REFINED)
-    rows = chosen[..., None] + np.arange(3)[None, None]
-    heights = jnp.take_along_axis(values[:, None], rows, axis=2)
-    return Brackets(places[rows], heights)
+    mirrored = np.log(2 * np.pi - np.exp(places[..., -2:-1]))
+    places = np.concatenate([places[..., :1] - 1, places, mirrored], axis=-1)
+    values = np.concatenate([values[..., :1, :], values, values[..., -2:-1, :]], axis=-2)
+    curves = np.swapaxes(values, -1, -2)
+    before, here, after = curves[..., :-2], curves[..., 1:-1], curves[..., 2:]
+    top = np.where((here >= before) & (here >= after), here, -np.inf)
+    chosen = np.argsort(-top, axis=-1)[..., :REFINED]
+    rows = chosen[..., None] + np.arange(3)
+    both = np.broadcast_to(places[..., None, :], curves.shape)
+    return Brackets(*(_taken(one, rows) for one in (both, curves)))
 
 
-def _narrowed(heights, brackets: Brackets) -> Brackets:
+def _taken(values: Float[np.ndarray, "*loops 2 F"], rows) -> Float[np.ndarray, "*loops 2 R 3"]:
+    """values[..., rows[..., r, k]]."""
+    flat = rows.reshape(*rows.shape[:-2], -1)
+    return np.take_along_axis(values, flat, axis=-1).reshape(rows.shape)
+
+
+def _narrowed(responses: Responses, brackets: Brackets) -> Brackets:
     """Brackets around the highest of the points known and three more about the vertex."""
     width = brackets.place[..., 2] - brackets.place[..., 0]
-    middle = _vertex(brackets)[..., None]
-    spread = SPREAD * width[..., None] * np.array([[[-1.0, 0.0, 1.0]]])
+    spread = SPREAD * width[..., None] * np.array([-1.0, 0.0, 1.0])
     low, high = brackets.place[..., :1], brackets.place[..., 2:]
-    places = jnp.clip(middle + spread, low, high)
-    both = heights(jnp.exp(places).ravel()).reshape(*places.shape, 2)
-    levels = jnp.stack([both[k, ..., k] for k in range(2)])
-    places = jnp.concatenate([brackets.place, places], axis=2)
-    levels = jnp.concatenate([brackets.height, levels], axis=2)
-    order = jnp.argsort(places, axis=2)
-    places, levels = (jnp.take_along_axis(one, order, axis=2) for one in (places, levels))
-    best = jnp.clip(jnp.argmax(levels, axis=2, keepdims=True), 1, 4)
-    rows = best + np.array([[[-1, 0, 1]]])
-    return Brackets(*(jnp.take_along_axis(one, rows, axis=2) for one in (places, levels)))
+    places = np.clip(_vertex(brackets)[..., None] + spread, low, high)
+    flat = np.exp(places).reshape(*places.shape[:-3], -1)
+    both = responses.heights(flat).reshape(*places.shape, 2)
+    levels = np.stack([both[..., k, :, :, k] for k in range(2)], axis=-3)
+    places = np.concatenate([brackets.place, places], axis=-1)
+    levels = np.concatenate([brackets.height, levels], axis=-1)
+    order = np.argsort(places, axis=-1)
+    places, levels = (np.take_along_axis(one, order, axis=-1) for one in (places, levels))
+    best = np.clip(np.argmax(levels, axis=-1), 1, 4)[..., None]
+    rows = best + np.array([-1, 0, 1])
+    return Brackets(*(np.take_along_axis(one, rows, axis=-1) for one in (places, levels)))
 
 
-def _vertex(brackets: Brackets) -> Float[Array, "2 R"]:
+def _vertex(brackets: Brackets) -> Float[np.ndarray, "*loops 2 R"]:
     """Vertex of the parabola through three points; never the middle one itself."""
-    a, b, c = (brackets.place[..., k] for k in range(3))
-    low, top, high = (brackets.height[..., k] for k in range(3))
+    a, b, c = np.moveaxis(brackets.place, -1, 0)
+    low, top, high = np.moveaxis(brackets.height, -1, 0)
     left, right = (top - low) * (c - b), (top - high) * (b - a)
     area = left + right
-    step = (left * (c - b) - right * (b - a)) / jnp.where(area > 0, 2 * area, 1.0)
-    least = 1e-3 * SPREAD * jnp.where(c - b > b - a, 1.0, -1.0) * (c - a)
-    return b + jnp.where(jnp.abs(step) > jnp.abs(least), step, least)
+    step = (left * (c - b) - right * (b - a)) / np.where(area > 0, 2 * area, 1.0)
+    least = 1e-3 * SPREAD * np.where(c - b > b - a, 1.0, -1.0) * (c - a)
+    return b + np.where(np.abs(step) > np.abs(least), step, least)
+
+
+def _closed(loop: FrozenLoop) -> Float[np.ndarray, "*loops N N"]:
+    """Closed loops; the state is (x, w)."""
+    (A, B, H), (W, E, K, D) = loop
+    return _blocks([[A + B @ D @ H, B @ K], [E @ H, W]])
+
+
+def _blocks(rows: list) -> np.ndarray:
+    """A matrix of matrices whose batches go together."""
+    batch = np.broadcast_shapes(*(block.shape[:-2] for row in rows for block in row))
+    wide = [
+        np.concatenate([np.broadcast_to(M, (*batch, *M.shape[-2:])) for M in row], axis=-1)
+        for row in rows
+    ]
+    return np.concatenate(wide, axis=-2)
+
+
+def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops"], curve: int):
+    """Largest singular value of S (curve 0) or T (1) at one frequency, and its slope.
+
+    d_u is added to the control, J d_y to what the controller reads. T_u is the answer of the
+    control to d_u, T_y that of the positions to d_y; S = I + T.
+    """
+    (_, B, H), (W, E, K, D) = loop
+    p, c, r = B.shape[-1], W.shape[-1], len(encoding.read)
+    J = encoding.at(z)
+    entry = _blocks([[B, B @ D @ J], [np.zeros((c, p)), E @ J]])
+    exit = _blocks([[D @ H, K], [encoding.read @ H, np.zeros((r, c))]])
+    resolvent = np.linalg.inv(z[..., None, None] * np.eye(M.shape[-1]) - M)
+    T = exit @ resolvent @ entry
+    of_input, of_output = (_singular(T, rows, 1 - curve) for rows in (slice(0, p), slice(p, p + r)))
+    larger = of_input[0] >= of_output[0]
+    size = np.where(larger, of_input[0], of_output[0])
+    u, v = (
+        np.where(larger[..., None], *both) for both in zip(of_input[1:], of_output[1:], strict=True)
+    )
+    right = _times(resolvent, _times(entry, v))
+    left = _times(_turned(exit @ resolvent), u)
+    ends = Ends(v[..., :p], _times(J, v[..., p:]), u[..., :p], _times(encoding.read.T, u[..., p:]))
+    return size, _slope(loop, left, right, ends)
+
+
+def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
+    """Largest singular value of a block of one I + T.
+
+    Then its left vector, conjugate, and its right vector, among zeros.
+    """
+    block = T[..., rows, rows]
+    size = block.shape[-1]
+    u, v = np.zeros(T.shape[:-1], complex), np.zeros(T.shape[:-1], complex)
+    if size == 0:
+        return np.full(T.shape[:-2], -np.inf), u, v
+    U, heights, V = np.linalg.svd(block + one * np.eye(size))
+    u[..., rows], v[..., rows] = np.conj(U[..., 0]), np.conj(V[..., 0, :])
+    return heights[..., 0], u, v
+
+
+class Ends(NamedTuple):
+    """Where a disturbance comes into a loop, and what of its answer counts, by weights.
+
+    Attributes:
+        control: added to the control.
+        reading: added to what the controller reads.
+        of_control: weights of the control.
+        of_reading: weights of what the sensors show.
+    """
+
+    control: Complex[np.ndarray, "*loops p"]
+    reading: Complex[np.ndarray, "*loops q"]
+    of_control: Complex[np.ndarray, "*loops p"]
+    of_reading: Complex[np.ndarray, "*loops q"]
+
+
+NO_ENDS = Ends(*[np.zeros(())] * 4)
+
+
+def _slope(loop: FrozenLoop, left, right, ends: Ends = NO_ENDS) -> FrozenLoop:
+    """Derivative of Re(left' M right), ends included, with respect to the matrices of the loop.
+
+    x and w are the states that `right` stands for, y what the controller reads and u the control
+    then. of_x, ... are the weights of their changes, as far as `left` stands for them.
+    """
+    (A, B, H), (_, E, K, D) = loop
+    n = A.shape[-1]
+    x, w, of_x, of_w = right[..., :n], right[..., n:], left[..., :n], left[..., n:]
+    y = _times(H, x) + ends.reading
+    u = _times(D, y) + _times(K, w) + ends.control
+    of_u = _times(_turned(B), of_x) + ends.of_control
+    of_y = _times(_turned(D), of_u) + _times(_turned(E), of_w) + ends.of_reading
+    return FrozenLoop(
+        LinearMachine(_outer(of_x, x), _outer(of_x, u), _outer(of_y, x)),
+        LinearLaw(_outer(of_w, w), _outer(of_w, y), _outer(of_u, w), _outer(of_u, y)),
+    )
+
+
+def _times(matrix, vector):
+    """Matrices times vectors."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _turned(matrix):
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _outer(a, b) -> Float[np.ndarray, "*loops a b"]:
+    return np.real(a[..., :, None] * b[..., None, :])
+
+
+def _finite(loop: FrozenLoop) -> Bool[np.ndarray, "*loops"]:
+    matrices = [*loop.machine, *loop.law]
+    finite = [np.isfinite(matrix).all(axis=(-2, -1)) for matrix in matrices]
+    return np.logical_and.reduce(np.broadcast_arrays(*finite))
+
+
+def _only(loop: FrozenLoop, kept: Bool[np.ndarray, "*loops"]) -> FrozenLoop:
+    """The same loops, with zeros where they are not kept."""
+    if kept.all():
+        return loop
+
+    def masked(part):
+        return [np.where(kept[..., None, None], matrix, 0.0) for matrix in part]
+
+    return FrozenLoop(LinearMachine(*masked(loop.machine)), LinearLaw(*masked(loop.law)))

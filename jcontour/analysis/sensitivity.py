@@ -17,25 +17,28 @@ speeds after it). For any other measurement, a whole state for instance, units d
 entry, and the input alone counts.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jax.tree_util import Partial
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.analysis.frozen_loops import FrozenLoop, linear_law, linear_machine, unlimited
-from jcontour.analysis.peak_search import GRID, Encoding, Responses, peak_frequencies
-from jcontour.analysis.spectral import (
-    in_turn,
-    poles,
-    radius,
-    radius_slope,
-    unit_circle,
-    with_slope,
+from jcontour.analysis.frequency_response import Encoding, Responses
+from jcontour.analysis.frozen_loops import (
+    FrozenLoop,
+    LinearLaw,
+    LinearMachine,
+    linear_law,
+    linear_machine,
+    unlimited,
 )
+from jcontour.analysis.peak_search import MEASURES, loop_measures
+from jcontour.analysis.spectral import on_host, radius, with_slope
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -99,7 +102,7 @@ def probe_windows(references: Reference, count: int = 8) -> Reference:
     rows = start[:, None] + np.arange(references.preview + 1)
 
     def cut(values):
-        return jnp.asarray(values[contour[:, None], rows])
+        return jax.device_put(values[contour[:, None], rows])
 
     entered = host.position[contour, start] - host.position[contour, np.maximum(start - 1, 0)]
     increment = np.where((start > 0)[:, None], entered, host.start_increment[contour])
@@ -108,9 +111,9 @@ def probe_windows(references: Reference, count: int = 8) -> Reference:
         cut(host.position),
         cut(host.tangent),
         cut(host.arc),
-        jnp.asarray(mask),
-        jnp.asarray(increment),
-        jax.tree.map(lambda leaf: jnp.asarray(leaf[contour]), host.contour),
+        jax.device_put(mask),
+        jax.device_put(increment),
+        jax.tree.map(lambda leaf: jax.device_put(leaf[contour]), host.contour),
         references.dt,
         1,
     )
@@ -120,9 +123,6 @@ def probe_windows(references: Reference, count: int = 8) -> Reference:
 def loop_peaks(controller: Controller, plants: Plant, windows: Reference) -> LoopPeaks:
     """Peaks of the sensitivity and of the complementary one, with derivatives.
 
-    Frequencies are found first; the derivative is that of the largest singular value there
-    (envelope theorem).
-
     Args:
         controller: any, traceable; prepared once per probe.
         plants: `stack_plants([...])`, axis 0, smooth.
@@ -131,26 +131,14 @@ def loop_peaks(controller: Controller, plants: Plant, windows: Reference) -> Loo
     Raises:
         ValueError: as `simulate`.
     """
-
-    def peaks(loop: FrozenLoop, encoding: Encoding) -> LoopPeaks:
-        closed, responses = _closed(loop, encoding), Responses.of(loop)
-        on_grid = responses.heights(jnp.asarray(GRID), encoding)
-
-        def found(closed: _Closed, responses: Responses, on_grid):
-            values = poles(closed.M)
-            size, slope = radius_slope(closed.M, values)
-            stable = size < 1
-            closed = jax.tree.map(lambda matrix: jnp.where(stable, matrix, 0.0), closed)
-            values = jnp.where(stable, values, 0.0)
-            at = peak_frequencies(lambda w: responses.heights(w, encoding), values, on_grid)
-            return size, slope, [_top(closed, encoding, at[k], k) for k in range(2)]
-
-        size, slope, tops = in_turn(found)(closed, responses, on_grid)
-        size = with_slope(size, slope, closed.M)
-        heights = [with_slope(*top, closed) for top in tops]
-        return LoopPeaks(*(jnp.where(size < 1, height, jnp.inf) for height in heights), size)
-
-    return _over_loops(peaks, controller, plants, windows)
+    loops, encoding = frozen_family(controller, plants, windows), encoding_of(plants, windows)
+    like = jax.eval_shape(_measures_like, loops)
+    values, slopes = on_host(partial(_measures, encoding), like, loops)
+    peaks = []
+    for k in range(MEASURES):
+        slope = jax.tree.map(lambda matrices, k=k: matrices[..., k, :, :], slopes)
+        peaks.append(with_slope(values[..., k], slope, loops))
+    return LoopPeaks(*peaks)
 
 
 @eqx.filter_jit
@@ -168,11 +156,11 @@ def sensitivity_curves(
     Raises:
         ValueError: as `simulate`.
     """
-
-    def curve(loop: FrozenLoop, encoding: Encoding):
-        return Responses.of(loop).heights(jnp.asarray(frequencies), encoding)[:, 0]
-
-    return _over_loops(curve, controller, plants, windows)
+    loops, encoding = frozen_family(controller, plants, windows), encoding_of(plants, windows)
+    frequencies = jnp.asarray(frequencies)
+    shape = (*jax.eval_shape(_measures_like, loops)[0].shape[:-1], frequencies.size)
+    like = jax.ShapeDtypeStruct(shape, frequencies.dtype)
+    return on_host(partial(_curves, encoding), like, loops, frequencies)
 
 
 @eqx.filter_jit
@@ -193,104 +181,90 @@ def late_radius(
     if samples < 0:
         raise ValueError(f"samples: a delay is not negative, received {samples}")
 
-    def late(loop: FrozenLoop, encoding: Encoding):
-        cut = loop.cut()
-        return radius(cut.late(samples) if samples else jnp.asarray(cut.closed()))
+    def late(machine: LinearMachine, law: LinearLaw):
+        cut = FrozenLoop(machine, law).cut()
+        return cut.late(samples) if samples else jnp.asarray(cut.closed())
 
-    return _over_loops(late, controller, plants, windows)
+    loops = frozen_family(controller, plants, windows)
+    laws = jax.tree.map(lambda one: one[:, 0], loops.law)
+    return radius(jax.vmap(jax.vmap(late, (0, None)))(loops.machine, laws))
 
 
-def _over_loops(function, controller: Controller, plants: Plant, windows: Reference):
-    """function(loop, encoding) of every probe and plant, (K, P)."""
+def frozen_family(controller: Controller, plants: Plant, windows: Reference) -> FrozenLoop:
+    """Frozen loops of every probe and plant.
+
+    Args:
+        controller: as for `loop_peaks`.
+        plants: likewise.
+        windows: likewise.
+
+    Returns:
+        Matrices of the plants (K, P, ...), those of the controllers (K, 1, ...).
+
+    Raises:
+        ValueError: as `simulate`.
+    """
     check_run(plants, controller, windows)
     controller, plants = unlimited(controller), unlimited(plants)
 
-    def at_probe(window: Reference):
+    def at_probe(window: Reference) -> FrozenLoop:
         plan = jax.tree.map(lambda leaf: leaf[0], controller.prepare(window))
         memory = controller.initial_memory(window)
         first = member(plants, 0)
         measurement = first.measure(start_state(first, window))
         law, control = linear_law(controller, plan, memory, measurement)
 
-        def on_plant(plant: Plant):
-            state = start_state(plant, window)
-            machine = linear_machine(plant, state, control)
-            encoding = _encoding(plant, state, machine.H.shape[0])
-            return function(FrozenLoop(machine, law), encoding)
+        def on_plant(plant: Plant) -> LinearMachine:
+            return linear_machine(plant, start_state(plant, window), control)
 
-        return jax.vmap(on_plant)(plants)
+        return FrozenLoop(jax.vmap(on_plant)(plants), jax.tree.map(lambda one: one[None], law))
 
     return jax.vmap(at_probe)(windows)
 
 
-class _Closed(NamedTuple):
-    """A closed loop z+ = M z + entry (d_u, d_q), of which `exit` reads (u, y).
+def encoding_of(plants: Plant, windows: Reference) -> Encoding:
+    """How the sensors of a family show positions; without rows where they show something else."""
 
-    d_q changes what the controller reads, y are the positions in it.
-    """
+    def numbers(plants: Plant, windows: Reference):
+        plant = member(plants, 0)
+        state = start_state(plant, member(windows, 0))
+        return plant.output(state), ravel_pytree(plant.measure(state))[0]
 
-    M: Float[Array, "N N"]
-    entry: Float[Array, "N p+q"]
-    exit: Float[Array, "p+r N"]
-
-
-def _closed(loop: FrozenLoop, encoding: Encoding) -> _Closed:
-    cut, H = loop.cut(), loop.machine.H
-    unread = jnp.zeros((len(encoding.read), loop.law.W.shape[0]), H.dtype)
-    shown = jnp.concatenate([jnp.asarray(encoding.read, H.dtype) @ H, unread], axis=1)
-    return _Closed(
-        jnp.asarray(cut.closed()),
-        jnp.concatenate([cut.B, loop.entry()], axis=1),
-        jnp.concatenate([cut.C, shown]),
-    )
-
-
-def _top(closed: _Closed, encoding: Encoding, w: Float[Array, ""], curve: int):
-    """Largest singular value of S (curve 0) or T (1) at one frequency, and its derivative.
-
-    With singular vectors s = u'(I + exit (zI - M)^-1 entry J) v the derivative is
-        ds = Re(u' dexit right + left dM right + left dentry J v),
-    right = (zI - M)^-1 entry J v and left = u' exit (zI - M)^-1.
-    """
-    z = unit_circle(w)
-    M, entry, exit = (matrix.astype(z.dtype) for matrix in closed)
-    N, p = M.shape[0], entry.shape[1] - encoding.level.shape[0]
-    J = jax.scipy.linalg.block_diag(jnp.eye(p, dtype=z.dtype), encoding.at(z))
-    factors = jax.scipy.linalg.lu_factor(z * jnp.eye(N, dtype=z.dtype) - M)
-    moved = jax.scipy.linalg.lu_solve(factors, entry @ J)
-    T = exit @ moved
-    blocks = [np.arange(p), np.arange(p, exit.shape[0])]
-    tops = [_singular(T, rows, 1 - curve) for rows in blocks if rows.size]
-    height, u, v = jax.tree.map(lambda *ones: jnp.stack(ones), *tops)
-    best = jnp.argmax(height)
-    u, v = u[best], v[best]
-    right, left = moved @ v, jax.scipy.linalg.lu_solve(factors, exit.T @ jnp.conj(u), trans=1)
-    slope = _Closed(jnp.outer(left, right), jnp.outer(left, J @ v), jnp.outer(jnp.conj(u), right))
-    return height[best], jax.tree.map(jnp.real, slope)
-
-
-def _singular(T: Complex[Array, "s s"], rows: np.ndarray, one: int):
-    """Largest singular value of a block of one I + T, and its vectors among zeros."""
-    block = T[np.ix_(rows, rows)] + one * jnp.eye(rows.size, dtype=T.dtype)
-    U, heights, V = jnp.linalg.svd(block)
-    nothing = jnp.zeros(T.shape[0], T.dtype)
-    return heights[0], nothing.at[rows].set(U[:, 0]), nothing.at[rows].set(jnp.conj(V[0]))
-
-
-def _encoding(plant: Plant, state, numbers: int) -> Encoding:
-    """How the sensors show positions; without rows where they show something else."""
-    axes = plant.output(state).size
-    sensors = _innermost_sensors(plant)
+    output, measurement = jax.eval_shape(numbers, plants, windows)
+    sensors = _innermost_sensors(plants)
     if isinstance(sensors, (FineEncoders, CountingEncoders)):
         shown = np.eye(sensors.sensors.axes)
         nothing = 0 * shown
         return Encoding(
             read=np.hstack([shown, nothing]),
             level=np.vstack([shown, nothing]),
-            slope=np.vstack([nothing, shown / plant.dt]),
+            slope=np.vstack([nothing, shown / sensors.dt]),
         )
-    shown = np.eye(numbers) if numbers == axes else np.zeros((numbers, 0))
+    count = measurement.size
+    shown = np.eye(count) if count == output.size else np.zeros((count, 0))
     return Encoding(read=shown.T, level=shown, slope=0 * shown)
+
+
+def _measures_like(loops: FrozenLoop) -> tuple[Array, FrozenLoop]:
+    """Shapes of `loop_measures`."""
+    batch = jnp.broadcast_shapes(loops.machine.A.shape[:-2], loops.law.W.shape[:-2])
+
+    def slope(matrix):
+        return jnp.zeros((*batch, MEASURES, *matrix.shape[-2:]), matrix.dtype)
+
+    return jnp.zeros((*batch, MEASURES), loops.machine.A.dtype), jax.tree.map(slope, loops)
+
+
+def _measures(encoding: Encoding, loops: FrozenLoop) -> tuple[np.ndarray, FrozenLoop]:
+    dtype = loops.machine.A.dtype
+    return jax.tree.map(lambda found: found.astype(dtype), loop_measures(loops, encoding))
+
+
+def _curves(encoding: Encoding, loops: FrozenLoop, frequencies) -> np.ndarray:
+    loops = jax.tree.map(np.asarray, loops)
+    found = Responses.of(loops, encoding).heights(np.asarray(frequencies))[..., 0]
+    batch = np.broadcast_shapes(loops.machine.A.shape[:-2], loops.law.W.shape[:-2])
+    return np.broadcast_to(found, (*batch, found.shape[-1])).astype(frequencies.dtype)
 
 
 def _innermost_sensors(plant: Plant) -> Plant:

@@ -1,11 +1,14 @@
 """Linear plants from linear plants: discretisation, input delay, input gains."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import jax.scipy.linalg as jsl
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.linear.plant import LinearPlant
+from jcontour.tracing import is_concrete
 
 
 def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[Array, "n p"]]:
@@ -47,14 +50,22 @@ def with_input_delay(plant: LinearPlant, samples: int) -> LinearPlant:
     if samples == 0:
         return plant
     n, p, line = plant.states, plant.inputs, samples * plant.inputs
-    dtype = plant.A.dtype
-    A = jnp.zeros((n + line, n + line), dtype)
-    A = A.at[:n, :n].set(plant.A)
-    A = A.at[:n, n + line - p :].set(plant.B)
-    A = A.at[n + p :, n : n + line - p].set(jnp.eye(line - p, dtype=dtype))
-    B = jnp.zeros((n + line, p), dtype).at[n : n + p].set(jnp.eye(p, dtype=dtype))
-    C = jnp.concatenate([plant.C, jnp.zeros((plant.axes, line), dtype)], axis=1)
-    return LinearPlant(A, B, C, plant.dt)
+    matrices, dtype = (plant.A, plant.B, plant.C), plant.A.dtype
+    library = np if is_concrete(*matrices) else jnp  # NumPy has nothing to compile
+    A, B, C = (library.asarray(matrix) for matrix in matrices)
+
+    def nothing(rows: int, columns: int):
+        return np.zeros((rows, columns), dtype)
+
+    kept = line - p
+    late = [
+        [A, nothing(n, kept), B],
+        [nothing(p, n + line)],
+        [nothing(kept, n), np.eye(kept, dtype=dtype), nothing(kept, p)],
+    ]
+    entry = np.eye(n + line, p, -n, dtype)
+    shown = library.concatenate([C, nothing(plant.axes, line)], axis=1)
+    return LinearPlant(*jax.device_put((library.block(late), entry, shown)), plant.dt)
 
 
 def with_input_gains(plant: LinearPlant, gains) -> LinearPlant:

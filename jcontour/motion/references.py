@@ -223,9 +223,9 @@ def pad(reference: Reference, steps: int) -> Reference:
 
     def hold(values):
         values = np.asarray(values)
-        return jnp.asarray(np.concatenate([values, np.repeat(values[-1:], extra, axis=0)]))
+        return jax.device_put(np.concatenate([values, np.repeat(values[-1:], extra, axis=0)]))
 
-    mask = jnp.asarray(np.concatenate([reference.mask, np.zeros(extra, bool)]))
+    mask = jax.device_put(np.concatenate([reference.mask, np.zeros(extra, bool)]))
     return Reference(
         hold(reference.position),
         hold(reference.tangent),
@@ -355,7 +355,7 @@ def _reference(samples: _Samples, contour: Contour, dt: float, preview: int, inc
             f"dt: the sample period needs to be a positive number of seconds, received {dt}"
         )
     samples = samples._replace(mask=samples.mask & (np.arange(count) < steps))
-    arrays = (jnp.asarray(array) for array in (*samples, increment))
+    arrays = jax.device_put((*samples, np.asarray(increment)))
     return Reference(*arrays, contour, float(dt), steps)
 
 

@@ -181,5 +181,5 @@ def _stack(name: str, members: Sequence) -> Any:
                 f"{name}: all need the same structure, sample period and shapes; "
                 f"number {k} differs from number 0"
             )
-    # stacked by NumPy: nothing to compile
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *members)
+    # stacked by NumPy, and put in place as they are: nothing to compile
+    return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *members)

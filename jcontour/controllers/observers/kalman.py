@@ -8,6 +8,7 @@ controls beside the state, and cancels it; `integral_lqg` has an integral instea
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -245,11 +246,9 @@ def offset_free_gain(
         ValueError: as `kalman_gain`.
     """
     A, C = with_disturbance(model, measured)
-    n, p = model.states, model.inputs
-    B = jnp.zeros((n + p, 2 * p), A.dtype).at[:n, :p].set(model.B).at[n:, p:].set(jnp.eye(p))
-    noise = jnp.concatenate(
-        [jnp.broadcast_to(jnp.asarray(size, A.dtype), (p,)) for size in (control_noise, drift)]
-    )
+    dtype = A.dtype
+    B = _random_walk(model.B)
+    noise = _joined(jnp.asarray(control_noise, dtype), jnp.asarray(drift, dtype), model.inputs)
     return kalman_gain(LinearPlant(A, B, C, model.dt), noise, measurement_noise)
 
 
@@ -275,10 +274,27 @@ def with_disturbance(
     model: LinearPlant, measured: Float[ArrayLike, "q n"]
 ) -> tuple[Float[Array, "both both"], Float[Array, "q both"]]:
     """Matrices A and C of [x, d], with n + p states; d is a constant load of the controls."""
-    n, p = model.states, model.inputs
-    A = jnp.eye(n + p, dtype=model.A.dtype).at[:n, :n].set(model.A).at[:n, n:].set(model.B)
-    measured = jnp.asarray(measured, model.A.dtype)
-    return A, jnp.concatenate([measured, jnp.zeros((measured.shape[0], p), measured.dtype)], axis=1)
+    return _disturbed(model.A, model.B, jnp.asarray(measured, model.A.dtype))
+
+
+# one program each, where they are called outside of one
+@jax.jit
+def _disturbed(A, B, C):
+    n, p = B.shape
+    both = jnp.eye(n + p, dtype=A.dtype).at[:n, :n].set(A).at[:n, n:].set(B)
+    return both, jnp.concatenate([C, jnp.zeros((C.shape[0], p), C.dtype)], axis=1)
+
+
+@jax.jit
+def _random_walk(B: Float[Array, "n p"]) -> Float[Array, "both 2*p"]:
+    """Entries of the noises of control and drift."""
+    n, p = B.shape
+    return jnp.zeros((n + p, 2 * p), B.dtype).at[:n, :p].set(B).at[n:, p:].set(jnp.eye(p))
+
+
+@partial(jax.jit, static_argnums=2)
+def _joined(control_noise, drift, inputs: int) -> Float[Array, " 2*p"]:
+    return jnp.concatenate([jnp.broadcast_to(size, (inputs,)) for size in (control_noise, drift)])
 
 
 @jax.jit

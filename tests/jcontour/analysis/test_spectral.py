@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.analysis.spectral import in_turn, radius
+from jcontour.analysis.spectral import radius
 
 
 @pytest.mark.parametrize("size", [1, 2, 7, 24])
@@ -38,13 +38,9 @@ def test_a_matrix_that_is_not_finite_has_an_infinite_radius(bad):
     assert np.isinf(value) and np.isfinite(slope).all()
 
 
-def test_batches_in_turn_are_batches():
+def test_batches_are_batches():
     M = jnp.asarray(np.random.default_rng(0).standard_normal((3, 2, 4, 4)))
     one = np.array([[float(radius(M[i, j])) for j in range(2)] for i in range(3)])
     np.testing.assert_allclose(jax.jit(jax.vmap(jax.vmap(radius)))(M), one, rtol=1e-12)
     slopes = jax.vmap(jax.grad(lambda row: jax.vmap(radius)(row).sum()))(M)
     np.testing.assert_allclose(slopes[1, 1], jax.grad(radius)(M[1, 1]), rtol=1e-9)
-
-
-def test_what_runs_in_turn_has_no_derivative():
-    assert jax.grad(lambda x: in_turn(lambda y: y**2)(x))(3.0) == 0.0
