@@ -11,15 +11,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from experiments.jobs.job import Task
 from experiments.machines.machine import Fed, Machine
-from jcontour.controller import Controller
+from jcontour.controller import Controller, Plan
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
-from jcontour.simulation.closed_loop import check_run, follow
+from jcontour.simulation.closed_loop import check_run, follow, prepared
 from jcontour.simulation.evaluation import (
     family_batching,
+    member,
     platform_batching,
     stack_plants,
     stack_references,
@@ -88,38 +90,49 @@ def replay(controller: Controller, scenarios: Scenarios, watch: Watch | None = N
         ValueError: the preview or the sample period does not fit.
     """
     check_run(scenarios.family, controller, scenarios.references)
-    return Replay(
-        *jax.device_get(_replay(controller, scenarios.family, scenarios.references, watch))
-    )
+    references, plans = scenarios.references, prepared_plans(controller, scenarios.references)
+    output, control, watched = _runs(controller, scenarios.family, references, plans, watch)
+    metrics, error = _scored(output, control, references)
+    return Replay(*jax.device_get((metrics, output, control, error, watched)))
+
+
+def prepared_plans(controller: Controller, references: Reference) -> Plan:
+    """Plans of a controller for stacked references, axis 0; one program for all of them."""
+    count = len(references.mask)
+    plans = [jax.device_get(prepared(controller, member(references, k))) for k in range(count)]
+    return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *plans)
 
 
 @eqx.filter_jit
-def _replay(
-    controller: Controller, family: Plant, references: Reference, watch: Watch | None
+def _runs(
+    controller: Controller, family: Plant, references: Reference, plans: Plan, watch: Watch | None
 ) -> tuple[Any, ...]:
-    def on_contour(reference: Reference):
-        plan = controller.prepare(reference)
+    """Output, control, and what was watched, (contour, plant, time, ...)."""
+
+    def on_contour(planned: tuple[Reference, Plan]):
+        reference, plan = planned
 
         def on_plant(plant: Plant):
             run = follow(plant, controller, plan, reference)
             watched = None if watch is None else jax.vmap(partial(watch, plant))(run.state)
-            return (
-                score_signals(run.output, run.control, reference),
-                run.output,
-                run.control,
-                watched,
-            )
+            return run.output, run.control, watched
 
-        metrics, output, control, watched = family_batching(family)(on_plant, family)
-        return (
-            metrics,
-            output,
-            control,
-            jax.vmap(lambda y: contour_error(y, reference))(output),
-            watched,
-        )
+        return family_batching(family)(on_plant, family)
 
-    return platform_batching()(on_contour, references)
+    return platform_batching()(on_contour, (references, plans))
+
+
+@jax.jit  # apart from the runs, because controllers share it
+def _scored(output: Array, control: Array, references: Reference) -> tuple[Metrics, Array]:
+    """Metrics (contour, plant), and the contour error (contour, plant, time, axis)."""
+
+    def on_contour(one: tuple[Reference, Array, Array]):
+        reference, output, control = one
+        side_by_side = jnp.swapaxes(output, 0, 1), jnp.swapaxes(control, 0, 1)
+        error = contour_error(side_by_side[0], reference)
+        return score_signals(*side_by_side, reference), jnp.swapaxes(error, 0, 1)
+
+    return platform_batching()(on_contour, (references, output, control))
 
 
 def measured_speeds(output: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,13 +5,13 @@ import jax
 import numpy as np
 
 from experiments.files.tuned_result import RobustTest
-from experiments.jobs.replays import Scenarios
+from experiments.jobs.replays import Scenarios, prepared_plans
 from experiments.machines.machine import Fed, Machine
-from jcontour.controller import Controller
+from jcontour.controller import Controller, Plan
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import follow
-from jcontour.simulation.evaluation import platform_batching, stack_references
+from jcontour.simulation.evaluation import platform_batching
 from jcontour.simulation.metrics import Metrics, score_signals
 
 MEMBERS = 1000
@@ -26,10 +26,10 @@ def robust_test(
     if family is None:
         return None
     jobs = scenarios.jobs_seen(True)
-    references = stack_references(
-        [job.reference(machine.model.dt, controller.preview) for job in jobs]
-    )
-    metrics = jax.device_get(_metrics(controller, family, references))
+    trained = np.flatnonzero(scenarios.training)
+    references = jax.tree.map(lambda leaf: leaf[trained], scenarios.references)
+    plans = prepared_plans(controller, references)
+    metrics = jax.device_get(_metrics(controller, family, references, plans))
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
     lost = np.asarray(metrics.diverged)
     largest = np.where(lost, -1.0, errors)
@@ -43,12 +43,12 @@ def robust_test(
 
 
 @eqx.filter_jit
-def _metrics(controller: Controller, family: Plant, references: Reference) -> Metrics:
+def _metrics(controller: Controller, family: Plant, references: Reference, plans: Plan) -> Metrics:
     """Metrics (contour, member)."""
     groups = jax.tree.map(lambda leaf: leaf.reshape(-1, SIDE_BY_SIDE, *leaf.shape[1:]), family)
 
-    def on_contour(reference: Reference) -> Metrics:
-        plan = controller.prepare(reference)
+    def on_contour(planned: tuple[Reference, Plan]) -> Metrics:
+        reference, plan = planned
 
         def on_plant(plant: Plant) -> Metrics:
             run = follow(plant, controller, plan, reference)
@@ -57,4 +57,4 @@ def _metrics(controller: Controller, family: Plant, references: Reference) -> Me
         grouped = jax.lax.map(jax.vmap(on_plant), groups)
         return jax.tree.map(lambda leaf: leaf.reshape(MEMBERS), grouped)
 
-    return platform_batching()(on_contour, references)
+    return platform_batching()(on_contour, (references, plans))

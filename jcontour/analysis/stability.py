@@ -11,17 +11,16 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from jcontour.analysis.frozen_loops import CutLoops, frozen_loop
-from jcontour.controller import Controller, Wrapper
+from jcontour.controller import Controller, Plan, Wrapper
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.simulation.closed_loop import check_run, follow
+from jcontour.simulation.closed_loop import check_run, follow, prepared
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
@@ -136,7 +135,8 @@ def cut_loops(
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
-    loops = _cut_loops(plant, controller, reference, jnp.asarray(rows))
+    plan = prepared(controller, reference)
+    loops = _cut_loops(plant, controller, reference, plan, jax.device_put(rows))
     return CutLoops(*(np.asarray(matrices) for matrices in loops))
 
 
@@ -153,8 +153,9 @@ def _modelled_plant(controller: Controller) -> Plant:
 
 
 @eqx.filter_jit
-def _cut_loops(plant: Plant, controller: Controller, reference: Reference, rows) -> CutLoops:
-    plan = controller.prepare(reference)
+def _cut_loops(
+    plant: Plant, controller: Controller, reference: Reference, plan: Plan, rows
+) -> CutLoops:
     run = follow(plant, controller, plan, reference)
 
     def cut(step):
