@@ -24,7 +24,8 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.sensitivity import encoding_of, frozen_family, probe_windows
+from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import encoding_of, frozen_family
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along

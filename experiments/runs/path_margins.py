@@ -7,15 +7,15 @@ import numpy as np
 from experiments.files.tuned_result import LostFirst, PathMargins
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from jcontour.analysis.sensitivity import LoopPeaks, loop_peaks, probe_windows
+from jcontour.analysis.peak_search import loop_measures
+from jcontour.analysis.probes import probe_samples, probe_windows
+from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import member, stack_plants
 
-# loops per contour: they change with direction, bend and place of the path, slowly; as many as
-# `margins` probes at once
-PROBES = 48
+PROBES = 16  # loops per contour: they change with direction, bend and place of the path, slowly
 WINDOWS = 8  # per contour, at which the peak sensitivity is looked at
 
 
@@ -59,7 +59,10 @@ def _peaks(controller: Controller, machine: Machine, scenarios: Scenarios, fed: 
     trained = np.flatnonzero(scenarios.training)
     paths = jax.tree.map(lambda leaf: leaf[trained], scenarios.references)
     windows = probe_windows(paths, WINDOWS)
-    return loop_peaks(controller, stack_plants(machine.smooth_family(fed)), windows)
+    family = stack_plants(machine.smooth_family(fed))
+    loops = jax.device_get(frozen_family(controller, family, windows))
+    values, _ = loop_measures(loops, encoding_of(family, windows))
+    return LoopPeaks(*np.moveaxis(values, -1, 0))
 
 
 def _largest(peaks: LoopPeaks) -> dict[str, float | None]:
@@ -83,13 +86,10 @@ def lost_first(found: list[Margins], paths: list[Reference], names: list[str]) -
 
 
 def _thinned(reference: Reference) -> Reference:
-    """The same run with at most `PROBES` scored samples.
+    """The same run with `PROBES` scored samples at most.
 
     All paths then have as many loops, and one program does for them.
     """
-    mask = np.array(reference.mask)
-    rows = np.flatnonzero(mask)
-    chosen = np.linspace(0, rows.size - 1, min(PROBES, rows.size)).astype(int)
-    kept = np.zeros_like(mask)
-    kept[rows[np.unique(chosen)]] = True
+    kept = np.zeros(reference.mask.shape, bool)
+    kept[probe_samples(reference, PROBES)] = True
     return eqx.tree_at(lambda r: r.mask, reference, kept)

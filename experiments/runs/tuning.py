@@ -18,7 +18,8 @@ from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
 from experiments.runs.path_margins import WINDOWS
 from experiments.runs.spreading import batching_of
-from jcontour.analysis.sensitivity import loop_peaks, probe_windows
+from jcontour.analysis.probes import probe_windows
+from jcontour.analysis.sensitivity import loop_peaks
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
