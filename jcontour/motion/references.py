@@ -267,7 +267,8 @@ def _branches(contour: Contour, point: np.ndarray, chord: float) -> np.ndarray:
     """
     rows = np.asarray(contour.mask)
     half = np.asarray(contour.extent)[rows] / 2
-    arcs = np.asarray(contour.nearest(point, np.asarray(contour.start)[rows] + half, half))
+    middle = np.asarray(contour.start)[rows] + half
+    arcs = np.asarray(contour.nearest(point[None], middle, half))
     apart = np.linalg.norm(np.asarray(contour.position(arcs)) - point, axis=1)
     kept: list[float] = []
     near = np.flatnonzero(apart <= apart.min() + max(chord, 1e-9 * float(contour.size)))

@@ -1,5 +1,6 @@
 """The host's observers against the traceable ones, with the same controller inside."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -43,7 +44,7 @@ def late_table(delay: int):
 
 def behind_encoders(model):
     """The machine of the model under the load, seen by its encoders."""
-    return Encoders(Disturbed(model, force=LOAD[None]))
+    return Encoders(Disturbed(model, force=jnp.asarray(LOAD)[None]))
 
 
 def limited(model, observer, limits, terminal=None, preview=N, penalty=None):
