@@ -146,12 +146,10 @@ class Tune(Spreading):
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones
     """Descents: from the start weights, and from the best random ones."""
-    inner_steps: int = 12  # two free weights need no more
-    """Descent steps between two updates of the limits' multipliers."""
-    outer_steps: int = 4  # enough for a tenth of a per cent within the minute
-    """Most updates of the limits' multipliers in one descent."""
+    steps: int = 15  # most descents end by themselves before
+    """Most iterations of one descent; each runs the family once or twice."""
     tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for
-    """Relative change of objective and weights at which a descent ends."""
+    """Relative gain of the objective that ends a descent when nothing promises more."""
     rollouts: Rollouts = ROLLOUTS
     """Samples kept in rollouts.nc: all, some, or no file; `auto` thins what is large.
     Figures are drawn from all."""
@@ -202,7 +200,7 @@ class Front(Spreading):
     points: int = 5  # each budget is tuned by itself
     """Budgets of the control increment along the front."""
     least_increment: float | None = None
-    """Smallest budget [control unit per sample, RMS]; two thirds of the largest when not given."""
+    """Smallest budget [control unit per sample, RMS]; without it three quarters of the largest."""
     most_increment: float | None = None
     """Largest budget [control unit per sample, RMS].
     When not given, the increment of the best weights without a budget."""

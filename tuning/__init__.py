@@ -8,11 +8,14 @@ from importlib import import_module
 from types import ModuleType
 
 _FILES = (
+    "descent",
+    "history",
     "objectives",
     "outcome",
     "parameters",
     "pareto",
     "problem",
+    "quadratic_step",
     "stabilise",
     "sweep",
     "tune",

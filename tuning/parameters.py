@@ -7,7 +7,7 @@ Each entry maps its weight to an unbounded coordinate z, in which the tuner move
 """
 
 import abc
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +19,12 @@ Weights = Any  # any pytree of arrays
 
 
 class Parameter(eqx.Module):
-    """Constraint of one weight, a scalar or an array."""
+    """Constraint of one weight, a scalar or an array.
+
+    `reach` is how far its coordinate may go from that of the start: beyond, ratios have no meaning.
+    """
+
+    reach: ClassVar[float] = 25.0
 
     @abc.abstractmethod
     def coordinate(self, weight: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -99,6 +104,8 @@ class Interval(Parameter):
 class Free(Parameter):
     """w = z: any real number."""
 
+    reach: ClassVar[float] = np.inf
+
     def coordinate(self, weight):
         """W itself."""
         return weight
@@ -173,6 +180,11 @@ class Chart(NamedTuple):
             raise ValueError("space: every weight is fixed, nothing is left to tune")
         return z
 
+    def reach(self) -> Float[np.ndarray, " d"]:
+        """How far every coordinate may go from the start."""
+        far = [np.full(np.size(weight), one.reach) for (_, one), weight in self._free()]
+        return np.concatenate(far)
+
     def weights(self, z: Float[Array, " d"]) -> Weights:
         """Weights at z."""
         pairs, start = self._pairs()
@@ -185,6 +197,10 @@ class Chart(NamedTuple):
             leaves.append(parameter.weight(z[at : at + size].reshape(jnp.shape(weight))))
             at += size
         return jax.tree.unflatten(jax.tree.structure(self.start), leaves)
+
+    def _free(self):
+        pairs = zip(*self._pairs(), strict=True)
+        return [pair for pair in pairs if not isinstance(pair[0][1], Fixed)]
 
     def _pairs(self):
         parameters = jax.tree_util.tree_leaves_with_path(

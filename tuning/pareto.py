@@ -15,11 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from tuning.history import FEASIBLE, Evaluated, sound
 from tuning.objectives import Limits
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, THOROUGH, Effort, Evaluated, TuneState, advance
+from tuning.tune import THOROUGH, Effort, TuneState, advance
 
 
 class FrontPoint(NamedTuple):
@@ -85,8 +86,8 @@ def advance_front(
     problem = problems[len(state.histories)]
     if state.run.done:
         return FrontState([*state.histories, state.run.history])
-    if state.begin is None and state.histories:  # once a budget: it reads a whole history
-        best = _best(problem, state.histories[-1])
+    if state.begin is None and state.histories:  # once a budget: it reads all histories
+        best = _best(problem, [row for history in state.histories for row in history])
         state = replace(state, begin=None if best is None else best.z)
     weights = start
     if state.begin is not None:
@@ -121,12 +122,12 @@ def front_points(
 
 def _best(problem: Problem, evaluated: Sequence[Evaluated]) -> Evaluated | None:
     """The least violating of all points that did not diverge; of the feasible ones the best."""
-    sound = [row for row in evaluated if not row.diverged]
-    if not sound:
+    rows = sound(evaluated)
+    if not rows:
         return None
-    violations = np.maximum(_violations(problem, sound), FEASIBLE)
-    objectives = np.array([row.objective for row in sound])
-    return sound[np.lexsort((objectives, violations))[0]]
+    violations = np.maximum(_violations(problem, rows), FEASIBLE)
+    objectives = np.array([row.objective for row in rows])
+    return rows[np.lexsort((objectives, violations))[0]]
 
 
 def _violations(problem: Problem, evaluated: Sequence[Evaluated]) -> Float[np.ndarray, " n"]:

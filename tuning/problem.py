@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.controller import Controller
+from jcontour.kernels.dispatch import on_gpu
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import Batching, Score, evaluate
@@ -22,11 +23,7 @@ from tuning.parameters import Chart, Weights
 
 Numbers = Array | np.ndarray  # inside jit or on the host
 
-# exponent of the smooth maximum: low enough for a curved valley to stay easy
-SHARPNESS = 16.0
-LEAST_SHARE = 1e-6  # a value that does not matter now may come back
-# the tuner aims this much inside every limit: its last point is feasible to 1e-6 without a repair
-LIMIT_MARGIN = 1e-5
+LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
 
 
 class Problem(eqx.Module):
@@ -123,92 +120,74 @@ class Problem(eqx.Module):
         return self.limits(Outcome(metrics, loops, use)), self.objective(metrics)
 
 
-def geometric_mean(rows: Float[Numbers, " g"]) -> Float[Array, ""]:
-    """(prod of rows)^(1/g)."""
-    return jnp.exp(jnp.mean(jnp.log(jnp.maximum(rows, 1e-300))))
-
-
 def objective_value(values: Float[Numbers, "g v"]) -> float:
     """Geometric mean over rows of the largest value of each.
 
     >>> round(objective_value(np.array([[1.0, 4.0], [9.0, 2.0]])), 12)
     6.0
     """
-    return float(geometric_mean(np.max(values, axis=-1)))
+    largest = np.maximum(np.max(values, axis=-1), LEAST)
+    return float(np.exp(np.mean(np.log(largest))))
 
 
-def smooth_maximum(
-    values: Float[Numbers, "*g v"], shares: Float[Numbers, "*g v"]
-) -> Float[Array, "*g"]:
-    """(sum of share v^p)^(1/p) of every row, p = SHARPNESS.
+class Slopes(NamedTuple):
+    """Derivatives in z of what is beside them in `Point`."""
 
-    It is smooth, and exactly the maximum once the shares are its multipliers.
-
-    >>> values = jnp.array([3.0, 3.0])
-    >>> round(float(smooth_maximum(values, jnp.array([0.5, 0.5]))), 12)
-    3.0
-    """
-    largest = jax.lax.stop_gradient(jnp.max(values, axis=-1, keepdims=True))
-    powers = jnp.sum(shares * (values / largest) ** SHARPNESS, axis=-1)
-    return largest[..., 0] * powers ** (1 / SHARPNESS)
-
-
-def earned_shares(
-    values: Float[Numbers, "*g v"], shares: Float[Numbers, "*g v"]
-) -> Float[np.ndarray, "*g v"]:
-    """Next shares, in proportion to share v^p within every row.
-
-    This is the exponential method of multipliers for a minimax.
-    """
-    earned = shares * (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS
-    return np.maximum(earned / np.sum(earned, axis=-1, keepdims=True), LEAST_SHARE)
-
-
-class Merit(NamedTuple):
-    """Weights of objective and limits in the augmented Lagrangian."""
-
-    multipliers: Float[Numbers, " c"]
-    penalty: Float[Numbers, ""]
-    scale: Float[Numbers, ""]  # of the objective
-    shares: Float[Numbers, "g v"]  # multipliers of the objective's values; sum one in every row
+    errors: Float[Numbers, "g v d"]
+    limits: Float[Numbers, "c d"]
+    departures: Float[Numbers, "r d"]
 
 
 class Point(NamedTuple):
-    """One evaluated point: Lagrangian and gradient for the optimiser, the rest for people."""
+    """One evaluated point.
 
-    lagrangian: Float[Numbers, ""]
-    gradient: Float[Numbers, " d"]
-    objective: Float[Numbers, "g v"]
+    Attributes:
+        errors: logarithms of the objective's values.
+        limits: must not be above zero.
+        departures: ln(largest tracking error / size of the contour) of every run; a run diverges
+            above zero.
+        slopes: of the three.
+        outcome: metrics of the runs, and peaks of the loops.
+        diverged: whether a run diverges, a loop is unstable, or a number is not finite; then only
+            departures may be used.
+    """
+
+    errors: Float[Numbers, "g v"]
     limits: Float[Numbers, " c"]
+    departures: Float[Numbers, " r"]
+    slopes: Slopes
     outcome: Outcome
     diverged: Bool[Numbers, ""]
 
+    @property
+    def objective(self) -> float:
+        """Value of the objective."""
+        return objective_value(np.exp(self.errors))
+
 
 @eqx.filter_jit
-def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"], merit: Merit) -> Point:
-    """Augmented Lagrangian at z, with its gradient.
-
-        L = f / scale + sum(max(0, lambda + mu (c + margin))^2 - lambda^2) / (2 mu)
-
-    f is the geometric mean over rows of the smooth maximum of the objective's values, under the
-    shares they have earned so far.
+def evaluate_point(problem: Problem, start: Weights, z: Float[Array, " d"]) -> Point:
+    """Errors, limits and their slopes at z.
 
     A point where any member of the family diverges on any contour, or has an unstable frozen loop,
-    is `diverged`; its other numbers mean nothing.
+    is `diverged`.
     """
 
-    def lagrangian(z):
+    def judged(z):
         outcome = problem.outcome(Chart(problem.space, start).weights(z))
-        objective, limits = problem.objective(outcome.metrics), problem.limits(outcome)
-        pressure = jnp.maximum(0.0, merit.multipliers + merit.penalty * (limits + LIMIT_MARGIN))
-        rows = smooth_maximum(objective, merit.shares)
-        value = geometric_mean(rows) / merit.scale + jnp.sum(pressure**2 - merit.multipliers**2) / (
-            2 * merit.penalty
-        )
-        return value, (objective, limits, outcome)
+        errors = _log(problem.objective(outcome.metrics))
+        size = problem.references.contour.size[:, None]
+        departures = jnp.ravel(_log(outcome.metrics.peak_tracking_error / size))
+        numbers = errors, problem.limits(outcome), departures
+        return numbers, (numbers, outcome)
 
-    (value, (objective, limits, outcome)), gradient = jax.value_and_grad(lagrangian, has_aux=True)(
-        z
-    )
-    finite = jnp.isfinite(value) & jnp.all(jnp.isfinite(gradient))
-    return Point(value, gradient, objective, limits, outcome, outcome.diverged | ~finite)
+    # a CPU has few weights and many numbers; the kernels of a GPU have a reverse mode only
+    jacobian = jax.jacrev if on_gpu() else jax.jacfwd
+    slopes, (numbers, outcome) = jacobian(judged, has_aux=True)(z)
+    judged_numbers = [*numbers[:2], *slopes[:2]]
+    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(number)) for number in judged_numbers]))
+    return Point(*numbers, Slopes(*slopes), outcome, outcome.diverged | ~finite)
+
+
+def _log(value: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    return jnp.log(jnp.maximum(value, LEAST))

@@ -1,91 +1,142 @@
-"""A stabilising start: weights whose frozen loops are all stable.
+"""A stabilising start: a descent on one number that is below zero where a loop is sound.
 
-The largest spectral radius of the frozen loops is made small, without any run of the machine:
+The number is the logarithm of the largest spectral radius of the frozen loops, without any run of
+the machine, or that of the largest tracking error over the size of its contour. In its place the
+descent takes a smooth maximum:
 
-    r(z) = (mean over probes and plants of radius^p)^(1/p),   p = SHARPNESS
+    s(z) = 1/p ln(mean over loops or runs of exp(p a)),   p = SHARPNESS
+
+along L-BFGS directions from optax.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 from jaxtyping import Array, Float
-from scipy.optimize import minimize
 
 from tuning.parameters import Chart, Weights
-from tuning.problem import Problem, smooth_maximum
+from tuning.problem import Problem
 
-STEPS = 60  # of the descent; stable weights are usually found within ten
-LARGEST = 1e6  # stands for a radius that is not finite
+SHARPNESS = 16.0
+STEPS = 40  # a few lead out of any region that has a slope
+TRIALS = 8  # shortenings of one step
+LARGEST_MOVE = 3.0  # in z: no weight changes by more than e^3 in one step
+LEAST_FALL = 1e-4  # Armijo: part of the predicted fall that a step must reach
+STILL = 1e-6  # fall of s below which nothing is left to gain
+
+
+class Measured(NamedTuple):
+    """The measure at a point.
+
+    Attributes:
+        largest: of all loops or runs, not finite where nothing can be said.
+        smooth: s.
+        slope: of s.
+        sound: whether the search may end here.
+    """
+
+    largest: float
+    smooth: float
+    slope: Float[np.ndarray, " d"]
+    sound: bool
 
 
 class Stabilised(NamedTuple):
-    """End of a descent on the spectral radius.
-
-    Attributes:
-        z: coordinates of the smallest radius found.
-        radius: largest spectral radius there.
-        accepted: whether the descent ended at a point that was accepted.
-    """
+    """End of a descent: the sound point, else that of the smallest measure."""
 
     z: Float[np.ndarray, " d"]
-    radius: float
-    accepted: bool
+    largest: float
+    sound: bool
 
 
 def stabilised(
-    problem: Problem,
-    start: Weights,
-    z: Float[np.ndarray, " d"],
-    accept: Callable[[Float[np.ndarray, " d"]], bool],
+    z: Float[np.ndarray, " d"], measure: Callable[[Float[np.ndarray, " d"]], Measured]
 ) -> Stabilised:
-    """Descent on the largest spectral radius, from z to the first accepted point.
+    """Descent from z to the first sound point, or to where the measure falls no more.
 
-    Args:
-        problem: one that looks at its loops.
-        start: weights that the coordinates belong to.
-        z: first coordinates.
-        accept: asked where all loops are stable; False goes on to a smaller radius.
-
-    Raises:
-        ValueError: the problem does not look at its loops.
+    >>> def measure(z):  # |z| < 1 is sound
+    ...     return Measured(z @ z - 1, z @ z, 2 * z, z @ z < 1)
+    >>> stabilised(np.array([3.0, 4.0]), measure).sound
+    True
     """
-    best = Stabilised(z, np.inf, False)
-
-    def radius(z):
-        nonlocal best
-        value, largest, slope = jax.device_get(_radius(problem, start, jnp.asarray(z)))
-        if not (np.isfinite(value) and np.isfinite(slope).all()):
-            return np.log(LARGEST), np.zeros_like(z)
-        if largest < best.radius:
-            best = Stabilised(np.array(z), float(largest), False)
-        return float(value), np.asarray(slope)
-
-    def look(intermediate_result):
-        nonlocal best
-        if best.radius < 1 and accept(best.z):
-            best = best._replace(accepted=True)
-            raise StopIteration
-
-    minimize(radius, z, jac=True, method="BFGS", callback=look, options={"maxiter": STEPS})
+    here = measure(z)
+    best = Stabilised(z, here.largest, here.sound)
+    if here.sound or not _usable(here):
+        return best
+    memory = _fresh(z)
+    for _ in range(STEPS):
+        direction, memory = _direction(z, here.slope, memory)
+        fall = float(direction @ here.slope)
+        length = 1.0
+        for _ in range(TRIALS):
+            there = measure(z + length * direction)
+            if there.largest < best.largest or there.sound:
+                best = Stabilised(z + length * direction, there.largest, there.sound)
+            if there.sound:
+                return best
+            if _usable(there) and there.smooth <= here.smooth + LEAST_FALL * fall * length:
+                break
+            length /= 4
+        else:
+            return best
+        gained = here.smooth - there.smooth
+        z, here = z + length * direction, there
+        if gained < STILL:
+            return best
     return best
 
 
 @eqx.filter_jit
-def _radius(
+def loop_radius(
     problem: Problem, start: Weights, z: Float[Array, " d"]
 ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, " d"]]:
-    """Logarithm of r, the largest radius, and the slope of the first."""
+    """Logarithm of the largest spectral radius at z, s, and the slope of s."""
 
     def smooth(z):
-        radii = jnp.ravel(
-            problem.loop_peaks(Chart(problem.space, start).weights(z)).spectral_radius
-        )
-        even = jnp.full(radii.size, 1 / radii.size)
-        return jnp.log(smooth_maximum(radii, even)), jnp.max(radii)
+        radii = problem.loop_peaks(Chart(problem.space, start).weights(z)).spectral_radius
+        numbers = jnp.log(jnp.ravel(radii))
+        return _smooth_maximum(numbers), jnp.max(numbers)
 
     (value, largest), slope = jax.value_and_grad(smooth, has_aux=True)(z)
-    return value, largest, slope
+    return largest, value, slope
+
+
+def smooth_departure(
+    departures: Float[np.ndarray, " r"], slopes: Float[np.ndarray, "r d"]
+) -> tuple[float, Float[np.ndarray, " d"]]:
+    """s of the departures of all runs, and its slope; infinite where a departure is not finite."""
+    if not np.isfinite(departures).all():
+        return np.inf, np.full(slopes.shape[1], np.inf)
+    powers = np.exp(SHARPNESS * (departures - np.max(departures)))
+    value = np.max(departures) + np.log(np.mean(powers)) / SHARPNESS
+    return float(value), powers @ slopes / np.sum(powers)
+
+
+def _smooth_maximum(numbers: Float[Array, " n"]) -> Float[Array, ""]:
+    return jax.nn.logsumexp(SHARPNESS * numbers, b=1 / numbers.size) / SHARPNESS
+
+
+def _usable(point: Measured) -> bool:
+    return bool(np.isfinite(point.smooth) and np.isfinite(point.slope).all())
+
+
+_lbfgs = optax.scale_by_lbfgs(memory_size=10)
+_lbfgs_update = jax.jit(_lbfgs.update)
+
+
+def _fresh(z: np.ndarray):
+    return _lbfgs.init(jnp.asarray(z))
+
+
+def _direction(z: np.ndarray, slope, memory) -> tuple[np.ndarray, Any]:
+    with jax.numpy_dtype_promotion("standard"):  # optax adds counters of 32 and of 64 bits
+        update, memory = _lbfgs_update(jnp.asarray(slope), memory, jnp.asarray(z))
+    step = -np.asarray(update)
+    if not step @ slope < 0:  # negative curvature spoilt the memory
+        step, memory = -np.asarray(slope), _fresh(z)
+    return step * min(1.0, LARGEST_MOVE / max(np.abs(step).max(), 1e-300)), memory

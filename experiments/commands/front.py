@@ -39,9 +39,9 @@ from tuning.problem import Problem
 from tuning.tune import QUICK, TuneState
 
 # a budget begins where the one before ended; both limits at once need more multiplier updates
-EFFORT = replace(QUICK, scatter=8, outer_steps=10, tolerance=1e-4)
+EFFORT = replace(QUICK, scatter=8, steps=40, tolerance=1e-4)
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
-LEAST = 2 / 3  # smallest budget over the largest, where none is given
+LEAST = 3 / 4  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up
 WITHOUT_BUDGET, BUDGETS = "without-budget", "budgets.json"
 

@@ -9,20 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-import optax
 
 from experiments.files.run_folder import RunError, write
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
+from tuning.descent import begin
+from tuning.history import Evaluated
 from tuning.outcome import LoopPeaks, Outcome
-from tuning.problem import Merit
-from tuning.tune import Evaluated, TuneState
+from tuning.quadratic_step import Model
+from tuning.tune import TuneState
 
 STATE = "state.npz"
 # stored leaf by leaf; every other field of the state is one number or one array
-_TREES = ("history", "memory", "merit")
+_TREES = ("history", "descent")
+# its structure
+_DESCENT = begin(np.zeros(1), Model(*(np.zeros((1,) * axes) for axes in (2, 1, 3, 2))))
 
 
 def save_state(folder: Path, state: TuneState) -> Path:
@@ -30,13 +32,8 @@ def save_state(folder: Path, state: TuneState) -> Path:
     arrays: dict[str, Any] = {
         name: np.asarray(value) for name, value in vars(state).items() if name not in _TREES
     }
-    arrays |= {
-        f"memory_{k}": np.asarray(leaf) for k, leaf in enumerate(jax.tree.leaves(state.memory))
-    }
-    if state.merit is not None:
-        arrays |= {
-            f"merit_{name}": np.asarray(value) for name, value in state.merit._asdict().items()
-        }
+    leaves = jax.tree.leaves(state.descent)
+    arrays |= {f"descent_{k}": np.asarray(leaf) for k, leaf in enumerate(leaves)}
     rows = state.history
     for name in Evaluated._fields:
         if name != "outcome":
@@ -68,18 +65,18 @@ def load_state(folder: Path) -> TuneState:
 
 
 def _state(arrays: dict[str, np.ndarray]) -> TuneState:
-    count = sum(name.startswith("memory_") for name in arrays)
-    leaves = [jnp.asarray(arrays[f"memory_{k}"]) for k in range(count)]
-    structure = jax.tree.structure(optax.scale_by_lbfgs().init(jnp.zeros(1)))
-    memory = jax.tree.unflatten(structure, leaves) if leaves else None
-    merit = None
-    if "merit_scale" in arrays:  # on the host, as it was
-        merit = Merit(*(arrays[f"merit_{name}"] for name in Merit._fields))
+    descent, structure = None, jax.tree.structure(_DESCENT)
+    if "descent_0" in arrays:
+        leaves = [_plain(arrays[f"descent_{k}"]) for k in range(structure.num_leaves)]
+        descent = jax.tree.unflatten(structure, leaves)
     others = {f.name: arrays[f.name] for f in fields(TuneState) if f.name not in _TREES}
-    plain: dict[str, Any] = {
-        name: value.item() if value.ndim == 0 else value for name, value in others.items()
-    }
-    return TuneState(history=_history(arrays), memory=memory, merit=merit, **plain)
+    plain: dict[str, Any] = {name: _plain(value) for name, value in others.items()}
+    return TuneState(history=_history(arrays), descent=descent, **plain)
+
+
+def _plain(value: np.ndarray) -> Any:
+    """The array, or the number that it holds."""
+    return value.item() if value.ndim == 0 else value
 
 
 def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:

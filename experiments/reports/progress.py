@@ -35,19 +35,15 @@ def progress(state: TuneState, settings: Effort) -> float:
     if state.done:
         return 1.0
     parts = settings.starts + 1  # the random points count as much as one descent
-    if state.start < 0:
-        return len(state.history) / max(settings.scatter, 1) / parts
-    steps = state.outer * (settings.inner_steps + 1) + state.inner
-    return (1 + state.start + 1 - PACE**steps) / parts
+    scattered = sum(row.start < 0 for row in state.history) / max(settings.scatter, 1)
+    steps = 0 if state.descent is None else state.descent.steps
+    return (max(state.start, 0) + scattered + 1 - PACE**steps) / parts
 
 
 def _words(state: TuneState, settings: Effort, error: str) -> str:
-    phase = (
-        "random points"
-        if state.start < 0
-        else f"descent {min(state.start + 1, settings.starts)} of {settings.starts}"
-    )
     row = state.history[-1] if state.history else None
+    descents = f"descent {max(state.start, 0) + 1} of {settings.starts}"
+    phase = "random points" if row is not None and row.start < 0 else descents
     worst = (
         "diverged"
         if row is None or row.diverged

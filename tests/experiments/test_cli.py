@@ -193,10 +193,8 @@ def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
         "3",
         "--starts",
         "2",
-        "--inner-steps",
+        "--steps",
         "4",
-        "--outer-steps",
-        "2",
         "--json",
     ]
     make = [*command, str(part_file), "--plant", str(machine_file), *effort]

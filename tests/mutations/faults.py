@@ -259,14 +259,26 @@ FAULTS = (
     # tuning
     Fault(
         "tuning/problem.py",
-        "earned = shares * (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS",
-        "earned = (values / np.max(values, axis=-1, keepdims=True)) ** SHARPNESS",
+        "np.exp(np.mean(np.log(largest)))",
+        "np.exp(np.max(np.log(largest)))",
         "tests/tuning/test_problem.py",
     ),
     Fault(
+        "tuning/quadratic_step.py",
+        "room = np.repeat(np.max(model.errors, axis=1), v) - model.errors.ravel()",
+        "room = np.repeat(np.max(model.errors, axis=1), v) + model.errors.ravel()",
+        "tests/tuning/test_quadratic_step.py",
+    ),
+    Fault(
+        "tuning/descent.py",
+        "if h > (1 - MARGIN) * earlier_h and f > earlier_f - MARGIN * earlier_h:",
+        "if h > (1 - MARGIN) * earlier_h or f > earlier_f - MARGIN * earlier_h:",
+        "tests/tuning/test_descent.py",
+    ),
+    Fault(
         "tuning/tune.py",
-        "multipliers + penalty * limits",
-        "multipliers - penalty * limits",
+        "best = min(rows, key=rank)",
+        "best = rows[-1]",
         "tests/tuning/test_tune.py",
     ),
     Fault(

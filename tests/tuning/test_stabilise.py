@@ -1,38 +1,100 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.stabilise import stabilised
+from tuning.stabilise import Measured, loop_radius, smooth_departure, stabilised
 
 START = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
 Z = np.log([50.0, 20.0])
 
 
-def test_it_ends_at_the_first_point_that_is_accepted(proportional_problem, loop_peaks):
-    problem, seen = proportional_problem(loops=loop_peaks), []
+def of_loops(problem, sound):
+    def measure(z):
+        largest, smooth, slope = jax.device_get(loop_radius(problem, START, jnp.asarray(z)))
+        return Measured(float(largest), float(smooth), slope, bool(largest < 0) and sound(z))
 
-    def accept(z):
+    return measure
+
+
+def radius(z):
+    return np.abs(1 - np.exp(z) * np.array([[1.0, 0.7], [0.9, 0.8]])).max()
+
+
+def test_it_ends_at_the_first_sound_point(proportional_problem, loop_peaks):
+    seen = []
+
+    def sound(z):
         seen.append(z)
-        return True
+        return len(seen) == 3
 
-    end = stabilised(problem, START, Z, accept)
-    assert end.accepted and len(seen) == 1
-    np.testing.assert_array_equal(end.z, seen[0])
-    gains = np.exp(end.z) * np.array([[1.0, 0.7], [0.9, 0.8]])
-    assert end.radius == pytest.approx(np.abs(1 - gains).max(), rel=1e-9) and end.radius < 1
-
-
-def test_what_is_never_accepted_ends_with_the_smallest_radius(proportional_problem, loop_peaks):
-    end = stabilised(proportional_problem(loops=loop_peaks), START, Z, lambda z: False)
-    assert not end.accepted and end.radius < 1
+    end = stabilised(Z, of_loops(proportional_problem(loops=loop_peaks), sound))
+    assert end.sound and len(seen) == 3
+    np.testing.assert_array_equal(end.z, seen[2])
+    assert end.largest == pytest.approx(np.log(radius(end.z)), rel=1e-9) and end.largest < 0
 
 
-def test_a_radius_that_is_not_finite_gives_up(proportional_problem, loop_peaks):
-    far = np.array([800.0, 800.0])
-    end = stabilised(proportional_problem(loops=loop_peaks), START, far, lambda z: True)
-    assert not end.accepted and end.radius == np.inf
+def test_what_is_never_sound_ends_near_the_smallest_radius(proportional_problem, loop_peaks):
+    """The least of max |1 - b k| over b from 0.7 to 0.8 is 1/15."""
+    end = stabilised(Z, of_loops(proportional_problem(loops=loop_peaks), lambda z: False))
+    assert not end.sound
+    assert end.largest == pytest.approx(np.log(radius(end.z)), rel=1e-9)
+    assert 1 / 15 <= np.exp(end.largest) < 0.2
+
+
+def test_slope_of_the_radius_is_that_of_differences(proportional_problem, loop_peaks):
+    problem, h = proportional_problem(loops=loop_peaks), 1e-6
+    at = lambda z: loop_radius(problem, START, jnp.asarray(z))  # noqa: E731
+    largest, smooth, slope = at(Z)
+    assert float(largest) == pytest.approx(np.log(radius(Z)), rel=1e-12)
+    assert float(smooth) <= float(largest)
+    differences = [float(at(Z + h * e)[1] - at(Z - h * e)[1]) / (2 * h) for e in np.eye(2)]
+    np.testing.assert_allclose(slope, differences, rtol=1e-6)
+
+
+def test_smooth_departure_and_its_slope():
+    slopes = np.array([[1.0, 0.0], [0.0, 2.0]])
+    value, slope = smooth_departure(np.array([700.0, -5.0]), slopes)
+    assert value == pytest.approx(700.0 - np.log(2) / 16)
+    np.testing.assert_allclose(slope, [1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(smooth_departure(np.zeros(2), slopes)[1], [0.5, 1.0])
+    value, slope = smooth_departure(np.array([np.inf, 0.0]), slopes)
+    assert value == np.inf and np.all(slope == np.inf)
+
+
+@pytest.mark.parametrize("bad", [np.inf, np.nan])
+def test_a_measure_that_is_not_finite_gives_up(bad):
+    seen = []
+
+    def measure(z):
+        seen.append(z)
+        return Measured(bad, bad, np.zeros(2), False)
+
+    assert not stabilised(Z, measure).sound and len(seen) == 1
+
+
+def test_a_step_into_nowhere_is_cut_back():
+    def measure(z):
+        inside = bool(np.all(np.abs(z) < 4.1))
+        value = float(z @ z) if inside else np.inf
+        return Measured(value - 1, value, 2 * z, value < 1)
+
+    end = stabilised(np.array([4.0, -3.0]), measure)
+    assert end.sound and end.z @ end.z < 1
+
+
+def test_a_slope_that_ends_ends_the_search():
+    seen = []
+
+    def measure(z):
+        seen.append(z)
+        return Measured(2.0, 2.0, np.zeros(2), False)
+
+    end = stabilised(Z, measure)
+    assert not end.sound and len(seen) < 20
+    np.testing.assert_array_equal(end.z, Z)
 
 
 def test_loops_are_needed(proportional_problem):
     with pytest.raises(ValueError, match="does not look at its frozen loops"):
-        stabilised(proportional_problem(), START, Z, lambda z: True)
+        stabilised(Z, of_loops(proportional_problem(), lambda z: True))

@@ -31,7 +31,7 @@ from tuning.tune import FEASIBLE, THOROUGH, TuneState, advance, result, tune
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
 CAREFUL = replace(THOROUGH, starts=1, scatter=0)
-QUICK = replace(THOROUGH, starts=2, scatter=4, spread=1.0, inner_steps=8, outer_steps=8)
+QUICK = replace(THOROUGH, starts=2, scatter=4, spread=1.0, steps=20)
 
 
 def run(problem, start, settings, state=None, save=False):
@@ -46,23 +46,7 @@ def run(problem, start, settings, state=None, save=False):
 
 
 def same_bits(a, b):
-    leaves = [
-        jax.tree.leaves(
-            (
-                s.history,
-                s.start,
-                s.outer,
-                s.inner,
-                s.z,
-                s.memory,
-                s.merit,
-                s.lagrangian,
-                s.gradient,
-                s.prices,
-            )
-        )
-        for s in (a, b)
-    ]
+    leaves = [jax.tree.leaves(vars(state)) for state in (a, b)]
     return len(leaves[0]) == len(leaves[1]) and all(
         np.array_equal(x, y, equal_nan=True) for x, y in zip(*leaves, strict=True)
     )
@@ -117,9 +101,7 @@ def test_progress_is_told_after_every_step(limited, states):
 
 def test_limits_out_of_reach_give_the_least_violating_point(proportional_problem):
     problem = proportional_problem(AtMost(rms_tracking_error=1e-7))
-    tuned = tune(
-        problem, START, replace(THOROUGH, starts=1, scatter=0, inner_steps=4, outer_steps=3)
-    )
+    tuned = tune(problem, START, replace(THOROUGH, starts=1, scatter=0, steps=12))
     assert not tuned.feasible and tuned.violation > 1
     assert tuned.violation == min(row.violation for row in tuned.history if not row.diverged)
 
@@ -128,7 +110,7 @@ def test_every_start_diverging_is_an_error(limited):
     with pytest.raises(ValueError, match="every start diverges"):
         tune(
             limited,
-            {"x": jnp.asarray(50.0), "y": jnp.asarray(50.0)},
+            {"x": jnp.asarray(1e30), "y": jnp.asarray(1e30)},
             replace(THOROUGH, starts=3, scatter=2, spread=0.1),
         )
 
@@ -144,27 +126,28 @@ def outcome_from(problem, gain, reach=1.0):
             starts=2,
             scatter=16,
             spread=reach * float(np.log(gain)) + 1.0,
-            inner_steps=6,
-            outer_steps=3,
+            steps=10,
         ),
     )
 
 
 def test_a_start_that_diverges_is_counted_and_another_one_found(proportional_problem):
-    tuned = outcome_from(proportional_problem(), 5.0)
+    tuned = outcome_from(proportional_problem(), 1e17)  # its runs are not finite
     assert tuned.diverged_starts == 1
     assert tuned.diverged_points == sum(row.diverged for row in tuned.history) > 1
     assert {row.start for row in tuned.history} == {-1, 0, 1}
     assert tuned.feasible
 
 
-def test_a_start_that_is_not_finite_does_not_end_the_search(proportional_problem):
-    tuned = outcome_from(proportional_problem(), 1e30, reach=3.0)
-    assert {row.start for row in tuned.history} == {-1, 0, 1}
+def test_a_start_that_runs_away_is_led_back_by_its_runs(proportional_problem):
+    """Where the problem does not look at its loops."""
+    tuned = outcome_from(proportional_problem(), 5.0)
+    assert tuned.diverged_starts == 0 and tuned.stabilised and tuned.feasible
+    assert tuned.history[0].diverged
 
 
 FAR = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
-FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, inner_steps=6, outer_steps=4)
+FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, steps=20)
 
 
 def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks):
@@ -175,7 +158,8 @@ def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks):
     tuned = result(problem, FAR, states[-1])
     assert tuned.stabilised and tuned.feasible and tuned.diverged_starts == 0
     assert float(tuned.outcome.loops.spectral_radius.max()) < 1
-    assert 1.4 < float(tuned.outcome.loops.sensitivity.max()) <= 1.5 * (1 + FEASIBLE)
+    assert float(tuned.outcome.loops.sensitivity.max()) == pytest.approx(1.5, rel=1e-5)
+    assert tuned.stationary
     assert same_bits(run(problem, FAR, FEW)[-1], states[-1])
     assert not tune(problem, START, FEW).stabilised
 
@@ -224,8 +208,7 @@ def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, lo
     [
         {"starts": 0},
         {"scatter": -1},
-        {"inner_steps": 0},
-        {"outer_steps": 0},
+        {"steps": 0},
         {"seed": -1},
         {"tolerance": 0.0},
     ],
@@ -255,7 +238,6 @@ def square_problem(budget):
 
 STARTS = [(3.0, 0.1), (0.5, 20.0)]
 SQUARE = [(row, start) for row in range(3) for start in STARTS]
-ENDS_EARLY = pytest.mark.xfail(strict=True, reason="the descent from here ends before the optimum")
 
 
 @pytest.mark.slow
@@ -271,14 +253,14 @@ def test_square_front(row, start):
 def test_square_front_from_near():
     """The middle row within one short descent; the whole search is slow."""
     wanted = DATA["front"]["rows"][1]
-    settings = replace(THOROUGH, starts=1, scatter=0, inner_steps=8, outer_steps=6)
+    settings = replace(THOROUGH, starts=1, scatter=0, steps=10)
     tuned = tune(square_problem(wanted["du_budget"]), LQWeights(6.0, 15.0, 2e-9), settings)
     assert tuned.violation <= 1e-6
     assert 1e6 * float(tuned.outcome.metrics.rms_contour_error[0, 0]) <= 1.01 * wanted["rms_ce_um"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("start", [pytest.param(STARTS[0], marks=ENDS_EARLY), STARTS[1]])
+@pytest.mark.parametrize("start", STARTS)
 def test_robust_optimum(start):
     robust, model = DATA["robust"], bridgeport()
     family = [

@@ -66,7 +66,7 @@ def test_default_budgets_bite(traced):
     """The largest is what the best weights need; a smaller one costs error."""
     result = read_result(traced, FrontResult)
     tight, loose = result.points
-    assert tight.budget == pytest.approx(loose.budget * 2 / 3)
+    assert tight.budget == pytest.approx(loose.budget * 3 / 4)
     assert tight.rms_increment == pytest.approx(tight.budget, rel=1e-3)
     assert not tight.slack
     for point in result.points:

@@ -15,7 +15,7 @@ from experiments.files.run_metrics import RunMetrics
 from experiments.machines.machine import MachineLimits
 from experiments.options import Verify
 
-EFFORT = "--scatter 0 --starts 1 --inner-steps 2 --outer-steps 1 --preview 4".split()
+EFFORT = "--scatter 0 --starts 1 --steps 2 --preview 4".split()
 
 
 @pytest.fixture(scope="module")

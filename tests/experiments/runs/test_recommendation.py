@@ -24,6 +24,7 @@ def found(feasible=True, violation=-0.1, sensitivity=1.9):
         history=[],
         prices=[],
         stabilised=False,
+        stationary=True,
     )
 
 

@@ -76,10 +76,8 @@ RUNS = {
         "2",
         "--starts",
         "1",
-        "--inner-steps",
+        "--steps",
         "2",
-        "--outer-steps",
-        "1",
     ],
 }
 

@@ -24,8 +24,7 @@ def job(machine_file, part_file):
             preview=4,
             scatter=2,
             starts=1,
-            inner_steps=4,
-            outer_steps=2,
+            steps=4,
             max_rms_control=90.0,
         )
     )

@@ -26,6 +26,7 @@ FOUND = Tuned(
     history=[],
     prices=[],
     stabilised=False,
+    stationary=True,
 )  # type: ignore[arg-type]
 JOBS = tuple(SimpleNamespace(name=name) for name in ("ring", "eight"))
 LIMITS = SimpleNamespace(
