@@ -3,6 +3,8 @@
 None of its mathematics is shared.
 """
 
+from functools import cache
+
 import control
 import jax
 import jax.numpy as jnp
@@ -33,31 +35,55 @@ from jcontour.simulation.closed_loop import prepared
 
 DT, W, B0 = 1e-3, 87.0, 79.33 / 39.62
 K_PP, K_PV, T_IV = 30.0, 55.67, 0.04
-MODEL = zoh_model(thesis_axis(), DT)
 MOTOR = np.eye(4)[:2]
-MACHINE = Sensed(MODEL, lambda x: x[:2])
-CASCADE = Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT)
-RAMP = along(line([0.0], [0.1]), 1e-4 * np.arange(3), DT, 1, at_rest=False)
 STEP = np.ones(300)
 
-FILTERS = {
+
+@cache
+def model():
+    return zoh_model(thesis_axis(), DT)
+
+
+@cache
+def machine():
+    return Sensed(model(), lambda x: x[:2])
+
+
+@cache
+def cascade():
+    return Cascade(CascadeGains(K_PP, K_PV, T_IV), motors(1), DT)
+
+
+@cache
+def ramp():
+    return along(line([0.0], [0.1]), 1e-4 * np.arange(3), DT, 1, at_rest=False)
+
+
+@cache
+def feedback():
+    gain = lq_gain(model(), jnp.diag(jnp.array([1e7, 1e3, 1e7, 1.0])), jnp.eye(1))
+    return StateFeedback(gain, moving_target(model()))
+
+
+FILTERS = {  # how to make it, the analogue one, the frequency [rad/s] at which they agree
     "notch": (
-        notch(W, 0.85, 0.05, DT),
+        lambda: notch(W, 0.85, 0.05, DT),
         ([1, 2 * 0.85 * 0.05 * W, W**2], [1, 2 * 0.05 * W, W**2]),
         None,
     ),
     "prewarped notch": (
-        notch(900.0, 0.2, 0.3, DT, prewarp=True),
+        lambda: notch(900.0, 0.2, 0.3, DT, prewarp=True),
         ([1, 108.0, 900.0**2], [1, 540.0, 900.0**2]),
         900.0,
     ),
-    "low pass": (low_pass(500.0, 0.7, DT), ([500.0**2], [1, 700.0, 500.0**2]), 500.0),
+    "low pass": (lambda: low_pass(500.0, 0.7, DT), ([500.0**2], [1, 700.0, 500.0**2]), 500.0),
 }
 
 
-@pytest.mark.parametrize(("found", "analogue", "prewarp"), FILTERS.values(), ids=FILTERS)
-def test_filters(found, analogue, prewarp):
+@pytest.mark.parametrize(("make", "analogue", "prewarp"), FILTERS.values(), ids=FILTERS)
+def test_filters(make, analogue, prewarp):
     """Frequency response up to Nyquist, poles, step response."""
+    found = make()
     warped = {} if prewarp is None else {"prewarp_frequency": prewarp}
     wanted = control.c2d(control.tf(*analogue), DT, "tustin", **warped)
     ours = control.tf(np.asarray(found.numerator), [1.0, *np.asarray(found.denominator)], DT)
@@ -116,13 +142,14 @@ def test_extended_state_observers(kind, method):
     )
 
 
-def poles(controller, plant=MACHINE):
-    """Of the loop of plant and controller: the Jacobian of one sample."""
-    plan = jax.tree.map(lambda rows: rows[0], prepared(controller, RAMP))
+def poles(controller):
+    """Poles of the loop of the machine and a controller: the Jacobian of one sample."""
+    plant, reference = machine(), ramp()
+    plan = jax.tree.map(lambda rows: rows[0], prepared(controller, reference))
     flat, unravel = ravel_pytree(
         (
-            plant.initial_state(RAMP.position[0], RAMP.start_increment),
-            controller.initial_memory(RAMP),
+            plant.initial_state(reference.position[0], reference.start_increment),
+            controller.initial_memory(reference),
         )
     )
 
@@ -154,19 +181,25 @@ def same(found, wanted):
     return True
 
 
-AXIS = control.ss(*(np.asarray(M) for M in (MODEL.A, MODEL.B)), MOTOR, np.zeros((2, 1)), DT)
+@cache
+def axis():
+    """The axis, from current to what its motor measures."""
+    A, B = (np.asarray(matrix) for matrix in (model().A, model().B))
+    return control.ss(A, B, MOTOR, np.zeros((2, 1)), DT)
+
+
 PI = control.tf2ss(control.tf([K_PV * (1 + DT / T_IV), -K_PV], [1, -1], DT))
 SPEED = control.ss([], [], [], [[K_PP, 1.0]], DT)
 
 
 def test_poles_of_the_cascade():
-    assert same(poles(CASCADE), closed(AXIS, SPEED, PI))
+    assert same(poles(cascade()), closed(axis(), SPEED, PI))
 
 
 def test_poles_of_the_cascade_behind_a_notch():
-    found, analogue, _ = FILTERS["notch"]
+    make, analogue, _ = FILTERS["notch"]
     notched = control.tf2ss(control.c2d(control.tf(*analogue), DT, "tustin"))
-    assert same(poles(Filtered(CASCADE, found, 1)), closed(AXIS, SPEED, PI, notched))
+    assert same(poles(Filtered(cascade(), make(), 1)), closed(axis(), SPEED, PI, notched))
 
 
 def test_poles_of_disturbance_rejection():
@@ -180,7 +213,7 @@ def test_poles_of_disturbance_rejection():
         B0 * np.array([[DT**2 / 2], [DT], [0]]),
     )
     gain = np.array([[1 - p**3], [3 * (1 - p) ** 2 * (1 + p) / (2 * DT)], [(1 - p) ** 3 / DT**2]])
-    correct, M, B = np.eye(3) - gain @ [[1.0, 0, 0]], np.asarray(MODEL.A), np.asarray(MODEL.B)
+    correct, M, B = np.eye(3) - gain @ [[1.0, 0, 0]], np.asarray(model().A), np.asarray(model().B)
     # state [x(k), integral, xi(k)], all updated at the sample: u = PI(x, integral) - zeta / b0
     error = np.array([[-K_PP, -1.0, 0, 0]])
     law = np.hstack(
@@ -190,7 +223,7 @@ def test_poles_of_disturbance_rejection():
     integral_next = np.hstack([np.zeros((1, 4)), [[1.0]], np.zeros((1, 3))]) + DT * error @ x_next
     xi_next = correct @ (np.hstack([np.zeros((3, 5)), A]) + b @ law) + gain @ x_next[:1]
     wanted = np.linalg.eigvals(np.vstack([x_next, integral_next, xi_next]))
-    assert same(poles(DisturbanceRejection(CASCADE, CurrentLESO(w, B0, DT), motors(1))), wanted)
+    assert same(poles(DisturbanceRejection(cascade(), CurrentLESO(w, B0, DT), motors(1))), wanted)
 
 
 def test_poles_of_a_disturbance_observer():
@@ -203,37 +236,32 @@ def test_poles_of_a_disturbance_observer():
     low_passed = D.sum() / 2 * np.array([1.0, 1.0])
     inverse = control.tf2ss(control.tf(D.sum() / (B0 * DT**2) * np.array([1.0, -2.0, 1.0]), D, DT))
     rest = control.tf2ss(control.tf(D, np.polysub(D, low_passed), DT))
-    wanted = closed(AXIS, PI * SPEED + inverse * control.ss([], [], [], [[1.0, 0.0]], DT), rest)
-    found = poles(DisturbanceObserver(CASCADE, motors(1), w, B0, DT))
+    wanted = closed(axis(), PI * SPEED + inverse * control.ss([], [], [], [[1.0, 0.0]], DT), rest)
+    found = poles(DisturbanceObserver(cascade(), motors(1), w, B0, DT))
     twice = np.roots(D)  # what 1 / (1 - Q) cancels
     assert same(np.concatenate([found, twice]), wanted)
 
 
-FEEDBACK = StateFeedback(
-    lq_gain(MODEL, jnp.diag(jnp.array([1e7, 1e3, 1e7, 1.0])), jnp.eye(1)), moving_target(MODEL)
-)
-
-
 def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
-    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
-    feedback = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
+    A, B = np.asarray(model().A), np.asarray(model().B)
+    regulating = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]
     scale = np.diag(
         [1e6, 1e3]
     )  # counts of one standard deviation, for the conditioning of its equation
     filtering = control.dlqe(A, B, scale @ MOTOR, np.array([[0.05**2]]), np.eye(2))[2]
-    L = kalman_gain(MODEL, 0.05, [1e-6, 1e-3], MOTOR)
+    L = kalman_gain(model(), 0.05, [1e-6, 1e-3], MOTOR)
     assert same(
-        poles(FilterObserver(FEEDBACK, MODEL, L, measured=MOTOR)),
-        np.concatenate([feedback, filtering]),
+        poles(FilterObserver(feedback(), model(), L, measured=MOTOR)),
+        np.concatenate([regulating, filtering]),
     )
 
 
 def test_poles_of_the_reduced_observer():
-    A, B = np.asarray(MODEL.A), np.asarray(MODEL.B)
+    A, B = np.asarray(model().A), np.asarray(model().B)
     wanted = np.concatenate(
         [
-            np.linalg.eigvals(A - B @ np.asarray(FEEDBACK.gain)),
+            np.linalg.eigvals(A - B @ np.asarray(feedback().gain)),
             np.linalg.eigvals(A[2:, 2:] - thesis_gain() @ A[:2, 2:]),
         ]
     )
-    assert same(poles(ReducedObserver(FEEDBACK, MODEL, thesis_gain())), wanted)
+    assert same(poles(ReducedObserver(feedback(), model(), thesis_gain())), wanted)

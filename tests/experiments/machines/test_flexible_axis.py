@@ -97,10 +97,9 @@ def test_machine_says_what_it_is(machine):
     assert machine.usual.controller == "cascade"
 
 
-@pytest.mark.parametrize(
-    ("name", "wanted"), [("task-a", thesis_task_a()), ("task-b", thesis_task_b())]
-)
-def test_motions_are_the_tasks_of_the_thesis(machine, name, wanted):
+@pytest.mark.parametrize(("name", "task"), [("task-a", thesis_task_a), ("task-b", thesis_task_b)])
+def test_motions_are_the_tasks_of_the_thesis(machine, name, task):
+    wanted = task()
     motion = job_named(name, Pace(machine, None, None))
     found = motion.reference(1e-3, 1)
     assert found.steps == motion.samples == wanted.steps
@@ -116,19 +115,19 @@ def test_another_pace(machine):
 
 
 @pytest.mark.parametrize(
-    ("name", "machine", "pace", "says"),
+    ("name", "make", "pace", "says"),
     [
-        ("task-b", thesis_machine(), (0.1, None), "leave them out"),
-        ("task-a", biaxial_machine(), (None, None), "single axis, flexible-axes has 2"),
-        ("circle", thesis_machine(), (None, None), "circle needs 2 axes, flexible-axis has 1"),
+        ("task-b", thesis_machine, (0.1, None), "leave them out"),
+        ("task-a", biaxial_machine, (None, None), "single axis, flexible-axes has 2"),
+        ("circle", thesis_machine, (None, None), "circle needs 2 axes, flexible-axis has 1"),
         (
             str(TOOLPATHS / "cam.ngc"),
-            thesis_machine(),
+            thesis_machine,
             (None, None),
             "needs a machine of two or three axes",
         ),
     ],
 )
-def test_runs_that_do_not_suit(name, machine, pace, says):
+def test_runs_that_do_not_suit(name, make, pace, says):
     with pytest.raises(ValueError, match=says):
-        job_named(name, Pace(machine, *pace))
+        job_named(name, Pace(make(), *pace))

@@ -1,4 +1,5 @@
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,11 @@ def test_eigenvalues_are_the_reference_ones(dt):
     )
 
 
-@pytest.mark.parametrize("plant", (xy_table(0.004), bridgeport()), ids=("table", "bridgeport"))
-def test_predicts_the_plant_whose_control_is_one_sample_late_even_under_a_constant_load(plant):
+@pytest.mark.parametrize(
+    "make", (partial(xy_table, 0.004), bridgeport), ids=("table", "bridgeport")
+)
+def test_predicts_the_plant_whose_control_is_one_sample_late_even_under_a_constant_load(make):
+    plant = make()
     rng = np.random.default_rng(0)
     A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
     n, p = plant.states, plant.inputs
