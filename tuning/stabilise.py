@@ -12,14 +12,14 @@ along L-BFGS directions from optax.
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from tuning.parameters import Chart, Weights
+from tuning.parameters import Weights
+from tuning.point import LEAST, loop_peaks_at
 from tuning.problem import Problem
 
 SHARPNESS = 16.0
@@ -91,34 +91,38 @@ def stabilised(
     return best
 
 
-@eqx.filter_jit
 def loop_radius(
-    problem: Problem, start: Weights, z: Float[Array, " d"]
-) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, " d"]]:
-    """Logarithm of the largest spectral radius at z, s, and the slope of s."""
+    problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
+) -> tuple[float, float, Float[np.ndarray, " d"]]:
+    """Logarithm of the largest spectral radius at z, s, and the slope of s.
 
-    def smooth(z):
-        radii = problem.loop_peaks(Chart(problem.space, start).weights(z)).spectral_radius
-        numbers = jnp.log(jnp.ravel(radii))
-        return _smooth_maximum(numbers), jnp.max(numbers)
-
-    (value, largest), slope = jax.value_and_grad(smooth, has_aux=True)(z)
-    return largest, value, slope
+    Raises:
+        ValueError: the problem does not look at its loops.
+    """
+    peaks, slopes = loop_peaks_at(problem, start, z)
+    if peaks is None or slopes is None:
+        raise ValueError("loops: this problem does not look at its frozen loops")
+    radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)
+    relative = np.reshape(slopes.spectral_radius, (radii.size, -1)) / radii[:, None]
+    return float(np.log(radii.max())), *_smooth_maximum(np.log(radii), relative)
 
 
 def smooth_departure(
     departures: Float[np.ndarray, " r"], slopes: Float[np.ndarray, "r d"]
 ) -> tuple[float, Float[np.ndarray, " d"]]:
     """s of the departures of all runs, and its slope; infinite where a departure is not finite."""
-    if not np.isfinite(departures).all():
+    return _smooth_maximum(departures, slopes)
+
+
+def _smooth_maximum(
+    numbers: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "n d"]
+) -> tuple[float, Float[np.ndarray, " d"]]:
+    """s, and its slope; infinite where a number is not finite."""
+    if not np.isfinite(numbers).all():
         return np.inf, np.full(slopes.shape[1], np.inf)
-    powers = np.exp(SHARPNESS * (departures - np.max(departures)))
-    value = np.max(departures) + np.log(np.mean(powers)) / SHARPNESS
+    powers = np.exp(SHARPNESS * (numbers - np.max(numbers)))
+    value = np.max(numbers) + np.log(np.mean(powers)) / SHARPNESS
     return float(value), powers @ slopes / np.sum(powers)
-
-
-def _smooth_maximum(numbers: Float[Array, " n"]) -> Float[Array, ""]:
-    return jax.nn.logsumexp(SHARPNESS * numbers, b=1 / numbers.size) / SHARPNESS
 
 
 def _usable(point: Measured) -> bool:

@@ -21,7 +21,8 @@ from tuning.descent import Descent, begin, descend
 from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
-from tuning.problem import Point, Problem, evaluate_point
+from tuning.point import Point, evaluate_point
+from tuning.problem import Problem
 from tuning.quadratic_step import Model
 from tuning.stabilise import Measured, loop_radius, smooth_departure, stabilised
 
@@ -266,7 +267,7 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
 
     def of_loops(there) -> Measured:
         nonlocal found, least, least_z
-        largest, smooth, slope = jax.device_get(loop_radius(problem, start, jnp.asarray(there)))
+        largest, smooth, slope = loop_radius(problem, start, there)
         if np.exp(largest) < least:
             least, least_z = float(np.exp(largest)), there
         if largest < 0:
@@ -329,7 +330,7 @@ def _first(problem: Problem, start: Weights) -> np.ndarray:
 
 
 def _point(problem: Problem, start: Weights, z: np.ndarray) -> Point:
-    return jax.device_get(evaluate_point(problem, start, jnp.asarray(z)))
+    return evaluate_point(problem, start, z)
 
 
 def _model(point: Point) -> Model:

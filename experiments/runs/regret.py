@@ -11,6 +11,7 @@ import numpy as np
 from experiments.files import run_folder
 from experiments.runs.path_margins import WINDOWS
 from experiments.runs.tuning import OBJECTIVES, TuningRun
+from tuning.loops import ProbedLoops
 from tuning.objectives import Regret
 from tuning.problem import Problem
 from tuning.tune import TuneState, tune
@@ -46,7 +47,6 @@ def _alone(run: TuningRun, index: int) -> Problem:
     references = jax.tree.map(lambda leaf: leaf[index : index + 1], problem.references)
     loops = problem.loops
     if loops is not None:
-        probes = slice(index * WINDOWS, (index + 1) * WINDOWS)
-        loops = jax.tree.map(lambda leaf: leaf[probes], loops)
+        loops = ProbedLoops.of(problem.plants, references, WINDOWS)
     objective = OBJECTIVES["typical", run.machine.error]
     return replace(problem, references=references, loops=loops, objective=objective)

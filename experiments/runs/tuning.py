@@ -6,7 +6,6 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax.tree_util import Partial
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
@@ -18,13 +17,12 @@ from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
 from experiments.runs.path_margins import WINDOWS
 from experiments.runs.spreading import batching_of
-from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import loop_peaks
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits
 from jcontour.simulation.metrics import Metrics
+from tuning.loops import ProbedLoops
 from tuning.objectives import (
     AtMost,
     Objective,
@@ -135,7 +133,7 @@ def tuning_run(flags: Tune) -> TuningRun:
     problem = replace(
         problem,
         limits=AtMost(**limits),
-        loops=_loops(flags, references),
+        loops=_loops(flags, problem),
         axis_limits=stated if _named(stated) else None,
     )
     return TuningRun(flags, machine, before, design, problem, settings, scenarios, limits)
@@ -228,11 +226,11 @@ def _named(limits: AxisLimits) -> list[str]:
     return [name for name, value in limits._asdict().items() if value is not None]
 
 
-def _loops(flags: Limited, references: Reference) -> Partial | None:
-    """Peaks of the frozen loops that the limits look at; None where none does."""
+def _loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
+    """The frozen loops that the limits look at; None where none does."""
     if flags.max_sensitivity is None:
         return None
-    return Partial(loop_peaks, windows=probe_windows(references, WINDOWS))
+    return ProbedLoops.of(problem.plants, problem.references, WINDOWS)
 
 
 def start_metrics(problem: Problem, start: Weights) -> Metrics:

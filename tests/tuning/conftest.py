@@ -10,6 +10,7 @@ from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.loops import Loops
 from tuning.objectives import mean_contour_error, no_limits
 from tuning.outcome import LoopPeaks
 from tuning.parameters import Positive
@@ -55,20 +56,37 @@ def proportional_problem():
     return problem
 
 
-@pytest.fixture(scope="session")
-def loop_peaks():
+class Gains(Loops):
     """Peaks of gains k on integrators of slope b in closed form, with g = b k, at two probes.
 
     z + g - 1 = 0;   |S| and |T| have their peaks at z = -1, |T| for g < 1 at z = 1
+
+    Args:
+        more: added to every spectral radius.
     """
 
-    def peaks(controller, plants):
+    more: float = 0.0
+
+    def matrices(self, controller, plants):
         gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains
         radius = jnp.max(jnp.abs(1 - gain), axis=1)
         stable = (radius < 1)[:, None] & (gain < 2)
         below = jnp.where(stable, 2 - gain, 1.0)
         largest = jnp.max(jnp.where(stable, 2 / below, jnp.inf), axis=1)
         most = jnp.max(jnp.where(stable, jnp.maximum(1.0, gain / below), jnp.inf), axis=1)
-        return LoopPeaks(*(jnp.stack([peak, peak]) for peak in (largest, most, radius)))
+        found = (largest, most, radius + self.more)
+        return LoopPeaks(*(jnp.stack([peak, peak]) for peak in found))
 
-    return peaks
+    def peaks(self, matrices, slopes):
+        return matrices, slopes
+
+
+@pytest.fixture(scope="session")
+def loop_peaks():
+    return Gains()
+
+
+@pytest.fixture(scope="session")
+def unstable_loops():
+    """Loops that no gain makes stable."""
+    return Gains(1.0)

@@ -1,4 +1,3 @@
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,8 +10,8 @@ Z = np.log([50.0, 20.0])
 
 def of_loops(problem, sound):
     def measure(z):
-        largest, smooth, slope = jax.device_get(loop_radius(problem, START, jnp.asarray(z)))
-        return Measured(float(largest), float(smooth), slope, bool(largest < 0) and sound(z))
+        largest, smooth, slope = loop_radius(problem, START, z)
+        return Measured(largest, smooth, slope, largest < 0 and sound(z))
 
     return measure
 
@@ -44,12 +43,17 @@ def test_what_is_never_sound_ends_near_the_smallest_radius(proportional_problem,
 
 def test_slope_of_the_radius_is_that_of_differences(proportional_problem, loop_peaks):
     problem, h = proportional_problem(loops=loop_peaks), 1e-6
-    at = lambda z: loop_radius(problem, START, jnp.asarray(z))  # noqa: E731
+    at = lambda z: loop_radius(problem, START, z)  # noqa: E731
     largest, smooth, slope = at(Z)
     assert float(largest) == pytest.approx(np.log(radius(Z)), rel=1e-12)
     assert float(smooth) <= float(largest)
     differences = [float(at(Z + h * e)[1] - at(Z - h * e)[1]) / (2 * h) for e in np.eye(2)]
     np.testing.assert_allclose(slope, differences, rtol=1e-6)
+
+
+def test_a_problem_that_does_not_look_at_its_loops_has_no_radius(proportional_problem):
+    with pytest.raises(ValueError, match="does not look at its frozen loops"):
+        loop_radius(proportional_problem(), START, Z)
 
 
 def test_smooth_departure_and_its_slope():

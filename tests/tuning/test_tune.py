@@ -165,16 +165,9 @@ def test_an_unstable_start_is_stabilised(proportional_problem, loop_peaks):
 
 
 def test_a_family_without_stable_weights_tells_its_smallest_radius(
-    proportional_problem, loop_peaks
+    proportional_problem, unstable_loops
 ):
-    def never_below(least):
-        def peaks(controller, plants):
-            found = loop_peaks(controller, plants)
-            return found._replace(spectral_radius=found.spectral_radius + least)
-
-        return peaks
-
-    problem = proportional_problem(loops=never_below(1.0))
+    problem = proportional_problem(loops=unstable_loops)
     with pytest.raises(ValueError, match=r"smallest spectral radius .* is 1\.\d+, found at .*x"):
         tune(problem, FAR, FEW)
 

@@ -10,6 +10,8 @@ import pytest
 from experiments.options import Tune
 from experiments.runs import regret
 from experiments.runs.tuning import tuning_run
+from tuning.parameters import Chart
+from tuning.point import evaluate_point
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +22,10 @@ def run(machine_file, part_file):
 
 
 def test_a_contour_alone_has_the_metrics_and_loops_that_it_has_among_others(run):
-    whole = run.problem.outcome(run.start)
+    z = np.asarray(Chart(run.problem.space, run.start).coordinates())
+    whole = evaluate_point(run.problem, run.start, z).outcome
     for index in range(2):
-        alone = regret._alone(run, index).outcome(run.start)
+        alone = evaluate_point(regret._alone(run, index), run.start, z).outcome
         for a, b in zip(
             jax.tree.leaves(alone.metrics), jax.tree.leaves(whole.metrics), strict=True
         ):

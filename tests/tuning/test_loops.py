@@ -1,0 +1,40 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jcontour.analysis.sensitivity import loop_peaks
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
+from jcontour.geometry.contours import circle
+from jcontour.motion.references import along
+from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.loops import ProbedLoops
+
+
+def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
+    """In reverse mode, through the program; here in forward mode, on the host."""
+    family = stack_plants([Delayed(Encoders(two_axes), jnp.asarray(late), 1, 2) for late in (0, 1)])
+    run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
+    loops = ProbedLoops.of(family, stack_references([run]), 2)
+
+    def controller(z):
+        inner = ContouringLQ(two_axes, LQWeights(*jnp.exp(z[:2]), 1e-6), 3)
+        return FilterObserver(inner, two_axes, kalman_gain(two_axes, jnp.exp(z[2]), 1e-6))
+
+    def matrices(z):
+        return loops.matrices(controller(z), family)
+
+    z = jnp.log(jnp.array([3.0, 5.0, 0.01]))
+    found, slopes = loops.peaks(*jax.device_get((matrices(z), jax.jacfwd(matrices)(z))))
+
+    def wanted(z):
+        return loop_peaks(controller(z), family, loops.windows)
+
+    for one, other in zip(found, wanted(z), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    for one, other in zip(slopes, jax.jacrev(wanted)(z), strict=True):
+        assert one.shape == (2, 2, 3)
+        # a peak is flat: its frequency, and the slope there, is known to fewer digits than its height
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * np.abs(other).max())

@@ -1,0 +1,74 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from tuning.objectives import AtMost, typical_contour_error, worst_contour_error
+from tuning.point import LEAST, evaluate_point, objective_value
+
+START = {"x": jnp.asarray(0.5), "y": jnp.asarray(0.8)}
+Z = np.log([0.5, 0.8])
+
+
+def test_rows_count_by_their_geometric_mean():
+    values = np.array([[1e-6, 4e-6], [9e-6, 2e-6]])
+    assert objective_value(values) == pytest.approx(6e-6, rel=1e-12)
+    assert objective_value(np.zeros((1, 2))) == pytest.approx(LEAST)
+
+
+@pytest.mark.parametrize("objective", [typical_contour_error, worst_contour_error])
+def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
+    proportional_problem, loop_peaks, objective
+):
+    names = {"peak_sensitivity": 1.2, "rms_increment": 1e-5, "rms_tracking_error": 1.0}
+    problem = proportional_problem(AtMost(**names), objective, loops=loop_peaks)
+    at = lambda z: evaluate_point(problem, START, z)  # noqa: E731
+    point, h = at(Z), 1e-6
+    assert point.limits.shape == (8,)
+    metrics = point.outcome.metrics
+    np.testing.assert_allclose(np.exp(point.errors), metrics.rms_contour_error, rtol=1e-12)
+    assert point.objective == pytest.approx(float(metrics.rms_contour_error.max()), rel=1e-12)
+    gains = np.array([0.5 * 1.0, 0.8 * 0.7]), np.array([0.5 * 0.9, 0.8 * 0.8])
+    worst = [max(2 / (2 - gain)) for gain in gains]
+    np.testing.assert_allclose(point.limits[:4], 2 * [*np.log(np.array(worst) / 1.2)])
+    np.testing.assert_allclose(point.limits[4:6], np.log(metrics.rms_increment[0] / 1e-5))
+    assert point.limits[4] > 0 > point.limits[7]  # one that is violated and one that is not
+    size = float(problem.references.contour.size[0])
+    np.testing.assert_allclose(np.exp(point.departures) * size, metrics.peak_tracking_error[0])
+    for name in ("errors", "limits", "departures"):
+        differences = [
+            (getattr(at(Z + h * e), name) - getattr(at(Z - h * e), name)) / (2 * h)
+            for e in np.eye(2)
+        ]
+        slopes = np.moveaxis(getattr(point.slopes, name), -1, 0)
+        np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-8)
+    assert not point.diverged
+    assert at(np.log([5.0, 0.8])).diverged  # one plant of the family is enough
+    assert at(np.log([1e40, 0.8])).diverged  # not finite
+
+
+def test_errors_of_zero_have_slopes(proportional_problem):
+    problem = proportional_problem(objective=lambda metrics: 0.0 * metrics.rms_contour_error)
+    point = evaluate_point(problem, START, Z)
+    assert not point.diverged
+    np.testing.assert_array_equal(point.slopes.errors, 0.0)
+
+
+def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
+    """Gains just above 2 do not leave the circle within its 20 samples."""
+    z = np.log([2.01, 0.8])
+    assert not evaluate_point(proportional_problem(), START, z).diverged
+    point = evaluate_point(proportional_problem(loops=loop_peaks), START, z)
+    assert point.diverged and float(point.outcome.loops.spectral_radius.max()) > 1
+    assert np.all(point.departures < 0) and np.isfinite(point.slopes.departures).all()
+
+
+@pytest.mark.parametrize("values", [jnp.ones(3), jnp.ones((0, 3)), jnp.ones((1, 2, 3))])
+def test_values_without_rows_are_refused(proportional_problem, values):
+    with pytest.raises(ValueError, match="objective: needs rows of values"):
+        evaluate_point(proportional_problem(objective=lambda metrics: values), START, Z)
+
+
+def test_loops_that_are_not_looked_at_cannot_be_limited(proportional_problem):
+    problem = proportional_problem(AtMost(peak_sensitivity=2.0))
+    with pytest.raises(ValueError, match="peak_sensitivity: .* windows"):
+        evaluate_point(problem, START, Z)

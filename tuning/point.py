@@ -1,0 +1,150 @@
+"""One evaluated point: errors, limits and their slopes.
+
+Runs and frozen loops are two programs; the peaks of the loops are found on the host; a third, small
+program judges both.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.kernels.dispatch import on_gpu
+from tuning.outcome import LoopPeaks, Outcome
+from tuning.parameters import Chart, Weights
+from tuning.problem import Problem
+
+LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
+
+
+def objective_value(values: Float[np.ndarray, "g v"]) -> float:
+    """Geometric mean over rows of the largest value of each.
+
+    >>> round(objective_value(np.array([[1.0, 4.0], [9.0, 2.0]])), 12)
+    6.0
+    """
+    largest = np.maximum(np.max(values, axis=-1), LEAST)
+    return float(np.exp(np.mean(np.log(largest))))
+
+
+class Judged(NamedTuple):
+    """What counts of an outcome, or its derivative in z, which comes last."""
+
+    errors: Float[Array | np.ndarray, "g v *d"]
+    limits: Float[Array | np.ndarray, "c *d"]
+    departures: Float[Array | np.ndarray, "r *d"]
+
+
+class Point(NamedTuple):
+    """One evaluated point, as NumPy arrays.
+
+    Attributes:
+        errors: logarithms of the objective's values.
+        limits: must not be above zero.
+        departures: ln(largest tracking error / size of the contour) of every run; a run diverges
+            above zero.
+        slopes: of the three.
+        outcome: metrics of the runs, and peaks of the loops.
+        diverged: whether a run diverges, a loop is unstable, or a number is not finite; then only
+            departures may be used.
+    """
+
+    errors: Float[np.ndarray, "g v"]
+    limits: Float[np.ndarray, " c"]
+    departures: Float[np.ndarray, " r"]
+    slopes: Judged
+    outcome: Outcome
+    diverged: bool
+
+    @property
+    def objective(self) -> float:
+        """Value of the objective."""
+        return objective_value(np.exp(self.errors))
+
+
+def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"]) -> Point:
+    """Errors, limits and their slopes at z.
+
+    A point where any member of the family diverges on any contour, or has an unstable frozen loop,
+    is `diverged`.
+
+    Raises:
+        ValueError: the objective returns no rows, or the limits need what the problem lacks.
+    """
+    runs = _runs(problem, start, jnp.asarray(z))
+    (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
+    loops, loop_slopes = loop_peaks_at(problem, start, z)
+    outcome = Outcome(metrics, loops, use)
+    slopes = Outcome(metric_slopes, loop_slopes, use_slopes)
+    judged, judged_slopes = jax.device_get(_judged(problem, outcome, slopes))
+    numbers = [*judged[:2], *judged_slopes[:2]]
+    finite = all(np.isfinite(number).all() for number in numbers)
+    return Point(*judged, judged_slopes, outcome, bool(outcome.diverged) or not finite)
+
+
+def loop_peaks_at(
+    problem: Problem, start: Weights, z: Float[Array | np.ndarray, " d"]
+) -> tuple[LoopPeaks | None, LoopPeaks | None]:
+    """Peaks of the frozen loops and their slopes; None for a problem that does not look at them."""
+    if problem.loops is None:
+        return None, None
+    return problem.loops.peaks(*jax.device_get(_loops(problem, start, jnp.asarray(z))))
+
+
+@eqx.filter_jit
+def _runs(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any, Any]:
+    """Metrics and use of the limits, and their slopes."""
+    # a CPU has few weights and many numbers; the kernels of a GPU have a reverse mode only
+    jacobian = jax.jacrev if on_gpu() else jax.jacfwd
+    return _with_slopes(problem.runs, Chart(problem.space, start), z, jacobian)
+
+
+@eqx.filter_jit
+def _loops(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any, Any]:
+    """Matrices of the frozen loops, and their slopes."""
+    loops = problem.loops
+    assert loops is not None
+
+    def matrices(weights: Weights) -> Any:
+        return loops.matrices(problem.build(weights), problem.plants)
+
+    return _with_slopes(matrices, Chart(problem.space, start), z, jax.jacfwd)
+
+
+def _with_slopes(function, chart: Chart, z: Float[Array, " d"], jacobian) -> tuple[Any, Any]:
+    """Arrays of a function of the weights, and derivatives in z of those that are floats."""
+
+    def moving(z):
+        found = function(chart.weights(z))
+        return eqx.filter(found, eqx.is_inexact_array), found
+
+    slopes, found = jacobian(moving, has_aux=True)(z)
+    return found, slopes
+
+
+@eqx.filter_jit
+def _judged(problem: Problem, outcome: Outcome, slopes: Outcome) -> tuple[Judged, Judged]:
+    moving, fixed = eqx.partition(outcome, eqx.is_inexact_array)
+
+    def judge(moving: Outcome) -> Judged:
+        outcome = eqx.combine(moving, fixed)
+        errors = problem.objective(outcome.metrics)
+        if errors.ndim != 2 or 0 in errors.shape:
+            raise ValueError(
+                f"objective: needs rows of values (g, v), received the shape {errors.shape}"
+            )
+        size = problem.references.contour.size[:, None]
+        departures = jnp.ravel(_log(outcome.metrics.peak_tracking_error / size))
+        return Judged(_log(errors), problem.limits(outcome), departures)
+
+    def slope(direction: Outcome) -> Judged:
+        return jax.jvp(judge, (moving,), (direction,))[1]
+
+    return judge(moving), jax.vmap(slope, in_axes=-1, out_axes=-1)(slopes)
+
+
+def _log(value: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    return jnp.log(jnp.maximum(value, LEAST))
