@@ -20,7 +20,7 @@ Limits are a function of the Outcome. It returns a vector that must not be above
 ln(value / limit), so that a per cent counts alike on every machine.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -94,7 +94,9 @@ class Regret(eqx.Module):
     best: Float[Array, " c"]
     error: Literal["contour", "tracking"] = eqx.field(static=True)
 
-    def __init__(self, best: ArrayLike, error: Literal["contour", "tracking"] = "contour"):
+    def __init__(
+        self, best: ArrayLike | Sequence[float], error: Literal["contour", "tracking"] = "contour"
+    ):
         values = np.asarray(best, float)
         if values.ndim != 1 or not np.all(np.isfinite(values) & (values > 0)):
             raise ValueError(
@@ -186,7 +188,7 @@ class AtMost(eqx.Module):
         ]
 
 
-def _values(outcome: Outcome, name: str) -> Float[Array, "rows plants"]:
+def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plants"]:
     if name in USE_LIMITS:
         if outcome.use is None:
             raise ValueError(f"{name}: needs a problem with the limits of its machine")

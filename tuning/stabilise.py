@@ -60,7 +60,7 @@ def stabilised(
     """Descent from z to the first sound point, or to where the measure falls no more.
 
     >>> def measure(z):  # |z| < 1 is sound
-    ...     return Measured(z @ z - 1, z @ z, 2 * z, z @ z < 1)
+    ...     return Measured(z @ z - 1, z @ z, 2 * z, bool(z @ z < 1))
     >>> stabilised(np.array([3.0, 4.0]), measure).sound
     True
     """

@@ -56,15 +56,13 @@ def probe_windows(references: Reference, count: int = 8) -> Reference:
     entered = host.position[contour, start] - host.position[contour, np.maximum(start - 1, 0)]
     increment = np.where((start > 0)[:, None], entered, host.start_increment[contour])
     mask = np.broadcast_to(np.arange(references.preview + 1) == 0, rows.shape)
-    return Reference(
+    return jax.vmap(lambda *arrays: Reference(*arrays, references.dt, 1))(
         cut(host.position),
         cut(host.tangent),
         cut(host.arc),
         jax.device_put(mask),
         jax.device_put(increment),
         jax.tree.map(lambda leaf: jax.device_put(leaf[contour]), host.contour),
-        references.dt,
-        1,
     )
 
 

@@ -7,6 +7,7 @@ Speed and acceleration are those of the tool, by differences of its samples:
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jcontour.motion.references import Reference
@@ -22,10 +23,10 @@ class AxisLimits(NamedTuple):
         increment: (p,) [control unit per sample].
     """
 
-    speed: Float[Array, " m"] | None = None
-    acceleration: Float[Array, " m"] | None = None
-    control: Float[Array, " p"] | None = None
-    increment: Float[Array, " p"] | None = None
+    speed: Float[Array | np.ndarray, " m"] | None = None
+    acceleration: Float[Array | np.ndarray, " m"] | None = None
+    control: Float[Array | np.ndarray, " p"] | None = None
+    increment: Float[Array | np.ndarray, " p"] | None = None
 
 
 class LimitUse(NamedTuple):
@@ -79,8 +80,10 @@ def limit_use(
 
 
 def _largest(
-    values: Float[Array, "T d"], counted: Bool[Array, " T"], limit: Float[Array, " d"] | None
+    values: Float[Array, "T d"],
+    counted: Bool[Array, " T"],
+    limit: Float[Array | np.ndarray, " d"] | None,
 ) -> Float[Array, ""]:
     if limit is None:
         return jnp.zeros((), values.dtype)
-    return jnp.max(jnp.where(counted[:, None], jnp.abs(values) / limit, 0.0), initial=0.0)
+    return jnp.max(jnp.where(counted[:, None], jnp.abs(values) / limit[None], 0.0), initial=0.0)

@@ -293,7 +293,7 @@ def _random_walk(B: Float[Array, "n p"]) -> Float[Array, "both 2*p"]:
 
 
 @partial(jax.jit, static_argnums=2)
-def _joined(control_noise, drift, inputs: int) -> Float[Array, " 2*p"]:
+def _joined(control_noise, drift, inputs: int) -> Float[Array, " noises"]:
     return jnp.concatenate([jnp.broadcast_to(size, (inputs,)) for size in (control_noise, drift)])
 
 

@@ -3,6 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,7 +79,7 @@ def test_several_axes_take_one_number_or_each_its_own():
 
 def test_no_cogging():
     axis = axis_from(FIELDS | {"cogging_sine": [], "cogging_cosine": []})
-    np.testing.assert_array_equal(axis.parameters.cogging(np.array([0.01])), [0.0])
+    np.testing.assert_array_equal(axis.parameters.cogging(jnp.array([0.01])), [0.0])
 
 
 @pytest.mark.parametrize(
