@@ -36,5 +36,5 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         np.testing.assert_allclose(one, other, rtol=1e-12)
     for one, other in zip(slopes, jax.jacrev(wanted)(z), strict=True):
         assert one.shape == (2, 2, 3)
-        # a peak is flat: its frequency, and the slope there, is known to fewer digits than its height
+        # a peak is flat: its frequency and the slope there have fewer digits than its height
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * np.abs(other).max())
