@@ -229,7 +229,7 @@ def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "
 
     Not finite when it has not.
     """
-    away = jnp.linalg.norm(output - reference.position[-1], axis=-1) > ARRIVED
+    away = jnp.linalg.norm(output - reference.position[-1:], axis=-1) > ARRIVED
     last = jnp.max(jnp.where(away, jnp.arange(reference.steps), -1))
     return jnp.where(away[-1], jnp.inf, (last + 1) * reference.dt)
 
