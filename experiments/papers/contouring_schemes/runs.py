@@ -231,7 +231,7 @@ def arrival(output: Float[Array, "T m"], reference: Reference) -> Float[Array, "
     """
     away = jnp.linalg.norm(output - reference.position[-1:], axis=-1) > ARRIVED
     last = jnp.max(jnp.where(away, jnp.arange(reference.steps), -1))
-    return jnp.where(away[-1], jnp.inf, (last + 1) * reference.dt)
+    return jnp.where(away[-1], jnp.inf, (last + 1).astype(output.dtype) * reference.dt)
 
 
 def rows(name: str, loops: str, controller: Controller, plants: Sequence[str]) -> list[Row]:
