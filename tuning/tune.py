@@ -69,7 +69,7 @@ class Effort:
 # a tenth of a per cent within a minute: less than a plant model is good for
 QUICK = Effort(starts=2, scatter=6, steps=15, tolerance=1e-3)
 # for publication; a descent rarely needs half of these steps
-THOROUGH = Effort(starts=6, scatter=32, steps=60, tolerance=1e-5)
+THOROUGH = Effort(starts=10, scatter=32, steps=60, tolerance=1e-5)
 
 
 @dataclass(frozen=True)
@@ -346,9 +346,9 @@ def _scattered_point(problem, start, effort: Effort, state: TuneState, index: in
     begun = [row for row in sound(state.history) if row.start == 0]
     centre = min(begun, key=rank).z if begun else first
     count = 2 ** int(np.ceil(np.log2(effort.scatter)))
-    points = Sobol(first.size, rng=effort.seed).random(count)
-    spread = effort.spread * (1 + index % 2)  # every other point looks twice as far
-    z = centre + spread * (2 * points[index] - 1)
+    *place, far = Sobol(first.size + 1, rng=effort.seed).random(count)[index]
+    spread = effort.spread * (2 if far > 0.5 else 1)  # half of the points look twice as far
+    z = centre + spread * (2 * np.array(place) - 1)
     return np.clip(z, first - reach, first + reach)
 
 

@@ -12,7 +12,7 @@ from tuning.pareto import FrontState, advance_front, done, front_points, trade_o
 from tuning.tune import THOROUGH
 
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
-SETTINGS = replace(THOROUGH, starts=2, scatter=2, spread=1.0, steps=20)
+SETTINGS = replace(THOROUGH, starts=4, scatter=8, spread=1.0, steps=20)
 BUDGETS = [1.2e-5, 2e-5, 2.8e-5]
 
 
