@@ -2,15 +2,15 @@
 
 At z the errors e (g, v) and the limits c are known with their slopes E and C. The step d minimises
 
-    mean over rows r of t_r + 1/2 d' H d
-    subject to   e[r, i] + E[r, i] d <= t_r,   c + C d <= s,   low <= d <= high
+    mean over rows r of t_r + penalty s + 1/2 d' H d
+    subject to   e[r, i] + E[r, i] d <= t_r,   c + C d <= s,   0 <= s,   low <= d <= high
 
-with s the least excess that the bounds allow, or a little more where z is not within its limits:
-max(0, c + C d) is made small first. The multipliers of the first rows are the shares of the errors
-in the objective, those of the second are the prices of the limits.
+so that it always exists. The penalty is raised until the step removes most of the excess of the
+limits that its bounds allow to remove. The multipliers of the first rows are the shares of the
+errors in the objective, those of the second are the prices of the limits.
 
-Source: R. Fletcher & S. Leyffer, Nonlinear programming without a penalty function, Mathematical
-Programming 91 (2002). Host side.
+Source: R. H. Byrd, J. Nocedal & R. A. Waltz, Steering exact penalty methods, Optimization Methods
+and Software 23 (2008). Host side.
 """
 
 from typing import NamedTuple
@@ -22,8 +22,11 @@ from jcontour.qp.problem import QP, Solution, Unsolved
 from jcontour.qp.solvers import DAQP, ProxQP
 
 NO_EXCESS = 1e-9  # of a limit: rounding of the runs
-LOOSE = 0.1  # part of an excess that a step need not remove, for the objective's sake
-SOFT = 1e-5  # curvature of t, which makes the QP strictly convex and moves nothing that counts
+LEFT = 0.1  # part of the excess within reach that a step need not remove; less near the limits
+HIGHER, HIGHEST = 10.0, 1e7  # factor between two penalties, and the last
+SOFT = (
+    1e-5  # curvature of t and s, which makes the QP strictly convex and moves nothing that counts
+)
 STILL = 1e-4  # likewise of d where the excess alone is made small
 FAR = 50.0  # in ln(error): no step changes an error by more
 
@@ -53,6 +56,10 @@ class Model(NamedTuple):
         """Largest violation of a limit; zero within them."""
         return float(np.max(self.limits, initial=0.0))
 
+    def merit(self, penalty: float) -> float:
+        """Objective plus the price of the excess."""
+        return self.objective + penalty * self.excess
+
     def moved(self, d: Float[np.ndarray, " d"]) -> "Model":
         """The same lines at z + d."""
         return self._replace(
@@ -65,10 +72,11 @@ class Step(NamedTuple):
 
     Attributes:
         d: step in z.
-        gain: decrease of the objective that the model promises; negative where the limits cost.
+        gain: decrease of the merit that the model promises.
         excess: what the model leaves of the violation.
         shares: multipliers of the errors; every row sums to 1/g.
         prices: multipliers of the limits.
+        penalty: of the excess; not below the one given.
     """
 
     d: Float[np.ndarray, " d"]
@@ -76,6 +84,7 @@ class Step(NamedTuple):
     excess: float
     shares: Float[np.ndarray, "g v"]
     prices: Float[np.ndarray, " c"]
+    penalty: float
 
 
 def quadratic_step(
@@ -83,49 +92,64 @@ def quadratic_step(
     curvature: Float[np.ndarray, "d d"],
     low: Float[np.ndarray, " d"],
     high: Float[np.ndarray, " d"],
+    penalty: float,
 ) -> Step:
     """The step d between its bounds.
 
     >>> line = Model(np.zeros((1, 1)), np.array([-0.5]), np.array([[[-1.0]]]), np.array([[1.0]]))
-    >>> step = quadratic_step(line, np.array([[0.2]]), np.array([-2.0]), np.array([2.0]))
+    >>> step = quadratic_step(line, np.array([[0.2]]), np.array([-2.0]), np.array([2.0]), 0.1)
     >>> step.d.round(9), step.prices.round(2)  # the limit stops it; without, another metre gains
     (array([0.5]), array([0.9]))
+    >>> step.penalty  # a smaller one would let it pass the limit
+    1.0
 
     Args:
         model: at the present point.
         curvature: H, positive definite.
         low: bounds of d that contain zero.
         high: likewise.
+        penalty: of the excess, to begin with.
 
     Raises:
         Unsolved: no QP solver finds an answer.
     """
-    excess = model.excess
-    reached = _least_excess(model, low, high)
-    allowed = reached + min(LOOSE, 10 * excess) * max(excess - reached, 0.0) + 1e-8 * excess
+    step = _priced(model, curvature, low, high, penalty)
+    if step.excess <= NO_EXCESS:
+        return step
+    least = _least_excess(model, low, high)
+    enough = least + min(LEFT, 10 * model.excess) * (model.excess - least)
+    while step.excess > enough + 2 * NO_EXCESS and penalty < HIGHEST:
+        penalty *= HIGHER
+        step = _priced(model, curvature, low, high, penalty)
+    return step
+
+
+def _priced(model: Model, curvature, low, high, penalty: float) -> Step:
+    """The step under a penalty; s is solved for over a scale of its own."""
     g, v = model.errors.shape
-    n = low.size
+    c, n = model.limit_slopes.shape
+    scale = max(model.excess, min(1.0, 1 / penalty))
     size = np.max(np.abs(model.limit_slopes), axis=1, initial=1e-9)
     tops = np.repeat(np.eye(g), v, axis=0)
-    errors = np.hstack([model.error_slopes.reshape(g * v, n), -tops])
-    limits = np.hstack([model.limit_slopes / size[:, None], np.zeros((size.size, g))])
+    errors = [model.error_slopes.reshape(g * v, n), -tops, np.zeros((g * v, 1))]
+    limits = [model.limit_slopes, np.zeros((c, g)), np.full((c, 1), -scale)]
     room = np.repeat(np.max(model.errors, axis=1), v) - model.errors.ravel()
-    H = np.zeros((n + g, n + g))
+    H = SOFT * np.eye(n + g + 1)
     H[:n, :n] = curvature
-    H[n:, n:] = SOFT * np.eye(g)
     answer = _solved(
         H,
-        np.concatenate([np.zeros(n), np.full(g, 1 / g)]),
-        np.concatenate([errors, limits]),
-        np.concatenate([room, (allowed + NO_EXCESS - model.limits) / size]),
-        np.concatenate([low, np.full(g, -FAR)]),
-        np.concatenate([high, np.full(g, FAR)]),
+        np.concatenate([np.zeros(n), np.full(g, 1 / g), [penalty * scale]]),
+        np.concatenate([np.hstack(errors), np.hstack(limits) / size[:, None]]),
+        np.concatenate([room, -model.limits / size]),
+        np.concatenate([low, np.full(g, -FAR), [0.0]]),
+        np.concatenate([high, np.full(g, FAR), [(1 + 2 * model.excess) / scale]]),
     )
     d = np.clip(answer.z[:n], low, high)
-    multipliers = np.maximum(answer.multipliers[n + g :], 0.0)
-    gain = model.objective - model.moved(d).objective - 0.5 * d @ curvature @ d
-    shares = multipliers[: g * v].reshape(g, v)
-    return Step(d, float(gain), reached, shares, multipliers[g * v :] / size)
+    multipliers = np.maximum(answer.multipliers[n + g + 1 :], 0.0)
+    there = model.moved(d)
+    gain = model.merit(penalty) - there.merit(penalty) - 0.5 * d @ curvature @ d
+    shares, prices = multipliers[: g * v].reshape(g, v), multipliers[g * v :] / size
+    return Step(d, float(gain), there.excess, shares, prices, penalty)
 
 
 def _least_excess(model: Model, low, high) -> float:

@@ -271,8 +271,8 @@ FAULTS = (
     ),
     Fault(
         "tuning/descent.py",
-        "if h > (1 - MARGIN) * earlier_h and f > earlier_f - MARGIN * earlier_h:",
-        "if h > (1 - MARGIN) * earlier_h or f > earlier_f - MARGIN * earlier_h:",
+        "return objective + step.prices @ model.limit_slopes",
+        "return objective - step.prices @ model.limit_slopes",
         "tests/tuning/test_descent.py",
     ),
     Fault(
