@@ -7,6 +7,10 @@ from functools import cache
 # for each other longer than they compute. Workers and commands inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from experiments.cli import choose_compiler
+
+choose_compiler()  # as the commands do, before JAX is loaded
+
 import hypothesis
 import jax
 import numpy as np

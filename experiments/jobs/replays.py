@@ -98,8 +98,9 @@ def replay(controller: Controller, scenarios: Scenarios, watch: Watch | None = N
 
 def prepared_plans(controller: Controller, references: Reference) -> Plan:
     """Plans of a controller for stacked references, axis 0; one program for all of them."""
-    count = len(references.mask)
-    plans = [jax.device_get(prepared(controller, member(references, k))) for k in range(count)]
+    paths = jax.device_get(references)
+    count = len(paths.mask)
+    plans = [jax.device_get(prepared(controller, member(paths, k))) for k in range(count)]
     return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *plans)
 
 

@@ -34,7 +34,8 @@ def path_margins(
     plant = machine.nominal(fed)
     names = [job.name for job in scenarios.jobs_seen(True)]
     trained = np.flatnonzero(scenarios.training).tolist()
-    paths = [_thinned(member(scenarios.references, k)) for k in trained]
+    references = jax.device_get(scenarios.references)
+    paths = [_thinned(member(references, k)) for k in trained]
     found = [margins(plant, controller, path) for path in paths]
     open_loops = np.array([one.saturated for one in found])
     without = open_loops == np.array([np.sum(path.mask) for path in paths])
@@ -57,7 +58,7 @@ def path_margins(
 def _peaks(controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
     trained = np.flatnonzero(scenarios.training)
-    paths = jax.tree.map(lambda leaf: leaf[trained], scenarios.references)
+    paths = jax.tree.map(lambda leaf: leaf[trained], jax.device_get(scenarios.references))
     windows = probe_windows(paths, WINDOWS)
     family = stack_plants(machine.smooth_family(fed))
     loops = jax.device_get(frozen_family(controller, family, windows))

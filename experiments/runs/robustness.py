@@ -27,7 +27,8 @@ def robust_test(
         return None
     jobs = scenarios.jobs_seen(True)
     trained = np.flatnonzero(scenarios.training)
-    references = jax.tree.map(lambda leaf: leaf[trained], scenarios.references)
+    paths = jax.device_get(scenarios.references)
+    references = jax.tree.map(lambda leaf: jax.device_put(leaf[trained]), paths)
     plans = prepared_plans(controller, references)
     metrics = jax.device_get(_metrics(controller, family, references, plans))
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)

@@ -18,6 +18,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from jcontour.controller import Controller, Memory, Plan
 from jcontour.plant import Plant, State
+from jcontour.tracing import is_concrete
 
 
 class CutLoops(NamedTuple):
@@ -34,24 +35,22 @@ class CutLoops(NamedTuple):
         """Closed loops A + B diag(gains) C: a change of control i acts `gains[i]` times as much."""
         return self.A + (self.B * gains) @ self.C
 
-    def late(self, samples: int) -> Float[Array, "*loops L L"]:
+    def late(self, samples: int) -> Float[Array | np.ndarray, "*loops L L"]:
         """Closed loops with v(k) = u(k - samples), at least one sample.
 
         The state gains the line u(k-1), ..., u(k-samples).
         """
-        A, B, C = (jnp.asarray(matrices) for matrices in self)
+        library = np if is_concrete(*self) else jnp  # NumPy has nothing to compile
+        A, B, C = (library.asarray(matrices) for matrices in self)
         *loops, N, p = B.shape
-        kept = (samples - 1) * p
-        unused = jnp.zeros((*loops, N, kept), A.dtype)
-        shift = jnp.broadcast_to(
-            jnp.eye(kept, N + samples * p, N, A.dtype), (*loops, kept, N + samples * p)
-        )
+        kept, dtype = (samples - 1) * p, A.dtype
+        shift = np.eye(kept, N + samples * p, N, dtype)
         rows = [
-            jnp.concatenate([A, unused, B], axis=-1),
-            jnp.concatenate([C, jnp.zeros((*loops, p, samples * p), A.dtype)], axis=-1),
-            shift,
+            library.concatenate([A, np.zeros((*loops, N, kept), dtype), B], axis=-1),
+            library.concatenate([C, np.zeros((*loops, p, samples * p), dtype)], axis=-1),
+            np.broadcast_to(shift, (*loops, *shift.shape)),
         ]
-        return jnp.concatenate(rows, axis=-2)
+        return library.concatenate(rows, axis=-2)
 
     def acting(self) -> Bool[np.ndarray, "T p"]:
         """Controls that are part of a loop.

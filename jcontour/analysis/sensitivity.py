@@ -127,7 +127,7 @@ def late_radius(
 
     def late(machine: LinearMachine, law: LinearLaw):
         cut = FrozenLoop(machine, law).cut()
-        return cut.late(samples) if samples else jnp.asarray(cut.closed())
+        return jnp.asarray(cut.late(samples) if samples else cut.closed())
 
     loops = frozen_family(controller, plants, windows)
     laws = jax.tree.map(lambda one: one[:, 0], loops.law)
