@@ -16,6 +16,7 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.history import rank
 from tuning.objectives import (
     AtMost,
     mean_contour_error,
@@ -194,6 +195,19 @@ def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, lo
             prices[one.name] += one.price
         assert -prices[name] == pytest.approx(slope, rel=0.03) and slope < 0
         assert sum(prices.values()) == pytest.approx(prices[name], abs=1e-6)
+
+
+def test_near_and_far_points_are_scattered_to_all_sides(limited):
+    effort = replace(THOROUGH, starts=2, scatter=32, spread=1.0, steps=1)
+    history = tune(limited, START, effort).history
+    first = [row for row in history if row.start == 0 and not row.diverged]
+    centre = min(first, key=rank).z
+    away = np.array([row.z - centre for row in history if row.start < 0])
+    assert away.shape == (32, 2) and np.all(np.abs(away) <= 2.0)
+    far = np.max(np.abs(away), axis=1) > 1.0
+    assert 8 <= np.sum(far) <= 16  # a quarter of the points of the wide box lie in the narrow one
+    for quadrant in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        assert np.any(far & np.all(away * quadrant > 0, axis=1))
 
 
 @pytest.mark.parametrize(
