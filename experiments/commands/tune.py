@@ -31,6 +31,7 @@ from experiments.runs.tuning_results import (
     Trial,
     confirmed,
     history_of,
+    robust_trial,
     start_trial,
     trial_of,
     tuned_result,
@@ -63,15 +64,17 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
+    # the second core tries the start while the tuner descends, and random plants while it draws
     with ThreadPoolExecutor(1) as beside:
-        # compiles on the second core while the tuner descends
         start = beside.submit(start_trial, run)
         tuned, state = _descended(run, folder, console)
+        robust = beside.submit(robust_trial, run, tuned)
         trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
-    in_engine = confirmed(run, tuned, trials["tuned"].replay)
+        in_engine = confirmed(run, tuned, trials["tuned"].replay)
+        store_runs(run, tuned, trials, folder, console)
     seconds = time.perf_counter() - began
-    found = tuned_result(run, tuned, state, trials, in_engine, seconds)
-    store(run, found, tuned, trials, folder, console)
+    found = tuned_result(run, tuned, state, trials, robust.result(), in_engine, seconds)
+    store_result(run, found, tuned, folder)
     return found
 
 
@@ -122,25 +125,24 @@ def describe(run: TuningRun, console: Console) -> None:
     tables.say(console, *lines)
 
 
-def store(
-    run: TuningRun,
-    found: TunedResult,
-    tuned: Tuned,
-    trials: Mapping[str, Trial],
-    folder: Path,
-    console: Console,
+def store_runs(
+    run: TuningRun, tuned: Tuned, trials: Mapping[str, Trial], folder: Path, console: Console
 ) -> None:
-    """Write everything but the settings and the state, which are there; the result comes last."""
+    """Write the runs of the trials, their figures, and the gains."""
     machine = run.machine
     replays = {name: trial.replay for name, trial in trials.items()}
     title = f"jcontour tune: start against tuned weights, machine with {machine.nonsmooth_effects}"
     line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
     tables.say(console, line)
     run.design.save(run.controller(tuned.weights), run.scenarios, folder)
-    points = history_of(run, tuned)
-    rows = [point.to_json(machine.error) for point in points]
-    run_folder.write_json(folder / "history.json", rows)
     draw(run, replays, folder)
+
+
+def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path) -> None:
+    """Write the points that were tried, and at last the result."""
+    points = history_of(run, tuned)
+    rows = [point.to_json(run.machine.error) for point in points]
+    run_folder.write_json(folder / "history.json", rows)
     save_figures(FIGURES, Search(points, found), folder)
     write_result(folder, found)
 

@@ -1,7 +1,7 @@
 """Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -38,17 +38,18 @@ class Trial:
 
     replay: Replay
     margins: PathMargins
-    robust: RobustTest | None = None
 
 
 def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
-    """Tuned weights tried on every contour and every plant, and on random ones."""
-    controller = run.controller(tuned.weights)
+    """Tuned weights tried on every contour and every plant."""
     known = None if run.flags.nominal_only else tuned.outcome.loops
-    trial = _tried(run, controller, known)
-    machine, scenarios, fed = run.machine, run.scenarios, run.design.fed
-    robust = robust_test(controller, machine, scenarios, fed, run.flags.seed)
-    return replace(trial, robust=robust)
+    return _tried(run, run.controller(tuned.weights), known)
+
+
+def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
+    """Tuned weights tried on random plants of the family."""
+    controller, seed = run.controller(tuned.weights), run.flags.seed
+    return robust_test(controller, run.machine, run.scenarios, run.design.fed, seed)
 
 
 def start_trial(run: TuningRun) -> Trial:
@@ -73,6 +74,7 @@ def tuned_result(
     tuned: Tuned,
     state: TuneState,
     trials: Mapping[str, Trial],
+    robust: RobustTest | None,
     confirmed: list[EngineRow],
     seconds: float,
 ) -> TunedResult:
@@ -80,7 +82,7 @@ def tuned_result(
     found, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
     contours = [_contour(run, replays, c) for c in range(len(run.scenarios.jobs))]
-    robust, error = trials["tuned"].robust, run.machine.error
+    error = run.machine.error
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
     reasons = reasons_against(tuned, contours, margins, robust, exceeded, error)
     weights = plain_weights(tuned.weights)
