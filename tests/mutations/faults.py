@@ -258,10 +258,10 @@ FAULTS = (
     ),
     # tuning
     Fault(
-        "tuning/problem.py",
+        "tuning/point.py",
         "np.exp(np.mean(np.log(largest)))",
         "np.exp(np.max(np.log(largest)))",
-        "tests/tuning/test_problem.py",
+        "tests/tuning/test_point.py",
     ),
     Fault(
         "tuning/quadratic_step.py",
