@@ -17,9 +17,10 @@ from experiments.machines.machine import NO_EFFECTS
 from experiments.options import Tune
 from experiments.reports import tables
 from experiments.reports.contour_figures import draw_runs
-from experiments.reports.png import save_figures
+from experiments.reports.png import save_figure, save_figures
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
+from experiments.reports.sensitivity_figure import sensitivity_figure
 from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.reports.tuning_figures import FIGURES, Search
 from experiments.runs.contour_summary import contour_read
@@ -136,6 +137,9 @@ def store_runs(
     tables.say(console, line)
     run.design.save(run.controller(tuned.weights), run.scenarios, folder)
     draw(run, replays, folder)
+    curves = {name: trial.curves for name, trial in trials.items()}
+    bound = run.limits.get("peak_sensitivity")
+    save_figure(sensitivity_figure(curves, bound), folder / "sensitivity.png")
 
 
 def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path) -> None:

@@ -7,16 +7,15 @@ import numpy as np
 from experiments.files.tuned_result import LostFirst, PathMargins
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from jcontour.analysis.peak_search import loop_measures
-from jcontour.analysis.probes import probe_samples, probe_windows
-from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
+from experiments.runs.family_loops import family_peaks
+from jcontour.analysis.probes import probe_samples
+from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
-from jcontour.simulation.evaluation import member, stack_plants
+from jcontour.simulation.evaluation import member
 
 PROBES = 16  # loops per contour: they change with direction, bend and place of the path, slowly
-WINDOWS = 8  # per contour, at which the peak sensitivity is looked at
 
 
 def path_margins(
@@ -31,6 +30,7 @@ def path_margins(
     Every path is probed at up to `PROBES` of its scored samples. The peaks are computed unless they
     are given.
     """
+    known = family_peaks(controller, machine, scenarios, fed) if peaks is None else peaks
     plant = machine.nominal(fed)
     names = [job.name for job in scenarios.jobs_seen(True)]
     trained = np.flatnonzero(scenarios.training).tolist()
@@ -51,19 +51,8 @@ def path_margins(
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(found, paths, names),
-        **_largest(_peaks(controller, machine, scenarios, fed) if peaks is None else peaks),
+        **_largest(known),
     )
-
-
-def _peaks(controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed) -> LoopPeaks:
-    """Peaks at the probes of the training paths, over the whole smooth family."""
-    trained = np.flatnonzero(scenarios.training)
-    paths = jax.tree.map(lambda leaf: leaf[trained], jax.device_get(scenarios.references))
-    windows = probe_windows(paths, WINDOWS)
-    family = stack_plants(machine.smooth_family(fed))
-    loops = jax.device_get(frozen_family(controller, family, windows))
-    values, _ = loop_measures(loops, encoding_of(family, windows))
-    return LoopPeaks(*np.moveaxis(values, -1, 0))
 
 
 def _largest(peaks: LoopPeaks) -> dict[str, float | None]:

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from experiments.files import run_folder
-from experiments.runs.path_margins import WINDOWS
+from experiments.runs.family_loops import WINDOWS
 from experiments.runs.tuning import OBJECTIVES, TuningRun
 from tuning.loops import ProbedLoops
 from tuning.objectives import Regret

@@ -15,7 +15,7 @@ from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
-from experiments.runs.path_margins import WINDOWS
+from experiments.runs.family_loops import WINDOWS
 from experiments.runs.spreading import batching_of
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference

@@ -19,7 +19,9 @@ from experiments.files.tuned_result import (
 )
 from experiments.jobs.replays import Replay, replay, scored
 from experiments.machines.machine import Machine
+from experiments.reports.sensitivity_figure import FamilyCurves
 from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.family_loops import family_curves
 from experiments.runs.path_margins import path_margins
 from experiments.runs.recommendation import active_limits, reasons_against
 from experiments.runs.robustness import robust_test
@@ -34,10 +36,11 @@ from tuning.tune import Tuned, TuneState
 
 @dataclass(frozen=True)
 class Trial:
-    """Weights on the machines with all effects: every run, and the margins of their loops."""
+    """Weights on the machines with all effects: every run, margins and curves of the loops."""
 
     replay: Replay
     margins: PathMargins
+    curves: FamilyCurves
 
 
 def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
@@ -58,8 +61,10 @@ def start_trial(run: TuningRun) -> Trial:
 
 
 def _tried(run: TuningRun, controller: Controller, peaks: LoopPeaks | None = None) -> Trial:
-    margins = path_margins(controller, run.machine, run.scenarios, run.design.fed, peaks)
-    return Trial(replay(controller, run.scenarios), margins)
+    tried = controller, run.machine, run.scenarios, run.design.fed
+    return Trial(
+        replay(controller, run.scenarios), path_margins(*tried, peaks), family_curves(*tried)
+    )
 
 
 def machine_summary(machine: Machine) -> MachineSummary:
