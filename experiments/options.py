@@ -145,7 +145,10 @@ class Tune(Spreading):
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones
-    """Descents: from the start weights, and from the best random ones."""
+    """Descents: from the start weights, and from the best random ones.
+    A descent that ends where nothing promises more, within the limits, is the last one."""
+    every_start: bool = False  # a look for other valleys
+    """Descend from the random ones whatever the first descent finds."""
     steps: int = 15  # most descents end by themselves before
     """Most iterations of one descent; each runs the family once or twice."""
     tolerance: float = 1e-3  # a tenth of a per cent: less than a plant model is good for

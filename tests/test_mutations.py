@@ -21,5 +21,5 @@ def test_the_text_is_there_once(fault):
 
 def test_forty_faults_in_all_rooms():
     rooms = {"/".join(fault.file.split("/")[:2]) for fault in FAULTS}
-    assert len(FAULTS) == len(set(FAULTS)) == 40
+    assert len(FAULTS) == len(set(FAULTS)) >= 40
     assert len(rooms) >= 13, rooms

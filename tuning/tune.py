@@ -44,6 +44,8 @@ class Effort:
         spread: half width in ln(weight) of the box that the scattered points fill; every other one
             lies in a box of twice that.
         seed: of the Sobol sequence.
+        every_start: whether every start is descended from; else a descent that ends stationary
+            within the limits is the last one.
 
     Raises:
         ValueError: a number is below its least sensible value.
@@ -55,6 +57,7 @@ class Effort:
     tolerance: float
     spread: float = 7.0  # three decades up and down
     seed: int = 0
+    every_start: bool = True
 
     def __post_init__(self):
         """Check the ranges."""
@@ -67,7 +70,7 @@ class Effort:
 
 
 # a tenth of a per cent within a minute: less than a plant model is good for
-QUICK = Effort(starts=2, scatter=6, steps=15, tolerance=1e-3)
+QUICK = Effort(starts=2, scatter=6, steps=15, tolerance=1e-3, every_start=False)
 # for publication; a descent rarely needs half of these steps
 THOROUGH = Effort(starts=10, scatter=32, steps=60, tolerance=1e-5)
 
@@ -204,6 +207,8 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     descent = state.descent
     if descent is not None and not descent.done and descent.steps < effort.steps:
         return _iterated(problem, start, effort, state)
+    if not effort.every_start and descent is not None and _good(descent):
+        return replace(_ended(state), done=True)
     scattered = sum(row.start < 0 for row in state.history)
     if scattered < effort.scatter and (effort.starts > 1 or descent is None):
         z = _scattered_point(problem, start, effort, state, scattered)
@@ -213,6 +218,11 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     if z is None:
         return replace(ended, done=True)
     return _begun(problem, start, ended, index, z)
+
+
+def _good(descent: Descent) -> bool:
+    """Whether a descent has ended stationary, within the limits."""
+    return bool(descent.stationary and np.max(descent.model.limits, initial=-np.inf) <= FEASIBLE)
 
 
 def _begun(problem, start, state: TuneState, index: int, z: np.ndarray) -> TuneState:

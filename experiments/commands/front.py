@@ -39,7 +39,7 @@ from tuning.problem import Problem
 from tuning.tune import QUICK, TuneState
 
 # a budget begins where the one before ended, which may be a local optimum: several others help
-EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4)
+EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4, every_start=True)
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
 LEAST = 3 / 4  # smallest budget over the largest, where none is given
 SLACK = 0.99  # part of a budget below which it is not used up

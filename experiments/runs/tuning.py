@@ -166,6 +166,7 @@ def tuner_settings(flags: Any) -> Effort:
         steps=flags.steps,
         tolerance=flags.tolerance,
         seed=flags.seed,
+        every_start=flags.every_start,
     )
 
 

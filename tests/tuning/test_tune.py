@@ -148,6 +148,16 @@ def test_a_start_that_runs_away_is_led_back_by_its_runs(proportional_problem):
 
 
 FAR = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
+
+
+def test_one_good_end_is_enough_where_not_every_start_is_asked_for(limited):
+    enough = replace(QUICK, every_start=False)
+    tuned = tune(limited, START, enough)
+    assert tuned.stationary and tuned.feasible and {row.start for row in tuned.history} == {0}
+    hasty = tune(limited, START, replace(enough, steps=1))
+    assert {row.start for row in hasty.history} == {-1, 0, 1}
+
+
 FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, steps=20)
 
 
