@@ -23,9 +23,8 @@ from experiments.designs.loop_weights import LoopWeights
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
 from jcontour.analysis.frozen_loops import FrozenLoop
-from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of, frozen_family
+from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
@@ -90,8 +89,8 @@ def _lines(machine: LinearMachine, preview: int) -> Reference:
 def _peaks(build, series: LoopWeights, family: Plant, windows: Reference) -> np.ndarray:
     """Largest peak sensitivity of every loop of the series."""
     loops = jax.device_get(_loops(build, series, family, windows))
-    values, _ = loop_measures(loops, encoding_of(family, windows))
-    return values[..., 0].max(axis=(1, 2))
+    peaks = host_peaks(loops, encoding_of(family, windows))
+    return np.max(peaks.sensitivity, axis=(1, 2))
 
 
 @eqx.filter_jit

@@ -6,12 +6,17 @@ import numpy as np
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.sensitivity_figure import FamilyCurves
-from jcontour.analysis.frequency_response import Encoding, Responses
-from jcontour.analysis.frozen_loops import FrozenLoop
-from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
+from jcontour.analysis.sensitivity import (
+    LoopPeaks,
+    encoding_of,
+    frozen_family,
+    host_peaks,
+    sensitivity_curves,
+)
 from jcontour.controller import Controller
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants
 
 WINDOWS = 8  # per contour, at which the sensitivity is looked at
@@ -22,32 +27,24 @@ def family_peaks(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
-    return _peaks(*_frozen(controller, machine, scenarios, fed))
+    family, windows = _probed(machine, scenarios, fed)
+    loops = jax.device_get(frozen_family(controller, family, windows))
+    return host_peaks(loops, encoding_of(family, windows))
 
 
 def family_curves(
-    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
+    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed, peaks: LoopPeaks
 ) -> FamilyCurves:
-    """Curves over the same probes and plants."""
-    loops, encoding = _frozen(controller, machine, scenarios, fed)
-    heights = Responses.of(loops, encoding).heights(FREQUENCIES)[..., 0]
-    stable = (_peaks(loops, encoding).spectral_radius < 1).all(axis=0)
-    curves = np.broadcast_to(heights, (heights.shape[0], stable.size, FREQUENCIES.size)).max(axis=0)
+    """Curves over the probes and plants of `family_peaks`."""
+    probed = _probed(machine, scenarios, fed)
+    curves = sensitivity_curves(controller, *probed, FREQUENCIES).max(axis=0)
+    stable = np.max(peaks.spectral_radius, axis=0) < 1
     hertz = FREQUENCIES / (2 * np.pi * machine.model.dt)
     return FamilyCurves(hertz, np.where(stable[:, None], curves, np.nan))
 
 
-def _peaks(loops: FrozenLoop, encoding: Encoding) -> LoopPeaks:
-    values, _ = loop_measures(loops, encoding)
-    return LoopPeaks(*np.moveaxis(values, -1, 0))
-
-
-def _frozen(
-    controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
-) -> tuple[FrozenLoop, Encoding]:
-    """Loops (probe, plant) of the training paths."""
+def _probed(machine: Machine, scenarios: Scenarios, fed: Fed) -> tuple[Plant, Reference]:
+    """Smooth family, and windows of the training paths."""
     trained = np.flatnonzero(scenarios.training)
     paths = jax.tree.map(lambda leaf: leaf[trained], jax.device_get(scenarios.references))
-    windows = probe_windows(paths, WINDOWS)
-    family = stack_plants(machine.smooth_family(fed))
-    return jax.device_get(frozen_family(controller, family, windows)), encoding_of(family, windows)
+    return stack_plants(machine.smooth_family(fed)), probe_windows(paths, WINDOWS)

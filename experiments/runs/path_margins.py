@@ -7,7 +7,6 @@ import numpy as np
 from experiments.files.tuned_result import LostFirst, PathMargins
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from experiments.runs.family_loops import family_peaks
 from jcontour.analysis.probes import probe_samples
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.analysis.stability import DELAY_SEARCH, GAIN_SEARCH, Margins, margins
@@ -23,14 +22,12 @@ def path_margins(
     machine: Machine,
     scenarios: Scenarios,
     fed: Fed,
-    peaks: LoopPeaks | None = None,
+    peaks: LoopPeaks,
 ) -> PathMargins:
     """Spectral radius, gain and delay margins over the training paths, and peak sensitivities.
 
-    Every path is probed at up to `PROBES` of its scored samples. The peaks are computed unless they
-    are given.
+    Every path is probed at up to `PROBES` of its scored samples.
     """
-    known = family_peaks(controller, machine, scenarios, fed) if peaks is None else peaks
     plant = machine.nominal(fed)
     names = [job.name for job in scenarios.jobs_seen(True)]
     trained = np.flatnonzero(scenarios.training).tolist()
@@ -51,7 +48,7 @@ def path_margins(
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(found, paths, names),
-        **_largest(known),
+        **_largest(peaks),
     )
 
 

@@ -21,7 +21,7 @@ from experiments.jobs.replays import Replay, replay, scored
 from experiments.machines.machine import Machine
 from experiments.reports.sensitivity_figure import FamilyCurves
 from experiments.runs.contour_summary import contour_read, peak_place
-from experiments.runs.family_loops import family_curves
+from experiments.runs.family_loops import family_curves, family_peaks
 from experiments.runs.path_margins import path_margins
 from experiments.runs.recommendation import active_limits, reasons_against
 from experiments.runs.robustness import robust_test
@@ -60,11 +60,11 @@ def start_trial(run: TuningRun) -> Trial:
     return _tried(run, run.before.build(run.before.start))
 
 
-def _tried(run: TuningRun, controller: Controller, peaks: LoopPeaks | None = None) -> Trial:
+def _tried(run: TuningRun, controller: Controller, known: LoopPeaks | None = None) -> Trial:
     tried = controller, run.machine, run.scenarios, run.design.fed
-    return Trial(
-        replay(controller, run.scenarios), path_margins(*tried, peaks), family_curves(*tried)
-    )
+    peaks = family_peaks(*tried) if known is None else known
+    found = path_margins(*tried, peaks), family_curves(*tried, peaks)
+    return Trial(replay(controller, run.scenarios), *found)
 
 
 def machine_summary(machine: Machine) -> MachineSummary:

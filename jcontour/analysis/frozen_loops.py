@@ -7,6 +7,7 @@ x is the state of the plant, w the memory of the controller; v = u closes the lo
 numbers of state, memory and measurement count; whole numbers (counters, taps) stay as they are.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -40,17 +41,16 @@ class CutLoops(NamedTuple):
 
         The state gains the line u(k-1), ..., u(k-samples).
         """
-        library = np if is_concrete(*self) else jnp  # NumPy has nothing to compile
-        A, B, C = (library.asarray(matrices) for matrices in self)
-        *loops, N, p = B.shape
+        A, B, C = self
+        N, p = B.shape[-2:]
         kept, dtype = (samples - 1) * p, A.dtype
-        shift = np.eye(kept, N + samples * p, N, dtype)
-        rows = [
-            library.concatenate([A, np.zeros((*loops, N, kept), dtype), B], axis=-1),
-            library.concatenate([C, np.zeros((*loops, p, samples * p), dtype)], axis=-1),
-            np.broadcast_to(shift, (*loops, *shift.shape)),
-        ]
-        return library.concatenate(rows, axis=-2)
+        return blocks(
+            [
+                [A, np.zeros((N, kept), dtype), B],
+                [C, np.zeros((p, samples * p), dtype)],
+                [np.eye(kept, N + samples * p, N, dtype)],
+            ]
+        )
 
     def acting(self) -> Bool[np.ndarray, "T p"]:
         """Controls that are part of a loop.
@@ -88,24 +88,38 @@ class LinearLaw(NamedTuple):
 
 
 class FrozenLoop(NamedTuple):
-    """One frozen loop in the letters of the module."""
+    """Frozen loops in the letters of the module; batches of both that go together."""
 
     machine: LinearMachine
     law: LinearLaw
 
     def cut(self) -> CutLoops:
-        """The loop cut at its control; the state is (x, w)."""
+        """The loops cut at their control; the state is (x, w)."""
         (A, B, H), (W, E, K, D) = self
-        n, c, p = A.shape[0], W.shape[0], B.shape[1]
+        n, c, p, dtype = A.shape[-1], W.shape[-1], B.shape[-1], A.dtype
         return CutLoops(
-            jnp.block([[A, jnp.zeros((n, c), A.dtype)], [E @ H, W]]),
-            jnp.concatenate([B, jnp.zeros((c, p), A.dtype)]),
-            jnp.concatenate([D @ H, K], axis=1),
+            blocks([[A, np.zeros((n, c), dtype)], [E @ H, W]]),
+            blocks([[B], [np.zeros((c, p), dtype)]]),
+            blocks([[D @ H, K]]),
         )
 
-    def entry(self) -> Float[Array, "N q"]:
-        """Change of the state (x, w) under a change of what the controller reads."""
-        return jnp.concatenate([self.machine.B @ self.law.D, self.law.E])
+
+def blocks(rows: Sequence[Sequence[Array | np.ndarray]]) -> Any:
+    """Matrices of matrices; batches in front go together.
+
+    >>> blocks([[np.ones((3, 1, 2)), np.zeros((1, 4))]]).shape
+    (3, 1, 6)
+    """
+    every = [matrix for row in rows for matrix in row]
+    library = np if is_concrete(*every) else jnp  # NumPy has nothing to compile
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in every))
+    wide = [
+        library.concatenate(
+            [library.broadcast_to(M, (*batch, *M.shape[-2:])) for M in row], axis=-1
+        )
+        for row in rows
+    ]
+    return library.concatenate(wide, axis=-2)
 
 
 def frozen_loop(

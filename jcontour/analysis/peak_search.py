@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
-from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
+from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
 from jcontour.analysis.spectral import dominant
 
 # [rad per sample]; the first stands for 0, where integrators have no response
@@ -59,7 +59,7 @@ def loop_measures(
     )
     finite = _finite(loop)
     loop = _only(loop, finite)
-    M = _closed(loop)
+    M = np.asarray(loop.cut().closed())
     poles, radius, left, right = dominant(M)
     stable = finite & (radius < 1)
     size = np.where(finite, radius, np.inf), _only(_slope(loop, left, right), finite)
@@ -96,7 +96,7 @@ def peak_frequencies(
     places = _places(poles)
     on_grid = np.broadcast_to(responses.heights(GRID), (*poles.shape[:-1], GRID.size, 2))
     beside = responses.heights(np.exp(places[..., GRID.size :]))
-    values = np.concatenate([on_grid, np.broadcast_to(beside, (*beside.shape[:-1], 2))], axis=-2)
+    values = np.concatenate([on_grid, beside], axis=-2)
     order = np.argsort(places, axis=-1)
     places = np.take_along_axis(places, order, axis=-1)
     values = np.take_along_axis(values, order[..., None], axis=-2)
@@ -185,22 +185,6 @@ def _vertex(brackets: Brackets) -> Float[np.ndarray, "*loops 2 R"]:
     return b + np.where(np.abs(step) > np.abs(least), step, least)
 
 
-def _closed(loop: FrozenLoop) -> Float[np.ndarray, "*loops N N"]:
-    """Closed loops; the state is (x, w)."""
-    (A, B, H), (W, E, K, D) = loop
-    return _blocks([[A + B @ D @ H, B @ K], [E @ H, W]])
-
-
-def _blocks(rows: list) -> np.ndarray:
-    """A matrix of matrices whose batches go together."""
-    batch = np.broadcast_shapes(*(block.shape[:-2] for row in rows for block in row))
-    wide = [
-        np.concatenate([np.broadcast_to(M, (*batch, *M.shape[-2:])) for M in row], axis=-1)
-        for row in rows
-    ]
-    return np.concatenate(wide, axis=-2)
-
-
 def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops"], curve: int):
     """Largest singular value of S (curve 0) or T (1) at one frequency, and its slope.
 
@@ -210,8 +194,8 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
     (_, B, H), (W, E, K, D) = loop
     p, c, r = B.shape[-1], W.shape[-1], len(encoding.read)
     J = encoding.at(z)
-    entry = _blocks([[B, B @ D @ J], [np.zeros((c, p)), E @ J]])
-    exit = _blocks([[D @ H, K], [encoding.read @ H, np.zeros((r, c))]])
+    entry = blocks([[B, B @ D @ J], [np.zeros((c, p)), E @ J]])
+    exit = blocks([[D @ H, K], [encoding.read @ H, np.zeros((r, c))]])
     resolvent = np.linalg.inv(z[..., None, None] * np.eye(M.shape[-1]) - M)
     T = exit @ resolvent @ entry
     of_input, of_output = (_singular(T, rows, 1 - curve) for rows in (slice(0, p), slice(p, p + r)))

@@ -31,7 +31,6 @@ from jaxtyping import Array, ArrayLike, Float
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import (
     FrozenLoop,
-    LinearLaw,
     LinearMachine,
     linear_law,
     linear_machine,
@@ -85,11 +84,12 @@ def loop_peaks(controller: Controller, plants: Plant, windows: Reference) -> Loo
     return LoopPeaks(*peaks)
 
 
-@eqx.filter_jit
 def sensitivity_curves(
     controller: Controller, plants: Plant, windows: Reference, frequencies: Float[ArrayLike, " F"]
-) -> Float[Array, "K P F"]:
+) -> Float[np.ndarray, "K P F"]:
     """Largest singular value of the sensitivity over frequency, the larger of input and output.
+
+    On the host; it says nothing of a loop that is not stable.
 
     Args:
         controller: as for `loop_peaks`.
@@ -100,11 +100,17 @@ def sensitivity_curves(
     Raises:
         ValueError: as `simulate`.
     """
-    loops, encoding = frozen_family(controller, plants, windows), encoding_of(plants, windows)
-    frequencies = jnp.asarray(frequencies)
-    shape = (*jax.eval_shape(_measures_like, loops)[0].shape[:-1], frequencies.size)
-    like = jax.ShapeDtypeStruct(shape, frequencies.dtype)
-    return on_host(partial(_curves, encoding), like, loops, frequencies)
+    loops = jax.device_get(frozen_family(controller, plants, windows))
+    responses = Responses.of(loops, encoding_of(plants, windows))
+    heights = responses.heights(np.asarray(frequencies))[..., 0]
+    batch = loops.machine.A.shape[:-2]
+    return np.broadcast_to(heights, (*batch, heights.shape[-1]))
+
+
+def host_peaks(loops: FrozenLoop, encoding: Encoding) -> LoopPeaks:
+    """Peaks of frozen loops that a program has made, on the host and without derivatives."""
+    values, _ = loop_measures(loops, encoding)
+    return LoopPeaks(*np.moveaxis(values, -1, 0))
 
 
 @eqx.filter_jit
@@ -124,14 +130,8 @@ def late_radius(
     """
     if samples < 0:
         raise ValueError(f"samples: a delay is not negative, received {samples}")
-
-    def late(machine: LinearMachine, law: LinearLaw):
-        cut = FrozenLoop(machine, law).cut()
-        return jnp.asarray(cut.late(samples) if samples else cut.closed())
-
-    loops = frozen_family(controller, plants, windows)
-    laws = jax.tree.map(lambda one: one[:, 0], loops.law)
-    return radius(jax.vmap(jax.vmap(late, (0, None)))(loops.machine, laws))
+    cut = frozen_family(controller, plants, windows).cut()
+    return radius(jnp.asarray(cut.late(samples) if samples else cut.closed()))
 
 
 @eqx.filter_jit
@@ -203,13 +203,6 @@ def _measures_like(loops: FrozenLoop) -> tuple[Array, FrozenLoop]:
 def _measures(encoding: Encoding, loops: FrozenLoop) -> tuple[np.ndarray, FrozenLoop]:
     dtype = loops.machine.A.dtype
     return jax.tree.map(lambda found: found.astype(dtype), loop_measures(loops, encoding))
-
-
-def _curves(encoding: Encoding, loops: FrozenLoop, frequencies) -> np.ndarray:
-    loops = jax.tree.map(np.asarray, loops)
-    found = Responses.of(loops, encoding).heights(np.asarray(frequencies))[..., 0]
-    batch = np.broadcast_shapes(loops.machine.A.shape[:-2], loops.law.W.shape[:-2])
-    return np.broadcast_to(found, (*batch, found.shape[-1])).astype(frequencies.dtype)
 
 
 def _innermost_sensors(plant: Plant) -> Plant:

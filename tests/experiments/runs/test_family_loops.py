@@ -35,7 +35,8 @@ def found():
     machine = SimpleNamespace(smooth_family=lambda fed: family, model=SimpleNamespace(dt=DT))
     scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
     tried = law, machine, scenarios, "state"
-    return gain, family_curves(*tried), family_peaks(*tried)  # type: ignore[arg-type]
+    peaks = family_peaks(*tried)  # type: ignore[arg-type]
+    return gain, family_curves(*tried, peaks), peaks  # type: ignore[arg-type]
 
 
 def test_curves_are_closed_forms(found):

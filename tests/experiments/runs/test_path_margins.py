@@ -8,6 +8,7 @@ import pytest
 
 from experiments.jobs.replays import Scenarios
 from experiments.reports.tuned_tables import lost_first_line
+from experiments.runs.family_loops import family_peaks
 from experiments.runs.path_margins import lost_first, path_margins
 from jcontour.analysis.stability import Margins
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -67,7 +68,10 @@ def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
         SimpleNamespace(nominal=lambda fed: plant, smooth_family=lambda fed: [plant]),
         ContouringLQ(two_axes, LQWeights(3.0, 5.0, 1e-6), 3),
     )
-    found = path_margins(law, machine, scenarios, "state")  # type: ignore[arg-type]
+    tried = law, machine, scenarios, "state"
+    peaks = family_peaks(*tried)  # type: ignore[arg-type]
+    found = path_margins(*tried, peaks)  # type: ignore[arg-type]
     assert found.contours_without_margins == ("hasty",) and found.probes_left_out == 0
-    calm = path_margins(law, machine, scenarios._replace(training=(True, False, False)), "state")  # type: ignore[arg-type]
+    one = scenarios._replace(training=(True, False, False))
+    calm = path_margins(law, machine, one, "state", peaks)  # type: ignore[arg-type]
     assert calm.contours_without_margins == () and calm.spectral_radius < 1
