@@ -55,6 +55,11 @@ def search_warnings(tuned: Tuned) -> list[str]:
     lines = []
     if tuned.stabilised:
         lines.append("the start was unstable: the tuner first made every loop stable")
+    if not tuned.stationary:
+        lines.append(
+            "the search ended before the gain that it sees was used up: --steps 60, or "
+            "--every-start, may find better weights"
+        )
     if tuned.diverged_points:
         points = f"{tuned.diverged_points} of {len(tuned.history)} evaluated points"
         lines.append(f"{points} had a diverging plant and were rejected")

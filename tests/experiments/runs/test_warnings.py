@@ -56,6 +56,12 @@ def margins(radius=0.99, delay=2, left_out=0, without=()):
     )
 
 
+def test_a_search_that_has_not_ended_is_told():
+    assert search_warnings(FOUND) == []
+    (line,) = search_warnings(FOUND._replace(stationary=False))
+    assert "--steps" in line and "--every-start" in line
+
+
 def scenarios(samples=20):
     mask = np.ones((2, samples), bool)
     mask[:, :5] = False  # the approach
