@@ -178,7 +178,7 @@ def limit_lines(result: TunedResult) -> list[str]:
 def limit_words(name: str, bound: float) -> str:
     """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
     if name.endswith("_use"):
-        return f"{name.removesuffix('_use')} within the machine's"
+        return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
     return f"{name.replace('_', ' ')} <= {bound:.6g}"
 
 
