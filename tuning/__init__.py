@@ -10,10 +10,12 @@ from types import ModuleType
 _FILES = (
     "descent",
     "history",
+    "loops",
     "objectives",
     "outcome",
     "parameters",
     "pareto",
+    "point",
     "problem",
     "quadratic_step",
     "stabilise",

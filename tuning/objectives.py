@@ -35,6 +35,7 @@ from tuning.outcome import Outcome
 Objective = Callable[[Metrics], Float[Array, "g v"]]
 Limits = Callable[[Outcome], Float[Array, " c"]]
 
+LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
 LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
@@ -174,7 +175,7 @@ class AtMost(eqx.Module):
             ValueError: the loops are limited, and the outcome has none.
         """
         parts = [
-            jnp.ravel(_log(_values(outcome, name) / bound))
+            jnp.ravel(logarithm(_values(outcome, name) / bound))
             for name, bound in zip(self.names, self.bounds, strict=True)
         ]
         return jnp.concatenate(parts) if parts else no_limits(outcome)
@@ -200,6 +201,6 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
     return getattr(outcome.loops, LOOP_LIMITS[name])
 
 
-def _log(value: Float[Array, "..."]) -> Float[Array, "..."]:
-    least = 1e-30  # nothing measurable is smaller, and ln 0 would have no gradient
-    return jnp.log(jnp.maximum(value, least))
+def logarithm(value: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:
+    """Logarithm of what is not negative; finite, with a slope, at zero."""
+    return jnp.log(jnp.maximum(value, LEAST))

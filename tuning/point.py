@@ -13,11 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.kernels.dispatch import on_gpu
+from tuning.objectives import LEAST, logarithm
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
-
-LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
 
 
 def objective_value(values: Float[np.ndarray, "g v"]) -> float:
@@ -137,14 +136,10 @@ def _judged(problem: Problem, outcome: Outcome, slopes: Outcome) -> tuple[Judged
                 f"objective: needs rows of values (g, v), received the shape {errors.shape}"
             )
         size = problem.references.contour.size[:, None]
-        departures = jnp.ravel(_log(outcome.metrics.peak_tracking_error / size))
-        return Judged(_log(errors), problem.limits(outcome), departures)
+        departures = jnp.ravel(logarithm(outcome.metrics.peak_tracking_error / size))
+        return Judged(logarithm(errors), problem.limits(outcome), departures)
 
     def slope(direction: Outcome) -> Judged:
         return jax.jvp(judge, (moving,), (direction,))[1]
 
     return judge(moving), jax.vmap(slope, in_axes=-1, out_axes=-1)(slopes)
-
-
-def _log(value: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    return jnp.log(jnp.maximum(value, LEAST))

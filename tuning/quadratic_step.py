@@ -24,9 +24,7 @@ from jcontour.qp.solvers import DAQP, ProxQP
 NO_EXCESS = 1e-9  # of a limit: rounding of the runs
 LEFT = 0.1  # part of the excess within reach that a step need not remove; less near the limits
 HIGHER, HIGHEST = 10.0, 1e7  # factor between two penalties, and the last
-SOFT = (
-    1e-5  # curvature of t and s, which makes the QP strictly convex and moves nothing that counts
-)
+SOFT = 1e-5  # curvature of t and s: the QP is strictly convex, and nothing that counts moves
 STILL = 1e-4  # likewise of d where the excess alone is made small
 FAR = 50.0  # in ln(error): no step changes an error by more
 

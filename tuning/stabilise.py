@@ -18,8 +18,9 @@ import numpy as np
 import optax
 from jaxtyping import Float
 
+from tuning.objectives import LEAST
 from tuning.parameters import Weights
-from tuning.point import LEAST, loop_peaks_at
+from tuning.point import loop_peaks_at
 from tuning.problem import Problem
 
 SHARPNESS = 16.0
@@ -104,17 +105,10 @@ def loop_radius(
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)
     relative = np.reshape(slopes.spectral_radius, (radii.size, -1)) / radii[:, None]
-    return float(np.log(radii.max())), *_smooth_maximum(np.log(radii), relative)
+    return float(np.log(radii.max())), *smooth_maximum(np.log(radii), relative)
 
 
-def smooth_departure(
-    departures: Float[np.ndarray, " r"], slopes: Float[np.ndarray, "r d"]
-) -> tuple[float, Float[np.ndarray, " d"]]:
-    """s of the departures of all runs, and its slope; infinite where a departure is not finite."""
-    return _smooth_maximum(departures, slopes)
-
-
-def _smooth_maximum(
+def smooth_maximum(
     numbers: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "n d"]
 ) -> tuple[float, Float[np.ndarray, " d"]]:
     """s, and its slope; infinite where a number is not finite."""

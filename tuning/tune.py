@@ -24,7 +24,7 @@ from tuning.parameters import Chart, Weights
 from tuning.point import Point, evaluate_point
 from tuning.problem import Problem
 from tuning.quadratic_step import Model
-from tuning.stabilise import Measured, loop_radius, smooth_departure, stabilised
+from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
 
@@ -289,7 +289,7 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
         nonlocal found
         found = evaluate(there)
         departures, slopes = map(np.asarray, (found.departures, found.slopes.departures))
-        smooth, slope = smooth_departure(departures, slopes)
+        smooth, slope = smooth_maximum(departures, slopes)
         return Measured(float(np.max(found.departures)), smooth, slope, not found.diverged)
 
     first, end = z, None

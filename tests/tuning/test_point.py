@@ -2,8 +2,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.objectives import AtMost, typical_contour_error, worst_contour_error
-from tuning.point import LEAST, evaluate_point, objective_value
+from tuning.objectives import LEAST, AtMost, typical_contour_error, worst_contour_error
+from tuning.point import evaluate_point, objective_value
 
 START = {"x": jnp.asarray(0.5), "y": jnp.asarray(0.8)}
 Z = np.log([0.5, 0.8])

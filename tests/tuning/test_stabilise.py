@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.stabilise import Measured, loop_radius, smooth_departure, stabilised
+from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
 START = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
 Z = np.log([50.0, 20.0])
@@ -56,13 +56,13 @@ def test_a_problem_that_does_not_look_at_its_loops_has_no_radius(proportional_pr
         loop_radius(proportional_problem(), START, Z)
 
 
-def test_smooth_departure_and_its_slope():
+def test_smooth_maximum_and_its_slope():
     slopes = np.array([[1.0, 0.0], [0.0, 2.0]])
-    value, slope = smooth_departure(np.array([700.0, -5.0]), slopes)
+    value, slope = smooth_maximum(np.array([700.0, -5.0]), slopes)
     assert value == pytest.approx(700.0 - np.log(2) / 16)
     np.testing.assert_allclose(slope, [1.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(smooth_departure(np.zeros(2), slopes)[1], [0.5, 1.0])
-    value, slope = smooth_departure(np.array([np.inf, 0.0]), slopes)
+    np.testing.assert_allclose(smooth_maximum(np.zeros(2), slopes)[1], [0.5, 1.0])
+    value, slope = smooth_maximum(np.array([np.inf, 0.0]), slopes)
     assert value == np.inf and np.all(slope == np.inf)
 
 
