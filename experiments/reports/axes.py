@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, StrMethodFormatter
 
 START, TUNED, DESIRED, OTHER = "tab:orange", "tab:blue", "0.25", "0.7"
 COLOURS = {"start": START, "tuned": TUNED}
@@ -36,10 +35,13 @@ def logarithmic(axes: Axes) -> None:
 
 
 def plain_ticks(axis: Axis) -> None:
-    """1, 2, 5, 10 instead of powers; closer within a decade."""
+    """Plain numbers instead of powers, as few as can be read."""
     low, high = axis.get_view_interval()
-    steps = (1.0, 2.0, 5.0) if high > 4 * low else tuple(np.arange(10, 100) / 10)
-    axis.set_major_locator(LogLocator(subs=steps, numticks=8))
+    if high > 3 * low:
+        steps = (1.0, 2.0, 5.0) if high > 10 * low else (1.0, 2.0, 3.0, 5.0, 7.0)
+        axis.set_major_locator(LogLocator(subs=steps, numticks=8))
+    else:
+        axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter("")
 

@@ -1,9 +1,12 @@
-"""The legend of a figure is below its panels."""
+"""The legend of a figure is below its panels, and the numbers of its axes can be read."""
 
+from itertools import pairwise
+
+import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.reports.axes import legend_below
+from experiments.reports.axes import legend_below, plain_ticks
 
 
 def test_legend_holds_all_entries_and_covers_no_panel():
@@ -17,3 +20,20 @@ def test_legend_holds_all_entries_and_covers_no_panel():
     box = legend.get_window_extent()
     assert not any(box.overlaps(axes.get_tightbbox()) for axes in figure.axes)
     assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(2.7, 5.7), (7.1, 11.0), (2.1, 8.5), (0.9, 8.0), (0.17, 1.3), (5e-4, 100)]
+)
+def test_numbers_of_a_logarithmic_axis_do_not_overlap(low, high):
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.plot([1.0, 2.0], [low, high])
+    axes.set(yscale="log")
+    plain_ticks(axes.yaxis)
+    figure.draw_without_rendering()
+    labels = [label for label in axes.get_yticklabels() if label.get_text()]
+    bottom, top = axes.get_ylim()
+    shown = [one.get_window_extent() for one in labels if bottom <= one.get_position()[1] <= top]
+    assert len(shown) >= 3
+    assert not any(one.overlaps(other) for one, other in pairwise(shown))
