@@ -172,11 +172,9 @@ class LQDesign(Design):
         """Controller, observer, free weights, start."""
         free = ", ".join("stage profile" if name == "stage" else name for name in self.free())
         start = ", ".join(f"{name} {float(getattr(self.start, name)):g}" for name in self.units())
-        delay = self.machine.known_delay + self.late
-        samples = "sample" if delay == 1 else "samples"
         return {
             "Controller": f"{self.line}, preview {self.preview}, {self.terminal} terminal",
-            "Model": f"predicts over a delay of {delay} {samples}",
+            "Model": f"predicts over a delay of {self._delay()}",
             "Free": f"{free}; start {start}",
         }
 
@@ -189,7 +187,7 @@ class LQDesign(Design):
             f"beta           {beta:.6g} 1/m^2      beta/rho   {beta / rho:.6g} ({unit})^2/m^2",
             f"rho            {rho:.6g} 1/({unit})^2 (fixed)",
             f"preview        {self.preview} samples, {self.terminal} terminal",
-            f"model delay    {self.machine.known_delay + self.late} samples",
+            f"model delay    {self._delay()}",
         ]
         for name, heading, per in (
             ("control_noise", "control noise", ""),
@@ -200,6 +198,10 @@ class LQDesign(Design):
         if weights["stage"]:
             lines.append("stage          " + " ".join(f"{value:.4g}" for value in weights["stage"]))
         return lines
+
+    def _delay(self) -> str:
+        samples = self.machine.known_delay + self.late
+        return f"{samples} sample{'' if samples == 1 else 's'}"
 
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Gain schedules of the training contours as CSV, and the observer.
