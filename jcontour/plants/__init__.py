@@ -9,6 +9,7 @@ from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSl
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
@@ -36,13 +37,16 @@ __all__ = [
     "SmoothFlexibleAxis",
     "SmoothFrictionGantry",
     "StickSlipGantry",
+    "ThreeLink",
     "bridgeport",
     "exact_bridgeport",
     "euler_model",
+    "manipulator_path",
     "servo_bench",
     "thesis_axis",
     "thesis_gantry",
     "thesis_motor",
+    "three_servos",
     "xy_table",
     "zoh_model",
 ]
