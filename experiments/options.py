@@ -3,12 +3,13 @@
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 Terminal = Literal["output", "riccati"]
+Against = Literal["increment", "sensitivity"]
 Objective = Literal["typical", "worst", "mean", "regret"]
 Fallback = Literal["stop", "hold", "soft"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
@@ -119,18 +120,9 @@ class Spreading(Storage):
 
 
 @dataclass(frozen=True)
-class Tune(Spreading):
-    """Tune the weights of a controller by gradient.
+class Aimed(Spreading):
+    """What is made small, on which plants, by which weights."""
 
-    The contours are your toolpaths, or the machine's built-in training set.
-    """
-
-    parts: Positional[tuple[str, ...]] = ()
-    """Training set: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`.
-    The machine's usual one when none is given."""
-    contours: str | None = None
-    """Training set of random contours instead, as random:64, in the size and feed of the parts.
-    As many others are held out. --seed draws other ones."""
     objective: Objective = "typical"  # a per cent of any contour counts alike
     """Objective, of RMS contour errors; on a single axis, of tracking errors.
     typical: the geometric mean over contours of the family's worst.
@@ -142,6 +134,21 @@ class Tune(Spreading):
     """Weights to tune, by name with commas, as alpha,beta,observer; the others stay.
     Those that give the best answer in a minute when not given. LQ: observer stands for its noises,
     stage for one weight more for every sample of the horizon."""
+
+
+@dataclass(frozen=True)
+class Tune(Aimed):
+    """Tune the weights of a controller by gradient.
+
+    The contours are your toolpaths, or the machine's built-in training set.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Training set: toolpaths (.ngc G-code, .csv points in mm) or names from `jcontour list`.
+    The machine's usual one when none is given."""
+    contours: str | None = None
+    """Training set of random contours instead, as random:64, in the size and feed of the parts.
+    As many others are held out. --seed draws other ones."""
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones
@@ -191,8 +198,8 @@ class Listing(Common):
 
 
 @dataclass(frozen=True)
-class Front(Spreading):
-    """Trace the trade-off between contour error and control increment.
+class Front(Aimed):
+    """Trace the trade-off of contour error against control increment, or against robustness.
 
     A tracking cap holds if one is given.
     """
@@ -200,13 +207,17 @@ class Front(Spreading):
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .csv) or names from `jcontour list`.
     The machine's usual contour when none is given."""
+    against: Against = "increment"  # the front of the paper's machine
+    """Budgets along the front.
+    increment: of the RMS control increment. sensitivity: of the peak sensitivity Ms."""
     points: int = 5  # each budget is tuned by itself
-    """Budgets of the control increment along the front."""
-    least_increment: float | None = None
-    """Smallest budget [control unit per sample, RMS]; without it three quarters of the largest."""
-    most_increment: float | None = None
-    """Largest budget [control unit per sample, RMS].
-    When not given, the increment of the best weights without a budget."""
+    """Number of budgets along the front."""
+    least: Annotated[float | None, arg(aliases=["--least-increment"])] = None
+    """Smallest budget: an RMS increment [control unit per sample], or Ms.
+    When not given, three quarters of the largest increment, or 1.4."""
+    most: Annotated[float | None, arg(aliases=["--most-increment"])] = None
+    """Largest budget, likewise.
+    When not given, the increment of the best weights without a budget, or Ms = 3."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, MaxNLocator, StrMethodFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 START, TUNED, DESIRED, OTHER = "tab:orange", "tab:blue", "0.25", "0.7"
 COLOURS = {"start": START, "tuned": TUNED}
@@ -43,7 +43,7 @@ def plain_ticks(axis: Axis) -> None:
     else:
         axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter("")
+    axis.set_minor_locator(NullLocator())
 
 
 def legend_below(

@@ -1,23 +1,14 @@
-"""The figure of a front: contour error against the control increment that is spent."""
+"""The figure of a front: error against what is spent of the budgets."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from matplotlib.figure import Figure
 
+from experiments.files.front_result import BudgetPoint, FrontResult
 from experiments.reports.axes import TUNED, grid, legend_below, logarithmic
 
 
-class Spent(NamedTuple):
-    """One point of a front."""
-
-    increment: float  # worst RMS control increment [control unit per sample]
-    error: float  # worst RMS error [m]
-    feasible: bool
-    slack: bool
-
-
-def front(points: Sequence[Spent], error: str, unit: str) -> Figure:
+def front(result: FrontResult) -> Figure:
     """Least worst error of every budget.
 
     A filled marker is a budget that is used up, a square one that is slack, an open marker one that
@@ -25,26 +16,39 @@ def front(points: Sequence[Spent], error: str, unit: str) -> Figure:
     """
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.subplots()
+    # a loop that is not stable has no finite peak, and no place here
+    points = [point for point in result.points if _finite(point, result)]
     met = [point for point in points if point.feasible]
     kinds = {
         "tuned for this budget": ("o", TUNED, [point for point in met if not point.slack]),
         "budget is slack": ("s", TUNED, [point for point in met if point.slack]),
         "budget not met": ("o", "none", [point for point in points if not point.feasible]),
     }
-    axes.plot(*_places(met), color=TUNED, linewidth=1.0)
+    axes.plot(*_places(met, result), color=TUNED, linewidth=1.0)
     for label, (marker, face, shown) in kinds.items():
         if shown:
-            axes.plot(*_places(shown), marker, color=TUNED, mfc=face, label=label)
+            axes.plot(*_places(shown, result), marker, color=TUNED, mfc=face, label=label)
+    unit = result.machine.control_unit
+    against = {
+        "increment": f"worst RMS control increment [{unit} per sample]",
+        "sensitivity": "largest peak sensitivity Ms",
+    }
+    plants = "the nominal plant" if result.nominal_only else "contours and family"
     grid(
         axes,
-        title="Front over contours and family (smooth machine)",
-        x=f"worst RMS control increment [{unit} per sample]",
-        y=f"worst RMS {error} error [um]",
+        title=f"Front over {plants} (smooth machine)",
+        x=against[result.against],
+        y=f"worst RMS {result.error} error [um]",
     )
     logarithmic(axes)
     legend_below(figure)
     return figure
 
 
-def _places(points: Sequence[Spent]) -> tuple[list[float], list[float]]:
-    return [point.increment for point in points], [1e6 * point.error for point in points]
+def _finite(point: BudgetPoint, result: FrontResult) -> bool:
+    return point.spent(result.against) < float("inf")
+
+
+def _places(points: Sequence[BudgetPoint], result: FrontResult) -> tuple[list[float], list[float]]:
+    spent = [point.spent(result.against) for point in points]
+    return spent, [1e6 * point.error(result.error) for point in points]
