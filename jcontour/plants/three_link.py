@@ -49,8 +49,8 @@ class ThreeLink(eqx.Module):
     >>> level, tilted = manipulator.legs(jnp.array([[0.4, 0.0, 0.0], [0.4, 0.2, 0.0]]))
     >>> (1e3 * level).round(3).tolist()
     [407.922, 407.922, 407.922]
-    >>> manipulator.pose(tilted).round(6).tolist()
-    [0.4, 0.2, 0.0]
+    >>> bool(jnp.allclose(manipulator.pose(tilted), jnp.array([0.4, 0.2, 0.0])))
+    True
 
     Args:
         base_radius: r [m].
@@ -182,7 +182,7 @@ def three_servos(dt: float, gain: Any = SERVO_GAIN, pole: Any = SERVO_POLE) -> L
     it as the paper does. The state is (l_0, v_0, l_1, v_1, l_2, v_2).
 
     >>> three_servos(3e-3).B[:2, 0].round(8).tolist()
-    [4.493e-05, 0.0235736]
+    [4.494e-05, 0.02357347]
 
     Args:
         dt: sample period [s].
