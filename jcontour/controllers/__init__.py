@@ -18,6 +18,10 @@ from jcontour.controllers.feedback.state_feedback import (
     moving_target,
     quasi_steady_target,
 )
+from jcontour.controllers.feedforward.adaptive_synchronisation import (
+    AdaptiveSynchronisation,
+    SynchronisedGains,
+)
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -48,6 +52,7 @@ from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.controllers.wrappers.shaped import Shaped
 
 __all__ = [
+    "AdaptiveSynchronisation",
     "Biquad",
     "Cascade",
     "CascadeGains",
@@ -78,6 +83,7 @@ __all__ = [
     "ScheduledLQ",
     "Shaped",
     "StateFeedback",
+    "SynchronisedGains",
     "TaskFrame",
     "VariableCoupling",
     "damped_poles",

@@ -9,6 +9,7 @@ from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSl
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
+from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
@@ -42,6 +43,7 @@ __all__ = [
     "exact_bridgeport",
     "euler_model",
     "manipulator_path",
+    "servo_axes",
     "servo_bench",
     "thesis_axis",
     "thesis_gantry",

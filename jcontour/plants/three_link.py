@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.linear.plant import LinearPlant
+from jcontour.plants.servo_axes import servo_axes
 from jcontour.tracing import is_concrete
 
 ITERATIONS = 12  # of Newton's method; six reach rounding from the home pose
@@ -175,11 +176,9 @@ def _tilt(tilt: Array) -> Array:
 
 
 def three_servos(dt: float, gain: Any = SERVO_GAIN, pole: Any = SERVO_POLE) -> LinearPlant:
-    """Servo of every leg, k / (s (s + p)) under zero-order hold; three legs side by side.
+    """Servos of the three legs, k / (s (s + p)) under zero-order hold: `servo_axes`.
 
-        v(k+1) = e v + k (1 - e)/p u,   l(k+1) = l + (1 - e)/p v + k (x - 1 + e)/p^2 u
-    with x = p dt, e = exp(-x). Wrap it in `Encoders` and `Quantised(..., LVDT_QUANTUM)` to measure
-    it as the paper does. The state is (l_0, v_0, l_1, v_1, l_2, v_2).
+    Wrap them in `Encoders` and `Quantised(..., LVDT_QUANTUM)` to measure them as the paper does.
 
     >>> three_servos(3e-3).B[:2, 0].round(8).tolist()
     [4.494e-05, 0.02357347]
@@ -192,16 +191,7 @@ def three_servos(dt: float, gain: Any = SERVO_GAIN, pole: Any = SERVO_POLE) -> L
     Raises:
         ValueError: a number is not above zero.
     """
-    for name, value in {"dt": dt, "gain": gain, "pole": pole}.items():
-        if is_concrete(value) and not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name}: needs to be above zero, received {value}")
-    gain, pole = jnp.asarray(gain, float), jnp.asarray(pole, float)
-    lost = -jnp.expm1(-pole * dt)  # 1 - e
-    A = jnp.stack([jnp.stack([jnp.ones_like(lost), lost / pole]), jnp.stack([0 * lost, 1 - lost])])
-    B = gain * jnp.stack([(pole * dt - lost) / pole**2, lost / pole])[:, None]
-    three = jnp.eye(3)
-    output = jnp.array([[1.0, 0.0]])
-    return LinearPlant(jnp.kron(three, A), jnp.kron(three, B), jnp.kron(three, output), dt)
+    return servo_axes(gain * jnp.ones(3), pole, dt)
 
 
 def manipulator_path(times: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 3"]:

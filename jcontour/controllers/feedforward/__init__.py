@@ -1,0 +1,1 @@
+"""What is sent ahead of the feedback: from models, and from models that adapt."""

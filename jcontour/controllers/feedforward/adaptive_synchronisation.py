@@ -1,0 +1,180 @@
+"""Axes that move together: adaptive feedforward, with the difference of two axes fed back.
+
+Tomizuka, Hu, Chiu & Kamano (1990), eqs. 11 and 14-16. Axis i has the speed error
+e_i = w_i - v_i, two of the axes are a pair, and beta couples them:
+
+    e*_i = e_i + beta (e_i - e_j)      within the pair,   e*_i = e_i elsewhere
+    theta_i(k) = theta_i(k-1) + gamma phi_i(k-1) e*_i(k)
+    phi_i(k) = (v_r(k), v_r(k+1), v_c),   u_i = k_c e*_i + theta_i . phi_i
+with v_r the speed of the reference, and no change of theta before the first step. In the paper the
+speed commanded is w = v_r. Its extension to positions, which it calls straightforward, is here
+w = v_r + k_p (r - y); k_p = 0 is the paper. Its proof takes phi_1 = phi_2: axes that share one
+reference. beta has a bound: see `synchronisation_limits`.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from jcontour.controller import Controller, check_period, checked_gain
+from jcontour.motion.references import Reference
+from jcontour.sensors import Sensors
+from jcontour.tracing import is_concrete
+
+PerAxis = Float[Array, ""] | Float[Array, " m"]  # one number, or one for each axis
+
+
+class SynchronisedGains(eqx.Module):
+    """Gains of the law: traceable.
+
+    Args:
+        proportional: k_c, control per unit of speed error.
+        adaptation: gamma; zero leaves the feedforward as it is.
+        coupling: beta; zero leaves the axes to themselves.
+        position: k_p [1/s]; zero follows speeds alone, as the paper does.
+        bias: v_c, the constant that the load is estimated by.
+
+    Raises:
+        ValueError: a gain is not finite or negative, or the bias is not above zero.
+    """
+
+    proportional: PerAxis
+    adaptation: PerAxis
+    coupling: Float[Array, ""]
+    position: PerAxis
+    bias: Float[Array, ""]
+
+    def __init__(
+        self,
+        proportional,
+        adaptation,
+        coupling,
+        position: ArrayLike = 0.0,
+        bias: ArrayLike = 1.0,
+    ):
+        self.proportional = checked_gain("proportional", proportional)
+        self.adaptation = checked_gain("adaptation", adaptation)
+        self.coupling = checked_gain("coupling", coupling)
+        self.position = checked_gain("position", position)
+        self.bias = checked_gain("bias", bias)
+        if is_concrete(bias) and not np.asarray(bias) > 0:
+            raise ValueError(f"bias: needs to be above zero, received {bias}")
+
+
+class SynchronisedPlan(eqx.Module):
+    """Reference of every axis; T samples as `prepare` makes it, one row in a step."""
+
+    position: Float[Array, "*T m"]  # [m]
+    speed: Float[Array, "*T m"]  # v_r(k), from this sample to the next [m/s]
+    later: Float[Array, "*T m"]  # v_r(k+1) [m/s]
+
+
+class Adaptation(NamedTuple):
+    """Memory: the estimates, and the signals that they were multiplied by one sample ago."""
+
+    estimate: Float[Array, "m 3"]
+    signals: Float[Array, "m 3"]
+
+
+class AdaptiveSynchronisation(Controller):
+    """Adaptive feedforward for every axis, and two axes that share their errors.
+
+    A step of an axis that stands: the estimates do not change, the feedback acts.
+
+    >>> from jcontour.sensors import motors
+    >>> gains = SynchronisedGains(proportional=0.3, adaptation=0.022, coupling=2.0)
+    >>> controller = AdaptiveSynchronisation(gains, motors(2), dt=2e-3)
+    >>> rest = Adaptation(controller.start, jnp.zeros((2, 3)))
+    >>> plan = SynchronisedPlan(jnp.zeros(2), jnp.ones(2), jnp.ones(2))
+    >>> _, control = controller.step(rest, plan, (jnp.zeros(2), jnp.array([1.0, 0.9])))
+    >>> control.round(6).tolist()
+    [-0.06, 0.09]
+
+    Args:
+        gains: of the law.
+        sensors: where the positions and speeds stand in the measurement.
+        dt: sample period [s].
+        start: first estimates (m, 3), see `SpeedAxes.feedforward`; zero when not given.
+        pair: the two axes that move together.
+
+    Raises:
+        ValueError: `dt` is not above zero, the sensors give no speeds, the estimates have another
+            shape, or the pair is not two different axes.
+    """
+
+    gains: SynchronisedGains
+    sensors: Sensors
+    start: Float[Array, "m 3"]
+    dt: float = eqx.field(static=True)
+    pair: tuple[int, int] = eqx.field(static=True)
+    preview: int = eqx.field(static=True, default=2)  # v_r(k+1) needs r(k+2)
+
+    def __init__(
+        self,
+        gains: SynchronisedGains,
+        sensors: Sensors,
+        dt: float,
+        start: ArrayLike | None = None,
+        pair: tuple[int, int] = (0, 1),
+    ):
+        if not (np.isfinite(dt) and dt > 0):
+            raise ValueError(f"dt: needs to be above zero, received {dt}")
+        if not sensors.velocity:
+            raise ValueError("sensors: speeds are synchronised, received positions only")
+        axes = sensors.axes
+        if len(set(pair)) != 2 or not all(0 <= axis < axes for axis in pair):
+            raise ValueError(f"pair: needs two of the {axes} axes, received {pair}")
+        start = jnp.zeros((axes, 3)) if start is None else jnp.asarray(start, float)
+        if start.shape != (axes, 3):
+            raise ValueError(f"start: needs the shape ({axes}, 3), received {start.shape}")
+        self.gains, self.sensors, self.start = gains, sensors, start
+        self.dt, self.pair, self.preview = float(dt), pair, 2
+
+    def prepare(self, reference: Reference) -> SynchronisedPlan:
+        """Positions, and speeds by the next difference.
+
+        Raises:
+            ValueError: the reference has another sample period or number of axes.
+        """
+        axes, found = self.sensors.axes, reference.position.shape[-1]
+        if found != axes:
+            raise ValueError(
+                f"sensors: the reference has {found} axes, the controller reads {axes}"
+            )
+        check_period(self.dt, reference)
+        steps = reference.steps
+        speed = jnp.diff(reference.position[: steps + 2], axis=0) / self.dt
+        return SynchronisedPlan(reference.position[:steps], speed[:-1], speed[1:])
+
+    def initial_memory(self, reference: Reference) -> Adaptation:
+        """First estimates; nothing has acted on them."""
+        return Adaptation(self.start, jnp.zeros_like(self.start))
+
+    def step(
+        self, memory: Adaptation, plan: SynchronisedPlan, measurement
+    ) -> tuple[Adaptation, Float[Array, " m"]]:
+        """Next estimates and the control."""
+        gains = self.gains
+        position, speed = self.sensors.read(measurement)
+        command = plan.speed + gains.position * (plan.position - position)
+        error = coupled_errors(command - speed, gains.coupling, self.pair)
+        estimate = memory.estimate + memory.signals * (gains.adaptation * error)[:, None]
+        bias = jnp.broadcast_to(gains.bias, speed.shape)
+        signals = jnp.stack([plan.speed, plan.later, bias], axis=-1)
+        control = gains.proportional * error + jnp.sum(estimate * signals, axis=-1)
+        return Adaptation(estimate, signals), control
+
+
+def coupled_errors(
+    error: Float[Array, " m"], coupling: ArrayLike, pair: tuple[int, int] = (0, 1)
+) -> Float[Array, " m"]:
+    """Errors e* of the axes, those of the pair pulled together.
+
+    e* = C e,   C = [[1 + beta, -beta], [-beta, 1 + beta]]  within the pair
+    """
+    one, other = pair
+    apart = coupling * (error[one] - error[other])
+    return error.at[one].add(apart).at[other].add(-apart)
