@@ -55,6 +55,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/papers/contouring_schemes": "experiments/papers/test_contouring_schemes.py",
     "experiments/papers/lam": "experiments/papers/test_lam.py",
     "experiments/papers/mcnab_tsao": "experiments/papers/test_mcnab_tsao.py",
+    "experiments/papers/synchronisation": "experiments/papers/test_synchronisation.py",
     "experiments/papers/yuan_gantry": "experiments/papers/test_yuan_gantry.py",
     "experiments/papers/yuan_tracking": "experiments/papers/test_yuan_tracking.py",
 }

@@ -1,0 +1,126 @@
+"""Tomizuka's paper: responses against reference numbers, verdicts against made-up runs."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.files.results import from_json, to_json
+from experiments.papers.synchronisation.claims import FAST, SLOW, claims
+from experiments.papers.synchronisation.experiment import BETAS, Settings, run
+from experiments.papers.synchronisation.figures import continuous, draw, fast, slow
+from experiments.papers.synchronisation.result import CONTINUOUS, Result
+from experiments.papers.synchronisation.runs import NOMINAL, UNEQUAL, WEAK, turns
+from experiments.papers.verdicts import Verdict
+
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+DATA = Path(__file__).parents[2] / "data" / "adaptive" / "synchronisation.json"
+REFERENCE = json.loads(DATA.read_text())
+NAMES = {NOMINAL: "sync_nominal", WEAK: "sync_low_kc"}
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return run(Settings(), tmp_path_factory.mktemp("run"))
+
+
+def wanted_rows():
+    for name, key in NAMES.items():
+        for row in REFERENCE[key]["continuous"]:
+            yield name, CONTINUOUS, row, 1e-9
+        for sampled in REFERENCE[key]["discrete"]:
+            for row in sampled["rows"]:
+                yield name, 1e3 * sampled["T_s"], row, 1e-11
+
+
+def test_responses_are_those_of_the_reference(result):
+    compared = 0
+    for name, period, row, rounding in wanted_rows():
+        if row["beta"] not in BETAS.get((name, period), ()):
+            continue
+        found, compared = result.row(name, period, row["beta"]), compared + 1
+        if row["peak_sync"] == "diverged":
+            assert found.diverged
+            continue
+        for column in ("peak_sync", "iae_sync", "peak_e1", "peak_e2", "final_sync"):
+            np.testing.assert_allclose(getattr(found, column), row[column], 1e-8, rounding)
+    assert compared >= 20
+
+
+def test_bounds_are_those_of_the_reference(result):
+    for name, key in NAMES.items():
+        for sampled in REFERENCE[key]["discrete"]:
+            found = result.bound(name, 1e3 * sampled["T_s"])
+            assert found.proven == pytest.approx(sampled["beta_limit_spr"], rel=1e-8)
+            assert found.exact == pytest.approx(sampled["beta_limit_lti"], rel=1e-8)
+            assert found.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
+
+
+def test_every_statement_has_its_verdict(result):
+    assert [claim.verdict for claim in result.claims] == [YES] * 9
+
+
+def changed(result, plant, period, beta, **values):
+    """The result with one row changed, its statements judged anew."""
+    old = result.row(plant, period, beta)
+    rows = [replace(row, **values) if row is old else row for row in result.rows]
+    return [claim.verdict for claim in claims(replace(result, rows=tuple(rows)))]
+
+
+@pytest.mark.parametrize(
+    ("place", "change", "number", "verdict"),
+    [
+        ((NOMINAL, CONTINUOUS, 0.0), {"peak_e1": 0.1}, 0, NO),
+        ((NOMINAL, CONTINUOUS, 5.0), {"iae_sync": 0.07}, 1, NO),
+        ((NOMINAL, CONTINUOUS, 2.0), {"peak_sync": 0.6}, 2, PARTLY),
+        ((NOMINAL, CONTINUOUS, 10.0), {"peak_sync": 1.0}, 2, NO),
+        ((NOMINAL, FAST, 10.0), {"peak_sync": 0.5}, 6, NO),
+        ((NOMINAL, SLOW, 3.0), {"turns": 99}, 7, PARTLY),
+    ],
+)
+def test_verdicts_follow_the_numbers(result, place, change, number, verdict):
+    assert changed(result, *place, **change)[number] is verdict
+
+
+def test_a_bound_that_proves_too_much_is_no_proof(result):
+    bounds = [replace(row, proven=2 * row.exact) for row in result.bounds]
+    assert claims(replace(result, bounds=tuple(bounds)))[8].verdict is NO
+
+
+def test_unequal_axes_have_a_bound_in_continuous_time(result):
+    bound = result.bound(UNEQUAL, FAST).continuous
+    assert bound is not None and bound > 0
+    assert not any(row.diverged for row in result.column(UNEQUAL, CONTINUOUS))
+
+
+@pytest.mark.parametrize(
+    ("signal", "count"), [([1.0, -1.0, 1.0], 2), ([1.0, 1e-9, -1e-9, 2.0], 0), ([0.0, 0.0], 0)]
+)
+def test_turns(signal, count):
+    assert turns(np.array(signal)) == count
+
+
+def test_result_loads_back_from_its_json(result):
+    again = from_json(json.loads(json.dumps(to_json(result))), Result)
+    assert again.claims == result.claims == claims(again)
+    np.testing.assert_array_equal(again.curves[3].e2, result.curves[3].e2)
+
+
+def test_figures_show_the_numbers(result):
+    for figure, period, beta in ((continuous, CONTINUOUS, 5.0), (fast, FAST, 2.0), (slow, SLOW, 3)):
+        panels = figure(result).axes
+        curve = result.curve(NOMINAL, period, beta)
+        np.testing.assert_array_equal(panels[1].lines[1].get_ydata(), curve.e2)
+        assert len(panels[2].lines) == 5
+
+
+def test_a_quick_run_draws_everything(tmp_path):
+    quick = run(Settings(quick=True), tmp_path)
+    assert quick.curves[0].time_s.size == 601
+    assert [path.name for path in draw(quick, tmp_path)] == [
+        "figures-3-to-6.png",
+        "figures-9-to-11.png",
+        "figures-12-to-14.png",
+    ]
