@@ -75,6 +75,8 @@ class Limited(Controlled):
     max_sensitivity: float | None = 2.0  # 6 dB, the usual bound on the peak sensitivity
     """Limit on the peak sensitivity Ms of the loops along the path; None for no limit.
     1.4 is very robust, 2 usual, 3 the most that should run a machine."""
+    min_delay_margin: int = 0  # the family has the machine's unknown delay already
+    """Samples of delay beyond its own that every loop of every plant of the family has to bear."""
     max_tracking_error_um: float | None = None
     """Limit on the RMS tracking error [um]."""
     max_peak_tracking_error_um: float | None = None

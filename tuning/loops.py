@@ -1,7 +1,7 @@
 """Frozen loops as the tuner looks at them: matrices in a program, their peaks on the host."""
 
 import abc
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -9,12 +9,25 @@ import numpy as np
 
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop
+from jcontour.analysis.late_loops import late_measures
 from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+
+
+class Looked(NamedTuple):
+    """Peaks and radii of frozen loops, or their derivatives in the coordinates, which come last.
+
+    Attributes:
+        peaks: of the sensitivities; None where the loops are not looked at.
+        late: spectral radius with more delay; None where it is not looked at.
+    """
+
+    peaks: LoopPeaks | None = None
+    late: Any = None
 
 
 class Loops(eqx.Module):
@@ -25,8 +38,8 @@ class Loops(eqx.Module):
         """Arrays from which the peaks follow; traced."""
 
     @abc.abstractmethod
-    def peaks(self, matrices: Any, slopes: Any) -> tuple[LoopPeaks, LoopPeaks]:
-        """Peaks, and their derivatives; on the host.
+    def look(self, matrices: Any, slopes: Any) -> tuple[Looked, Looked]:
+        """What is seen, and its derivatives; on the host.
 
         Args:
             matrices: as NumPy arrays.
@@ -50,26 +63,38 @@ class ProbedLoops(Loops):
     Args:
         windows: `probe_windows(...)`.
         encoding: how the sensors of the family show positions.
+        more: samples of delay that the loops are looked at with as well; none for 0.
     """
 
     windows: Reference
     encoding: Encoding
+    more: int = eqx.field(static=True, default=0)
 
     @classmethod
-    def of(cls, plants: Plant, references: Reference, count: int) -> "ProbedLoops":
+    def of(cls, plants: Plant, references: Reference, count: int, more: int = 0) -> "ProbedLoops":
         """Probes of stacked references, `count` for each."""
         windows = probe_windows(references, count)
-        return cls(windows, encoding_of(plants, windows))
+        return cls(windows, encoding_of(plants, windows), more)
 
     def matrices(self, controller: Controller, plants: Plant) -> FrozenLoop:
         """Frozen loops of every probe and plant."""
         return frozen_family(controller, plants, self.windows)
 
-    def peaks(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[LoopPeaks, LoopPeaks]:
-        """Peaks of the sensitivities."""
+    def look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
+        """Peaks of the sensitivities, and the radius with more delay."""
         values, gradients = loop_measures(matrices, self.encoding)
-        change = np.zeros(())
-        pairs = zip(jax.tree.leaves(gradients), jax.tree.leaves(slopes), strict=True)
-        for gradient, slope in pairs:
-            change = change + np.einsum("...mij,...ijd->...md", gradient, slope)
-        return LoopPeaks(*np.moveaxis(values, -1, 0)), LoopPeaks(*np.moveaxis(change, -2, 0))
+        change = _along(gradients, slopes, "...mij,...ijd->...md")
+        peaks = LoopPeaks(*np.moveaxis(values, -1, 0))
+        moved = LoopPeaks(*np.moveaxis(change, -2, 0))
+        if not self.more:
+            return Looked(peaks), Looked(moved)
+        late, gradient = late_measures(matrices, self.more)
+        return Looked(peaks, late), Looked(moved, _along(gradient, slopes, "...ij,...ijd->...d"))
+
+
+def _along(gradients: FrozenLoop, slopes: FrozenLoop, letters: str) -> np.ndarray:
+    """Derivatives in the weights' coordinates."""
+    change = np.zeros(())
+    for gradient, slope in zip(jax.tree.leaves(gradients), jax.tree.leaves(slopes), strict=True):
+        change = change + np.einsum(letters, gradient, slope)
+    return change

@@ -40,6 +40,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
 }
+LATE = "late_radius"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
 
 
@@ -142,7 +143,8 @@ class AtMost(eqx.Module):
     >>> limits.names
     ('rms_increment', 'peak_sensitivity')
 
-    Names are those of `Metrics`, `peak_sensitivity` and `peak_complementary_sensitivity`, and
+    Names are those of `Metrics`, `peak_sensitivity` and `peak_complementary_sensitivity`,
+    `late_radius` for the spectral radius with more delay, and
     `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine has.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
@@ -156,7 +158,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += [*LOOP_LIMITS, *USE_LIMITS]
+        known += [*LOOP_LIMITS, LATE, *USE_LIMITS]
         for name, limit in limits.items():
             if name not in known:
                 raise ValueError(
@@ -194,6 +196,10 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
         if outcome.use is None:
             raise ValueError(f"{name}: needs a problem with the limits of its machine")
         return getattr(outcome.use, USE_LIMITS[name])
+    if name == LATE:
+        if outcome.late is None:
+            raise ValueError(f"{name}: needs a problem that looks at loops with more delay")
+        return outcome.late
     if name not in LOOP_LIMITS:
         return getattr(outcome.metrics, name)
     if outcome.loops is None:

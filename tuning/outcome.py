@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.simulation.limit_use import LimitUse
@@ -17,11 +17,14 @@ class Outcome(NamedTuple):
         metrics: axes (contour, plant).
         loops: axes (probe, plant); None for a problem without windows.
         use: of the machine's limits, axes (contour, plant); None for a problem without them.
+        late: spectral radius of the loops with more delay, axes (probe, plant); None where the
+            problem does not ask for it.
     """
 
     metrics: Metrics
     loops: LoopPeaks | None = None
     use: LimitUse | None = None
+    late: Float[Array, "K P"] | None = None
 
     @property
     def diverged(self) -> Bool[Array, ""]:

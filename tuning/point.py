@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.kernels.dispatch import on_gpu
+from tuning.loops import Looked
 from tuning.objectives import LEAST, logarithm
-from tuning.outcome import LoopPeaks, Outcome
+from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
 
@@ -75,22 +76,22 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
     """
     runs = _runs(problem, start, jnp.asarray(z))
     (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
-    loops, loop_slopes = loop_peaks_at(problem, start, z)
-    outcome = Outcome(metrics, loops, use)
-    slopes = Outcome(metric_slopes, loop_slopes, use_slopes)
+    looked, loop_slopes = looked_at(problem, start, z)
+    outcome = Outcome(metrics, looked.peaks, use, looked.late)
+    slopes = Outcome(metric_slopes, loop_slopes.peaks, use_slopes, loop_slopes.late)
     judged, judged_slopes = jax.device_get(_judged(problem, outcome, slopes))
     numbers = [*judged[:2], *judged_slopes[:2]]
     finite = all(np.isfinite(number).all() for number in numbers)
     return Point(*judged, judged_slopes, outcome, bool(outcome.diverged) or not finite)
 
 
-def loop_peaks_at(
+def looked_at(
     problem: Problem, start: Weights, z: Float[Array | np.ndarray, " d"]
-) -> tuple[LoopPeaks | None, LoopPeaks | None]:
-    """Peaks of the frozen loops and their slopes; None for a problem that does not look at them."""
+) -> tuple[Looked, Looked]:
+    """What is seen of the frozen loops, and its slopes; nothing where they are not looked at."""
     if problem.loops is None:
-        return None, None
-    return problem.loops.peaks(*jax.device_get(_loops(problem, start, jnp.asarray(z))))
+        return Looked(), Looked()
+    return problem.loops.look(*jax.device_get(_loops(problem, start, jnp.asarray(z))))
 
 
 @eqx.filter_jit

@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from tuning.objectives import LEAST
 from tuning.parameters import Weights
-from tuning.point import loop_peaks_at
+from tuning.point import looked_at
 from tuning.problem import Problem
 
 SHARPNESS = 16.0
@@ -100,7 +100,7 @@ def loop_radius(
     Raises:
         ValueError: the problem does not look at its loops.
     """
-    peaks, slopes = loop_peaks_at(problem, start, z)
+    (peaks, _), (slopes, _) = looked_at(problem, start, z)
     if peaks is None or slopes is None:
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)

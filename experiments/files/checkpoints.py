@@ -45,6 +45,8 @@ def save_state(folder: Path, state: TuneState) -> Path:
         arrays[f"loops_{name}"] = np.asarray([getattr(row.outcome.loops, name) for row in rows])
     for name in LimitUse._fields if rows and rows[0].outcome.use is not None else ():
         arrays[f"use_{name}"] = np.asarray([getattr(row.outcome.use, name) for row in rows])
+    if rows and rows[0].outcome.late is not None:
+        arrays["late"] = np.asarray([row.outcome.late for row in rows])
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -97,6 +99,7 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
                 Metrics(**{name: values[k] for name, values in metrics.items()}),
                 LoopPeaks(*(values[k] for values in loops)) if looked else None,
                 LimitUse(*(values[k] for values in use)) if limited else None,
+                arrays["late"][k] if "late" in arrays else None,
             ),
             bool(columns["diverged"][k]),
         )

@@ -16,6 +16,7 @@ from experiments.files.tuned_result import (
     rms_error,
 )
 from experiments.reports.tables import digits, peak_line, plain_table, position, say
+from tuning.objectives import LATE
 
 SEEN, HELD_OUT = "training", "held out"
 STEP = 1.1  # of a limit, whose worth is told
@@ -167,6 +168,9 @@ def limit_lines(result: TunedResult) -> list[str]:
         return ["No limit stops it."]
     lines = []
     for one in result.active:
+        if one.name == LATE:  # samples are whole: a tenth of one means nothing
+            lines.append(f"What stops it: the {limit_words(one.name, one.bound)}.")
+            continue
         gain = 100 * (1 - STEP**-one.price)
         lines.append(
             f"What stops it: the limit {limit_words(one.name, one.bound)}. "
@@ -177,6 +181,8 @@ def limit_lines(result: TunedResult) -> list[str]:
 
 def limit_words(name: str, bound: float) -> str:
     """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
+    if name == LATE:
+        return "delay margin of every plant"
     if name.endswith("_use"):
         return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
     return f"{name.replace('_', ' ')} <= {bound:.6g}"

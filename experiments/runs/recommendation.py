@@ -64,7 +64,8 @@ def _unstable(
         )
     if not margins.stable:
         lines.append(
-            "with its gains frozen at a point of the training paths the loop is open or unstable"
+            "with its gains frozen at a point of the training paths the loop is open or unstable: "
+            "keep a margin, --max-sensitivity 2"
         )
     if robust is not None and robust.diverged:
         lines.append(
@@ -83,6 +84,10 @@ def _infeasible(tuned: Tuned) -> list[str]:
     if loops is not None:
         least = float(np.max(loops.sensitivity))
         lines.append(f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more")
+    if tuned.outcome.late is not None and np.max(tuned.outcome.late) >= 1:
+        lines.append(
+            "a loop does not bear the delay that --min-delay-margin asks for; ask for less"
+        )
     return lines
 
 

@@ -9,9 +9,7 @@ import jax
 import numpy as np
 
 from experiments.files import run_folder
-from experiments.runs.family_loops import WINDOWS
-from experiments.runs.tuning import OBJECTIVES, TuningRun
-from tuning.loops import ProbedLoops
+from experiments.runs.tuning import OBJECTIVES, TuningRun, probed_loops
 from tuning.objectives import Regret
 from tuning.problem import Problem
 from tuning.tune import TuneState, tune
@@ -45,8 +43,6 @@ def _alone(run: TuningRun, index: int) -> Problem:
     """The problem with one training contour and its own probes."""
     problem = run.problem
     references = jax.tree.map(lambda leaf: leaf[index : index + 1], problem.references)
-    loops = problem.loops
-    if loops is not None:
-        loops = ProbedLoops.of(problem.plants, references, WINDOWS)
     objective = OBJECTIVES["typical", run.machine.error]
-    return replace(problem, references=references, loops=loops, objective=objective)
+    alone = replace(problem, references=references, objective=objective)
+    return replace(alone, loops=probed_loops(run.flags, alone))

@@ -17,6 +17,7 @@ from experiments.machines.machine import Machine, Usual
 from experiments.options import Limited, Tune
 from experiments.runs.family_loops import WINDOWS
 from experiments.runs.spreading import batching_of
+from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
@@ -55,6 +56,7 @@ LIMITS = {  # flag -> metric, factor to SI
     "max_peak_increment": ("peak_increment", 1.0),
 }
 PLENTY = 10_000  # training samples beyond which a run will not end within a minute
+LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
 RESERVED = 0.97  # of a limit that the machine states: contours not trained may need more
 
 
@@ -133,7 +135,7 @@ def tuning_run(flags: Tune) -> TuningRun:
     problem = replace(
         problem,
         limits=AtMost(**limits),
-        loops=_loops(flags, problem),
+        loops=probed_loops(flags, problem),
         axis_limits=stated if _named(stated) else None,
     )
     return TuningRun(flags, machine, before, design, problem, settings, scenarios, limits)
@@ -202,17 +204,18 @@ def _lag_limit(machine: Machine, design: Design, references: Reference) -> dict[
 
 
 def _loop_limits(flags: Limited) -> dict[str, float]:
-    """Bound on the peak sensitivity; none where the flag is None.
+    """Bounds on the peak sensitivity, and on the radius with more delay, where flags ask for them.
 
     Raises:
-        ValueError: the bound is not above 1, which no loop keeps.
+        ValueError: the bound is not above 1, which no loop keeps; or the delay is not one.
     """
-    bound = flags.max_sensitivity
-    if bound is None:
-        return {}
-    if not bound > 1:
+    bound, more = flags.max_sensitivity, flags.min_delay_margin
+    if bound is not None and not bound > 1:
         raise ValueError(f"max-sensitivity: no loop keeps 1 or less, received {bound}")
-    return {"peak_sensitivity": bound}
+    if not 0 <= more <= DELAY_SEARCH:
+        raise ValueError(f"min-delay-margin: needs 0 to {DELAY_SEARCH} samples, received {more}")
+    late = {"late_radius": LATE_RADIUS} if more else {}
+    return late if bound is None else {"peak_sensitivity": bound, **late}
 
 
 def _stated_limits(machine: Machine) -> AxisLimits:
@@ -227,11 +230,11 @@ def _named(limits: AxisLimits) -> list[str]:
     return [name for name, value in limits._asdict().items() if value is not None]
 
 
-def _loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
+def probed_loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does."""
-    if flags.max_sensitivity is None:
+    if not _loop_limits(flags):
         return None
-    return ProbedLoops.of(problem.plants, problem.references, WINDOWS)
+    return ProbedLoops.of(problem.plants, problem.references, WINDOWS, flags.min_delay_margin)
 
 
 def start_metrics(problem: Problem, start: Weights) -> Metrics:

@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.analysis.sensitivity import loop_peaks
+from jcontour.analysis.sensitivity import late_radius, loop_peaks
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle
@@ -17,7 +17,7 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
     """In reverse mode, through the program; here in forward mode, on the host."""
     family = stack_plants([Delayed(Encoders(two_axes), jnp.asarray(late), 1, 2) for late in (0, 1)])
     run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
-    loops = ProbedLoops.of(family, stack_references([run]), 2)
+    loops = ProbedLoops.of(family, stack_references([run]), 2, more=2)
 
     def controller(z):
         inner = ContouringLQ(two_axes, LQWeights(*jnp.exp(z[:2]), 1e-6), 3)
@@ -27,7 +27,9 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         return loops.matrices(controller(z), family)
 
     z = jnp.log(jnp.array([3.0, 5.0, 0.01]))
-    found, slopes = loops.peaks(*jax.device_get((matrices(z), jax.jacfwd(matrices)(z))))
+    (found, late), (slopes, late_slopes) = loops.look(
+        *jax.device_get((matrices(z), jax.jacfwd(matrices)(z)))
+    )
 
     def wanted(z):
         return loop_peaks(controller(z), family, loops.windows)
@@ -38,3 +40,9 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         assert one.shape == (2, 2, 3)
         # a peak is flat: its frequency and the slope there have fewer digits than its height
         np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6 * np.abs(other).max())
+
+    def wanted_late(z):
+        return late_radius(controller(z), family, loops.windows, 2)
+
+    np.testing.assert_allclose(late, wanted_late(z), rtol=1e-9)
+    np.testing.assert_allclose(late_slopes, jax.jacrev(wanted_late)(z), rtol=1e-6, atol=1e-9)

@@ -106,6 +106,15 @@ def test_no_loop_has_a_peak_sensitivity_of_one():
         AtMost(peak_sensitivity=1.0)
 
 
+def test_loops_with_more_delay_are_limited_for_every_probe_and_plant():
+    late = jnp.asarray([[0.5, 2.0]])
+    limits = AtMost(late_radius=0.5)
+    np.testing.assert_allclose(limits(Outcome(metrics(), late=late)), [0.0, np.log(4.0)])
+    assert limits.entries(Outcome(metrics(), late=late))[1] == Entry("late_radius", 0, 1)
+    with pytest.raises(ValueError, match="late_radius: needs a problem that looks at loops"):
+        limits(Outcome(metrics()))
+
+
 def test_limits_on_loops_need_loops():
     with pytest.raises(ValueError, match="peak_sensitivity: .* needs a problem with windows"):
         AtMost(peak_sensitivity=2.0)(Outcome(metrics()))

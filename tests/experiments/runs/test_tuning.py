@@ -11,7 +11,10 @@ from experiments.options import Tune
 from experiments.reports.progress import progress
 from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning import tuning_run
+from jcontour.analysis.sensitivity import late_radius
 from jcontour.simulation.evaluation import member
+from tuning.parameters import Chart
+from tuning.point import evaluate_point
 from tuning.tune import TuneState, advance
 
 
@@ -93,3 +96,26 @@ def test_parts_are_for_training_and_others_held_out(job):
     names = ["part", "circle", "ellipse", "lemniscate", "square"]
     assert [one.name for one in job.scenarios.jobs] == names
     assert job.scenarios.training == (True, False, False, False, False)
+
+
+@pytest.mark.parametrize(("sensitivity", "more"), [(None, 2), (2.0, 1)])
+def test_a_delay_margin_limits_loops_with_that_much_more_delay(
+    machine_file, part_file, sensitivity, more
+):
+    """The limit at the start weights is the radius that the library finds for them."""
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), preview=4)
+    run = tuning_run(replace(flags, max_sensitivity=sensitivity, min_delay_margin=more))
+    z = Chart(run.problem.space, run.start).coordinates()
+    point = evaluate_point(run.problem, run.start, np.asarray(z))
+    loops = run.problem.loops
+    wanted = late_radius(run.controller(run.start), run.problem.plants, loops.windows, more)
+    np.testing.assert_allclose(point.outcome.late, wanted, rtol=1e-9)
+    assert run.limits["late_radius"] < 1
+    assert ("peak_sensitivity" in run.limits) == (sensitivity is not None)
+
+
+@pytest.mark.parametrize("more", [-1, 11])
+def test_a_delay_margin_that_is_none_is_named(machine_file, part_file, more):
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), min_delay_margin=more)
+    with pytest.raises(ValueError, match="min-delay-margin: needs 0 to 10 samples"):
+        tuning_run(flags)

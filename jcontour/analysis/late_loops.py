@@ -1,0 +1,63 @@
+"""Frozen loops whose control acts some samples later: their spectral radius, and its slope. Host.
+
+A loop that is stable with d more samples on its control has a delay margin of d samples at least.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
+from jcontour.analysis.spectral import dominant
+
+
+def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
+    """Spectral radius of the closed loops with v(k) = u(k - samples), and its derivative.
+
+    With left and right vectors of the largest eigenvalue, of x, w and the line u(k-1), ...,
+    u(k-samples), the derivative is that of Re(left' M right) (`spectral.dominant`). A loop that is
+    not finite has an infinite radius with slope 0.
+
+    Args:
+        loop: batched in front; plant and controller may have different batches that go together.
+        samples: at least 1.
+
+    Raises:
+        ValueError: fewer samples.
+    """
+    if samples < 1:
+        raise ValueError(f"samples: needs a delay of one at least, received {samples}")
+    cut = loop.cut()
+    M = np.asarray(cut.late(samples), float)
+    finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
+    found = dominant(np.where(finite[..., None, None], M, 0.0))
+    kept = np.where(finite, 1.0, 0.0)[..., None]
+    slope = _slope(loop, samples, kept * found.left, kept * found.right)
+    return np.where(finite, found.radius, np.inf), slope
+
+
+def _slope(loop: FrozenLoop, samples: int, left, right) -> FrozenLoop:
+    """Derivative of Re(left' M right) with respect to the matrices of the loop.
+
+    The plant hears the last of the line, the controller writes its first.
+    """
+    (_, _, H), (_, E, _, D) = (
+        [np.nan_to_num(np.asarray(matrix, float)) for matrix in part] for part in loop
+    )
+    n, c, p = H.shape[-1], E.shape[-2], D.shape[-2]
+    x, w, heard = right[..., :n], right[..., n : n + c], right[..., n + c + (samples - 1) * p :]
+    of_x, of_w, written = left[..., :n], left[..., n : n + c], left[..., n + c : n + c + p]
+    y = _times(H, x)
+    of_y = _times(np.swapaxes(E, -1, -2), of_w) + _times(np.swapaxes(D, -1, -2), written)
+    return FrozenLoop(
+        LinearMachine(_outer(of_x, x), _outer(of_x, heard), _outer(of_y, x)),
+        LinearLaw(_outer(of_w, w), _outer(of_w, y), _outer(written, w), _outer(written, y)),
+    )
+
+
+def _times(matrix, vector):
+    """Matrices times vectors."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _outer(a, b) -> Float[np.ndarray, "*loops a b"]:
+    return np.real(a[..., :, None] * b[..., None, :])
