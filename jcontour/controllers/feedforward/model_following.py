@@ -24,7 +24,7 @@ from jcontour.linear.transfer_functions import (
     sorted_zeros,
 )
 
-HALF_POWER = 10**-0.15  # -3 dB
+MINUS_3_DB = 10**-0.15
 LEFT_OVER = 1e-9  # relative remainder that a division may leave
 
 
@@ -89,11 +89,11 @@ class ModelFollowing:
         """T = (1 - lambda)^N."""
         return np.asarray(polynomial.polypow([1.0, -1.0], self.constraint), float)
 
-    def bandwidth(self, dt: float) -> float:
-        """Frequency at which M_0 has fallen by 3 dB [Hz]; infinite for m = 0."""
+    def bandwidth(self, dt: float, gain: float = MINUS_3_DB) -> float:
+        """Frequency at which M_0 has fallen to `gain` [Hz]; infinite for m = 0."""
         if self.order == 0:
             return float("inf")
-        return float(np.arccos(HALF_POWER ** (1 / (2 * self.order))) / (np.pi * dt))
+        return float(np.arccos(gain ** (1 / (2 * self.order))) / (np.pi * dt))
 
     def matching(self, zeros: Zeros) -> ModelMatching:
         """Conditions on E' at these unstable zeros, the origin once for each sample of delay."""

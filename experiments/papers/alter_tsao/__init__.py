@@ -1,0 +1,1 @@
+"""Alter & Tsao: optimal feedforward of a linear-motor drive."""

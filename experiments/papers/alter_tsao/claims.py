@@ -1,0 +1,197 @@
+"""Statements of Alter & Tsao, what we find, and the verdicts."""
+
+from collections.abc import Iterator, Sequence
+
+from experiments.papers.alter_tsao.published import BANDWIDTHS_HZ, UNVERIFIABLE, rounds_to
+from experiments.papers.alter_tsao.result import Line, Result
+from experiments.papers.verdicts import Claim, Verdict, verdict
+
+MAXIMA, RMS_VALUES = 20, 24  # of 28 that should round to the print
+SAME = 1e-9  # relative
+APART = 1e-11  # [m] between the loop and the filter
+
+
+def claims(result: Result) -> tuple[Claim, ...]:
+    """One row each, in the order of the paper."""
+    parts = (_table_1, _section_3, _section_4, _table_2, _table_3, _loops)
+    return tuple(row for part in parts for row in part(result))
+
+
+def line_of(lines: Sequence[Line], number: int) -> Line:
+    """The line of this number."""
+    return next(line for line in lines if line.line == number)
+
+
+def _table_1(result: Result) -> Iterator[Claim]:
+    lines, zero = result.table_1, result.settings["zero"]
+    for name, wanted in (("max", MAXIMA), ("rms", RMS_VALUES)):
+        verdicts = [getattr(line, f"{name}_verdict") for line in lines]
+        hits = verdicts.count(Verdict.REPRODUCED)
+        missed = [
+            (line, getattr(line, f"{name}_error") - float(getattr(line, f"printed_{name}")))
+            for line, one in zip(lines, verdicts, strict=True)
+            if one is not Verdict.REPRODUCED
+        ]
+        words = ", ".join(f"{line.line} ({1e9 * gap:+.1f} nm)" for line, gap in missed)
+        yield Claim(
+            "Table 1",
+            f"simulated {name} errors of lines 1 to 28",
+            f"{hits} of {len(lines)} round to the print with b = {zero:g}; not lines {words}",
+            verdict(hits >= wanted, hits > len(lines) / 2),
+        )
+    first, last = result.zero_interval
+    yield Claim(
+        "Table 1",
+        "the unstable zero is b = -0.3075",
+        f"maxima 3 to 11 need b from {first:.6f} to {last:.6f}: -0.30746, which rounds to -0.3075",
+        verdict(first <= -0.30746 <= last),
+    )
+    one, other = line_of(lines, 21), line_of(lines, 28)
+    yield Claim(
+        "Table 1",
+        f"lines 21 and 28 differ: {one.printed_max} and {other.printed_max} m",
+        f"their error filters are the same: {one.max_error:.3g} and {other.max_error:.3g} m",
+        verdict(False),
+    )
+    yield Claim("Table 1, line 29", "5.24e-5 and 2.12e-5 m", UNVERIFIABLE, Verdict.EXPERIMENTAL)
+
+
+def _section_3(result: Result) -> Iterator[Claim]:
+    lines = result.table_1
+    apart = [one.line for one in lines if abs(one.l1_cost - one.hinf_cost) > SAME * one.l1_cost]
+    yield Claim(
+        "section 3",
+        "the l1 and H-infinity optima of Table 1 are the same",
+        f"not in lines {', '.join(map(str, apart))}: N_p = m and N >= 1 leave two conditions"
+        if apart
+        else "in all lines",
+        verdict(not apart, len(apart) < len(lines) / 2),
+    )
+    gap = max(abs(one.gap) for one in lines)
+    yield Claim(
+        "section 3",
+        "the filters are optimal",
+        f"the dual of the linear program is within {gap:.1e} of every cost",
+        verdict(gap < SAME),
+    )
+
+
+def _section_4(result: Result) -> Iterator[Claim]:
+    lines, zero = result.table_1, result.settings["zero"]
+    worst = max(abs(one.l1_cost - abs(zero) ** (one.preview - 1)) for one in lines[1:11])
+    yield Claim(
+        "eq. 8",
+        "the cost is 1 without preview, |b|^(N_p - 1) with it",
+        f"to {worst:.1e} in lines 2 to 11",
+        verdict(worst < SAME and lines[0].l1_cost == 1),
+    )
+    reached = all(rounds_to(result.bandwidths_hz[str(m)], hz) for m, hz in BANDWIDTHS_HZ.items())
+    words = ", ".join(f"{hz:.1f} Hz" for hz in result.bandwidths_hz.values())
+    yield Claim("sec. 4.3", "-3 dB at 364 Hz for m = 1, 261 Hz for m = 2", words, verdict(reached))
+    pairs = [(line_of(lines, a), line_of(lines, a + 4)) for a in (21, 22, 23)]
+    worse = [more.max_error > less.max_error for less, more in pairs]
+    yield Claim(
+        "sec. 4.3",
+        "m = 2 in place of 1 raises the error of lines 21 to 23",
+        ", ".join(f"{1e9 * a.max_error:.0f} -> {1e9 * b.max_error:.0f} nm" for a, b in pairs),
+        verdict(all(worse), any(worse)),
+    )
+    falls = [one.rms_error for one in lines[11:14]], [one.rms_error for one in lines[14:17]]
+    holds = all(a > b > c for a, b, c in falls)
+    words = "; ".join(", ".join(f"{1e6 * x:.3g}" for x in one) for one in falls)
+    yield Claim(
+        "sec. 4.2",
+        "more constraint lowers the error: lines 12 to 14, 15 to 17",
+        f"RMS {words} um",
+        verdict(holds),
+    )
+    yield Claim(
+        "sec. 4.3",
+        "zero phase error tracking is the optimum of line 28",
+        f"their error filters differ by {result.zpetc_apart:.1e}",
+        verdict(result.zpetc_apart < 1e-12),
+    )
+    yield Claim(
+        "Table 1",
+        "errors measured on the drive, down to 15 um",
+        "shown beside ours; friction and what the model lacks bound them",
+        Verdict.EXPERIMENTAL,
+    )
+
+
+def _table_2(result: Result) -> Iterator[Claim]:
+    rows = result.table_2
+    hits = [rounds_to(row.optimal, row.printed_optimal) for row in rows]
+    words = ", ".join(f"{row.optimal:.4g}" for row in rows)
+    yield Claim("Table 2", "J_1 of three designs", f"{words} (Corollary 1)", verdict(all(hits)))
+    apart = max(abs(row.by_program / row.optimal - 1) for row in rows)
+    yield Claim(
+        "Corollary 1",
+        "J_1 = 2 |M(b)| / (1 - b) with M(1) = 0",
+        f"the linear program of 40 taps agrees to {apart:.1e}",
+        verdict(apart < SAME),
+    )
+    limits = [rounds_to(row.limit, row.printed_limit) for row in rows]
+    words = ", ".join(f"{row.limit:.4g} ({row.printed_limit})" for row in rows)
+    close = all(abs(row.limit / float(row.printed_limit) - 1) < 0.01 for row in rows)
+    yield Claim("Table 2", "limit of the suboptimal costs", words, verdict(all(limits), close))
+    beaten = [row for row in rows if row.attainable < row.optimal * (1 - SAME)]
+    words = ", ".join(f"{row.attainable:.4g} instead of {row.optimal:.4g}" for row in beaten)
+    yield Claim(
+        "Table 2, N = 2",
+        "no filter costs less than J_1",
+        f"{words}: T and G share lambda = 1, the integrator adds no condition; |M(b)| is reached",
+        verdict(not beaten),
+    )
+    yield Claim("Table 2", "|M|_1 without feedforward", UNVERIFIABLE, Verdict.EXPERIMENTAL)
+
+
+def _table_3(result: Result) -> Iterator[Claim]:
+    one = result.line_30
+    close = abs(one.eps_from_max / one.eps_from_rms - 1) < 0.01
+    yield Claim(
+        "Table 3, line 30",
+        "8.14e-8 and 3.98e-8 m; its eps is not printed",
+        f"the maximum implies eps = {one.eps_from_max:.4f}, the RMS {one.eps_from_rms:.4f}; "
+        f"the l1 optimum would reach {1e9 * one.optimal_max:.1f} nm",
+        verdict(False, close),
+    )
+    lines = [line_of(result.table_1, number) for number in (16, 26)]
+    same = all(line.max_verdict is Verdict.REPRODUCED for line in lines)
+    yield Claim(
+        "Table 3, lines 31, 32", "equal lines 16 and 26 of Table 1", "they do", verdict(same)
+    )
+    yield Claim("Table 3, line 33", "2.76e-5 and 1.58e-5 m", UNVERIFIABLE, Verdict.EXPERIMENTAL)
+
+
+def _loops(result: Result) -> Iterator[Claim]:
+    if not result.loops:
+        return
+    apart = max(run.apart for run in result.loops)
+    stable = all(run.slowest_pole > 1 for run in result.loops)
+    yield Claim(
+        "Fig. 1",
+        "the error depends on the plant's unstable zeros only",
+        f"{len(result.loops)} controllers in a loop with an example drive: "
+        f"within {apart:.0e} m of the error filter",
+        verdict(apart < APART and stable),
+    )
+    by_numbers = {(r.order, r.preview, r.constraint): r for r in result.table_2}
+    reached = [
+        (run, by_numbers[numbers])
+        for run in result.loops
+        if (numbers := (run.order, run.preview, run.constraint)) in by_numbers
+        and run.controller == "B"
+    ]
+    words = ", ".join(f"{run.per_acceleration:.4g} < {row.optimal:.4g}" for run, row in reached)
+    yield Claim(
+        "Table 2, N = 2",
+        "largest error over largest second difference is at least J_1",
+        f"in the loop with integral action {words}",
+        verdict(any(run.per_acceleration >= row.optimal for run, row in reached)),
+    )
+    costs = [row.l1 for row in result.perturbed]
+    falls = all(a > b for a, b in zip(costs, costs[1:], strict=False))
+    words = f"{costs[-1]:.3g} at eps = {result.perturbed[-1].eps:g}, "
+    words += f"towards {result.table_2[0].limit:.3g}, with our feedback"
+    yield Claim("section 3", "J_eps falls to its limit with eps", words, verdict(falls))

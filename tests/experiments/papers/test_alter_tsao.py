@@ -1,0 +1,174 @@
+"""Alter & Tsao's tables against reference numbers, and the verdicts against made-up ones."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.papers.alter_tsao.claims import claims, line_of
+from experiments.papers.alter_tsao.experiment import Settings, run
+from experiments.papers.alter_tsao.figures import draw
+from experiments.papers.alter_tsao.loops import feedbacks, loop_runs, perturbed_costs
+from experiments.papers.alter_tsao.published import TABLE_1, TABLE_2, rounds_to
+from experiments.papers.alter_tsao.runs import (
+    line_30,
+    rms,
+    table_1,
+    table_2,
+    trajectory,
+    zero_interval,
+    zpetc_apart,
+)
+from experiments.papers.alter_tsao.tables import show
+from experiments.papers.verdicts import Verdict
+from experiments.reports.tables import console_of
+from jcontour.plants.linear_motor_drive import linear_motor_drive
+
+DATA = Path(__file__).parents[2] / "data" / "feedforward" / "alter_tsao.json"
+WANTED = json.loads(DATA.read_text())
+YES, NEAR, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return run(Settings(), tmp_path_factory.mktemp("run"))
+
+
+def test_the_trajectory_is_the_reference():
+    np.testing.assert_allclose(trajectory(), WANTED["trajectory_m"], rtol=0, atol=1e-15)
+    assert rms(trajectory()) == pytest.approx(WANTED["trajectory_rms"], rel=1e-12)
+
+
+@pytest.mark.parametrize("which", ["b_fitted", "b_printed"])
+def test_table_1_is_the_reference(which):
+    lines = table_1(WANTED[which])
+    for line, row, published in zip(lines, WANTED["table1"], TABLE_1, strict=True):
+        wanted = row[which]
+        assert (line.order, line.preview, line.constraint) == (
+            wanted["m"],
+            wanted["Np"],
+            wanted["N"],
+        )
+        assert line.l1_cost == pytest.approx(wanted["J_l1"], rel=1e-8)
+        assert line.hinf_cost == pytest.approx(wanted["J_hinf"], rel=1e-8)
+        assert line.max_error == pytest.approx(wanted["max_err_m"], rel=1e-8)
+        assert line.rms_error == pytest.approx(wanted["rms_err_m"], rel=1e-8)
+        assert published.simulated_max == row["printed_max"]
+        assert published.simulated_rms == row["printed_rms"]
+        assert (line.max_verdict is YES) == wanted["max_hit"]
+        assert (line.rms_verdict is YES) == wanted["rms_hit"]
+
+
+def test_enough_of_table_1_rounds_to_the_print(result):
+    maxima = Counter(line.max_verdict for line in result.table_1)
+    values = Counter(line.rms_verdict for line in result.table_1)
+    assert maxima[YES] >= 20 and values[YES] >= 24
+    assert maxima[NO] == values[NO] == 0
+    others = [line for line in result.table_1 if line.max_verdict is NEAR and line.line != 18]
+    assert max(abs(line.max_error - float(line.printed_max)) for line in others) < 7.5e-9
+
+
+def test_the_zero_of_the_print(result):
+    np.testing.assert_allclose(zero_interval(), WANTED["b_interval_lines_3_to_11"], atol=1e-9)
+    assert zpetc_apart(-0.3075) < 1e-14
+
+
+def test_table_2_is_the_reference():
+    for which in ("b_fitted", "b_printed"):
+        rows = table_2(TABLE_2, WANTED[which])
+        for row, wanted in zip(rows, WANTED["table2"], strict=True):
+            assert row.optimal == pytest.approx(wanted[which]["J1_opt"], rel=1e-8)
+            assert row.limit == pytest.approx(wanted[which]["lim_J_eps"], rel=1e-8)
+            assert row.by_program == pytest.approx(wanted[which]["lp_J1"], rel=1e-9)
+            assert rounds_to(row.optimal, row.printed_optimal)
+            if which == "b_printed":
+                wanted_cost = wanted["true_J1_controller_B"]
+                assert row.attainable == pytest.approx(wanted_cost, rel=1e-8)
+
+
+def test_line_30_is_the_reference():
+    found, wanted = line_30(WANTED["b_fitted"]), WANTED["table3_line30"]
+    assert found.eps_from_max == pytest.approx(wanted["eps_from_max"], rel=1e-8)
+    assert found.eps_from_rms == pytest.approx(wanted["eps_from_rms"], rel=1e-8)
+    limits = (found.limit_max, found.limit_rms)
+    np.testing.assert_allclose(limits, wanted["limit_eps_to_0_periodic"], rtol=1e-8)
+    assert found.optimal_max == pytest.approx(wanted["l1_optimal_fir_max"], rel=1e-8)
+
+
+def test_feedbacks_are_the_reference():
+    loop, found = WANTED["explicit_loop"], feedbacks(linear_motor_drive())
+    for name, key in (("A", "A_lead"), ("B", "B_lead_integral")):
+        np.testing.assert_allclose(found[name].numerator, loop[key]["num_lambda"], rtol=1e-8)
+        np.testing.assert_allclose(found[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
+
+
+def test_loops_are_the_reference():
+    wanted = WANTED["explicit_loop"]["runs"]
+    found = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}
+    assert len(found) == len(wanted) == 15
+    for row in wanted:
+        one = found[row["controller"][0], row["m"], row["Np"], row["N"]]
+        assert one.apart < 1e-11
+        assert one.max_error == pytest.approx(row["max_err_m"], abs=1e-11)
+        assert one.slowest_pole == pytest.approx(row["min_pole_modulus_lambda"], rel=1e-8)
+
+
+def test_the_attained_cost_is_below_the_printed_one(result):
+    for run_, row in ((run_, row) for run_ in result.loops for row in result.table_2):
+        same = (run_.order, run_.preview, run_.constraint) == (
+            row.order,
+            row.preview,
+            row.constraint,
+        )
+        if same and run_.controller == "B":
+            assert run_.per_acceleration < 0.7 * float(row.printed_optimal)
+            assert run_.per_acceleration <= row.attainable * (1 + 1e-3)
+
+
+def test_costs_over_eps_are_the_reference():
+    rows = WANTED["explicit_loop"]["perturbation_0_9_0"]["sweep"]
+    found = perturbed_costs(-0.3075, [row["eps"] for row in rows])
+    for one, row in zip(found, rows, strict=True):
+        assert one.l1 == pytest.approx(row["J_eps"], abs=1e-9)
+        assert one.hinf == pytest.approx(row["hinf_grid"], abs=1e-9)
+
+
+def test_verdicts_follow_the_numbers(result):
+    found = {(claim.item, claim.claim): claim.verdict for claim in claims(result)}
+    assert len(found) == 24
+    assert found["Table 1", "simulated max errors of lines 1 to 28"] is YES
+    assert found["Table 2, N = 2", "no filter costs less than J_1"] is NO
+    assert found["sec. 4.3", "-3 dB at 364 Hz for m = 1, 261 Hz for m = 2"] is YES
+    spoilt = tuple(replace(line, max_verdict=NO) for line in result.table_1)
+    other = claims(replace(result, table_1=spoilt))
+    assert other[0].verdict is NO
+    rows = tuple(replace(row, attainable=row.optimal) for row in result.table_2)
+    other = {c.claim: c.verdict for c in claims(replace(result, table_2=rows))}
+    assert other["no filter costs less than J_1"] is YES
+
+
+def test_digits_of_the_print():
+    assert rounds_to(0.00251449, "2.515e-3") is False
+    assert rounds_to(1.1705, "1.171") and not rounds_to(1.1704, "1.171")
+
+
+def test_figures_and_tables(result, tmp_path, capsys):
+    assert len(draw(result, tmp_path)) == 4
+    show(result, console_of())
+    printed = capsys.readouterr().out
+    assert "8.1784e-3" in printed and "not the authors' motor" in printed.replace("\n", " ")
+    assert line_of(result.table_1, 28).preview == 2
+
+
+def test_the_quick_form_leaves_out_the_loops(tmp_path):
+    quick = run(Settings(quick=True), tmp_path)
+    assert quick.loops == () and quick.perturbed == () and len(quick.claims) == 21
+    assert len(draw(quick, tmp_path)) == 3
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="zero: needs a number between -1 and 0"):
+        Settings(zero=0.3)
