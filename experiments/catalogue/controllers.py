@@ -108,9 +108,13 @@ CONTROLLERS = {
         "the same, the coupling of head and beam cancelled by feedback (Yuan)",
         "feedback-linearised-lq",
     ),
+    "gantry-synchronised": _on_gantry(
+        "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
+    ),
     "cross-coupled": _on_axes("P-PI cascades with Koren's cross-coupled control, constant gains"),
     "cross-coupled-variable": _on_axes("the same with variable gains (Koren & Lo)"),
     "task-frame": _on_axes("P-PI cascades, position gains along the path and across it"),
     "precompensation": _on_axes("P-PI cascades behind cross-coupled pre-compensation"),
     "command-shaping": _on_axes("P-PI cascades behind cross-coupled position command shaping"),
+    "synchronised": _on_axes("adaptive feedforward of two axes kept together (Tomizuka)"),
 }

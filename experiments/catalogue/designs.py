@@ -69,6 +69,7 @@ def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
     """Contouring schemes around the cascades of several flexible axes."""
     from experiments.designs import contouring_schemes as schemes
     from experiments.designs.flexible_axis import axis_design, loops
+    from experiments.designs.synchronised import axes_design
     from jcontour.controllers.contouring.cross_coupled import ConstantCoupling, VariableCoupling
 
     constant = schemes.cross_coupled(ConstantCoupling)
@@ -81,13 +82,14 @@ def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
             schemes.behind_precompensation, loops, schemes.precompensated
         ),
         "command-shaping": axis_design(schemes.behind_shaping, loops, schemes.shaped),
+        "synchronised": axes_design,
     }
 
 
 @cache
 def gantry_designs() -> Mapping[str, MakeDesign]:
     """Cascades and contouring LQ on gantries."""
-    from experiments.designs import gantry
+    from experiments.designs import gantry, synchronised
 
     design, quadratic = gantry.gantry_design, gantry.quadratic
     return {
@@ -96,4 +98,5 @@ def gantry_designs() -> Mapping[str, MakeDesign]:
         "gantry-contouring-lq": design(gantry.contouring_lq, quadratic),
         "gantry-scheduled-lq": design(gantry.scheduled_lq, quadratic),
         "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
+        "gantry-synchronised": design(synchronised.both_drives, synchronised.loops_of_drives),
     }
