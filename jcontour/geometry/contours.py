@@ -1,18 +1,26 @@
 """Constructors of contours: lines, arcs, helices and smooth curves.
 
 A `chain` joins several into one path; a `stack` batches several for vmap. Numbers come in on the
-host and are checked here, so that nothing needs to be checked inside jit.
+host and are checked first, so that nothing needs to be checked inside jit.
 """
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float
 
 from jcontour.geometry.contour import Contour
+from jcontour.geometry.coordinates import (
+    ANY_AXES,
+    SMALLEST,
+    Numbers,
+    distinct_points,
+    number,
+    positive,
+    vector,
+)
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import quintic_pieces
 
@@ -24,11 +32,6 @@ MEETING = 1e-9  # of the contour's size: ends closer than this meet
 BOX_SAMPLES = 9  # points of a piece that measure the bounding box
 TURN_SAMPLES = 257  # points of a piece that turns: the box is good to 1e-4 for a whole turn too
 SLIGHT_TURN = 0.2  # [rad] up to which the few samples suffice
-Numbers = ArrayLike | Sequence[Any]  # what NumPy makes an array of, nested lists for instance
-
-PLANE_OR_SPACE, ANY_AXES = (2, 3), (1, 2, 3)  # numbers of axes
-# lengths [m] and angles [rad] lie between: their squares neither vanish nor overflow
-SMALLEST, LARGEST = 1e-100, 1e100
 
 
 def line(start: Numbers, end: Numbers) -> Contour:
@@ -41,7 +44,7 @@ def line(start: Numbers, end: Numbers) -> Contour:
     Raises:
         ValueError: wrong shape, not finite, or both points are the same.
     """
-    return polyline([_vector("line start", start, ANY_AXES), _vector("line end", end, ANY_AXES)])
+    return polyline([vector("line start", start, ANY_AXES), vector("line end", end, ANY_AXES)])
 
 
 def polyline(points: Numbers) -> Contour:
@@ -53,7 +56,7 @@ def polyline(points: Numbers) -> Contour:
     Raises:
         ValueError: wrong shape, not finite, or fewer than two distinct points.
     """
-    points = _distinct_points("polyline", points, least=2, axes=ANY_AXES)
+    points = distinct_points("polyline", points, least=2, axes=ANY_AXES)
     delta = np.diff(points, axis=0)
     extent = np.linalg.norm(delta, axis=1)
     polynomial = np.zeros((extent.size, 6, points.shape[1]))
@@ -71,7 +74,7 @@ def polygon(points: Numbers) -> Contour:
     Raises:
         ValueError: wrong shape, not finite, or fewer than two distinct points.
     """
-    points = _distinct_points("polygon", points, least=2)
+    points = distinct_points("polygon", points, least=2)
     return polyline(np.vstack([points, points[:1]]))
 
 
@@ -100,9 +103,9 @@ def arc(
         ValueError: wrong shape, not finite, zero radius or angle, a normal that is not at right
             angles to the radius, a rise in 2-D.
     """
-    start, centre = _vector("arc start", start), _vector("arc centre", centre)
-    normal = _vector("arc normal", normal)
-    angle, rise = _number("arc angle", angle), _number("arc rise", rise)
+    start, centre = vector("arc start", start), vector("arc centre", centre)
+    normal = vector("arc normal", normal)
+    angle, rise = number("arc angle", angle), number("arc rise", rise)
     if start.shape != centre.shape:
         raise ValueError(
             "arc: start and centre need the same number of axes, "
@@ -150,8 +153,8 @@ def circle(
     Raises:
         ValueError: radius not above zero, wrong shape or not finite.
     """
-    radius, centre = _positive("circle radius", radius), _vector("circle centre", centre)
-    angle = _number("circle start_angle", start_angle)
+    radius, centre = positive("circle radius", radius), vector("circle centre", centre)
+    angle = number("circle start_angle", start_angle)
     radial = radius * np.array([np.cos(angle), np.sin(angle), 0.0])
     normal = np.array([0.0, 0.0, -1.0 if clockwise else 1.0])
     return _turn(centre + radial[: centre.size], radial, normal, 2.0 * np.pi, 0.0)
@@ -168,7 +171,7 @@ def ellipse(a: float, b: float, *, tolerance: float = FIT_TOLERANCE) -> Contour:
     Raises:
         ValueError: a half axis is not above zero, or the tolerance is out of reach.
     """
-    half_axes = np.array([_positive("ellipse a", a), _positive("ellipse b", b)])
+    half_axes = np.array([positive("ellipse a", a), positive("ellipse b", b)])
 
     def curve(t):
         cos, sin = np.cos(t), np.sin(t)
@@ -191,7 +194,7 @@ def lemniscate(half_width: float, *, tolerance: float = FIT_TOLERANCE) -> Contou
     Raises:
         ValueError: the half width is not above zero, or the tolerance is out of reach.
     """
-    half_width = _positive("lemniscate half_width", half_width)
+    half_width = positive("lemniscate half_width", half_width)
 
     def curve(t):
         cos, sin = np.cos(t), np.sin(t)
@@ -215,9 +218,9 @@ def spline(points: Numbers, closed: bool = False, *, tolerance: float = FIT_TOLE
     # imported here: it takes longer than the rest of the library
     from scipy.interpolate import CubicSpline
 
-    points = _distinct_points("spline", points, least=3 if closed else 2)
+    points = distinct_points("spline", points, least=3 if closed else 2)
     if closed:
-        points = _distinct_points("spline", np.vstack([points, points[:1]]), least=3)
+        points = distinct_points("spline", np.vstack([points, points[:1]]), least=3)
         points[-1] = points[0]  # to the last bit
     chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     cubic = CubicSpline(chord, points, bc_type="periodic" if closed else "not-a-knot")
@@ -353,7 +356,7 @@ def _turn(start, radial, normal, angle: float, rise: float) -> Contour:
 
 def _smooth(name: str, curve, knots, tolerance: float) -> Contour:
     polynomial, extent, fit_error = quintic_pieces(
-        name, curve, knots, _positive(f"{name} tolerance", tolerance)
+        name, curve, knots, positive(f"{name} tolerance", tolerance)
     )
     return from_pieces(_polynomial_pieces(polynomial, extent), fit_error, NEWTON_STEPS)
 
@@ -366,56 +369,3 @@ def _check_alike(name: str, contours: Sequence[Contour]) -> None:
             f"{name}: needs single contours, at least one, with the same number of axes, "
             f"received pieces of shape {shapes}"
         )
-
-
-def _distinct_points(
-    name: str, points: Numbers, least: int, axes: tuple[int, ...] = PLANE_OR_SPACE
-) -> Float[np.ndarray, "n m"]:
-    points = _finite(name, points)
-    if points.ndim != 2 or points.shape[1] not in axes:
-        wanted = " or ".join(f"(n, {m})" for m in axes)
-        raise ValueError(f"{name}: needs points of shape {wanted}, received shape {points.shape}")
-    # a step this short has no direction
-    rounding = 4.0 * np.spacing(np.abs(points).max(initial=0.0))
-    moved = np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > rounding)
-    points = points[moved[: len(points)]]
-    distinct = len(np.unique(points, axis=0))
-    if distinct < least:
-        raise ValueError(f"{name}: needs at least {least} distinct points, received {distinct}")
-    return points
-
-
-def _vector(
-    name: str, value: Numbers, axes: tuple[int, ...] = PLANE_OR_SPACE
-) -> Float[np.ndarray, " m"]:
-    value = _finite(name, value)
-    if value.ndim != 1 or value.size not in axes:
-        wanted = " or ".join(f"({m},)" for m in axes)
-        raise ValueError(f"{name}: needs shape {wanted}, received shape {value.shape}")
-    return value
-
-
-def _number(name: str, value: float) -> float:
-    number = _finite(name, value)
-    if number.ndim:
-        raise ValueError(f"{name}: needs one number, received shape {number.shape}")
-    return float(number)
-
-
-def _positive(name: str, value: float) -> float:
-    value = _number(name, value)
-    if value <= SMALLEST:
-        raise ValueError(f"{name}: needs to be above zero, received {value}")
-    return value
-
-
-def _finite(name: str, value: Numbers) -> np.ndarray:
-    try:
-        value = np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: needs numbers in a regular array, received {value!r}") from None
-    if not (np.abs(value) < LARGEST).all():
-        raise ValueError(
-            f"{name}: every entry needs to be finite (below {LARGEST:g}), received NaN, inf or more"
-        )
-    return value

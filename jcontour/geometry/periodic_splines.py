@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.contours import NEWTON_STEPS, Numbers, from_pieces
+from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 
 LEAST_POINTS = 6  # a periodic quintic needs as many

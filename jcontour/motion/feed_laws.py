@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.contours import Numbers
+from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
