@@ -68,7 +68,7 @@ class Gains(Loops):
     more: float = 0.0
 
     def matrices(self, controller, plants):
-        gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains
+        gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains[None, :]
         radius = jnp.max(jnp.abs(1 - gain), axis=1)
         stable = (radius < 1)[:, None] & (gain < 2)
         below = jnp.where(stable, 2 - gain, 1.0)
