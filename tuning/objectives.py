@@ -59,7 +59,7 @@ def typical_contour_error(metrics: Metrics) -> Float[Array, "c p"]:
 
     A per cent of any contour counts alike, however large its error.
     """
-    return metrics.rms_contour_error
+    return jnp.asarray(metrics.rms_contour_error)
 
 
 def worst_tracking_error(metrics: Metrics) -> Float[Array, "1 v"]:
@@ -74,7 +74,7 @@ def mean_tracking_error(metrics: Metrics) -> Float[Array, "1 1"]:
 
 def typical_tracking_error(metrics: Metrics) -> Float[Array, "c p"]:
     """RMS tracking error [m], a row per contour: f = (prod over c of max over p of e)^(1/C)."""
-    return metrics.rms_tracking_error
+    return jnp.asarray(metrics.rms_tracking_error)
 
 
 class Regret(eqx.Module):

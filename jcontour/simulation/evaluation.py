@@ -21,7 +21,7 @@ from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_run, follow, start_state
-from jcontour.simulation.metrics import Metrics, score_signals
+from jcontour.simulation.metrics import score_signals
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
 # it runs them again, which costs 40 % of its time.
@@ -96,7 +96,7 @@ def evaluate(
     each = family_batching(plants)
     batching = platform_batching() if batching is None else batching
 
-    def on_contour(reference: Reference) -> Metrics:
+    def on_contour(reference: Reference) -> Any:
         plan = controller.prepare(reference)
         return each(
             lambda plant: _followed(plant, controller, plan, reference, window, score), plants

@@ -29,18 +29,18 @@ class Metrics(eqx.Module):
     or is not finite: its numbers mean nothing.
     """
 
-    rms_contour_error: Float[Array, "*runs"]
-    peak_contour_error: Float[Array, "*runs"]
-    rms_projected_error: Float[Array, "*runs"]
-    peak_projected_error: Float[Array, "*runs"]
-    rms_tracking_error: Float[Array, "*runs"]
-    peak_tracking_error: Float[Array, "*runs"]
-    rms_control: Float[Array, "*runs"]
-    peak_control: Float[Array, "*runs"]
-    rms_increment: Float[Array, "*runs"]
-    peak_increment: Float[Array, "*runs"]
-    duration: Float[Array, "*runs"]
-    diverged: Bool[Array, "*runs"]
+    rms_contour_error: Float[Array | np.ndarray, "*runs"]
+    peak_contour_error: Float[Array | np.ndarray, "*runs"]
+    rms_projected_error: Float[Array | np.ndarray, "*runs"]
+    peak_projected_error: Float[Array | np.ndarray, "*runs"]
+    rms_tracking_error: Float[Array | np.ndarray, "*runs"]
+    peak_tracking_error: Float[Array | np.ndarray, "*runs"]
+    rms_control: Float[Array | np.ndarray, "*runs"]
+    peak_control: Float[Array | np.ndarray, "*runs"]
+    rms_increment: Float[Array | np.ndarray, "*runs"]
+    peak_increment: Float[Array | np.ndarray, "*runs"]
+    duration: Float[Array | np.ndarray, "*runs"]
+    diverged: Bool[Array | np.ndarray, "*runs"]
 
 
 def tracking_error(

@@ -1,6 +1,7 @@
 """The best of each contour alone, for the objective `regret`."""
 
 import json
+from dataclasses import fields
 from types import SimpleNamespace
 
 import jax
@@ -10,6 +11,7 @@ import pytest
 from experiments.options import Tune
 from experiments.runs import regret
 from experiments.runs.tuning import tuning_run
+from jcontour.simulation.metrics import Metrics
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
 
@@ -53,5 +55,6 @@ def test_what_is_found_is_kept_and_divides_the_errors(run, tmp_path, monkeypatch
     assert asked == [1] and json.loads((tmp_path / regret.BEST).read_text())["circle"] == 4e-6
     np.testing.assert_array_equal(found.problem.objective.best, [2e-6, 4e-6])
     errors = np.array([[4e-6, 6e-6], [4e-6, 8e-6]])
-    metrics = SimpleNamespace(rms_contour_error=errors)
+    same = {field.name: errors for field in fields(Metrics)}
+    metrics = Metrics(**{**same, "diverged": errors > 1.0})
     np.testing.assert_allclose(found.problem.objective(metrics), [[2.0, 3.0, 1.0, 2.0]])
