@@ -111,6 +111,8 @@ def tuning_run(flags: Tune) -> TuningRun:
     # parts come before the design: a fault in line 1 of a program is told at once
     training, held_out = _jobs(flags, machine, pace)
     before = design_for(machine, flags)
+    # so do references before the first loop is searched: a preview longer than a run
+    runs = [job.reference(machine.model.dt, before.preview) for job in training]
     design = before.tunable()
     if flags.free is not None:
         design = design.freed([name.strip() for name in flags.free.split(",")])
@@ -118,7 +120,6 @@ def tuning_run(flags: Tune) -> TuningRun:
     jobs, seen = [*training, *held_out], [True] * len(training) + [False] * len(held_out)
     scenarios = Scenarios.of(_distinct(jobs), seen, machine, design.fed, design.preview)
     family = machine.smooth_family(design.fed)
-    runs = [job.reference(machine.model.dt, design.preview) for job in training]
     references = stack_references(runs)
     problem = Problem(
         design.build,

@@ -66,7 +66,7 @@ def test_missing_part(capsys, tmp_path):
         (["--weights", "alpha=1_0"], "received 'alpha=1_0'"),
         (["--rho", "0"], "rho"),
         (["--preview", "0"], "preview"),
-        (["--preview", "100000"], "preview"),
+        (["--preview", "500"], "preview: 500 samples are more than the"),
         (["--feed-mm-per-min", "0"], "feed"),
         (["--max-tracking-error-um", "-3"], "max-tracking-error-um"),
         (["--max-effort", "0"], "max-effort"),
