@@ -30,6 +30,9 @@ IGNORED_WARNINGS = (
 def pytest_configure(config):
     _keep_compiled_programs(config)
     jax.config.update("jax_num_cpu_devices", 2)
+    # neither types nor ranks are promoted without a word: all works for whom says so
+    jax.config.update("jax_numpy_dtype_promotion", "strict")
+    jax.config.update("jax_numpy_rank_promotion", "raise")
     jax.devices()  # from here on they stay
     hypothesis.settings.register_profile("untimed", deadline=None)
     hypothesis.settings.load_profile("untimed")

@@ -1,19 +1,11 @@
 """Shared by the tests of the library."""
 
-import jax
 import jaxtyping
 import pytest
 
 from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _strict():
-    """Neither types nor ranks are promoted without a word: the library works for whom says so."""
-    with jax.numpy_dtype_promotion("strict"), jax.numpy_rank_promotion("raise"):
-        yield
 
 
 @pytest.fixture
