@@ -104,14 +104,16 @@ def both_drives(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
 def axes_of(machine: FlexibleMachine) -> SpeedAxes:
     """Each axis as one mass."""
     p = machine.parameters
-    mass = np.asarray(p.motor_mass + p.tool_mass)
+    mass = np.asarray(p.motor_mass) + np.asarray(p.tool_mass)
     return speed_axes(np.asarray(p.friction.viscous) / mass, np.asarray(p.force_constant) / mass)
 
 
 def drives_of(machine: GantryMachine) -> SpeedAxes:
     """Head and both drives, each drive with half of what moves along y."""
     p = machine.parameters
-    mass = np.array([p.head_mass, p.total_mass / 2, p.total_mass / 2])
+    head = float(p.head_mass)
+    half = (head + float(p.beam_mass) + float(p.drive_mass_1) + float(p.drive_mass_2)) / 2
+    mass = np.array([head, half, half])
     viscous = np.array([p.head_viscous, p.drive_viscous, p.drive_viscous])
     constant = np.array([p.head_constant, p.drive_constant, p.drive_constant])
     return speed_axes(viscous / mass, constant / mass)
