@@ -19,6 +19,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Tune: ("tune", "experiments.commands.tune"),
     options.Simulate: ("simulate", "experiments.commands.simulate"),
     options.Front: ("front", "experiments.commands.front"),
+    options.Rank: ("rank", "experiments.commands.rank"),
     options.Sweep: ("sweep", "experiments.commands.sweep"),
     options.Verify: ("verify", "experiments.commands.verify"),
     options.Trace: ("trace", "experiments.commands.trace"),

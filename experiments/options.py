@@ -223,6 +223,29 @@ class Front(Aimed):
 
 
 @dataclass(frozen=True)
+class Rank(Aimed):
+    """Tune every controller that suits a machine alike, and rank them on held-out contours.
+
+    Alike: sensors, family, margin, other limits and evaluations.
+    """
+
+    parts: Positional[tuple[str, ...]] = ()
+    """Training set: toolpaths (.ngc, .csv) or names from `jcontour list`.
+    The machine's usual one when none is given."""
+    controllers: tuple[str, ...] = ()
+    """Names from `jcontour list`, or FILE.py:NAME.
+    Every one that suits the machine and reads its sensors when not given."""
+    previews: tuple[int, ...] = ()
+    """LQ: horizons that are tried beside each other [samples]; that of --preview when not given."""
+    terminals: tuple[Terminal, ...] = ()
+    """LQ: ends of the horizon that are tried beside each other; likewise."""
+    model_delays: tuple[int, ...] = ()
+    """LQ: delays of the model that are tried beside each other [samples]; likewise."""
+    evaluations: int = 40  # most descents have ended before
+    """Points that each controller may evaluate, with slopes."""
+
+
+@dataclass(frozen=True)
 class Sweep(Spreading):
     """Evaluate a grid, or a random sample, over weights x preview x contours."""
 

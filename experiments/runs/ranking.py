@@ -1,0 +1,222 @@
+"""Controllers tuned alike and ranked on held-out contours.
+
+Each one has a folder of its own in the run folder, with the state of its tuner and its row once it
+is tuned, so that an interrupted ranking goes on where it was.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from experiments.catalogue.choices import controllers_for, design_for, machine_named
+from experiments.designs.design import Design, plain_weights
+from experiments.files import run_folder
+from experiments.files.checkpoints import load_state, save_state
+from experiments.files.ranked_result import Candidate, Ranked, RankedResult
+from experiments.files.results import from_json, to_json
+from experiments.jobs.replays import Replay, replay
+from experiments.machines.machine import Machine
+from experiments.options import Aimed, Rank, Tune
+from experiments.reports.progress import progress_of
+from experiments.runs.regret import with_regret
+from experiments.runs.tuning import TuningRun, tuning_run
+from experiments.runs.tuning_results import machine_summary
+from tuning.tune import QUICK, Tuned, TuneState, advance, result
+
+# as much as the evaluations allow: several descents, each to its end
+EFFORT = replace(QUICK, starts=3, scatter=8, steps=40, tolerance=1e-4, every_start=True)
+ROW = "row.json"
+TIMED = 3  # runs, of which the fastest counts: others wait for the computer
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """A ranking that is asked for.
+
+    Attributes:
+        flags: as they are given.
+        machine: what the controllers are for.
+        candidates: in the order in which they are tuned.
+    """
+
+    flags: Rank
+    machine: Machine
+    candidates: tuple[Candidate, ...]
+
+    def flags_of(self, candidate: Candidate) -> Tune:
+        """Flags of the tuning run of one controller."""
+        shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
+        return Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
+
+
+def ranking_of(flags: Rank) -> Ranking:
+    """The ranking that flags describe.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
+    if flags.controller is not None:
+        raise ValueError("controller: a ranking takes several; name them with --controllers")
+    if flags.weights:
+        raise ValueError("weights: every controller of a ranking begins at its own; leave it out")
+    if flags.evaluations < 1:
+        raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
+    machine = machine_named(flags.plant)
+    candidates = _candidates(flags, machine)
+    found = Ranking(flags, machine, tuple(candidates))
+    if not candidates:
+        raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
+    tuning_run(found.flags_of(candidates[0]))  # bad parts and limits are told at once
+    return found
+
+
+def _candidates(flags: Rank, machine: Machine) -> list[Candidate]:
+    """Every controller, with every choice of numbers that it has."""
+    found = []
+    for name in flags.controllers or controllers_for(machine):
+        design = design_for(machine, replace(flags, controller=name))
+        if design.fed == "state" and not flags.controllers:
+            continue  # it sees more than the others
+        found += [
+            Candidate(controller=name, preview=preview, terminal=terminal, model_delay=delay)
+            for preview, terminal, delay in product(*_choices(flags, design))
+        ]
+    return found
+
+
+def _choices(flags: Rank, design: Design) -> tuple[Sequence[int], Sequence[str], Sequence[Any]]:
+    """Previews, terminals and delays that are tried of a controller: of what it has."""
+    has = design.settings()
+    own = has.get("terminal", flags.terminal)
+    named = own == flags.terminal  # a controller whose name says its terminal keeps it
+    return (
+        (flags.previews if "preview" in has else ()) or (flags.preview,),
+        (flags.terminals if "terminal" in has and named else ()) or (flags.terminal,),
+        (flags.model_delays if "model_delay" in has else ()) or (flags.model_delay,),
+    )
+
+
+def label_of(candidate: Candidate, flags: Rank) -> str:
+    """Name of a controller, with the numbers that set it apart from others."""
+    words = [candidate.controller]
+    if len(flags.previews) > 1:
+        words.append(f"preview {candidate.preview}")
+    if len(flags.terminals) > 1:
+        words.append(candidate.terminal)
+    if len(flags.model_delays) > 1:
+        words.append(f"delay {candidate.model_delay}")
+    return ", ".join(words)
+
+
+def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
+    """Tune and rank; what is stored in the run folder counts."""
+    rows = []
+    for index, candidate in enumerate(ranking.candidates):
+        place = folder / f"{index:02d}-{Path(candidate.controller.replace(':', '-')).name}"
+        place.mkdir(exist_ok=True)
+        if (place / ROW).exists():
+            rows.append(from_json(run_folder.read_json(place, ROW), Ranked))
+        else:
+            console.print(f"{index + 1} of {len(ranking.candidates)}: {candidate.controller}")
+            rows.append(_row(ranking, candidate, place, console))
+            run_folder.write_json(place / ROW, to_json(rows[-1]))
+    return RankedResult(
+        machine=machine_summary(ranking.machine),
+        error=ranking.machine.error,
+        evaluations=ranking.flags.evaluations,
+        rows=sorted(rows, key=_place),
+    )
+
+
+def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) -> Ranked:
+    """One controller, tuned and tried; a controller that cannot be is a row with the reason."""
+    label = label_of(candidate, ranking.flags)
+    try:
+        run = tuning_run(ranking.flags_of(candidate))
+        run = replace(run, settings=replace(EFFORT, seed=ranking.flags.seed))
+        with progress_of(console, run.settings, run.machine.error) as show:
+            if run.flags.objective == "regret":
+                run = with_regret(run, place, show)
+            tuned = _tuned(run, ranking.flags.evaluations, place, show)
+    except ValueError as error:
+        return Ranked(candidate=candidate, label=label, failure=str(error))
+    return _tried(run, tuned, Ranked(candidate=candidate, label=label))
+
+
+def _tuned(
+    run: TuningRun, evaluations: int, place: Path, show: Callable[[TuneState], None]
+) -> Tuned:
+    """The best within some evaluations.
+
+    Raises:
+        ValueError: every point diverged.
+    """
+    state = load_state(place)
+    while not state.done and len(state.history) < evaluations:
+        state = advance(run.problem, run.start, run.settings, state)
+        save_state(place, state)
+        show(state)
+    return result(run.problem, run.start, state)
+
+
+def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
+    """The tuned controller on the machine with all effects."""
+    controller = run.controller(tuned.weights)
+    tried = replay(controller, run.scenarios)
+    fastest = min(_seconds(lambda: replay(controller, run.scenarios)) for _ in range(TIMED))
+    loops = tuned.outcome.loops
+    peak = np.inf if loops is None else float(np.max(loops.sensitivity))
+    held_out, training = (_errors(run, tried, trained) for trained in (False, True))
+    found = replace(
+        row,
+        held_out_errors=held_out,
+        training_errors=training,
+        held_out=_typical(held_out),
+        training=_typical(training),
+        peak_sensitivity=peak if np.isfinite(peak) else None,
+        feasible=bool(tuned.feasible),
+        stationary=bool(tuned.stationary),
+        evaluations=len(tuned.history),
+        weights=plain_weights(tuned.weights),
+        seconds_per_run=fastest,
+    )
+    lost = np.asarray(tried.metrics.diverged)
+    if not lost.any():
+        return found
+    names = [job.name for job, one in zip(run.scenarios.jobs, lost, strict=True) if one.any()]
+    return replace(found, failure=f"a plant of the family diverges on {', '.join(names)}")
+
+
+def _seconds(work: Callable[[], Replay]) -> float:
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+def _errors(run: TuningRun, tried: Replay, trained: bool) -> dict[str, float]:
+    """Worst error of the family on every contour that was trained on, or was not."""
+    worst = np.max(getattr(tried.metrics, f"rms_{run.machine.error}_error"), axis=1)
+    scenarios = run.scenarios
+    named = zip(scenarios.jobs, scenarios.training, worst, strict=True)
+    return {job.name: float(error) for job, seen, error in named if seen is trained}
+
+
+def _typical(errors: dict[str, float]) -> float | None:
+    """Geometric mean; None of no contour."""
+    values = np.array(list(errors.values()))
+    return float(np.exp(np.mean(np.log(values)))) if values.size else None
+
+
+def _place(row: Ranked) -> tuple[bool, bool, float]:
+    """Sound rows first, then those beyond a limit, each by its held-out error."""
+    return row.failure is not None, not row.feasible, _known(row.held_out)
+
+
+def _known(value: float | None) -> float:
+    return np.inf if value is None else value
