@@ -8,6 +8,8 @@ import pytest
 
 from jcontour.controllers.feedforward.continuous_synchronisation import Motion
 from jcontour.controllers.feedforward.model_matching import ModelMatching
+from jcontour.motion.references import from_samples
+from jcontour.plants.three_link import ThreeLink, manipulator_path
 
 DATA = Path(__file__).parents[3] / "data" / "adaptive" / "synchronisation.json"
 OPTIMAL = Path(__file__).parents[3] / "data" / "feedforward"
@@ -28,6 +30,27 @@ def stepped():
             return np.array([0.0, p["d2_step"] * (t >= p["t_step"])])
 
         return Motion(lambda t: p["omega_d"], lambda t: 0.0, load, (p["t_step"],))
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def zpetc_numbers():
+    """Contents of zpetc.json."""
+    return json.loads((OPTIMAL / "zpetc.json").read_text())
+
+
+@pytest.fixture(scope="session")
+def link():
+    """Sample period, preview -> the path of the manipulator's first leg, from rest to rest."""
+
+    def of(dt, preview, count=None, first=0):
+        legs = ThreeLink().legs(manipulator_path(dt * np.arange(round(6 / dt) + 1)))
+        away = np.asarray(legs - legs[:1])[first:, :1]
+        away = away if count is None else away[: count + preview]
+        if count is None:
+            away = np.concatenate([away, np.repeat(away[-1:], preview, axis=0)])
+        return from_samples(away, np.ones_like(away), dt, preview, in_motion=False)
 
     return of
 

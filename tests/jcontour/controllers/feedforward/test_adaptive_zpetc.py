@@ -1,0 +1,93 @@
+"""Adaptive zero phase error tracking against the reference's runs."""
+
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
+from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
+from jcontour.plants.servo_axes import servo_axes
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+DATA = Path(__file__).parents[3] / "data" / "feedforward" / "zpetc.json"
+RUNS = [row for row in json.loads(DATA.read_text())["azpetc"] if not row["printed_lambda_15"]]
+DEAF = 1e9  # [m] of dead zone: nothing is learned
+DT, QUANTUM = 16.8e-3, 43e-6
+FACTORS = {"exact": 1.0, "good: gain x1.1": 1.1, "poor: gain x1.5": 1.5}
+
+
+def controller(gain, theta, trace=2.0, dead_zone=0.0, **changes):
+    estimator = NormalisedLeastSquares(trace, floor=1e-3, dead_zone=dead_zone)
+    return AdaptiveZeroPhaseTracking(gain, theta, estimator, Sensors([0]), DT, **changes)
+
+
+def plant(factor):
+    return Encoders(servo_axes([16.359 * factor], 567.5, DT))
+
+
+@pytest.fixture(scope="module")
+def gain(zpetc_numbers):
+    row = next(r for r in zpetc_numbers["zoh"] if (r["T"], r["pole"]) == (0.0168, 567.5))
+    return 1e3 * row["kp_26"]
+
+
+@pytest.mark.parametrize("wanted", RUNS)
+def test_the_reference_runs(link, gain, wanted):
+    reference = link(DT, 1)
+    dead_zone = 0.0 if wanted["adapt"] else DEAF
+    adaptive = controller(gain, wanted["theta0"], 2 * wanted["f0"], dead_zone)
+    machine = Quantised(plant(FACTORS[wanted["case"]]), QUANTUM)
+    run = simulate(machine, adaptive, reference)
+    error = 1e6 * np.abs(np.asarray(run.output - reference.position[: reference.steps]))[:, 0]
+    assert error.mean() == pytest.approx(wanted["mae_um"], rel=1e-6)
+    assert error.max() == pytest.approx(wanted["max_um"], rel=1e-6)
+    assert error[179:].mean() == pytest.approx(wanted["mae_second_half_um"], rel=1e-6)
+    theta = run.final_memory.estimate.theta[0]
+    np.testing.assert_allclose(theta, wanted["theta_final"], rtol=1e-6)
+    trace = float(jnp.trace(run.final_memory.estimate.gain[0]))
+    assert trace == pytest.approx(wanted["trace_final"], rel=1e-9)
+
+
+def test_the_model_stays_invertible(link, gain):
+    """A machine that runs backwards teaches a negative b_0: it stops at the smallest."""
+    adaptive = controller(gain, [-0.8, 0.2], trace=200.0, smallest=0.05)
+    memory = adaptive.initial_memory(link(DT, 1))
+    plan = jax.tree.map(lambda rows: rows[0], adaptive.prepare(link(DT, 1)))
+    taught = memory._replace(phi=jnp.array([[0.0, 1.0]]))
+    after, control = adaptive.step(taught, plan, jnp.array([-1.0]))
+    assert float(after.estimate.theta[0, 1]) == 0.05
+    assert np.isfinite(control).all()
+
+
+def test_gradients_through_fifty_steps_of_adaptation(link, gain):
+    reference = link(DT, 1, count=80, first=20)
+
+    def error(numbers):
+        theta = jnp.stack([numbers[1], numbers[2]])
+        adaptive = controller(numbers[0], theta, 2 * numbers[3])
+        run = simulate(plant(1.2), adaptive, reference)
+        return 1e6 * jnp.mean((run.output - reference.position[: reference.steps]) ** 2)
+
+    start = jnp.array([gain, -0.7, 0.3, 10.0])
+    assert reference.steps >= 50
+    slopes = jax.jit(jax.grad(error))(start)
+    compiled = jax.jit(error)
+    for k in range(4):
+        step = 1e-5 * start[k] * jnp.eye(4)[k]
+        difference = (compiled(start + step) - compiled(start - step)) / (2 * step[k])
+        assert float(slopes[k]) == pytest.approx(float(difference), rel=1e-5)
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="gain"):
+        controller(-1.0, [-0.5, 0.5])
+    with pytest.raises(ValueError, match="b_0 needs to be at least"):
+        controller(1.0, [-0.5, 0.001])
+    with pytest.raises(ValueError, match="smallest"):
+        controller(1.0, [-0.5, 0.5], smallest=0.0)

@@ -1,0 +1,120 @@
+"""Zero phase error tracking against the paper's digits and the reference's sweeps."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import polynomial
+from scipy.signal import lfilter
+
+from jcontour.controllers.feedforward.zpetc import (
+    ZeroPhaseTracking,
+    gain_error,
+    zero_phase_filter,
+)
+from jcontour.linear.transfer_functions import from_polynomials
+from jcontour.plants.servo_axes import servo_axes
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+DT, KP, POLE = 3e-3, 817.41795, 567.5  # [s], per m, [rad/s]
+
+
+def plant_polynomials(gain, pole, dt):
+    """Zero-order hold of k / (s (s + p)), Smith & Lee's Table 1."""
+    x, e = pole * dt, np.exp(-pole * dt)
+    b0 = gain * (x - 1 + e) / pole**2
+    b1 = gain * (1 - e - x * e) / pole**2
+    return np.array([0.0, b0, b1]), np.convolve([1.0, -1.0], [1.0, -e])
+
+
+def closed_loop(gain, pole, kp, dt=DT):
+    top, below = plant_polynomials(gain, pole, dt)
+    return from_polynomials(kp * top, polynomial.polyadd(below, kp * top), dt)
+
+
+@pytest.fixture(scope="module")
+def ahead():
+    return zero_phase_filter(closed_loop(16.359, POLE, KP))
+
+
+def test_the_prefilter_has_the_printed_digits(zpetc_numbers):
+    fit = zpetc_numbers["fit"]
+    found = zero_phase_filter(closed_loop(16.359, fit["pole"], 1e3 * fit["kp"]))
+    taps = np.asarray(found.numerator / found.denominator[0])
+    np.testing.assert_allclose(taps, fit["prefilter"], rtol=1e-8)
+    np.testing.assert_allclose(taps, zpetc_numbers["printed_prefilter"], atol=0.5e-4)
+    assert found.preview == 2
+
+
+def test_the_response_has_no_phase(ahead):
+    loop = closed_loop(16.359, POLE, KP)
+    angles = np.linspace(0.01, 3.1, 50)
+    points = np.exp(-1j * angles)
+    filtered = polynomial.polyval(points, np.asarray(ahead.numerator)) / polynomial.polyval(
+        points, np.asarray(ahead.denominator)
+    )
+    response = filtered * loop.response(points) / points**ahead.preview
+    np.testing.assert_allclose(response.imag, 0, atol=1e-10)
+    wanted = gain_error(loop, angles / DT)
+    np.testing.assert_allclose(response.real - 1, wanted, atol=1e-10)
+    z = 0.5736574887  # |1 + z|^2 of the paper's zero
+    closed_form = (1 + 2 * z * np.cos(angles) + z**2) / (1 + z) ** 2 - 1
+    np.testing.assert_allclose(wanted, closed_form, atol=1e-9)
+
+
+@pytest.mark.parametrize("row", range(48))
+def test_the_integral_sweep(zpetc_numbers, link, ahead, row):
+    wanted = zpetc_numbers["integral_sweep"][row]
+    gain, pole = wanted["truth"]
+    plant = Encoders(servo_axes([1e-3 * gain], pole, DT))
+    if wanted["quantum_mm"]:
+        plant = Quantised(plant, 1e-3 * wanted["quantum_mm"])
+    time = np.inf if wanted["T_i"] is None else wanted["T_i"]
+    controller = ZeroPhaseTracking(ahead, KP, Sensors([0]), DT, time)
+    reference = link(DT, 2)
+    run = simulate(plant, controller, reference)
+    error = 1e6 * np.abs(np.asarray(run.output - reference.position[: reference.steps]))
+    assert error.mean() == pytest.approx(wanted["mae_um"], rel=1e-7)
+    assert error.max() == pytest.approx(wanted["max_um"], rel=1e-7)
+
+
+def test_equation_5_corrected(zpetc_numbers, ahead):
+    """y / y_d at 3 Hz with an integrator, on a plant with another gain."""
+    wanted = zpetc_numbers["eq5_check_3Hz"]
+    x = np.exp(-2j * np.pi * 3 * DT)
+    loop = closed_loop(1.1 * 16.359, POLE, KP)
+    taps = np.asarray(ahead.numerator / ahead.denominator[0])
+    fed = taps @ np.array([x**-2, x**-1, 1, x])
+    integral = wanted["k_I"] / (1 - x)
+    through = loop.response(x)
+    found = through * (fed + integral) / (1 + through * integral)
+    assert found.real == pytest.approx(wanted["real"], rel=1e-8)
+    assert found.imag == pytest.approx(wanted["imag"], rel=1e-8)
+
+
+def test_unstable_zeros_and_cancelled_ones():
+    """y = |B^u|^2 / B^u(1)^2 y_d sample by sample, with a zero of each kind and a delay of two."""
+    top = 0.2 * np.convolve([0.0, 0.0, 1.0], np.convolve([1.0, 1.6], [1.0, -0.4]))
+    loop = from_polynomials(top, [1.0, -0.9, 0.2], DT)
+    found = zero_phase_filter(loop)
+    assert found.preview == 3
+    pulse = np.eye(1, 60)[0]
+    control = lfilter(np.asarray(found.numerator), np.asarray(found.denominator), pulse)
+    output = lfilter(loop.numerator, loop.denominator, control)
+    wanted = np.zeros(60)
+    wanted[2:5] = np.array([1.6, 1 + 1.6**2, 1.6]) / 2.6**2
+    np.testing.assert_allclose(output, wanted, atol=1e-12)
+
+
+def test_bad_input(ahead):
+    loop = closed_loop(16.359, POLE, KP)
+    with pytest.raises(ValueError, match="needs 2 samples, 1 of delay and 1 of uncancelled"):
+        zero_phase_filter(loop, preview=1)
+    assert zero_phase_filter(loop, preview=2).preview == 2
+    blocked = from_polynomials([0.0, 1.0, -1.0], [1.0, -0.5], DT)
+    with pytest.raises(ValueError, match="zero at z = 1"):
+        zero_phase_filter(blocked)
+    with pytest.raises(ValueError, match="gain"):
+        ZeroPhaseTracking(ahead, 0.0, Sensors([0]), DT)
+    with pytest.raises(ValueError, match="integral_time"):
+        ZeroPhaseTracking(ahead, 1.0, Sensors([0]), DT, 0.0)
