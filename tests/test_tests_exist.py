@@ -59,6 +59,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/papers/synchronisation": "experiments/papers/test_synchronisation.py",
     "experiments/papers/yuan_gantry": "experiments/papers/test_yuan_gantry.py",
     "experiments/papers/yuan_tracking": "experiments/papers/test_yuan_tracking.py",
+    "experiments/papers/zpetc": "experiments/papers/test_zpetc.py",
 }
 MODULES = [
     path.relative_to(ROOT).as_posix()

@@ -1,0 +1,1 @@
+"""Smith & Lee: zero phase error tracking, with an integrator and adaptive."""

@@ -1,0 +1,176 @@
+"""Statements of Smith & Lee, what we find, and the verdicts."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from experiments.papers.alter_tsao.published import rounds_to
+from experiments.papers.verdicts import Claim, Verdict, verdict
+from experiments.papers.zpetc.published import (
+    CORRECTED_POLE,
+    GAIN,
+    POLE,
+    PREFILTER,
+    WITH_INTEGRATOR,
+    WITHOUT_INTEGRATOR,
+)
+from experiments.papers.zpetc.result import AdaptiveRun, IntegralRun, Model, Result
+
+KEPT = 0.5  # share of the trace that counts as kept
+
+
+def claims(result: Result) -> tuple[Claim, ...]:
+    """One row each, in the order of the paper."""
+    parts = (_models, _prefilter, _equations, _integrator, _adaptation)
+    return tuple(row for part in parts for row in part(result))
+
+
+def agrees(model: Model) -> bool:
+    """Whether gain, zero and poles round to the print."""
+    pairs = [(model.gain, model.printed_gain), (model.zero, model.printed_zero)]
+    pairs += list(zip(model.poles, model.printed_poles, strict=True))
+    return all(rounds_to(value, printed) for value, printed in pairs)
+
+
+def _models(result: Result) -> Iterator[Claim]:
+    words = "; ".join(
+        f"{one.source}: {one.amperes_per_volt:g} A/V gives {one.gain_inch:.0f} and {one.pole:.1f}"
+        for one in result.units
+    )
+    exact = [rounds_to(one.gain_inch, GAIN) for one in result.units]
+    yield Claim(
+        "Table 1",
+        f"the servo is {GAIN} / (s (s + {POLE:g})) with 38 A/V",
+        f"{words}; in inch, not in mm",
+        verdict(exact[0], any(exact)),
+    )
+    for pole in (POLE, CORRECTED_POLE):
+        rows = [row for row in result.models if row.pole_rad_s == pole and row.item != "(7)"]
+        good = [row.item for row in rows if agrees(row)]
+        yield Claim(
+            "(6), (16), (17)",
+            f"models of a servo with the pole {pole:g} rad/s",
+            _digits(rows),
+            verdict(len(good) == len(rows), len(good) > len(rows) / 2),
+        )
+    fitted = [row for row in result.models if row.item == "(7)" and agrees(row)]
+    yield Claim(
+        "(7)",
+        "the slower pole is placed at 26 rad/s",
+        f"the printed loop has it at {result.slow_pole:.2f} rad/s; "
+        f"it is that of a pole at {fitted[0].pole_rad_s:.2f}"
+        if fitted
+        else "no loop agrees",
+        verdict(False, bool(fitted)),
+    )
+
+
+def _digits(rows: Sequence[Model]) -> str:
+    found = []
+    for row in rows:
+        numbers = ", ".join(f"{x:.5g}" for x in (row.gain, row.zero, *row.poles))
+        found.append(f"{row.item} {numbers}" + ("" if agrees(row) else " (not as printed)"))
+    return "; ".join(found)
+
+
+def _prefilter(result: Result) -> Iterator[Claim]:
+    for one in result.prefilters:
+        hits = [rounds_to(tap, printed) for tap, printed in zip(one.taps, one.printed, strict=True)]
+        words = ", ".join(f"{tap:.5g}" for tap in one.taps)
+        yield Claim(
+            "(8)",
+            f"the filter is {', '.join(PREFILTER)}",
+            f"{one.item}: {words}",
+            verdict(all(hits), any(hits) or _near(one.taps, one.printed)),
+        )
+
+
+def _near(taps: Sequence[float], printed: Sequence[str]) -> bool:
+    return bool(np.allclose(taps, [float(p) for p in printed], rtol=1e-3))
+
+
+def _equations(result: Result) -> Iterator[Claim]:
+    yield Claim(
+        "(5)",
+        "y / y_d with the integrator",
+        f"as printed it misses the loop by {100 * result.printed_5:.2g} % at 3 Hz, "
+        f"with B^a for one B^u by {result.corrected_5:.0e}",
+        verdict(result.printed_5 < 1e-9, result.corrected_5 < 1e-9),
+    )
+    left = result.gain_error
+    at = {hz: float(np.interp(hz, left.hertz, left.error)) for hz in (1, 10, 50)}
+    words = ", ".join(f"{100 * error:.2g} % at {hz} Hz" for hz, error in at.items())
+    yield Claim("section 4.1", "zero phase error at all frequencies", words, verdict(True))
+
+
+def _integrator(result: Result) -> Iterator[Claim]:
+    truths = list(dict.fromkeys(row.truth for row in result.integral))
+    words, holds, shaped = [], [], []
+    for truth in truths[1:]:
+        rows = [row for row in result.integral if row.truth == truth]
+        plain, best = rows[0], min(rows[1:], key=lambda row: row.mean_um)
+        holds.append(best.mean_um < plain.mean_um)
+        shaped.append(rows[1].mean_um > best.mean_um < rows[-1].mean_um)
+        words.append(f"{truth}: {plain.mean_um:.3g} -> {best.mean_um:.3g} um, {_time(best)}")
+    yield Claim(
+        "section 4.1",
+        "an integrator lowers the error that a model error makes",
+        "; ".join(words),
+        verdict(all(holds), any(holds)),
+    )
+    yield Claim(
+        "Table 2",
+        "a short integral time overshoots, a long one is too slow",
+        f"a best time between both for {sum(shaped)} of {len(shaped)} wrong models",
+        verdict(all(shaped), any(shaped)),
+    )
+    yield Claim(
+        "Table 2, Figs 8, 9",
+        f"{WITHOUT_INTEGRATOR} um without, {WITH_INTEGRATOR} um with the integrator",
+        "measured with friction and a current limit, which the paper does not give",
+        Verdict.EXPERIMENTAL,
+    )
+
+
+def _time(row: IntegralRun) -> str:
+    return f"T_i = {row.integral_time:g} s"
+
+
+def _adaptation(result: Result) -> Iterator[Claim]:
+    printed = [row for row in result.adaptive if row.rule == "printed"]
+    ours = [row for row in result.adaptive if row.rule == "ours"]
+    lost = [row for row in printed if abs(row.final_trace) < KEPT * row.trace]
+    worst = max(abs(row.final_trace / row.trace - 1) for row in ours)
+    largest = max(abs(row.final_trace) for row in printed)
+    yield Claim(
+        "(15)",
+        "the trace of F stays constant",
+        f"as printed it is lost in {len(lost)} of {len(printed)} runs: {largest:.2g} or less "
+        f"instead of {printed[0].trace:g}; with the corrected factor it is kept to {worst:.0e}",
+        verdict(not lost, worst < 1e-9),
+    )
+    fixed = [row for row in result.adaptive if row.rule == "none"]
+    pairs = [(row, _without(fixed, row)) for row in ours]
+    better = [row.second_half_um < other.second_half_um for row, other in pairs]
+    low, high = (f(row.second_half_um for row in ours) for f in (min, max))
+    yield Claim(
+        "section 4.2",
+        "the parameters converge in all simulations",
+        f"second half: {low:.3g} to {high:.3g} um; better than without adaptation in "
+        f"{sum(better)} of {len(better)} runs",
+        verdict(all(better), any(better)),
+    )
+    poor = [row for row in ours if row.truth == "gain x1.5"]
+    adapted = min(row.mean_um for row in poor)
+    tracked = min(row.mean_um for row in result.integral if row.truth == "gain x1.5")
+    yield Claim(
+        "Abstract",
+        "the adaptive controller performs better overall",
+        f"gain x1.5: {adapted:.3g} um at 16.8 ms against {tracked:.3g} um at 3 ms, both at their "
+        "best",
+        verdict(False, adapted < tracked),
+    )
+
+
+def _without(fixed: Sequence[AdaptiveRun], row: AdaptiveRun) -> AdaptiveRun:
+    return next(one for one in fixed if (one.truth, one.theta) == (row.truth, row.theta))

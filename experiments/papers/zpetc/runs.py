@@ -1,0 +1,300 @@
+"""Models, filters and runs behind the tables and figures of Smith & Lee, for the first leg."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpy.polynomial import polynomial
+
+from experiments.papers.zpetc.published import (
+    AMPLIFIER,
+    LOOP_3_MS,
+    LOOP_17_MS,
+    PLANT_3_MS,
+    PLANT_17_MS,
+    PublishedModel,
+)
+from experiments.papers.zpetc.result import AdaptiveRun, GainError, IntegralRun, Model, Units
+from jcontour.controller import Controller
+from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
+from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
+from jcontour.controllers.feedforward.zpetc import (
+    ZeroPhaseTracking,
+    gain_error,
+    zero_phase_filter,
+)
+from jcontour.linear.transfer_functions import (
+    TransferFunction,
+    from_polynomials,
+    transfer_function,
+)
+from jcontour.motion.references import Reference, from_samples
+from jcontour.plants.servo_axes import servo_axes
+from jcontour.plants.three_link import (
+    LVDT_QUANTUM,
+    PATH_DURATION,
+    SERVO_GAIN,
+    SERVO_POLE,
+    ThreeLink,
+    manipulator_path,
+)
+from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+FAST, SLOW = 3e-3, 16.8e-3  # sample periods [s]
+PRINTED_POSITION_POLE = 26.0  # [rad/s] at which the paper places the slower pole
+FITTED_GAIN, FITTED_POLE = 817.41795, 567.503628  # give all digits of (8)
+INTEGRAL_TIMES = (None, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # [s]
+STARTS = ((-0.6461, 0.3539), (-0.8, 0.2))  # the good model (19), and a poor one
+TRACES = (2.0, 200.0)
+DEAF = 1e9  # [m] of dead zone
+FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
+
+
+class Truth(NamedTuple):
+    """A servo that the controller's model may miss."""
+
+    name: str
+    gain: float  # times SERVO_GAIN
+    pole: float
+
+
+TRUTHS = (
+    Truth("exact", 1.0, SERVO_POLE),
+    Truth("gain x1.1", 1.1, SERVO_POLE),
+    Truth("gain x1.5", 1.5, SERVO_POLE),
+    Truth("gain x0.7, pole 500", 0.7, 500.0),
+)
+
+
+def servo(dt: float, gain: float = SERVO_GAIN, pole: float = SERVO_POLE) -> TransferFunction:
+    """One leg from control to length [m]."""
+    return transfer_function(servo_axes([gain], pole, dt))
+
+
+def closed(plant: TransferFunction, gain: float) -> TransferFunction:
+    """Position loop u = gain (r - y), from r to y."""
+    top = gain * plant.numerator
+    return from_polynomials(top, polynomial.polyadd(plant.denominator, top), plant.dt)
+
+
+def placing_gain(plant: TransferFunction, pole: float = PRINTED_POSITION_POLE) -> float:
+    """Gain that puts a pole of the loop at exp(-pole T)."""
+    at = np.array(np.exp(pole * plant.dt))  # in lambda
+    ratio = polynomial.polyval(at, plant.denominator) / polynomial.polyval(at, plant.numerator)
+    return float(-ratio)
+
+
+def models() -> tuple[Model, ...]:
+    """(6), (7), (16), (17) with the pole in print and with the corrected one."""
+    found = []
+    for pole in (567.0, SERVO_POLE):
+        for dt, open_, loop in ((FAST, PLANT_3_MS, LOOP_3_MS), (SLOW, PLANT_17_MS, LOOP_17_MS)):
+            plant = servo(dt, pole=pole)
+            found.append(_model(open_, pole, plant))
+            found.append(_model(loop, pole, closed(plant, placing_gain(plant))))
+    fitted = closed(servo(FAST, pole=FITTED_POLE), FITTED_GAIN)
+    return (*found, _model(LOOP_3_MS, FITTED_POLE, fitted))
+
+
+def _model(published: PublishedModel, pole: float, found: TransferFunction) -> Model:
+    per_mm = 1e3 if published.item in ("(6)", "(16)") else 1.0  # the paper's plants are in mm
+    poles = sorted((float(np.real(p)) for p in found.poles_z), key=abs)
+    if published.poles[0] == "1":
+        poles = poles[::-1]
+    return Model(
+        item=published.item,
+        pole_rad_s=pole,
+        gain=per_mm * found.gain,
+        zero=-float(np.real(found.zeros_z[0])),
+        poles=(poles[0], poles[1]),
+        printed_gain=published.gain,
+        printed_zero=published.zero,
+        printed_poles=published.poles,
+    )
+
+
+def prefilter_of(loop: TransferFunction) -> tuple[float, ...]:
+    """Coefficients of y_d(k+2), y_d(k+1), y_d(k), y_d(k-1)."""
+    ahead = zero_phase_filter(loop)
+    return tuple((np.asarray(ahead.numerator) / np.asarray(ahead.denominator)[0]).tolist())
+
+
+def printed_loop() -> TransferFunction:
+    """(7) as printed."""
+    zero = float(LOOP_3_MS.zero)
+    top = float(LOOP_3_MS.gain) * np.array([0.0, 1.0, zero])
+    first, second = (np.array([1.0, -float(pole)]) for pole in LOOP_3_MS.poles)
+    below = np.convolve(first, second)
+    return from_polynomials(top, below, FAST)
+
+
+def fitted_loop() -> TransferFunction:
+    """The loop whose prefilter has all digits of (8)."""
+    return closed(servo(FAST, pole=FITTED_POLE), FITTED_GAIN)
+
+
+def equation_5(hertz: float = 3.0, integral: float = 0.06) -> tuple[float, float]:
+    """(5) against the loop of a plant with 1.1 times the gain: corrected, and as printed.
+
+    Differences at one frequency, over the size of the loop's answer.
+    """
+    x = np.exp(-2j * np.pi * hertz * FAST)
+    model = closed(servo(FAST), FITTED_GAIN)
+    truth = closed(servo(FAST, 1.1 * SERVO_GAIN), FITTED_GAIN)
+    ahead = zero_phase_filter(model)
+    fed = polynomial.polyval(x, np.asarray(ahead.numerator)) / polynomial.polyval(
+        x, np.asarray(ahead.denominator)
+    )
+    fed, sums = fed / x**ahead.preview, integral / (1 - x)
+    wanted = truth.response(x) * (fed + sums) / (1 + truth.response(x) * sums)
+    apart = []
+    for cancelled in (truth.gain, None):
+        zero = 1 - truth.zeros_z[0] * x
+        below = polynomial.polyval(x, truth.denominator) * (1 - x)
+        # (5) holds for the plant's own B^a B^u; printed is B^u B^u
+        added = x * integral * zero * (truth.gain if cancelled is not None else zero)
+        through = fed * x * truth.gain * zero * (1 - x)
+        found = (through + added) / (below + added)
+        apart.append(float(abs(found - wanted) / abs(wanted)))
+    return apart[0], apart[1]
+
+
+def units() -> tuple[Units, ...]:
+    """Gain and pole of (1) from Table 1: inches and 750 A/V give the printed number."""
+    torque, lead, inertia = 0.17011, 0.7958, 2.4434e-4  # N m/A, mm/rad, kg m^2
+    velocity, feedback, viscous = 0.01752, 0.0780, 1.03e-6  # V s/mm, -, N m s/rad
+    found = []
+    for source, amplifier in AMPLIFIER.items():
+        gain = amplifier * torque * lead / inertia  # mm / (s^2 V)
+        pole = gain * velocity * feedback + viscous / inertia
+        found.append(Units(source, amplifier, gain / 25.4, pole))
+    return tuple(found)
+
+
+def gain_left() -> GainError:
+    """Gain error of (6) up to a tenth of the Nyquist frequency and beyond."""
+    hertz = np.geomspace(0.1, 0.999 / (2 * FAST), 200)
+    return GainError(hertz, gain_error(closed(servo(FAST), FITTED_GAIN), 2 * np.pi * hertz))
+
+
+def legs(dt: float) -> Float[np.ndarray, "T 3"]:
+    """Lengths of the legs along the path, from those at the start [m]."""
+    times = dt * np.arange(round(PATH_DURATION / dt) + 1)
+    lengths = np.asarray(ThreeLink().legs(manipulator_path(times)))
+    return lengths - lengths[0]
+
+
+def reference(dt: float, preview: int) -> Reference:
+    """The first leg, from rest to rest."""
+    samples = legs(dt)[:, :1]
+    padded = np.concatenate([samples, np.repeat(samples[-1:], preview, axis=0)])
+    return from_samples(padded, np.ones_like(padded), dt, preview, in_motion=False)
+
+
+def errors(controller: Controller, truth: Truth, dt: float) -> Float[np.ndarray, " T"]:
+    """Errors of the leg along the path [um]."""
+    return _errors(controller, truth, dt)[0]
+
+
+def _errors(controller: Controller, truth: Truth, dt: float):
+    plant = Encoders(servo_axes([truth.gain * SERVO_GAIN], truth.pole, dt))
+    wanted = reference(dt, controller.preview)
+    run = simulate(Quantised(plant, LVDT_QUANTUM), controller, wanted)
+    output = np.asarray(run.output)[:, 0]
+    return 1e6 * (np.asarray(wanted.position)[: output.size, 0] - output), run
+
+
+def tracking(integral_time: float | None) -> ZeroPhaseTracking:
+    """The paper's controller on the corrected model."""
+    ahead = zero_phase_filter(closed(servo(FAST), FITTED_GAIN))
+    time = np.inf if integral_time is None else integral_time
+    return ZeroPhaseTracking(ahead, FITTED_GAIN, Sensors([0]), FAST, time)
+
+
+def integral_runs(
+    truths: Iterable[Truth] = TRUTHS, times: Iterable[float | None] = INTEGRAL_TIMES
+) -> tuple[IntegralRun, ...]:
+    """Mean and largest error over the integral time."""
+    times = tuple(times)
+    found = []
+    for truth in truths:
+        for time in times:
+            error = np.abs(errors(tracking(time), truth, FAST))
+            row = IntegralRun(truth.name, time, float(error.mean()), float(error.max()))
+            found.append(row)
+    return tuple(found)
+
+
+def adaptive(theta: tuple[float, float], trace: float, dead_zone: float = 0.0):
+    """The paper's adaptive controller."""
+    estimator = NormalisedLeastSquares(trace, FLOOR, dead_zone)
+    gain = placing_gain(servo(SLOW))
+    return AdaptiveZeroPhaseTracking(gain, theta, estimator, Sensors([0]), SLOW)
+
+
+def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ...]:
+    """Adaptive runs with our forgetting factor, as printed, and without adaptation."""
+    found = []
+    for truth in truths:
+        for theta in STARTS:
+            found.append(_adaptive_run(truth, theta, TRACES[0], DEAF, "none"))
+            for trace in TRACES:
+                found.append(_adaptive_run(truth, theta, trace, 0.0, "ours"))
+            found.append(as_printed(truth, theta, TRACES[1]))
+    return tuple(found)
+
+
+def _adaptive_run(
+    truth: Truth, theta: tuple[float, float], trace: float, dead_zone: float, rule: str
+) -> AdaptiveRun:
+    error, run = _errors(adaptive(theta, trace, dead_zone), truth, SLOW)
+    estimate = run.final_memory.estimate
+    final = np.asarray(estimate.theta)[0]
+    return _row(truth, theta, trace, rule, error, final, float(np.trace(estimate.gain[0])))
+
+
+def _row(truth: Truth, theta, trace: float, rule: str, error, final, last: float) -> AdaptiveRun:
+    size = np.abs(error)
+    return AdaptiveRun(
+        truth=truth.name,
+        theta=theta,
+        trace=trace,
+        rule=rule,
+        mean_um=float(size.mean()),
+        peak_um=float(size.max()),
+        second_half_um=float(size[size.size // 2 :].mean()),
+        final_theta=(float(final[0]), float(final[1])),
+        final_trace=last,
+    )
+
+
+def as_printed(truth: Truth, start: tuple[float, float], trace: float) -> AdaptiveRun:
+    """The same controller with the forgetting factor of (15), sample by sample in mm."""
+    gain = placing_gain(servo(SLOW)) * 1e-3  # control per mm
+    plant = servo(SLOW, truth.gain * SERVO_GAIN, truth.pole)
+    _, b0, b1 = 1e3 * plant.numerator
+    _, a1, a2 = plant.denominator
+    wanted = 1e3 * np.asarray(reference(SLOW, 1).position)[:, 0]
+    quantum = 1e3 * LVDT_QUANTUM
+    theta, F = np.array(start), trace / 2 * np.eye(2)
+    y, u, phi = np.zeros(2), np.zeros(2), np.zeros(2)  # of the last two samples
+    output = []
+    for k in range(wanted.size - 1):
+        now = -a1 * y[0] - a2 * y[1] + b0 * u[0] + b1 * u[1]
+        seen = quantum * np.round(now / quantum)
+        n = max(float(np.linalg.norm(phi)), 1.0)
+        x = phi / n
+        g = F @ x
+        D = 1 + x @ g
+        theta = theta + g * (seen / n - theta @ x) / D
+        F = (F - np.outer(g, g) / D) / (1 - (g @ g) / D / trace)
+        filtered = (wanted[k + 1] + theta[0] * wanted[k]) / theta[1]
+        control = gain * (filtered - seen)
+        y, u = np.array([now, y[0]]), np.array([control, u[0]])
+        phi = np.array([-seen, filtered])
+        output.append(now)
+    error = 1e3 * (wanted[: len(output)] - np.array(output))
+    return _row(truth, start, trace, "printed", error, theta, float(np.trace(F)))
