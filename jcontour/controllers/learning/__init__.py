@@ -1,0 +1,1 @@
+"""What is learned from lap to lap: iterative learning, repetitive control, cancellation."""

@@ -1,0 +1,197 @@
+"""Iterative learning: the same run lap after lap, each with a correction learned from the last.
+
+    c_0 = 0,   e_j = error of lap j with the correction c_j,   c_{j+1} = law(c_j, e_j)
+Here c shifts the reference of any controller, so that the law composes with all of them. Laps start
+alike; only the noise differs. All of it is one scan: derivatives flow through the laps.
+"""
+
+import abc
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jcontour.controller import Controller, Plan, Wrapper
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import simulate
+
+GROWN = 2.0  # times the error of the first lap: learning that leads there has diverged
+PAYS = 1.05  # ratio of errors from which on a lap is better than another
+
+
+class Lap(NamedTuple):
+    """One lap, or all of them with a leading axis.
+
+    Attributes:
+        correction: c that it was run with.
+        error: reference less what is measured; what the law learns from.
+        output: tool point.
+        control: of the controller.
+    """
+
+    correction: Float[Array, "*laps T m"]
+    error: Float[Array, "*laps T m"]
+    output: Float[Array, "*laps T m"]
+    control: Float[Array, "*laps T p"]
+
+
+class LearningLaw(eqx.Module):
+    """Rule by which a correction follows from the last one and its error."""
+
+    @abc.abstractmethod
+    def update(
+        self, correction: Float[Array, "T m"], error: Float[Array, "T m"]
+    ) -> Float[Array, "T m"]:
+        """Correction of the next lap."""
+
+    @abc.abstractmethod
+    def iteration(self, frequency: Float[np.ndarray, " W"], response: Any, place: int) -> Any:
+        """Matrix M by which a correction becomes the next, at every frequency (W, m, m).
+
+            c_{j+1} = M c_j + what the first error gives
+        Args:
+            frequency: [rad per sample], evenly from zero to pi.
+            response: of the measured position to the correction (W, m, m).
+            place: sample of the lap around which that holds.
+        """
+
+
+class Learned(Wrapper):
+    """A controller whose reference is shifted by a learned correction.
+
+    Beyond the lap the last sample of the correction holds. The score is taken against the reference
+    itself.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.motion.point_to_point import thesis_task_a
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> task = thesis_task_a()
+    >>> shifted = Learned(cascade, 1e-6 * jnp.ones((task.steps, 1)))
+    >>> moved = shifted.prepare(task).position - cascade.prepare(task).position
+    >>> bool(jnp.allclose(moved, 1e-6, atol=1e-15))
+    True
+
+    Args:
+        controller: the wrapped controller.
+        correction: c (T, m) [m].
+    """
+
+    controller: Controller
+    correction: Float[Array, "T m"]
+
+    def prepare(self, reference: Reference) -> Plan:
+        """Plan of the wrapped controller along the shifted reference.
+
+        Raises:
+            ValueError: the correction is of a lap of another length or number of axes.
+        """
+        axes = reference.position.shape[-1]
+        if self.correction.shape != (reference.steps, axes):
+            raise ValueError(
+                f"correction: needs the shape ({reference.steps}, {axes}) of the lap, "
+                f"received {self.correction.shape}"
+            )
+        beyond = jnp.repeat(self.correction[-1:], reference.preview, axis=0)
+        shift = jnp.concatenate([self.correction, beyond])
+        moved = eqx.tree_at(lambda r: r.position, reference, reference.position + shift)
+        return self.controller.prepare(moved)
+
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memory of the wrapped controller: the machine starts where the reference does."""
+        return self.controller.initial_memory(reference)
+
+    def step(self, memory: Any, plan: Any, measurement: Any) -> tuple[Any, Float[Array, " p"]]:
+        """Step of the wrapped controller."""
+        return self.controller.step(memory, plan, measurement)
+
+
+# (correction, number of the lap) -> the lap
+RunLap = Callable[[Float[Array, "T m"], Int[Array, ""]], Lap]
+
+
+def laps_of(
+    plant: Callable[[Int[Array, ""]], Plant],
+    controller: Controller,
+    reference: Reference,
+    positions: Callable[[Any], Float[Array, " m"]],
+) -> RunLap:
+    """Laps of a closed loop.
+
+    Args:
+        plant: the machine of each lap, by its number: noise may differ.
+        controller: what the correction is put in front of.
+        reference: of one lap.
+        positions: of the axes, from a measurement.
+    """
+
+    def run(correction, lap):
+        rollout = simulate(plant(lap), Learned(controller, correction), reference)
+        measured = jax.vmap(positions)(rollout.measurement)
+        error = reference.position[: reference.steps] - measured
+        return Lap(correction, error, rollout.output, rollout.control)
+
+    return run
+
+
+def learn(
+    run: RunLap, law: LearningLaw, laps: int, start: Float[Array, "T m"]
+) -> tuple[Lap, Float[Array, "T m"]]:
+    """All laps, and the correction that the last one leads to.
+
+    A plant y(k+1) = (y(k) + u(k)) / 2 that learns a ramp:
+
+    >>> from jcontour.controllers.learning.p_type import PType
+    >>> def run(u, lap):
+    ...     _, y = jax.lax.scan(lambda y, u: ((y + u) / 2,) * 2, jnp.zeros(1), u)
+    ...     return Lap(u, jnp.arange(1.0, 5.0)[:, None] - y, y, u)
+    >>> found, _ = learn(run, PType(gain=1.0), 4, jnp.zeros((4, 1)))
+    >>> jnp.abs(found.error).max(axis=(1, 2)).tolist()
+    [4.0, 0.9375, 0.25, 0.125]
+
+    Args:
+        run: runs one lap.
+        law: the rule.
+        laps: how many laps.
+        start: correction of the first lap (T, m).
+
+    Raises:
+        ValueError: there is no lap.
+    """
+    if laps < 1:
+        raise ValueError(f"laps: needs at least one, received {laps}")
+
+    def lap(correction, number):
+        found = run(correction, number)
+        return law.update(correction, found.error), found
+
+    last, rows = jax.lax.scan(lap, start, jnp.arange(laps))
+    return rows, last
+
+
+def diverged_lap(errors: Sequence[float] | Float[np.ndarray, " laps"]) -> int | None:
+    """First lap, counted from one, whose error is twice that of the first or not finite.
+
+    >>> diverged_lap([1.0, 1.5, 2.5, 4.0]), diverged_lap([1.0, 0.5])
+    (3, None)
+    """
+    values = np.asarray(errors, float)
+    lost = ~np.isfinite(values)
+    if not lost[0]:
+        lost |= values > GROWN * values[0]
+    return int(np.argmax(lost)) + 1 if lost.any() else None
+
+
+def paying_laps(errors: Sequence[float] | Float[np.ndarray, " laps"]) -> int:
+    """First lap, counted from one, that no later lap betters by a twentieth.
+
+    >>> paying_laps([8.0, 4.0, 2.0, 1.0, 0.99, 1.01])
+    4
+    """
+    values = np.asarray(errors, float)
+    return int(np.argmax(values <= PAYS * np.nanmin(values))) + 1

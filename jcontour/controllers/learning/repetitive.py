@@ -1,0 +1,164 @@
+"""Plug-in repetitive control: what repeats with a known period is learned while it runs.
+
+Tomizuka, Tsao & Chew (1989). With the period N, the error e and a correction c, at sample k
+
+    c(k) = sum_i q_i w(k - N + i),      w(j) = c(j) + sum_i l_i e(j + i)
+q is a smoothing filter without phase. l is a learning filter: an inverse of the loop, or a gain
+with a lead. c is zero until all samples that it needs have been seen. As a plug-in, c is added to
+the error that the wrapped controller sees: it reads y - c.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from jcontour.controller import Controller, Wrapper
+from jcontour.motion.references import Reference
+from jcontour.sensors import Sensors
+
+SMOOTH = (0.25, 0.5, 0.25)  # forgets what is faster than a quarter of the sampling frequency
+
+
+class Period(NamedTuple):
+    """Corrections and errors of the last samples, in a ring; and the number of the next sample."""
+
+    correction: Float[Array, "R m"]
+    error: Float[Array, "R m"]
+    sample: Int[Array, ""]
+
+
+class RepetitiveFilter(eqx.Module):
+    """The filters of repetitive control; each is centred and has an odd number of taps.
+
+    Args:
+        period: N [samples].
+        learning: l, from the latest tap e(j - reach) to the earliest e(j + reach).
+        smoothing: q, likewise.
+        lead: samples by which l is moved ahead: the delay of the loop.
+
+    Raises:
+        ValueError: a filter has an even number of taps, the lead is negative, or the period is not
+            longer than what the filters look ahead.
+    """
+
+    learning: Float[Array, " l"]
+    smoothing: Float[Array, " q"]
+    period: int = eqx.field(static=True)
+    lead: int = eqx.field(static=True)
+
+    def __init__(
+        self,
+        period: int,
+        learning: ArrayLike | Sequence[float],
+        smoothing: ArrayLike | Sequence[float] = SMOOTH,
+        lead: int = 0,
+    ):
+        self.learning = jnp.atleast_1d(jnp.asarray(learning, float))
+        self.smoothing = jnp.atleast_1d(jnp.asarray(smoothing, float))
+        self.period, self.lead = int(period), int(lead)
+        for name, taps in {"learning": self.learning, "smoothing": self.smoothing}.items():
+            if taps.ndim != 1 or taps.size % 2 == 0:
+                raise ValueError(f"{name}: needs an odd number of taps, received {taps.shape}")
+        if lead < 0:
+            raise ValueError(f"lead: needs to be at least zero, received {lead}")
+        if period <= self.ahead:
+            raise ValueError(
+                f"period: needs to be longer than the {self.ahead} samples that the filters look "
+                f"ahead, received {period}"
+            )
+
+    @property
+    def ahead(self) -> int:
+        """Samples that the filters look ahead together."""
+        return self.learning.size // 2 + self.smoothing.size // 2 + self.lead
+
+    @property
+    def behind(self) -> int:
+        """Samples that the filters look back together."""
+        return self.learning.size // 2 + self.smoothing.size // 2
+
+    def start(self, axes: int) -> Period:
+        """Nothing seen yet."""
+        nothing = jnp.zeros((self.period + self.behind, axes))
+        return Period(nothing, nothing, jnp.zeros((), int))
+
+    def correction(self, memory: Period) -> Float[Array, " m"]:
+        """c(k) of the sample that comes next."""
+        rings = memory.correction.shape[0]
+        q, taps = self.smoothing.size // 2, self.learning.size // 2
+        j = memory.sample - self.period + jnp.arange(-q, q + 1)
+        learned = j[:, None] + (self.lead + jnp.arange(-taps, taps + 1))[None]
+        errors = jnp.einsum("l,qlm->qm", self.learning, memory.error[learned % rings])
+        found = self.smoothing @ (memory.correction[j % rings] + errors)
+        return jnp.where(memory.sample >= self.period + self.behind, found, 0.0)
+
+    def seen(
+        self, memory: Period, correction: Float[Array, " m"], error: Float[Array, " m"]
+    ) -> Period:
+        """Memory after a sample."""
+        at = memory.sample % memory.correction.shape[0]
+        return Period(
+            memory.correction.at[at].set(correction),
+            memory.error.at[at].set(error),
+            memory.sample + 1,
+        )
+
+
+class RepetitiveMemory(NamedTuple):
+    """Memory of the last period, and of the wrapped controller."""
+
+    period: Period
+    inner: Any
+
+
+class Repetitive(Wrapper):
+    """A controller with plug-in repetitive control around it.
+
+    >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+    >>> from jcontour.sensors import motors
+    >>> cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), dt=1e-3)
+    >>> repeated = Repetitive(cascade, motors(1), RepetitiveFilter(period=500, learning=0.3))
+    >>> repeated.filter.ahead
+    1
+
+    Args:
+        controller: the wrapped controller.
+        sensors: where the positions stand in the measurement.
+        filter: its period and filters.
+    """
+
+    controller: Controller
+    sensors: Sensors
+    filter: RepetitiveFilter
+
+    def prepare(self, reference: Reference) -> Any:
+        """Plan of the wrapped controller, and the positions of the reference."""
+        return self.controller.prepare(reference), reference.position[: reference.steps]
+
+    def initial_memory(self, reference: Reference) -> RepetitiveMemory:
+        """Nothing learned yet."""
+        inner = self.controller.initial_memory(reference)
+        return RepetitiveMemory(self.filter.start(self.sensors.axes), inner)
+
+    def step(
+        self, memory: RepetitiveMemory, plan: Any, measurement: Any
+    ) -> tuple[RepetitiveMemory, Float[Array, " p"]]:
+        """Step of the wrapped controller, which sees the positions less the correction."""
+        inner_plan, wanted = plan
+        correction = self.filter.correction(memory.period)
+        error = wanted - self.sensors.positions(measurement)
+        seen = self.filter.seen(memory.period, correction, error)
+        shifted = moved_positions(measurement, self.sensors, -correction)
+        inner, control = self.controller.step(memory.inner, inner_plan, shifted)
+        return RepetitiveMemory(seen, inner), control
+
+
+def moved_positions(measurement: Any, sensors: Sensors, shift: Float[Array, " m"]) -> Any:
+    """The measurement with other positions [m]; everything else in it stays."""
+    flat, shaped = ravel_pytree(measurement)
+    return shaped(flat.at[np.array(sensors.position)].add(shift / sensors.scale))

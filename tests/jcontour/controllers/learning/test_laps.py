@@ -1,0 +1,123 @@
+"""Laps of a closed loop: the shifted reference, noise by the lap, and gradients through laps."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.learning.laps import (
+    Learned,
+    diverged_lap,
+    laps_of,
+    learn,
+    paying_laps,
+)
+from jcontour.controllers.learning.norm_optimal import norm_optimal
+from jcontour.controllers.learning.p_type import PType
+from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+STATE = Sensors((0, 2), (1, 3))  # of two `servo_axes`
+DT = 5e-3  # [s], of the small loop
+
+
+def test_a_correction_shifts_the_reference(small_loop):
+    plant, controller, reference = small_loop()
+    shift = 1e-3 * np.random.default_rng(0).standard_normal((reference.steps, 2))
+    learned = simulate(plant, Learned(controller, jnp.asarray(shift)), reference)
+    whole = np.concatenate([shift, shift[-1:]])
+    moved = eqx.tree_at(lambda r: r.position, reference, reference.position + whole)
+    state = plant.initial_state(reference.position[0], reference.start_increment)
+    wanted = simulate(plant, controller, moved, state)
+    np.testing.assert_allclose(learned.output, wanted.output, rtol=0, atol=1e-15)
+
+
+def test_no_correction_changes_nothing(small_loop):
+    plant, controller, reference = small_loop()
+    learned = simulate(plant, Learned(controller, jnp.zeros((reference.steps, 2))), reference)
+    plain = simulate(plant, controller, reference)
+    np.testing.assert_array_equal(learned.output, plain.output)
+
+
+def test_a_correction_of_another_lap_is_refused(small_loop):
+    _, controller, reference = small_loop()
+    for shape in ((reference.steps + 1, 2), (reference.steps, 1)):
+        with pytest.raises(ValueError, match=r"correction: needs the shape \(120, 2\) of the lap"):
+            Learned(controller, jnp.zeros(shape)).prepare(reference)
+
+
+def test_laps_by_hand(small_loop, positions):
+    """Three laps written out, the noise of each its own."""
+    plant, controller, reference = small_loop()
+    noise = jnp.asarray(1e-5 * np.random.default_rng(1).standard_normal((3, 120, 4)))
+    law = PType(gain=0.4, lead=3, smoothing=2)
+    run = laps_of(lambda lap: Disturbed(plant, noise=noise[lap]), controller, reference, positions)
+    found, last = learn(run, law, 3, jnp.zeros((120, 2)))
+    correction = jnp.zeros((120, 2))
+    for lap in range(3):
+        noisy = Disturbed(plant, noise=noise[lap])
+        rollout = simulate(noisy, Learned(controller, correction), reference)
+        error = reference.position[:120] - rollout.measurement[:, jnp.array([0, 2])]
+        np.testing.assert_allclose(found.error[lap], error, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(found.output[lap], rollout.output, rtol=0, atol=1e-15)
+        np.testing.assert_allclose(found.correction[lap], correction, rtol=0, atol=1e-15)
+        correction = law.update(correction, error)
+    np.testing.assert_allclose(last, correction, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["p-type", "norm-optimal"])
+def test_gradients_through_five_laps(small_loop, positions, kind):
+    """Of the gains of the law and of the cascade under it, against central differences."""
+    plant, _, reference = small_loop(steps=70)
+
+    @jax.jit
+    def scored(numbers):
+        gains = CascadeGains(numbers[0], numbers[1], numbers[2])
+        run = laps_of(lambda lap: plant, Cascade(gains, STATE, DT), reference, positions)
+        if kind == "p-type":
+            law = PType(numbers[3], lead=4, smoothing=3)
+        else:
+            prices = {"contouring": numbers[3], "effort": numbers[4], "size": numbers[5]}
+            law = norm_optimal(run, reference, **prices)
+        laps, last = learn(run, law, 5, jnp.zeros((70, 2)))
+        return 1e6 * jnp.mean(laps.error[-1] ** 2) + 1e4 * jnp.mean(last**2)
+
+    start = jnp.array([8.0, 0.6, 0.1, 0.5, 0.2, 0.01])
+    count = 4 if kind == "p-type" else 6
+    slopes = jax.grad(scored)(start)
+    for k in range(count):
+        h = 1e-4 * float(start[k])
+        ahead, behind = (float(scored(start.at[k].add(side))) for side in (h, -h))
+        assert float(slopes[k]) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5), k
+
+
+def test_no_laps_are_refused(small_loop, positions):
+    plant, controller, reference = small_loop()
+    run = laps_of(lambda lap: plant, controller, reference, positions)
+    with pytest.raises(ValueError, match="laps: needs at least one, received 0"):
+        learn(run, PType(0.5), 0, jnp.zeros((120, 2)))
+
+
+@pytest.mark.parametrize(
+    ("errors", "lap"),
+    [
+        ([1.0, 0.5, 0.2], None),
+        ([1.0, 2.0, 2.1], 3),
+        ([1.0, np.nan, 0.1], 2),
+        ([np.inf, 1.0], 1),
+        ([1.0], None),
+        ([0.0, 0.0], None),
+    ],
+)
+def test_the_lap_at_which_learning_diverges(errors, lap):
+    assert diverged_lap(errors) == lap
+
+
+@pytest.mark.parametrize(
+    ("errors", "lap"), [([1.0], 1), ([3.0, 2.0, 1.0], 3), ([1.0, 5.0], 1), ([2, 1.04, 1.0], 2)]
+)
+def test_the_lap_after_which_it_no_longer_pays(errors, lap):
+    assert paying_laps(errors) == lap

@@ -1,0 +1,104 @@
+"""Repetitive control against reference numbers, and as a plug-in around a cascade."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.learning.repetitive import (
+    Repetitive,
+    RepetitiveFilter,
+    moved_positions,
+)
+from jcontour.motion.references import from_samples
+from jcontour.plants.servo_axes import servo_axes
+from jcontour.sensors import Sensors
+from jcontour.simulation.closed_loop import simulate
+
+ZERO = -0.3075  # b_printed of the linear-motor drive
+STATE = Sensors((0, 2), (1, 3))
+
+
+def linear_motor_trajectory():
+    """One period of 880 samples: a double sum of accelerations."""
+    counts = (200, 100, 40, 100, 200, 100, 40, 100)
+    signs = (0, 1, 0, -1, 0, -1, 0, 1)
+    return np.cumsum(np.cumsum(1.9e-6 * np.repeat(signs, counts)))
+
+
+@pytest.mark.parametrize(
+    ("key", "smoothing"),
+    [("max_per_cycle_q_filter", (0.25, 0.5, 0.25)), ("max_per_cycle_q_1", (0.0, 1.0, 0.0))],
+)
+def test_cycles_are_those_of_the_reference(companions, key, smoothing):
+    r = linear_motor_trajectory()
+    first = 1e-4 * r / r.max() + 5 * np.diff(r, prepend=0.0)
+    learning = np.array([-ZERO, 1 + ZERO**2, -ZERO]) / (1 - ZERO) ** 2
+    law = RepetitiveFilter(880, learning, smoothing)
+
+    def sample(memory, e0):
+        correction = law.correction(memory)
+        error = e0 - correction
+        return law.seen(memory, correction, error), error
+
+    _, errors = jax.lax.scan(sample, law.start(1), jnp.asarray(np.tile(first, 6))[:, None])
+    cycles = np.abs(np.asarray(errors)).reshape(6, 880).max(axis=1)
+    np.testing.assert_allclose(cycles, companions["repetitive_880"][key], rtol=1e-8)
+
+
+def circles(steps, period):
+    angle = 2 * np.pi * np.arange(steps + 1) / period
+    position = 1e-2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    tangent = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    return from_samples(position, tangent, 5e-3, preview=1)
+
+
+def test_a_cascade_learns_its_circle(small_loop):
+    """The error of every lap falls: the loop answers with a lead of about four samples."""
+    plant, controller, _ = small_loop()
+    period, laps = 200, 8
+    reference = circles(period * laps, period)
+    repeated = Repetitive(controller, STATE, RepetitiveFilter(period, 0.5, lead=20))
+    run = simulate(plant, repeated, reference)
+    error = np.asarray(reference.position[: period * laps] - run.output)
+    laps_rms = np.sqrt(np.mean(error.reshape(laps, -1) ** 2, axis=1))
+    assert np.all(np.diff(laps_rms[1:]) < 0) and laps_rms[-1] < 0.1 * laps_rms[1]
+    plain = simulate(plant, controller, reference)
+    np.testing.assert_allclose(run.output[:period], plain.output[:period], rtol=0, atol=1e-15)
+
+
+def test_the_plug_in_shifts_what_the_controller_reads():
+    sensors = Sensors((2, 0), (), scale=2.0)
+    measurement = (jnp.arange(2.0), jnp.ones(2))
+    moved = moved_positions(measurement, sensors, jnp.array([4.0, 6.0]))
+    np.testing.assert_array_equal(moved[0], [3.0, 1.0])
+    np.testing.assert_array_equal(moved[1], [3.0, 1.0])
+
+
+def test_gradients_through_three_periods(small_loop):
+    _, controller, _ = small_loop()
+    plant, reference = servo_axes([50.0, 30.0], [10.0, 5.0], 5e-3), circles(90, 30)
+
+    @jax.jit
+    def scored(gain):
+        repeated = Repetitive(controller, STATE, RepetitiveFilter(30, gain, lead=3))
+        error = reference.position[:90] - simulate(plant, repeated, reference).output
+        return 1e6 * jnp.mean(error[60:] ** 2)
+
+    slope = float(jax.grad(scored)(0.4))
+    difference = float(scored(0.4 + 1e-5) - scored(0.4 - 1e-5)) / 2e-5
+    assert slope == pytest.approx(difference, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"period": 10, "learning": np.ones(2)}, "learning: needs an odd number of taps"),
+        ({"period": 10, "learning": 1.0, "smoothing": np.ones(4)}, "smoothing: needs an odd"),
+        ({"period": 10, "learning": 1.0, "lead": -1}, "lead: needs to be at least zero"),
+        ({"period": 5, "learning": 1.0, "lead": 4}, "period: needs to be longer than the 5"),
+    ],
+)
+def test_bad_input(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        RepetitiveFilter(**arguments)
