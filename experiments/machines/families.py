@@ -7,9 +7,15 @@ import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
 
 from experiments.machines.machine import Fed, Machine
+from jcontour.plant import Plant
+from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
+from jcontour.simulation.evaluation import stack_plants
 
 LATE = 1  # most samples of delay that a model does not know: a drive's bus
 
@@ -20,7 +26,14 @@ class Member(NamedTuple):
     name: str
     stiffness: float
     mass: float
-    late: int
+    late: float
+
+
+def late(plant: Plant, samples: float, inputs: int) -> Plant:
+    """The plant with its control late by whole samples, or by parts of one as well."""
+    if samples == round(samples):
+        return Delayed(plant, jnp.asarray(round(samples)), LATE, inputs)
+    return PartlyDelayed(plant, jnp.asarray(samples), LATE, inputs)
 
 
 def members(stiffness: float, mass: float) -> list[Member]:
@@ -34,10 +47,37 @@ def members(stiffness: float, mass: float) -> list[Member]:
 class MotorMeasuredMachine(Machine):
     """Machine whose motors are measured; stiffness, masses and delay are uncertain."""
 
-    @property
+    stiffness_known_to: ClassVar[float] = 0.2
+    mass_known_to: ClassVar[float] = 0.2
+
     @abc.abstractmethod
+    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
+        """A member with what has no derivative.
+
+        Raises:
+            ValueError: this machine does not measure that.
+        """
+
+    @property
     def members(self) -> Sequence[Member]:
-        """Members of the family, the nominal one first."""
+        """Nominal machine, corners of stiffness and masses, the late machine."""
+        return members(self.stiffness_known_to, self.mass_known_to)
+
+    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members with what has no derivative."""
+        return [self.true_plant(member, fed) for member in self.members]
+
+    def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant:
+        """Stiffness, masses and delay drawn evenly from their intervals.
+
+        A delay has parts of a sample.
+        """
+        random = np.random.default_rng(seed)
+        stiffness = 1 + self.stiffness_known_to * random.uniform(-1, 1, count)
+        mass = 1 + self.mass_known_to * random.uniform(-1, 1, count)
+        delay = random.uniform(0, LATE, count)
+        drawn = zip(stiffness.tolist(), mass.tolist(), delay.tolist(), strict=True)
+        return stack_plants([self.true_plant(Member("random", *one), fed) for one in drawn])
 
     @property
     def family_names(self) -> list[str]:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
-from experiments.machines.families import LATE, Member, MotorMeasuredMachine, members
+from experiments.machines.families import Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import (
@@ -23,7 +23,6 @@ from jcontour.plants.flexible_axis.axis import (
 )
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
-from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 
@@ -78,32 +77,24 @@ class FlexibleMachine(MotorMeasuredMachine):
         """Motions of a single axis, contours of several."""
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
-    @property
-    def members(self) -> list[Member]:
-        """Nominal axes, corners of stiffness and masses, late axes."""
-        return members(stiffness=0.2, mass=0.2)
-
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Smooth twins: dry friction turns within a millimetre per second, encoders are exact."""
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
         family = [
-            self._late(SmoothFlexibleAxis(p, self.model.dt, substeps=substeps), late, fed)
-            for p, late in self._varied()
+            self._late(
+                SmoothFlexibleAxis(self._varied(one), self.model.dt, substeps=substeps), one, fed
+            )
+            for one in self.members
         ]
         return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
 
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
         """Axes with stick and slip, behind encoders that count.
 
         The drives take speeds from the difference of counts.
         """
-        family = [
-            self._late(FlexibleAxis(p, self.model.dt), late, fed) for p, late in self._varied()
-        ]
-        return [
-            CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution)
-            for plant in family
-        ]
+        plant = self._late(FlexibleAxis(self._varied(member), self.model.dt), member, fed)
+        return CountingEncoders(plant, motors(len(self.axes)), self.encoder_resolution)
 
     def nominal(self, fed: Fed = "outputs") -> Plant:
         """Linear model of the axis.
@@ -127,13 +118,12 @@ class FlexibleMachine(MotorMeasuredMachine):
             "Measured": f"motors' positions by {encoders}, speeds by difference; no end effector",
         }
 
-    def _varied(self) -> list[tuple[AxisParameters, int]]:
-        nominal = self.parameters
-        return [(scaled(nominal, one.stiffness, one.mass), one.late) for one in self.members]
+    def _varied(self, member: Member) -> AxisParameters:
+        return scaled(self.parameters, member.stiffness, member.mass)
 
-    def _late(self, plant: Plant, samples: int, fed: Fed) -> Plant:
+    def _late(self, plant: Plant, member: Member, fed: Fed) -> Plant:
         self.check_fed(fed)
-        return Delayed(plant, jnp.asarray(samples), LATE, len(self.axes))
+        return late(plant, member.late, len(self.axes))
 
 
 def flexible_machine(axis: AxisFile) -> FlexibleMachine:

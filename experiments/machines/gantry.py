@@ -6,6 +6,7 @@ Motor positions are measured; stiffness is known to a fifth, masses to a tenth.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from jax.tree_util import Partial
 from jaxtyping import Array, Float
 
 from experiments.machines.count_noise import rounding_noise
-from experiments.machines.families import LATE, Member, MotorMeasuredMachine, members
+from experiments.machines.families import LATE, Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from experiments.video.film import FilmMaker
 from jcontour.linear.model_schedule import ModelSchedule
@@ -25,7 +26,6 @@ from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import Linearisation, control_oriented, tangent
 from jcontour.plants.gantry.motor_coordinates import MotorEncoders, motor_model, motor_schedule
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
-from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.plants.wrappers.saturation import Saturated
@@ -82,10 +82,12 @@ class GantryMachine(MotorMeasuredMachine):
         """Models over the whole beam, the coupling of head and beam cancelled."""
         return self._scheduled(control_oriented)
 
+    mass_known_to: ClassVar[float] = 0.1
+
     @property
-    def members(self) -> list[Member]:
+    def members(self) -> Sequence[Member]:
         """Nominal gantry, corners of the joints' stiffness and of all masses, late gantries."""
-        return [*members(stiffness=0.2, mass=0.1), LATE_AND_LIGHT]
+        return [*super().members, LATE_AND_LIGHT]
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """Smooth plants, their encoders read with the noise that counts make.
@@ -97,16 +99,14 @@ class GantryMachine(MotorMeasuredMachine):
         noise = _rounding_noise()
         return [
             _flat(FineEncoders(Disturbed(plant, noise=noise), motors(3)))
-            for plant in self._family(SmoothFrictionGantry)
+            for plant in (self._driven(one, SmoothFrictionGantry) for one in self.members)
         ]
 
-    def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Plants behind encoders that count; the drives take speeds from their difference."""
+    def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
+        """Gantry behind encoders that count; the drives take speeds from their difference."""
         self.check_fed(fed)
-        return [
-            _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
-            for plant in self._family(StickSlipGantry)
-        ]
+        plant = self._driven(member, StickSlipGantry)
+        return _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
 
     def independent(self) -> tuple[str, Plant] | None:
         """Nominal plant of the true family in MuJoCo.
@@ -117,7 +117,7 @@ class GantryMachine(MotorMeasuredMachine):
             return None
         from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 
-        plant = self._driven(GantryMuJoCo(self.parameters, self.model.dt), 0)
+        plant = self._limited(GantryMuJoCo(self.parameters, self.model.dt), 0)
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))
 
     def film(self) -> FilmMaker | None:
@@ -132,7 +132,7 @@ class GantryMachine(MotorMeasuredMachine):
         Where an axis turns, the smooth twin of the friction is so steep that it hides the loop.
         """
         self.check_fed(fed)
-        plant = self._driven(Gantry(self.parameters, self.model.dt), 0)
+        plant = self._limited(Gantry(self.parameters, self.model.dt), 0)
         return _flat(FineEncoders(plant, motors(3)))
 
     def description(self) -> dict[str, str]:
@@ -158,12 +158,11 @@ class GantryMachine(MotorMeasuredMachine):
             self.parameters, np.linspace(-span, span, SCHEDULED), self.model.dt, linear
         )
 
-    def _family(self, with_friction: type[SmoothFrictionGantry | StickSlipGantry]) -> list[Plant]:
-        family = []
-        for member in self.members:
-            parameters = _scaled(self.parameters, member.stiffness, member.mass)
-            family.append(self._driven(self._gantry(parameters, with_friction), member.late))
-        return family
+    def _driven(
+        self, member: Member, with_friction: type[SmoothFrictionGantry | StickSlipGantry]
+    ) -> Plant:
+        parameters = _scaled(self.parameters, member.stiffness, member.mass)
+        return self._limited(self._gantry(parameters, with_friction), member.late)
 
     def _gantry(
         self,
@@ -175,10 +174,10 @@ class GantryMachine(MotorMeasuredMachine):
             return Gantry(parameters, dt)
         return with_friction(parameters, self.friction, dt)
 
-    def _driven(self, plant: Plant, late: int) -> Plant:
+    def _limited(self, plant: Plant, samples: float) -> Plant:
         """Plant with its currents limited and late, behind its motors' encoders."""
         limited = Saturated(plant, jnp.asarray(self.limits.control))
-        return Sensed(Delayed(limited, jnp.asarray(late), LATE, 3), MotorEncoders(self.parameters))
+        return Sensed(late(limited, samples, 3), MotorEncoders(self.parameters))
 
 
 def gantry_machine() -> GantryMachine:

@@ -131,3 +131,23 @@ def test_another_pace(machine):
 def test_runs_that_do_not_suit(name, make, pace, says):
     with pytest.raises(ValueError, match=says):
         job_named(name, Pace(make(), *pace))
+
+
+def test_random_members_lie_within_the_intervals_with_parts_of_a_sample(machine):
+    family = machine.random_family(200, 5)
+    late, axis = family.plant, family.plant.plant  # behind encoders that count
+    thesis = machine.parameters
+    for name, share in (("stiffness", 0.2), ("motor_mass", 0.2)):
+        ratio = np.asarray(getattr(axis.parameters, name)) / np.asarray(getattr(thesis, name))
+        assert 1 - share <= ratio.min() < ratio.max() <= 1 + share and np.ptp(ratio) > 1.8 * share
+    masses = [
+        np.asarray(getattr(axis.parameters, name)) / np.asarray(getattr(thesis, name))
+        for name in ("motor_mass", "tool_mass")
+    ]
+    np.testing.assert_allclose(*masses, rtol=1e-12)
+    samples = np.asarray(late.samples)
+    assert 0 <= samples.min() < samples.max() <= 1 and np.any((samples > 0.2) & (samples < 0.8))
+    again = machine.random_family(200, 5)
+    np.testing.assert_array_equal(again.plant.samples, samples)
+    with pytest.raises(ValueError, match="measures its motors"):
+        machine.random_family(2, 0, "state")

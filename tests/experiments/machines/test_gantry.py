@@ -186,3 +186,14 @@ def test_with_friction_the_true_family_sticks_and_nobody_else_confirms_it(machin
         np.testing.assert_allclose(
             family[0].measure(start), read, rtol=0, atol=0.51 * ENCODER_RESOLUTION
         )
+
+
+def test_random_members_lie_within_the_intervals(machine):
+    family = machine.random_family(100, 2)
+    late, parameters = family.plant.plant.plant, inner(family).parameters
+    thesis = machine.parameters
+    for name, share in (("joint_stiffness", 0.2), ("head_mass", 0.1), ("beam_mass", 0.1)):
+        ratio = np.asarray(getattr(parameters, name)) / np.asarray(getattr(thesis, name))
+        assert 1 - share <= ratio.min() < ratio.max() <= 1 + share and np.ptp(ratio) > 1.6 * share
+    samples = np.asarray(late.samples)
+    assert 0 <= samples.min() < samples.max() <= 1 and np.any((samples > 0.2) & (samples < 0.8))
