@@ -202,7 +202,7 @@ def _loops_on_lines(
     Q, still = jnp.concatenate([Q, Q]), jnp.zeros((2 * len(tangents), model.axes))
 
     def back(cost, _):
-        loop = model.A - model.B @ first_control(model, R, cost).F
+        loop = model.A[None] - model.B @ first_control(model, R, cost).F
         return one_stage_back(model, R, cost, Q, still), loop
 
     _, loops = jax.lax.scan(back, CostToGo(H, jnp.zeros(H.shape[:2])), length=longest)
