@@ -241,16 +241,29 @@ LONG = {
 }
 
 
+def long_command(command, machine_file):
+    """The call without a folder at its end."""
+    flags = [*LONG[command][0], "--plant", str(machine_file), "--json", "--out"]
+    return [sys.executable, "-m", "experiments.cli", command, *flags]
+
+
+@pytest.fixture(scope="module", params=LONG)
+def left_alone(request, tmp_path_factory, machine_file):
+    """(name, folder) of a long command that nobody stopped."""
+    folder = tmp_path_factory.mktemp("alone") / "run"
+    make = [*long_command(request.param, machine_file), str(folder)]
+    done = subprocess.run(make, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return request.param, folder
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("command", LONG)
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_long_commands_stopped_and_resumed(tmp_path, machine_file, command, how):
+def test_long_commands_stopped_and_resumed(tmp_path, machine_file, left_alone, how):
     """The same files as from a run that was left alone; Ctrl-C says in one line how to go on."""
-    flags, middle, agree = LONG[command]
-    call = [sys.executable, "-m", "experiments.cli", command]
-    make = [*call, *flags, "--plant", str(machine_file), "--json", "--out"]
-    alone = subprocess.run([*make, str(tmp_path / "alone")], capture_output=True, text=True)
-    assert alone.returncode == 0, alone.stderr
+    command, alone = left_alone
+    _, middle, agree = LONG[command]
+    make = long_command(command, machine_file)
     stopped = subprocess.Popen(
         [*make, str(tmp_path / "stopped")],
         stdout=subprocess.DEVNULL,
@@ -268,14 +281,11 @@ def test_long_commands_stopped_and_resumed(tmp_path, machine_file, command, how)
             and len(complaint.splitlines()) == 1
             and "--resume" in complaint
         )
-    resumed = subprocess.run(
-        [*call, "--resume", str(tmp_path / "stopped"), "--json"], capture_output=True, text=True
-    )
+    again = [*make[:4], "--resume", str(tmp_path / "stopped"), "--json"]
+    resumed = subprocess.run(again, capture_output=True, text=True)
     assert resumed.returncode == 0, resumed.stderr
     for name in agree:
-        assert (tmp_path / "alone" / name).read_bytes() == (
-            tmp_path / "stopped" / name
-        ).read_bytes()
+        assert (alone / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()
 
 
 @pytest.mark.slow
