@@ -361,14 +361,23 @@ class Bench(Common):
     Times are ratios against something run beside it; hardware and versions are named.
     """
 
-    what: Positional[Literal["mpc", "lq", "gantry"]] = "mpc"  # it has to fit a sample period
+    what: Positional[Literal["mpc", "lq", "gantry", "tuners"]] = (
+        "mpc"  # it has to fit a sample period
+    )
     """Timed part of the library.
     mpc: one step of the constrained controllers, by part and by solver.
     lq: whole runs of the LQ contouring controller.
-    gantry: the gantry in every engine."""
+    gantry: the gantry in every engine.
+    tuners: the tuner against searches without slopes, hours; `uv run --group bench`."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
     Gantry: machines at once, 1000 when not given."""
+    seeds: int = 20  # quartiles of fewer say little
+    """Tuners: random starts of every search."""
+    evaluations: int = 600  # CMA-ES needs hundreds at four weights
+    """Tuners: evaluations of every search; one with slopes counts three."""
+    figure: Path | None = None
+    """Tuners: PNG file for the best value so far against evaluations."""
 
 
 @dataclass(frozen=True)

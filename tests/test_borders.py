@@ -24,6 +24,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.plants.gantry.mjx_engine": {"mujoco"},
     "experiments.files.results": {"cattrs"},
     "experiments.benchmarks.plain_loops": {"numba"},  # the loop that `jcontour bench` compares with
+    "experiments.benchmarks.search_methods": {"cmaes", "optuna"},
     "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it
 }
 
@@ -39,8 +40,9 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
     "experiments": (
         ("cli", "examples"),
         ("commands", "papers"),
+        ("benchmarks",),
         ("runs",),
-        ("catalogue", "benchmarks"),
+        ("catalogue",),
         ("designs", "reports"),
         ("jobs",),
         ("machines",),
