@@ -18,9 +18,8 @@ COLUMNS = (
     "training\num",
     "Ms",
     "evalua-\ntions",
-    "computing\nover first",
-    "limits\nhold",
-    "search\nended",
+    "com-\nputing",
+    "search",
 )
 
 
@@ -54,10 +53,15 @@ def _row(row: Ranked, first: Ranked) -> list[str]:
         _micrometres(row.training),
         tables.digits(row.peak_sensitivity),
         str(row.evaluations),
-        _ratio(row.seconds_per_run, first.seconds_per_run),
-        "yes" if row.feasible else "NO",
-        "yes" if row.stationary else "no",
+        _ratio(row.seconds, first.seconds),
+        _state(row),
     ]
+
+
+def _state(row: Ranked) -> str:
+    if not row.feasible:
+        return "BEYOND A LIMIT"
+    return "ended" if row.stationary else "not ended"
 
 
 def _micrometres(error: float | None) -> str:
@@ -73,7 +77,7 @@ def next_steps(result: RankedResult) -> list[str]:
     placed = [row for row in result.rows if row.failure is None and row.feasible]
     if not placed:
         return ["Next: no controller keeps every limit; allow more, as --max-sensitivity 3."]
-    lines = []
+    lines = ["Computing: processor time of the same runs, over that of the first row."]
     if any(not row.stationary for row in placed):
         lines.append("A search that has not ended may find more with --evaluations.")
     best = placed[0].candidate

@@ -40,7 +40,7 @@ class Ranked:
         stationary: whether the search had ended.
         evaluations: points that were evaluated.
         weights: by name.
-        seconds_per_run: computing time of the runs of all contours and plants, compiled [s].
+        seconds: processor time of the runs of all contours and plants, compiled [s].
     """
 
     candidate: Candidate
@@ -55,7 +55,7 @@ class Ranked:
     stationary: bool = False
     evaluations: int = 0
     weights: dict[str, Weight] | None = None
-    seconds_per_run: float | None = None
+    seconds: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -184,7 +184,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         stationary=bool(tuned.stationary),
         evaluations=len(tuned.history),
         weights=plain_weights(tuned.weights),
-        seconds_per_run=fastest,
+        seconds=fastest,
     )
     lost = np.asarray(tried.metrics.diverged)
     if not lost.any():
@@ -194,9 +194,9 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
 
 
 def _seconds(work: Callable[[], Replay]) -> float:
-    began = time.perf_counter()
+    began = time.process_time()
     work()
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def _errors(run: TuningRun, tried: Replay, trained: bool) -> dict[str, float]:
