@@ -62,11 +62,13 @@ def convergence(
     """
     places = (shape[0] // 4,) if places is None else tuple(places)
     frequency = np.linspace(0, np.pi, FREQUENCIES)
+    members = list(family)
     worst = Convergence(-1.0, -1, 0.0)
-    for number, member in enumerate(family):
-        for place in places:
+    for place in places:
+        iteration = law.iteration(frequency, place)
+        for number, member in enumerate(members):
             response = frequency_response(member, shape, place, FREQUENCIES)
-            sizes = np.linalg.norm(law.iteration(frequency, response, place), 2, axis=(1, 2))
+            sizes = np.linalg.norm(iteration(response), 2, axis=(1, 2))
             k = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
             if not sizes[k] <= worst.bound:
                 bound = float(sizes[k]) if np.isfinite(sizes[k]) else np.inf

@@ -50,14 +50,15 @@ class LearningLaw(eqx.Module):
         """Correction of the next lap."""
 
     @abc.abstractmethod
-    def iteration(self, frequency: Float[np.ndarray, " W"], response: Any, place: int) -> Any:
-        """Matrix M by which a correction becomes the next, at every frequency (W, m, m).
+    def iteration(self, frequency: Float[np.ndarray, " W"], place: int) -> Callable[[Any], Any]:
+        """Map from a machine's response to the matrix M by which a correction becomes the next.
 
             c_{j+1} = M c_j + what the first error gives
+        The response is that of the measured positions to the correction, (W, m, m) like M.
+
         Args:
             frequency: [rad per sample], evenly from zero to pi.
-            response: of the measured position to the correction (W, m, m).
-            place: sample of the lap around which that holds.
+            place: sample of the lap around which the responses hold.
         """
 
 

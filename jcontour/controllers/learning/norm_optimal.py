@@ -5,11 +5,12 @@ measured positions follow the correction, the next correction minimises
 
     sum_k e' W e + effort |c_{j+1} - c_j|^2 + size |c_{j+1}|^2,    e = e_j - G (c_{j+1} - c_j)
     W = alpha I + beta (I - t t')                                 t: unit tangent of the reference
-    (G' W G + effort + size) d = G' W e_j - size c_j,             c_{j+1} = c_j + d
-alpha + beta is one, so that the prices are relative. `effort` slows learning and keeps it safe
-under model errors; `size` forgets: it leaves what costs more correction than it saves, noise above
-all. G is never formed: it is a linearised run, its transpose the derivative backwards, and the
-equation is solved by conjugate gradients.
+    (G' W G + effort + size) d = G' W e_j - size c_j,             c_{j+1} = Q (c_j + d)
+with the filter Q of `p_type`. alpha + beta is one, so that the prices are relative. `effort` slows
+learning, and averages noise. `size` forgets what costs more correction than it saves. Q forgets
+what is too fast to be known: a machine that is later than its model needs it. G is a linearised
+run, its transpose the derivative backwards. Of a short lap G is kept as a matrix, and the equation
+is solved by Cholesky's factors; of a long one by conjugate gradients, without a matrix.
 """
 
 from collections.abc import Callable
@@ -19,17 +20,30 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import cho_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.controller import checked_gain
 from jcontour.controllers.learning.convergence import frequency_response
 from jcontour.controllers.learning.laps import LearningLaw, RunLap
+from jcontour.controllers.learning.p_type import smoothed, smoothing_response
 from jcontour.motion.references import Reference
 from jcontour.tracing import is_concrete
 
 TOLERANCE = 1e-9  # of the conjugate gradients, relative
 ITERATIONS = 400  # at most; an effort of 0.01 needs some sixty
+SHORT = 4000  # numbers in a correction up to which G is kept: 128 MB
+
+
+class Matrix(eqx.Module):
+    """Linear function of signals (T, m), as the matrix of their flattened samples."""
+
+    values: Float[Array, "Tm Tm"]
+
+    def __call__(self, signal: Float[Array, "T m"]) -> Float[Array, "T m"]:
+        """The matrix times the signal."""
+        return jnp.reshape(self.values @ jnp.ravel(signal), signal.shape)
 
 
 class NormOptimal(LearningLaw):
@@ -42,10 +56,11 @@ class NormOptimal(LearningLaw):
             rest.
         effort: price of a change of the correction.
         size: price of the correction.
+        smoothing: n of Q; zero leaves it out.
 
     Raises:
         ValueError: a price is negative or not finite, the effort is zero, or the part is not
-            between zero and one.
+            between zero and one, or the smoothing is negative.
     """
 
     model: Callable[[Float[Array, "T m"]], Float[Array, "T m"]]
@@ -53,6 +68,8 @@ class NormOptimal(LearningLaw):
     contouring: Float[Array, ""]
     effort: Float[Array, ""]
     size: Float[Array, ""]
+    factor: Float[Array, "Tm Tm"] | None  # Cholesky's, where the model is a matrix
+    smoothing: int = eqx.field(static=True)
 
     def __init__(
         self,
@@ -61,6 +78,7 @@ class NormOptimal(LearningLaw):
         contouring: ArrayLike = 0.9,  # the lag along the path is a tenth as dear
         effort: ArrayLike = 0.03,  # a thirtieth of a slow contour error is left after a lap
         size: ArrayLike = 1e-4,  # a hundredth of a per cent of a slow error is left for good
+        smoothing: int = 0,
     ):
         self.contouring = checked_gain("contouring", contouring)
         self.effort, self.size = checked_gain("effort", effort), checked_gain("size", size)
@@ -68,34 +86,54 @@ class NormOptimal(LearningLaw):
             raise ValueError(f"contouring: needs to be from zero to one, received {contouring}")
         if is_concrete(effort) and not np.asarray(effort) > 0:
             raise ValueError(f"effort: needs to be above zero, received {effort}")
+        if smoothing != int(smoothing) or smoothing < 0:
+            raise ValueError(
+                f"smoothing: needs a whole number of at least zero, received {smoothing}"
+            )
         self.model, self.tangent = model, jnp.asarray(tangent)
+        self.smoothing = int(smoothing)
+        self.factor = self._factor(model.values) if isinstance(model, Matrix) else None
 
     def update(
         self, correction: Float[Array, "T m"], error: Float[Array, "T m"]
     ) -> Float[Array, "T m"]:
         """Correction that the model takes for the best."""
         transposed = jax.linear_transpose(self.model, correction)
-        prices = self.effort + self.size
-
-        def normal(change):
-            (back,) = transposed(self._weighted(self.model(change)))
-            return back + prices * change
-
         (wanted,) = transposed(self._weighted(error))
         right = wanted - self.size * correction
-        change, _ = cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS)
-        return correction + change
+        if self.factor is not None:
+            flat = cho_solve((self.factor, True), jnp.ravel(right))
+            change = jnp.reshape(flat, right.shape)
+        else:
+            change = self._by_conjugate_gradients(transposed, right)
+        return smoothed(correction + change, self.smoothing)
 
-    def iteration(self, frequency, response, place: int):
-        """(H + prices)^-1 (effort + G' W (G - T)), H = G' W G, with W and G around the place."""
+    def iteration(self, frequency, place: int):
+        """T -> Q (H + prices)^-1 (effort + G' W (G - T)), H = G' W G, W and G at the place."""
         G = frequency_response(self.model, self.tangent.shape, place, len(frequency))
         t = np.asarray(self.tangent)[place]
         eye = np.eye(len(t))
         W = eye - float(self.contouring) * np.outer(t, t)
         back = np.conj(np.swapaxes(G, 1, 2)) @ W
-        prices = float(self.effort + self.size)
-        step = float(self.effort) * eye + back @ (G - np.asarray(response))
-        return np.linalg.solve(back @ G + prices * eye, step)
+        inverse = np.linalg.inv(back @ G + float(self.effort + self.size) * eye)
+        inverse *= smoothing_response(frequency, self.smoothing)
+        return lambda response: inverse @ (float(self.effort) * eye + back @ (G - response))
+
+    def _by_conjugate_gradients(self, transposed: Callable[[Any], Any], right: Array) -> Array:
+        """Solution of the equation without its matrix."""
+
+        def normal(change):
+            (back,) = transposed(self._weighted(self.model(change)))
+            return back + (self.effort + self.size) * change
+
+        return cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS)[0]
+
+    def _factor(self, G: Array) -> Array:
+        """Cholesky's lower factor of G' W G + prices."""
+        columns = jnp.reshape(G, (*self.tangent.shape, -1))
+        weighted = jax.vmap(self._weighted, in_axes=2, out_axes=2)(columns)
+        normal = G.T @ jnp.reshape(weighted, G.shape)
+        return jnp.linalg.cholesky(normal + (self.effort + self.size) * jnp.eye(len(G)))
 
     def _weighted(self, error: Float[Array, "T m"]) -> Float[Array, "T m"]:
         """W e, row by row: e - beta t (t . e)."""
@@ -103,17 +141,25 @@ class NormOptimal(LearningLaw):
         return error - self.contouring * along * self.tangent
 
 
-def norm_optimal(run: RunLap, reference: Reference, **prices: ArrayLike) -> NormOptimal:
+def norm_optimal(run: RunLap, reference: Reference, **prices: Any) -> NormOptimal:
     """Law whose model is a run on a smooth machine, linearised at its first lap.
 
     Args:
         run: laps of the nominal machine without noise.
         reference: of one lap.
-        prices: `contouring`, `effort` and `size` of `NormOptimal`.
+        prices: `contouring`, `effort`, `size` and `smoothing` of `NormOptimal`.
     """
     start = jnp.zeros_like(reference.position[: reference.steps])
     tangent = reference.tangent[: reference.steps]
-    return NormOptimal(linearised(run, start), tangent, **prices)
+    model = linearised(run, start)
+    return NormOptimal(as_matrix(model, start) if start.size <= SHORT else model, tangent, **prices)
+
+
+def as_matrix(linear: Callable[[Any], Any], start: Float[Array, "T m"]) -> Matrix:
+    """The same linear function, its columns from all impulses at once."""
+    impulses = jnp.reshape(jnp.eye(start.size, dtype=start.dtype), (-1, *start.shape))
+    rows = jax.jit(jax.vmap(linear))(impulses)
+    return Matrix(jnp.reshape(rows, (start.size, -1)).T)
 
 
 def linearised(run: RunLap, start: Float[Array, "T m"]) -> Callable[[Any], Any]:

@@ -56,7 +56,7 @@ def test_the_filter_halves_the_amplitude_at_its_bandwidth(frequency):
 def test_the_iteration_is_what_an_update_does_to_a_wave():
     """A correction exp(jwk) on a loop that answers T exp(jwk) without a first error."""
     law, w, T = PType(0.7, lead=2, smoothing=3), 0.4, 0.8 * np.exp(-0.9j)
-    (M,) = law.iteration(np.array([w]), np.array([[[T]]]), 0)
+    (M,) = law.iteration(np.array([w]), 0)(np.array([[[T]]]))
     wave = np.exp(1j * w * np.arange(60))[:, None]
     parts = [
         np.asarray(law.update(jnp.asarray(c), jnp.asarray(e)))

@@ -1,0 +1,137 @@
+"""A self-tuning servo: recursive least squares for the input gain, and placed poles.
+
+Of Horowitz & McCormick in the volume of 1990 there is no text here: this is the textbook algorithm
+(Astrom & Wittenmark) on the arm of a disk drive, a sampled double integrator of unknown gain b,
+
+    y(k) = 2 y(k-1) - y(k-2) + b f(k),     f(k) = u(k-1) + u(k-2)
+    D = forget + P f^2,    b += P f (y(k) - 2 y(k-1) + y(k-2) - b f) / D
+    P = min((P - P^2 f^2 / D) / forget, P_max)
+    u(k) = (k_p (r - y(k)) - k_r (y(k) - y(k-1))) / max(2 b, b_min)
+With the right b the poles are the roots of
+    z^3 + ((k_p + k_r)/2 - 2) z^2 + (1 + k_p/2) z - k_r/2.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from jcontour.controller import Controller, checked_gain
+from jcontour.motion.references import Reference
+from jcontour.sensors import Sensors
+from jcontour.tracing import is_concrete
+
+LEAST_GAIN = 1e-3  # b_min: no control is divided by less
+LARGEST_VARIANCE = 1e6  # P_max: without excitation P would grow for ever
+
+
+class Estimate(NamedTuple):
+    """Memory: two samples of the past, and what is known of b."""
+
+    position: Float[Array, "2 m"]  # y(k-1), y(k-2)
+    control: Float[Array, "2 m"]  # u(k-1), u(k-2)
+    gain: Float[Array, " m"]
+    variance: Float[Array, " m"]
+    sample: Int[Array, ""]
+
+
+class SelfTuning(Controller):
+    """Self-tuning servo of every axis, on measured positions.
+
+    >>> first, second = placed_gains(0.9, 0.8)
+    >>> round(first, 6), round(second, 6)
+    (0.016608, 0.244211)
+
+    Args:
+        position: k_p.
+        rate: k_r.
+        sensors: where the positions stand in the measurement.
+        gain: first estimate of b.
+        variance: first P.
+        forgetting: factor by which old samples count less.
+
+    Raises:
+        ValueError: a gain is negative or not finite, or the factor is not above zero and at most
+            one.
+    """
+
+    position: Float[Array, ""]
+    rate: Float[Array, ""]
+    gain: Float[Array, ""]
+    variance: Float[Array, ""]
+    forgetting: Float[Array, ""]
+    sensors: Sensors
+    preview: int = eqx.field(static=True, default=0)
+
+    def __init__(
+        self,
+        position: ArrayLike,
+        rate: ArrayLike,
+        sensors: Sensors,
+        gain: ArrayLike,
+        variance: ArrayLike = 1e4,  # hardly anything is known at first
+        forgetting: ArrayLike = 0.95,  # of the last twenty samples
+    ):
+        self.position, self.rate = checked_gain("position", position), checked_gain("rate", rate)
+        self.gain, self.variance = checked_gain("gain", gain), checked_gain("variance", variance)
+        if is_concrete(forgetting) and not 0 < np.asarray(forgetting) <= 1:
+            raise ValueError(
+                f"forgetting: needs to be above zero and at most one, received {forgetting}"
+            )
+        self.forgetting, self.sensors = jnp.asarray(forgetting, float), sensors
+        self.preview = 0
+
+    def prepare(self, reference: Reference) -> Float[Array, "T m"]:
+        """Positions of the reference."""
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference: Reference) -> Estimate:
+        """Nothing seen and no control yet."""
+        axes = self.sensors.axes
+        past = jnp.zeros((2, axes), reference.position.dtype)
+        known = (jnp.full(axes, self.gain), jnp.full(axes, self.variance))
+        return Estimate(past, past, *known, jnp.zeros((), int))
+
+    def step(self, memory: Estimate, plan, measurement) -> tuple[Estimate, Float[Array, " m"]]:
+        """Next estimate and the control.
+
+        The first sample is taken at rest; b is learned from the third on.
+        """
+        y = self.sensors.positions(measurement)
+        before = jnp.where(memory.sample == 0, y, memory.position[0])
+        earlier = memory.position[1]
+        f = memory.control[0] + memory.control[1]
+        D = self.forgetting + memory.variance * f**2
+        miss = y - 2 * before + earlier - memory.gain * f
+        gain = memory.gain + memory.variance * f * miss / D
+        variance = (memory.variance - memory.variance**2 * f**2 / D) / self.forgetting
+        seen = memory.sample >= 2
+        gain = jnp.where(seen, gain, memory.gain)
+        variance = jnp.where(seen, jnp.minimum(variance, LARGEST_VARIANCE), memory.variance)
+        wanted = self.position * (plan - y) - self.rate * (y - before)
+        control = wanted / jnp.maximum(2 * gain, LEAST_GAIN)
+        positions = jnp.stack([y, before])
+        controls = jnp.stack([control, memory.control[0]])
+        return Estimate(positions, controls, gain, variance, memory.sample + 1), control
+
+
+def placed_gains(first: complex, second: complex) -> tuple[float, float]:
+    """Gains (k_p, k_r) that put two poles there; the third follows.
+
+    Raises:
+        ValueError: the poles are equal, or neither real nor a conjugate pair.
+    """
+    poles = np.array([first, second], complex)
+    # z^3 - 2 z^2 + z + k_p (z^2 + z)/2 + k_r (z^2 - 1)/2 = 0
+    left = np.stack([(poles**2 + poles) / 2, (poles**2 - 1) / 2], axis=1)
+    right = -(poles**3 - 2 * poles**2 + poles)
+    if abs(first - second) < 1e-12 or abs(np.sum(poles).imag) > 1e-12:
+        raise ValueError(
+            f"poles: need two different real ones or a conjugate pair, received {first}, {second}"
+        )
+    gains = np.linalg.solve(left, right)
+    if np.max(np.abs(gains.imag)) > 1e-9:
+        raise ValueError(f"poles: need a conjugate pair, received {first}, {second}")
+    return float(gains[0].real), float(gains[1].real)

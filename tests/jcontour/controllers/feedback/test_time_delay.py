@@ -1,0 +1,109 @@
+"""Time-delay control against reference numbers and on a servo."""
+
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedback.time_delay import TimeDelayControl
+from jcontour.geometry.contours import line
+from jcontour.motion.references import from_samples
+from jcontour.plant import Plant
+from jcontour.sensors import Sensors, motors
+from jcontour.simulation.closed_loop import simulate
+
+DATA = Path(__file__).parents[3] / "data" / "adaptive" / "companions.json"
+COMPANIONS = json.loads(DATA.read_text())
+PERIOD, LOST = 1e-3, 1e3
+ROWS = [(0.0, row) for row in COMPANIONS["tdc_double_integrator"]]
+ROWS += [(1e4, row) for row in COMPANIONS["tdc_magnetic_bearing_k_1e4"]]
+
+
+class Bearing(Plant):
+    """acc = kx x + b u + 5 sin(4 pi t), held over the step; x before v, as the numbers have it."""
+
+    spring: float
+    gain: float
+    dt: float = PERIOD
+
+    def initial_state(self, position, increment):
+        return position, increment / self.dt, jnp.zeros(())
+
+    def step(self, state, control):
+        x, v, k = state
+        force = 5 * jnp.sin(4 * jnp.pi * k * self.dt)
+        acceleration = self.spring * x + self.gain * control + force
+        return (
+            x + self.dt * v + self.dt**2 * acceleration / 2,
+            v + self.dt * acceleration,
+            k + 1,
+        )
+
+    def output(self, state):
+        return state[0]
+
+    def measure(self, state):
+        return state[:2]
+
+
+def step_of_a_centimetre(steps):
+    wanted, ahead = np.full((steps + 1, 1), 0.01), np.ones((steps + 1, 1))
+    contour = line([0.0], [0.02])
+    return from_samples(wanted, ahead, PERIOD, 1, contour, in_motion=False)
+
+
+@pytest.mark.parametrize(("spring", "row"), ROWS)
+def test_what_is_left_is_that_of_the_reference(spring, row):
+    reference = step_of_a_centimetre(2000)
+    controller = TimeDelayControl(400.0, 40.0, 1.0, motors(1), PERIOD)
+    plant = Bearing(spring, row["b_over_bhat"])
+    rest = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(()))
+    run = simulate(plant, controller, reference, rest)
+    error = np.abs(0.01 - np.asarray(run.output)[:, 0])
+    if row["tail_max_err_m"] == "inf":
+        assert not np.all(error < LOST)
+    else:
+        np.testing.assert_allclose(error[-200:].max(), float(row["tail_max_err_m"]), rtol=1e-8)
+
+
+def test_a_moving_reference_is_followed_with_its_acceleration():
+    """On the exact double integrator nothing is left but the sampling."""
+    steps, k = 800, np.arange(802)
+    path = 0.01 * (1 - np.cos(2 * np.pi * k / 400))[:, None]
+    reference = from_samples(path, np.ones_like(path), PERIOD, 2, in_motion=False)
+    controller = TimeDelayControl(400.0, 40.0, 1.0, motors(1), PERIOD)
+    run = simulate(Bearing(0.0, 1.0), controller, reference)
+    late = np.abs(np.asarray(run.output)[400:, 0] - path[400:steps, 0])
+    assert late.max() < 3e-4
+
+
+def test_gradients():
+    reference = step_of_a_centimetre(60)
+
+    @jax.jit
+    def scored(gains):
+        controller = TimeDelayControl(gains[0], gains[1], gains[2], motors(1), PERIOD)
+        return 1e3 * jnp.mean((simulate(Bearing(1e3, 1.0), controller, reference).control) ** 2)
+
+    start = jnp.array([400.0, 40.0, 1.2])
+    for k, slope in enumerate(jax.grad(scored)(start)):
+        h = 1e-5 * float(start[k])
+        ahead, behind = (float(scored(start.at[k].add(side))) for side in (h, -h))
+        assert float(slope) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((-1.0, 1.0, 1.0, motors(1), PERIOD), "stiffness: needs to be finite"),
+        ((1.0, 1.0, 0.0, motors(1), PERIOD), "input_gain: needs to be above zero"),
+        ((1.0, 1.0, 1.0, motors(1), 0.0), "dt: needs to be above zero"),
+        ((1.0, 1.0, 1.0, Sensors((0,)), PERIOD), "sensors: time-delay control needs speeds"),
+    ],
+)
+def test_bad_input(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        TimeDelayControl(*arguments)
