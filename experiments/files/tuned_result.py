@@ -99,6 +99,19 @@ class RobustTest:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Standstill:
+    """Controls while the tool is held between two counts; the worst of the family.
+
+    Attributes:
+        rms_control: [control unit].
+        rms_increment: [control unit per sample].
+    """
+
+    rms_control: float
+    rms_increment: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class ActiveLimit:
     """A limit that stops further improvement.
 
@@ -161,6 +174,7 @@ class TunedResult:
         margins, start_margins: of the tuned weights and of the start.
         active: limits that stop further improvement, the dearest first.
         robust: random plants of the family; None where the family is a single plant.
+        standstill: of the start weights and of the tuned ones; empty where nothing is counted.
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
@@ -182,6 +196,7 @@ class TunedResult:
     reasons: list[str] = field(default_factory=list)
     active: list[ActiveLimit] = field(default_factory=list)
     robust: RobustTest | None = None
+    standstill: dict[str, Standstill] = field(default_factory=dict)
     limits: dict[str, float]
     evaluated_points: int
     diverged_points: int

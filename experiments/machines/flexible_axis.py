@@ -73,6 +73,11 @@ class FlexibleMachine(MotorMeasuredMachine):
         return "stick, slip and encoder counts"
 
     @property
+    def resolution(self) -> float:
+        """Of the motors' encoders."""
+        return self.encoder_resolution
+
+    @property
     def usual(self) -> Usual:
         """Motions of a single axis, contours of several."""
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE

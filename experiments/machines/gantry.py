@@ -59,6 +59,11 @@ class GantryMachine(MotorMeasuredMachine):
         return "encoder counts" if self.friction is None else "stick, slip and encoder counts"
 
     @property
+    def resolution(self) -> float:
+        """Of the motors' encoders."""
+        return ENCODER_RESOLUTION
+
+    @property
     def usual(self) -> Usual:
         """Contours at several positions along the beam."""
         return Usual(

@@ -64,6 +64,11 @@ class LinearMachine(Machine):
         return "quantised encoders"
 
     @property
+    def resolution(self) -> float:
+        """Of the position encoders."""
+        return self.encoder_resolution
+
+    @property
     def usual(self) -> Usual:
         """Contouring on short parts."""
         return USUAL

@@ -108,6 +108,11 @@ class Machine(abc.ABC):
         return "contour" if len(self.axes) > 1 else "tracking"
 
     @property
+    def resolution(self) -> float | None:
+        """Length of a count of the encoders [m]; None where nothing is counted."""
+        return None
+
+    @property
     @abc.abstractmethod
     def usual(self) -> Usual:
         """Defaults of the commands on this machine."""

@@ -122,7 +122,7 @@ def values_block(result: TunedResult) -> list[str]:
         lines.append(f"  {name:<23}  {value:<24} start: {before}")
     if margins.lost_first is not None:
         lines.append(lost_first_line(margins.lost_first, result.machine.axes))
-    lines += robust_lines(result)
+    lines += robust_lines(result) + standstill_lines(result)
     effects = result.machine.nonsmooth_effects
     lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
     lines += [_gap_line(row) for row in result.gap]
@@ -147,6 +147,17 @@ def robust_lines(result: TunedResult) -> list[str]:
     lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
     worst = f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour}"
     return [f"{test.members} random plants of the family: {lost}, {worst}"]
+
+
+def standstill_lines(result: TunedResult) -> list[str]:
+    """What rounding makes the controls do while the tool is held."""
+    if set(result.standstill) != {"start", "tuned"}:
+        return []
+    start, tuned = result.standstill["start"], result.standstill["tuned"]
+    unit = result.machine.control_unit
+    control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
+    increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
+    return [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
 
 
 def sentence(result: TunedResult) -> str:

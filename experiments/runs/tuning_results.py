@@ -14,6 +14,7 @@ from experiments.files.tuned_result import (
     HistoryPoint,
     PathMargins,
     RobustTest,
+    Standstill,
     TunedContour,
     TunedResult,
 )
@@ -25,6 +26,7 @@ from experiments.runs.family_loops import family_curves, family_peaks
 from experiments.runs.path_margins import path_margins
 from experiments.runs.recommendation import active_limits, reasons_against
 from experiments.runs.robustness import robust_test
+from experiments.runs.standstill import standstill
 from experiments.runs.tuning import TuningRun
 from experiments.runs.warnings import exceeded_limits, run_warnings
 from jcontour.analysis.sensitivity import LoopPeaks
@@ -36,11 +38,12 @@ from tuning.tune import Tuned, TuneState
 
 @dataclass(frozen=True)
 class Trial:
-    """Weights on the machines with all effects: every run, margins and curves of the loops."""
+    """Weights on the machines with all effects: every run, margins and curves, standstill."""
 
     replay: Replay
     margins: PathMargins
     curves: FamilyCurves
+    standstill: Standstill | None
 
 
 def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
@@ -64,7 +67,8 @@ def _tried(run: TuningRun, controller: Controller, known: LoopPeaks | None = Non
     tried = controller, run.machine, run.scenarios, run.design.fed
     peaks = family_peaks(*tried) if known is None else known
     found = path_margins(*tried, peaks), family_curves(*tried, peaks)
-    return Trial(replay(controller, run.scenarios), *found)
+    held = standstill(controller, run.machine, run.design.fed)
+    return Trial(replay(controller, run.scenarios), *found, held)
 
 
 def machine_summary(machine: Machine) -> MachineSummary:
@@ -106,6 +110,7 @@ def tuned_result(
         reasons=reasons,
         active=active_limits(tuned.prices, run.limits),
         robust=robust,
+        standstill={name: one.standstill for name, one in trials.items() if one.standstill},
         limits=run.limits,
         evaluated_points=len(tuned.history),
         diverged_points=tuned.diverged_points,

@@ -1,0 +1,57 @@
+"""Standstill on counting encoders, against one run after another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for
+from experiments.machines.linear import bridgeport_machine
+from experiments.machines.own_plant import machine_of
+from experiments.options import Simulate
+from experiments.runs.standstill import BETWEEN, SAMPLES, SETTLED, standstill
+from jcontour.geometry.contours import line
+from jcontour.motion.references import along
+from jcontour.plants import bridgeport
+from jcontour.simulation.closed_loop import simulate
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return replace(bridgeport_machine(), gain=0.0, delay=0)  # one plant
+
+
+def controller_of(machine):
+    design = design_for(machine, Simulate(preview=3))
+    return design.build(design.start._replace(drift=1e-2, control_noise=1e-2))
+
+
+def test_it_is_the_worst_of_single_runs(machine):
+    controller = controller_of(machine)
+    (plant,) = machine.true_family()
+    controls, increments = [], []
+    for part in BETWEEN:
+        place = np.full(2, part * machine.encoder_resolution)
+        path = line(place, place + 1.0)
+        run = along(path, np.zeros(SAMPLES), machine.model.dt, 3, at_rest=True)
+        control = np.asarray(simulate(plant, controller, run).control)[SETTLED:SAMPLES]
+        controls.append(np.sqrt(np.mean(np.sum(control**2, axis=1))))
+        moved = np.diff(control, axis=0)
+        increments.append(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
+    found = standstill(controller, machine, "outputs")
+    assert found.rms_control == pytest.approx(max(controls), rel=1e-9) and max(controls) > 1e-6
+    # the metric counts one increment more or less at the ends of its window
+    assert found.rms_increment == pytest.approx(max(increments), rel=1e-2)
+
+
+def test_finer_counts_are_quieter(machine):
+    coarse = standstill(controller_of(machine), machine, "outputs")
+    fine = replace(machine, encoder_resolution=machine.encoder_resolution / 10)
+    quiet = standstill(controller_of(machine), fine, "outputs")
+    assert quiet.rms_control < 0.5 * coarse.rms_control
+
+
+def test_nothing_is_said_where_nothing_is_counted(machine):
+    controller = controller_of(machine)
+    assert standstill(controller, machine, "state") is None
+    assert standstill(controller, machine_of(bridgeport(), "own"), "outputs") is None
