@@ -164,4 +164,6 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
     if found.limitable:
         steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
-    return [f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]
+    steps.append("jcontour rank    (the same machine and parts under simpler loops, as P-PI)")
+    load = [f"Load: {name}: {words}" for name, words in found.files.items()]
+    return [*load, f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

@@ -105,6 +105,11 @@ class Design(abc.ABC):
     def weight_lines(self, weights: dict[str, Any]) -> list[str]:
         """Named weights with their units, one line each, as an engineer types them into a drive."""
 
+    @property
+    @abc.abstractmethod
+    def files(self) -> dict[str, str]:
+        """Files that `save` writes, and how a drive reads each, in a few words."""
+
     @abc.abstractmethod
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Files of a tuned controller beside its weights."""

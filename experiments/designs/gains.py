@@ -68,6 +68,11 @@ class GainDesign(Design):
             for name, value in weights.items()
         ]
 
+    @property
+    def files(self) -> dict[str, str]:
+        """One file."""
+        return {"controller.json": "every number of the controller by its place, SI units"}
+
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """All numbers of the controller, whatever is inside, by their place."""
         run_folder.write_json(

@@ -203,6 +203,15 @@ class LQDesign(Design):
         samples = self.machine.known_delay + self.late
         return f"{samples} sample{'' if samples == 1 else 's'}"
 
+    @property
+    def files(self) -> dict[str, str]:
+        """Gain schedules, and the observer where there is one."""
+        law = "u = f - F x" if self.fed == "state" else "u = f - F xf"
+        found = {"gains*.csv": f"a row for every sample of a training contour, {law}"}
+        if self.fed == "outputs":
+            found["observer.json"] = "its equations, in the order of a sample, and its matrices"
+        return found
+
     def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
         """Gain schedules of the training contours as CSV, and the observer.
 

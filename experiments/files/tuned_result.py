@@ -165,6 +165,7 @@ class TunedResult:
         terminal: cost at the end of an LQ controller's horizon; None for other controllers.
         model_delay: samples of the unknown delay in an LQ controller's model; None likewise.
         limitable: a constrained MPC has the same weights: `jcontour verify` replays it.
+        files: what a drive loads, and how it is read.
         start, weights: before and after tuning.
         weight_lines: the tuned weights with their units, for people.
         violation: logarithm of how far a limit is exceeded; None where nothing could be run.
@@ -187,6 +188,7 @@ class TunedResult:
     terminal: str | None = None
     model_delay: int | None = None
     limitable: bool = False
+    files: dict[str, str] = field(default_factory=dict)
     start: dict[str, Weight]
     weights: dict[str, Weight]
     weight_lines: list[str] = stored_as("values")

@@ -101,6 +101,7 @@ def tuned_result(
         error=error,
         **run.design.settings(),
         limitable=run.design.limitable,
+        files=run.design.files,
         start=plain_weights(run.before.start),
         weights=weights,
         weight_lines=run.design.weight_lines(weights),

@@ -1,11 +1,13 @@
 """One whole `jcontour tune` on a tiny machine."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.tune import next_steps
 from experiments.files.netcdf import load_dataset
 from experiments.files.results import read_result, to_json
 from experiments.files.tuned_result import TunedResult
@@ -94,3 +96,13 @@ def test_the_history_holds_every_point(tuned, result):
     chosen = min(one["objective"] for one in kept)
     smooth = max(row.smooth for row in result.gap)
     assert chosen == pytest.approx(smooth, rel=1e-3)
+
+
+def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
+    assert set(result.files) == {"gains*.csv", "observer.json"}
+    for pattern in result.files:
+        assert list(tuned.glob(pattern)), pattern
+    lines = next_steps(replace(result, usable=True), tuned)
+    assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
+    assert any("jcontour rank" in line for line in lines)
+    assert next_steps(replace(result, usable=False), tuned) == []
