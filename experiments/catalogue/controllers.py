@@ -10,6 +10,7 @@ from experiments.catalogue.designs import (
     contouring_scheme_designs,
     flexible_axis_designs,
     gantry_designs,
+    linear_feedforward_designs,
     lq_designs,
 )
 from experiments.catalogue.entries import ConstrainedEntry, ControllerEntry, Requirement
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 
 def _lq(line: str) -> ControllerEntry:
     return ControllerEntry(line, LINEAR, lq_designs)
+
+
+def _linear_cascade(line: str, alias: str | None = None) -> ControllerEntry:
+    return ControllerEntry(line, LINEAR, linear_feedforward_designs, alias)
 
 
 def _on_axis(line: str) -> ControllerEntry:
@@ -69,6 +74,14 @@ CONTROLLERS = {
         "finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused"
     ),
     "preview-lq-state": _lq("the same fed the true state"),
+    "linear-cascade": _linear_cascade("P-PI cascade on encoders, speeds by difference", "cascade"),
+    "linear-cascade-feedforward": _linear_cascade(
+        "the same fed speed, acceleration and viscous friction", "cascade-feedforward"
+    ),
+    "zpetc": _linear_cascade("zero phase error tracking (Tomizuka) in front of the cascade"),
+    "optimal-feedforward": _linear_cascade(
+        "l1-optimal feedforward with preview (Alter & Tsao) in front of the cascade"
+    ),
     "cascade": _on_axis("P position loop around a PI velocity loop"),
     "cascade-feedforward": _on_axis(
         "P-PI cascade fed what the motion needs: speed, inertia, viscous and dry friction"

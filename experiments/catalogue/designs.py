@@ -27,6 +27,20 @@ def lq_designs() -> Mapping[str, MakeDesign]:
 
 
 @cache
+def linear_feedforward_designs() -> Mapping[str, MakeDesign]:
+    """Cascades on a machine given by A, B, C, and inverse feedforward in front of them."""
+    from experiments.designs import feedforward
+
+    design = feedforward.feedforward_design
+    return {
+        "linear-cascade": design(feedforward.Plain),
+        "linear-cascade-feedforward": design(feedforward.MotionFeedforward),
+        "zpetc": design(feedforward.ZeroPhase),
+        "optimal-feedforward": design(feedforward.Optimal),
+    }
+
+
+@cache
 def flexible_axis_designs() -> Mapping[str, MakeDesign]:
     """Cascades and state feedback on flexible axes."""
     from experiments.designs import flexible_axis as axis

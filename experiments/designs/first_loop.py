@@ -52,7 +52,9 @@ def first_loop(
     series = [_weights(machine, bandwidth, start) for bandwidth in BANDWIDTHS]
     family = stack_plants(machine.smooth_family(fed))
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
-    peaks = np.asarray(_peaks(build, stacked, family, _lines(machine, preview)))
+    peaks = np.asarray(
+        sensitivity_peaks(build, stacked, family, straight_windows(machine, preview))
+    )
     kept = np.flatnonzero(peaks <= SENSITIVITY)
     return series[kept[0] if kept.size else int(np.argmin(peaks))]
 
@@ -76,7 +78,7 @@ def _gain(machine: LinearMachine, bandwidth: float) -> float:
     return float(np.linalg.svd(G, compute_uv=False)[-1])
 
 
-def _lines(machine: LinearMachine, preview: int) -> Reference:
+def straight_windows(machine: LinearMachine, preview: int) -> Reference:
     """Windows on straight lines along the first axis and across all of them."""
     axes, dt = machine.model.axes, machine.model.dt
     directions = np.eye(axes)[0], np.ones(axes) / np.sqrt(axes)
@@ -86,13 +88,13 @@ def _lines(machine: LinearMachine, preview: int) -> Reference:
     return probe_windows(stack_references(runs), 1)
 
 
-def _peaks(build, series: LoopWeights, family: Plant, windows: Reference) -> np.ndarray:
-    """Largest peak sensitivity of every loop of the series."""
+def sensitivity_peaks(build, series, family: Plant, windows: Reference) -> np.ndarray:
+    """Largest peak sensitivity of every loop of the series, weights with a leading axis."""
     loops = jax.device_get(_loops(build, series, family, windows))
     peaks = host_peaks(loops, encoding_of(family, windows))
     return np.max(peaks.sensitivity, axis=(1, 2))
 
 
 @eqx.filter_jit
-def _loops(build, series: LoopWeights, family: Plant, windows: Reference) -> FrozenLoop:
+def _loops(build, series, family: Plant, windows: Reference) -> FrozenLoop:
     return jax.vmap(lambda weights: frozen_family(build(weights), family, windows))(series)

@@ -55,28 +55,48 @@ class PreviewFilter(eqx.Module):
         Raises:
             ValueError: the reference has fewer preview samples than the filter.
         """
-        if reference.preview < self.preview:
-            raise ValueError(
-                f"preview: the filter looks {self.preview} samples ahead, "
-                f"the reference was made with {reference.preview}"
-            )
+        self._check_preview(reference)
         last = reference.steps + self.preview
         return self.filtered(reference.position[:last], reference.start_increment)
+
+    def before_and_of(self, reference: Reference) -> Float[Array, "both m"]:
+        """Filtered positions from `preview` samples before the first control step on.
+
+        Raises:
+            ValueError: as `of`.
+        """
+        self._check_preview(reference)
+        last = reference.steps + self.preview
+        return self._whole(reference.position[:last], reference.start_increment)
 
     def filtered(
         self, samples: Float[Array, "S m"], increment: Float[Array, " m"]
     ) -> Float[Array, "S-p m"]:
         """Filtered samples; `increment` is their motion per sample before the first."""
-        axes = samples.shape[1]
-        top, below = (
-            jnp.broadcast_to(one, (axes, one.shape[-1]))
-            for one in (self.numerator, self.denominator)
-        )
+        return self._whole(samples, increment)[self.preview :]
+
+    def _whole(
+        self, samples: Float[Array, "S m"], increment: Float[Array, " m"]
+    ) -> Float[Array, "S m"]:
+        """The same from `preview` samples before the first on."""
+        top, below = self._rows(samples.shape[1])
         count = jnp.arange(samples.shape[0], dtype=samples.dtype)[:, None]
         steady = samples[:1] + count * increment[None]
         out = self._steady(top, below, samples[0], increment, count)
-        out = out + causal(top, below, samples - steady)
-        return out[self.preview :]
+        return out + causal(top, below, samples - steady)
+
+    def _check_preview(self, reference: Reference) -> None:
+        if reference.preview < self.preview:
+            raise ValueError(
+                f"preview: the filter looks {self.preview} samples ahead, "
+                f"the reference was made with {reference.preview}"
+            )
+
+    def _rows(self, axes: int) -> tuple[Float[Array, "m c"], Float[Array, "m d"]]:
+        """Numerator and denominator of every axis."""
+        found = (self.numerator, self.denominator)
+        top, below = (jnp.broadcast_to(one, (axes, one.shape[-1])) for one in found)
+        return top, below
 
     def _steady(self, top, below, start, increment, count) -> Float[Array, "S m"]:
         """Answer to the steady motion start + k increment: H(1) r - H'(1) dr."""

@@ -1,0 +1,257 @@
+"""Cascades on linear machines, and feedforward in front of them, built from gains.
+
+The cascade begins as the fastest of a series that keeps a margin on the whole family. Velocity
+loops cross over at w, position loops at a quarter of it:
+
+    k_pv = 1 / (|1 + 1/(j c)| |G_v(w)|),   T_iv = c / w,   k_pp = w / 4
+
+G_v is the response of an axis from control to speed. The series goes through w and c.
+"""
+
+import abc
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
+from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.machines.linear import LinearMachine
+from experiments.options import Controlled
+from jcontour.controller import Controller
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
+from jcontour.controllers.feedforward.model_following import ModelFollowing
+from jcontour.controllers.feedforward.preview_filter import PreviewFilter
+from jcontour.controllers.feedforward.tuned_inverse import (
+    OptimalInverse,
+    optimal_filter,
+    zero_phase_inverse,
+)
+from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transfer_functions import TransferFunction, transfer_function
+from jcontour.linear.transformations import with_input_delay
+from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.sensors import Sensors, motors
+from jcontour.simulation.evaluation import stack_plants
+from tuning.parameters import Interval
+
+CROSSOVERS = np.geomspace(0.5, 3e-3, 16)  # w [rad per sample] from fast to slow
+CORNERS = (0.2, 1.0, 3.0)  # c: the first for drives that take a speed, the last for currents
+ORDER, CONSTRAINT = 1, 2  # of the model and of the weight: bounded acceleration
+SMOOTHING = Gain(0.05, "", Interval(1e-3, 0.3))  # 1/4 is Alter & Tsao's model
+WEIGHT = Gain(1.0, "", Interval(0.8, 1.2))  # 1 is theirs: no error on a steady motion
+
+
+class Scheme(abc.ABC):
+    """A cascade and what is in front of it, on one machine.
+
+    Args:
+        machine: what it is for.
+        late: samples of the unknown delay that the nominal machine has.
+        preview: samples that may be looked ahead.
+    """
+
+    def __init__(self, machine: LinearMachine, late: int, preview: int):
+        self.machine, self.late, self.preview = machine, late, preview
+
+    @abc.abstractmethod
+    def gains(self) -> dict[str, Gain]:
+        """Gains beside those of the loops."""
+
+    @abc.abstractmethod
+    def build(self, gains: Gains) -> Controller:
+        """The controller."""
+
+
+class Plain(Scheme):
+    """The cascade alone."""
+
+    def gains(self) -> dict[str, Gain]:
+        """None."""
+        return {}
+
+    def build(self, gains: Gains) -> Controller:
+        """The cascade; of the gains those that it knows."""
+        return cascade(self.machine, gains)
+
+
+class MotionFeedforward(Plain):
+    """The cascade fed what the motion needs."""
+
+    def gains(self) -> dict[str, Gain]:
+        """Control that holds a speed, and that of the speed's lag."""
+        viscous, inertia = zip(*map(_steady_control, _axes(self.machine.model)), strict=True)
+        unit = self.machine.control_unit
+        return {
+            "feedforward": Gain(1.0, ""),
+            "inertia": Gain(np.maximum(inertia, 1e-9), f"{unit} s^2/m"),
+            "viscous": Gain(np.array(viscous), f"{unit} s/m"),
+        }
+
+
+class _Inverse(Scheme):
+    """The cascade behind an inverse of its nominal machine."""
+
+    def __init__(self, machine: LinearMachine, late: int, preview: int):
+        super().__init__(machine, late, preview)
+        with jax.ensure_compile_time_eval():
+            self.nominal = with_input_delay(machine.model, late)
+        self.axes = _axes(self.nominal)
+
+    @abc.abstractmethod
+    def ahead(self, gains: Gains) -> PreviewFilter:
+        """The inverse."""
+
+    def build(self, gains: Gains) -> Controller:
+        """The cascade, whose position loop is fed the speed, behind the inverse."""
+        return InverseFeedforward(
+            cascade(self.machine, {**gains, "feedforward": 1.0}),
+            self.ahead(gains),
+            Encoders(self.nominal),
+            _limit(self.machine),
+        )
+
+
+class ZeroPhase(_Inverse):
+    """Zero phase error tracking."""
+
+    def gains(self) -> dict[str, Gain]:
+        """Bandwidth of the model."""
+        return {"smoothing": SMOOTHING}
+
+    def ahead(self, gains: Gains) -> PreviewFilter:
+        """The zero-phase inverse."""
+        return zero_phase_inverse(self.axes, gains["smoothing"])
+
+
+class Optimal(_Inverse):
+    """l1-optimal feedforward.
+
+    Raises:
+        ValueError: the preview is shorter than the delay, or an axis has a zero on the unit circle.
+    """
+
+    def __init__(self, machine: LinearMachine, late: int, preview: int):
+        super().__init__(machine, late, preview)
+        following = ModelFollowing(ORDER, preview, CONSTRAINT)
+        self.inverses = [
+            OptimalInverse(axis, following, SMOOTHING.start, WEIGHT.start) for axis in self.axes
+        ]
+
+    def gains(self) -> dict[str, Gain]:
+        """Bandwidth of the model and weight of the error."""
+        return {"smoothing": SMOOTHING, "weight": WEIGHT}
+
+    def ahead(self, gains: Gains) -> PreviewFilter:
+        """The optimal inverse."""
+        return optimal_filter(self.inverses, gains["smoothing"], gains["weight"])
+
+
+def cascade(machine: LinearMachine, gains: Gains) -> Controller:
+    """P-PI on the encoders; of the gains those that it knows."""
+    known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
+    axes, dt = len(machine.axes), machine.model.dt
+    loops = Cascade(CascadeGains(**known), motors(axes), dt, _limit(machine))
+    return SpeedByDifference(loops, Sensors(range(axes)), dt)
+
+
+def feedforward_design(
+    scheme: type[Scheme],
+) -> Callable[[str, str, LinearMachine, Controlled], GainDesign]:
+    """Maker of a design from a scheme."""
+
+    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> GainDesign:
+        found = scheme(machine, _late(machine, flags), flags.preview)
+        gains = {**first_cascade(machine), **found.gains()}
+        start = {key: gain.start for key, gain in gains.items()}
+        space = {key: gain.parameter for key, gain in gains.items()}
+        preview = found.build(start).preview
+        return GainDesign(
+            name,
+            machine,
+            start,
+            space,
+            preview,
+            "outputs",
+            lambda _, values: found.build(values),
+            line,
+            gains,
+        )
+
+    return design
+
+
+def first_cascade(machine: LinearMachine) -> dict[str, Gain]:
+    """Gains of the fastest cascade of the series that keeps the margin on the family.
+
+    Where none keeps it, those with the smallest peak.
+    """
+    axes = _axes(machine.model)
+    series = [_loops(axes, w, c) for w, c in product(CROSSOVERS, CORNERS)]
+    stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
+    family = stack_plants(machine.smooth_family())
+    peaks = np.asarray(
+        sensitivity_peaks(
+            lambda gains: cascade(machine, gains), stacked, family, straight_windows(machine, 1)
+        )
+    )
+    kept = np.flatnonzero(peaks <= SENSITIVITY)
+    found = series[kept[0] if kept.size else int(np.argmin(peaks))]
+    unit = machine.control_unit
+    units = {"position": "1/s", "velocity": f"{unit} s/m", "integral_time": "s"}
+    return {name: Gain(found[name], words) for name, words in units.items()}
+
+
+def _loops(axes: list[TransferFunction], crossover: float, corner: float) -> dict[str, Any]:
+    """Gains of one cascade of the series."""
+    point, dt = np.exp(-1j * crossover), axes[0].dt
+    speeds = [abs(axis.response(point) * (1 - point)) / dt for axis in axes]
+    share = abs(1 + 1 / (1j * corner))
+    return {
+        "position": float(crossover / dt / 4),
+        "velocity": 1 / (share * np.array(speeds)),
+        "integral_time": float(corner * dt / crossover),
+    }
+
+
+def _steady_control(axis: TransferFunction) -> tuple[float, float]:
+    """Control per speed and per acceleration of a slow motion: P^-1 = k_v s + k_a s^2 + ...
+
+    The cascade's speed is that of half a sample later, which is a share of k_a.
+    """
+    w = np.array([1e-3, 2e-3]) / axis.dt  # [rad/s]
+    s = 1j * w
+    inverse = 1 / (axis.response(np.exp(-s * axis.dt)) * s)  # k_v + k_a s
+    viscous = float(np.real(inverse[0]))
+    inertia = float(np.imag(inverse[1] - inverse[0]) / (w[1] - w[0]))
+    return viscous, inertia - viscous * axis.dt / 2
+
+
+def _axes(model: LinearPlant) -> list[TransferFunction]:
+    """Transfer function of every axis from its own control."""
+    return [transfer_function(model, axis, axis) for axis in range(model.axes)]
+
+
+def _late(machine: LinearMachine, flags: Controlled) -> int:
+    """Samples of the unknown delay in the nominal machine.
+
+    Raises:
+        ValueError: the flag is not within what the machine may have.
+    """
+    if flags.model_delay is None:
+        return machine.middle_delay
+    if not 0 <= flags.model_delay <= machine.delay:
+        raise ValueError(
+            f"model-delay: {machine.name} may be 0 to {machine.delay} samples late beyond what is "
+            f"known, received {flags.model_delay}"
+        )
+    return flags.model_delay
+
+
+def _limit(machine: LinearMachine) -> Any:
+    return np.inf if machine.limits.control is None else machine.limits.control

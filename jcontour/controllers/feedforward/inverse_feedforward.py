@@ -1,0 +1,110 @@
+"""Feedforward in front of any feedback: the control of a nominal motion, and feedback on the rest.
+
+    u(k) = u_n(k) + [C(y(k)) - C(y_n(k))],    u_n = F(lambda) r(k + N_p),   y_n = P u_n
+C is the feedback with its own reference and memory, run once on the machine and once on the
+nominal machine P. Of a linear feedback this is the loop of Alter & Tsao,
+    u = C_fb (r_p - y) + C_ff r_p   with   C_ff = F - C_fb,
+whatever the feedback feeds forward itself. The nominal motion depends on the reference only: it is
+computed before the run. It has acted on the preview already when the run starts; the machine has
+not, and the feedback removes the difference.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from jcontour.controller import Controller, Plan, Wrapper, check_limit, check_preview
+from jcontour.controllers.feedforward.preview_filter import PreviewFilter
+from jcontour.motion.references import Reference
+from jcontour.plant import Plant
+
+
+class InversePlan(NamedTuple):
+    """Plan of the feedback, and what is added to its control."""
+
+    inner: Any
+    ahead: Float[Array, "*T p"]
+
+
+class InverseFeedforward(Wrapper):
+    """Any controller behind the inverse of its nominal machine.
+
+    Args:
+        controller: the feedback.
+        ahead: F, with one row for each axis; axis i drives control i.
+        machine: nominal plant P, measured as the feedback reads it.
+        limit: of the control, +-: one number or one for each; none when infinite.
+
+    Raises:
+        ValueError: a limit is not above zero.
+    """
+
+    controller: Controller
+    ahead: PreviewFilter
+    machine: Plant
+    limit: Float[Array, "*p"]
+
+    def __init__(
+        self,
+        controller: Controller,
+        ahead: PreviewFilter,
+        machine: Plant,
+        limit: ArrayLike = np.inf,
+    ):
+        check_limit(limit)
+        self.controller, self.ahead, self.machine = controller, ahead, machine
+        self.limit = jnp.asarray(limit, float)
+
+    @property
+    def preview(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The longer of those of the feedback and the filter [samples]."""
+        return max(self.controller.preview, self.ahead.preview)
+
+    def prepare(self, reference: Reference) -> InversePlan:
+        """Plan of the feedback, and the nominal motion.
+
+        Raises:
+            ValueError: the reference has too little preview.
+        """
+        check_preview(self, reference)
+        inner = self.controller.prepare(reference)
+        nominal = self.ahead.before_and_of(reference)
+        fed_back = self._feedback(reference, inner, nominal)
+        return InversePlan(inner, nominal[self.ahead.preview :] - fed_back)
+
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memory of the feedback."""
+        return self.controller.initial_memory(reference)
+
+    def step(
+        self, memory: Any, plan: InversePlan, measurement: Any
+    ) -> tuple[Any, Float[Array, " p"]]:
+        """Next memory, and the control within its limit."""
+        memory, control = self.controller.step(memory, plan.inner, measurement)
+        return memory, jnp.clip(control + plan.ahead, -self.limit, self.limit)
+
+    def _feedback(
+        self, reference: Reference, inner: Plan, nominal: Float[Array, "both p"]
+    ) -> Float[Array, "T p"]:
+        """What the feedback would give along the nominal motion.
+
+        The nominal machine sets out `preview` samples before the run, in its steady motion.
+        """
+        early, increment = self.ahead.preview, reference.start_increment
+        start = self.machine.initial_state(reference.position[0] - early * increment, increment)
+
+        def alone(state, control):
+            return self.machine.step(state, control), None
+
+        def followed(carried, row):
+            state, memory = carried
+            plan, control = row
+            memory, fed_back = self.controller.step(memory, plan, self.machine.measure(state))
+            return (self.machine.step(state, control), memory), fed_back
+
+        state, _ = jax.lax.scan(alone, start, nominal[:early])
+        memory = self.controller.initial_memory(reference)
+        return jax.lax.scan(followed, (state, memory), (inner, nominal[early:]))[1]

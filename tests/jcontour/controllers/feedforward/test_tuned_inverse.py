@@ -1,0 +1,120 @@
+"""Tuned inverses against the design on the host, their conditions, and differences."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial import polynomial
+from scipy.signal import lfilter
+
+from jcontour.controllers.feedforward.model_following import ModelFollowing, optimal_feedforward
+from jcontour.controllers.feedforward.tuned_inverse import (
+    OptimalInverse,
+    optimal_filter,
+    zero_phase_inverse,
+)
+from jcontour.controllers.feedforward.zpetc import zero_phase_filter
+from jcontour.linear.transfer_functions import from_polynomials, transfer_function
+from jcontour.linear.transformations import with_input_delay
+from jcontour.plants.bridgeport import bridgeport
+from jcontour.plants.linear_motor_drive import linear_motor_drive
+
+DT = 1e-3
+POINTS = np.exp(-1j * np.linspace(0.05, 3.1, 40))
+
+
+def plants():
+    top = np.concatenate([[0.0], polynomial.polyfromroots([-0.4, 0.7, -2.5])])
+    two_unstable = from_polynomials(0.1 * top, polynomial.polyfromroots([1.3, 1.8, 2.5, 3.0]), DT)
+    delayed = with_input_delay(bridgeport(), 1)
+    return {
+        "linear motor": transfer_function(linear_motor_drive()),
+        "two unstable zeros": two_unstable,
+        "delayed Bridgeport": transfer_function(delayed, 1, 1),
+    }
+
+
+@pytest.mark.parametrize("name", plants())
+@pytest.mark.parametrize("numbers", [(0, 2, 2), (1, 4, 2), (2, 6, 1)])
+def test_at_the_paper_s_numbers_it_is_the_optimum(name, numbers):
+    plant, following = plants()[name], ModelFollowing(*numbers)
+    inverse = OptimalInverse(plant, following)
+    wanted = optimal_feedforward(plant, following)
+    top, below = (np.asarray(one) for one in inverse.polynomials(0.25, 1.0))
+    found = polynomial.polyval(POINTS, top) / polynomial.polyval(POINTS, below)
+    expected = polynomial.polyval(POINTS, wanted.numerator) / polynomial.polyval(
+        POINTS, wanted.denominator
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    _, taps = inverse.solved(0.25, 1.0)
+    assert np.abs(taps).sum() == pytest.approx(wanted.optimum.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", plants())
+def test_at_other_numbers_it_still_inverts(name):
+    """P F = R - T E' sample by sample."""
+    plant, q, rho = plants()[name], 0.1, 0.97
+    inverse = OptimalInverse(plant, ModelFollowing(1, 4, 2))
+    top, below = (np.asarray(one) for one in inverse.polynomials(q, rho))
+    _, values = inverse.solved(q, rho)
+    taps = np.zeros(max(inverse.taps) + 1)
+    taps[list(inverse.taps)] = values
+    response = np.array([0, 0, 0, q, 1 - 2 * q, q])
+    wanted = polynomial.polysub(response, np.convolve([1, -2 * rho, rho**2], taps))
+    pulse = np.eye(1, 80)[0]
+    control = lfilter(top, below, pulse)
+    output = lfilter(plant.numerator, plant.denominator, control)
+    np.testing.assert_allclose(output[: wanted.size], wanted, atol=1e-9)
+    np.testing.assert_allclose(output[wanted.size :], 0, atol=1e-6)
+
+
+def test_zero_phase_without_a_model_is_the_plain_one():
+    plant = plants()["delayed Bridgeport"]
+    found, plain = zero_phase_inverse([plant], 0.0), zero_phase_filter(plant)
+    assert found.preview == plain.preview + 1
+    ratio = polynomial.polyval(POINTS, np.asarray(found.numerator[0])) / polynomial.polyval(
+        POINTS, np.asarray(plain.numerator)
+    )
+    np.testing.assert_allclose(ratio, POINTS, rtol=1e-12)
+
+
+def test_axes_with_different_needs_stay_together():
+    one = from_polynomials([0.0, 1.0], [1.0, -0.5], DT)
+    other = from_polynomials([0.0, 0.0, 0.5, 0.9], [1.0, -0.5], DT)
+    found = zero_phase_inverse([one, other], 0.0)
+    assert found.preview == 4
+    pulse = np.eye(1, 40)[0]
+    for plant, top, below, place in zip(
+        (one, other),
+        np.asarray(found.numerator),
+        np.asarray(found.denominator),
+        (4, 4),
+        strict=True,
+    ):
+        output = lfilter(plant.numerator, plant.denominator, lfilter(top, below, pulse))
+        assert np.argmax(np.abs(output)) == place
+        assert output.sum() == pytest.approx(1.0)
+
+
+def test_gradients_are_those_of_differences():
+    inverses = [OptimalInverse(plant, ModelFollowing(1, 5, 2)) for plant in plants().values()]
+
+    def size(numbers):
+        ahead = optimal_filter(inverses, numbers[0], numbers[1])
+        scaled = ahead.numerator / ahead.denominator[:, :1]
+        return jnp.sum(jnp.log(jnp.sum(scaled**2, axis=1)))
+
+    start = jnp.array([0.1, 0.98])
+    slopes = jax.jit(jax.grad(size))(start)
+    for k in range(2):
+        step = 1e-6 * jnp.eye(2)[k]
+        difference = (size(start + step) - size(start - step)) / 2e-6
+        assert float(slopes[k]) == pytest.approx(float(difference), rel=1e-6)
+
+
+def test_bad_input():
+    plant = plants()["delayed Bridgeport"]
+    with pytest.raises(ValueError, match="needs at least the plant's delay of 2 samples"):
+        OptimalInverse(plant, ModelFollowing(0, 1, 0))
+    with pytest.raises(ValueError, match="on the unit circle"):
+        OptimalInverse(from_polynomials([0.0, 1.0, 1.0], [1.0], DT), ModelFollowing(0, 2, 0))
