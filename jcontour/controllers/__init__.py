@@ -22,6 +22,9 @@ from jcontour.controllers.feedforward.adaptive_synchronisation import (
     AdaptiveSynchronisation,
     SynchronisedGains,
 )
+from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
+from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
+from jcontour.controllers.feedforward.zpetc import ZeroPhaseTracking, zero_phase_filter
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -50,9 +53,11 @@ from jcontour.controllers.wrappers.compensated import Compensated
 from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.controllers.wrappers.shaped import Shaped
+from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
 
 __all__ = [
     "AdaptiveSynchronisation",
+    "AdaptiveZeroPhaseTracking",
     "Biquad",
     "Cascade",
     "CascadeGains",
@@ -70,6 +75,7 @@ __all__ = [
     "FilterObserver",
     "Filtered",
     "IntegralLQG",
+    "InverseFeedforward",
     "LQWeights",
     "NLESO",
     "OfMotors",
@@ -82,10 +88,12 @@ __all__ = [
     "RiccatiTerminal",
     "ScheduledLQ",
     "Shaped",
+    "SpeedByDifference",
     "StateFeedback",
     "SynchronisedGains",
     "TaskFrame",
     "VariableCoupling",
+    "ZeroPhaseTracking",
     "damped_poles",
     "integral_lq_gains",
     "kalman_gain",
@@ -96,4 +104,5 @@ __all__ = [
     "offset_free_gain",
     "placed_gain",
     "quasi_steady_target",
+    "zero_phase_filter",
 ]

@@ -29,7 +29,7 @@ def peak(design, weights):
     A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
     n, p = B.shape
     controller = design.build(weights)
-    reference = module._lines(machine, design.preview)
+    reference = module.straight_windows(machine, design.preview)
     F = np.asarray(
         controller.controller.prepare(module.jax.tree.map(lambda leaf: leaf[0], reference)).F
     )[0]

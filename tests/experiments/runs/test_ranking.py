@@ -18,6 +18,10 @@ def test_every_controller_that_reads_the_sensors_is_tried():
         "contouring-lq-kalman",
         "contouring-lq-predictor",
         "preview-lq",
+        "linear-cascade",
+        "linear-cascade-feedforward",
+        "zpetc",
+        "optimal-feedforward",
     ]
 
 
