@@ -53,7 +53,13 @@ def test_the_own_controller_of_the_readme_runs(capsys):
 
 def test_the_examples_of_the_library_guide_run(capsys):
     run_blocks("jcontour/README.md")
-    *printed, traced = capsys.readouterr().out.splitlines()
+    lines = capsys.readouterr().out.splitlines()
+    ahead = [line.split() for line in lines if " ahead: " in line]
+    for words in ahead:  # |b|^(N_p - 1): Alter & Tsao, eq. 8
+        wanted = 0.3075 ** (int(words[0]) - 1)
+        assert [float(words[3]), float(words[8])] == pytest.approx([wanted] * 2, rel=5e-3)
+    assert len(ahead) == 4
+    *printed, traced = (line for line in lines if " ahead: " not in line)
     numbers = [float(line.split()[-2]) for line in printed]
     errors, deformations = numbers[:3], numbers[3:]
     assert errors == sorted(errors, reverse=True)  # more contour weight, less contour error

@@ -32,7 +32,7 @@ from jcontour.controllers.feedforward.tuned_inverse import (
     zero_phase_inverse,
 )
 from jcontour.controllers.wrappers.speed_by_difference import SpeedByDifference
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import LinearPlant, decoupled_axes
 from jcontour.linear.transfer_functions import TransferFunction, transfer_function
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.wrappers.encoders import Encoders
@@ -90,7 +90,7 @@ class MotionFeedforward(Plain):
         return {
             "feedforward": Gain(1.0, ""),
             "inertia": Gain(np.maximum(inertia, 1e-9), f"{unit} s^2/m"),
-            "viscous": Gain(np.array(viscous), f"{unit} s/m"),
+            "viscous": Gain(np.maximum(viscous, 1e-9), f"{unit} s/m"),
         }
 
 
@@ -233,7 +233,17 @@ def _steady_control(axis: TransferFunction) -> tuple[float, float]:
 
 
 def _axes(model: LinearPlant) -> list[TransferFunction]:
-    """Transfer function of every axis from its own control."""
+    """Transfer function of every axis from its own control.
+
+    Raises:
+        ValueError: the axes are coupled, or axis i is not driven by control i.
+    """
+    for axis in decoupled_axes(model.pattern):
+        if axis.inputs != axis.outputs or len(axis.inputs) != 1:
+            raise ValueError(
+                "feedforward needs axes with one control each: outputs "
+                f"{list(axis.outputs)} depend on controls {list(axis.inputs)}"
+            )
     return [transfer_function(model, axis, axis) for axis in range(model.axes)]
 
 
