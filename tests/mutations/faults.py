@@ -34,19 +34,19 @@ FAULTS = (
         "jcontour/geometry/pieces.py",
         "acceleration - rate**2 * wave",
         "acceleration + rate**2 * wave",
-        f"{LIBRARY}/geometry/test_contours.py",
+        f"{LIBRARY}/geometry/test_contour.py",
     ),
     Fault(
         "jcontour/geometry/contour.py",
         "begin, end = arc - reach, arc + reach",
         "begin, end = arc, arc + reach",
-        f"{LIBRARY}/geometry/test_contours.py",
+        f"{LIBRARY}/geometry/test_contour.py",
     ),
     Fault(
         "jcontour/geometry/toolpath_rules.py",
         "INCH = 25.4e-3",
         "INCH = 24.5e-3",
-        f"{LIBRARY}/geometry/test_toolpaths.py",
+        f"{LIBRARY}/geometry/test_gcode.py",
     ),
     # motion
     Fault(
