@@ -21,8 +21,8 @@ from jcontour.linear.plant import LinearPlant, decoupled_axes
 ON_CIRCLE = 1e-8  # relative; a zero of order two there is only known to the root of the precision
 UNREACHED = 16  # times the rounding error of a product of matrices
 
-Polynomial = Float[np.ndarray, " c"]
-Roots = Complex[np.ndarray, " r"]
+Polynomial = Float[np.ndarray, "_"]  # of any length
+Roots = Complex[np.ndarray, "_"]
 
 
 class SortedZeros(NamedTuple):
@@ -89,11 +89,13 @@ class TransferFunction:
             ratio = ratio * (1 - zero * points)
         for pole in self.poles_z:
             ratio = ratio / (1 - pole * points)
-        return ratio
+        return np.asarray(ratio)
 
 
 def from_polynomials(
-    numerator: Sequence[float] | np.ndarray, denominator: Sequence[float] | np.ndarray, dt: float
+    numerator: Sequence[float | int] | np.ndarray,
+    denominator: Sequence[float | int] | np.ndarray,
+    dt: float,
 ) -> TransferFunction:
     """Transfer function from ascending polynomials in lambda.
 

@@ -12,6 +12,7 @@ w = v_r + k_p (r - y); k_p = 0 is the paper. Its proof takes phi_1 = phi_2: axes
 reference. beta has a bound: see `synchronisation_limits`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -52,7 +53,7 @@ class SynchronisedGains(eqx.Module):
         proportional,
         adaptation,
         coupling,
-        position: ArrayLike = 0.0,
+        position: ArrayLike | Sequence[float] = 0.0,
         bias: ArrayLike = 1.0,
     ):
         self.proportional = checked_gain("proportional", proportional)

@@ -17,7 +17,7 @@ from jaxtyping import Complex, Float
 from numpy.polynomial import polynomial
 from scipy.optimize import linprog
 
-from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial
+from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial, Zeros
 
 FIRST = 0.1  # length of the samples z_i^k that the first program leaves out
 MOST_TAPS = 20_000
@@ -74,7 +74,9 @@ class _Conditions:
 
 
 def l1_optimum(
-    problem: ModelMatching, on_circle: Sequence[complex] = (), taps: int | None = None
+    problem: ModelMatching,
+    on_circle: Zeros | Sequence[complex | float] = (),
+    taps: int | None = None,
 ) -> L1Optimum:
     """The filter of least l1 norm.
 
@@ -111,7 +113,7 @@ def l1_optimum(
     return L1Optimum(found, float(np.abs(found).sum()), bound)
 
 
-def _upper(on_circle: Sequence[complex]) -> Complex[np.ndarray, " c"]:
+def _upper(on_circle: Zeros | Sequence[complex | float]) -> Complex[np.ndarray, " c"]:
     """Zeros of the upper half of the unit circle: those of the lower half repeat them."""
     zeros = np.atleast_1d(np.asarray(on_circle, complex))
     for zero in zeros:

@@ -9,15 +9,15 @@ W of it. A stable feedback cancels: E depends on the unstable zeros of the plant
 Polynomials are ascending in lambda = z^-1.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from jcontour.controllers.feedforward.l1 import l1_optimum
-from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial, Zeros
+from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial
 from jcontour.linear.transfer_functions import (
     TransferFunction,
     polynomial_from_zeros,
@@ -28,6 +28,7 @@ MINUS_3_DB = 10**-0.15
 LEFT_OVER = 1e-9  # relative remainder that a division may leave
 
 
+@runtime_checkable
 class ErrorFilter(Protocol):
     """E' and its cost."""
 
@@ -95,7 +96,7 @@ class ModelFollowing:
             return float("inf")
         return float(np.arccos(gain ** (1 / (2 * self.order))) / (np.pi * dt))
 
-    def matching(self, zeros: Zeros) -> ModelMatching:
+    def matching(self, zeros: Sequence[complex | float] | np.ndarray) -> ModelMatching:
         """Conditions on E' at these unstable zeros, the origin once for each sample of delay."""
         return ModelMatching(zeros, self.response, self.weight)
 

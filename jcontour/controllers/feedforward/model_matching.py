@@ -23,8 +23,8 @@ from numpy.polynomial import polynomial
 ON_CIRCLE = 1e-8  # nearer to the unit circle than this a zero counts as on it
 PAIRED = 1e-9  # largest distance of a complex zero's partner from its conjugate
 
-Zeros = Complex[np.ndarray, " n"]
-Polynomial = Float[np.ndarray, " c"]
+Zeros = Complex[np.ndarray, "_"]
+Polynomial = Float[np.ndarray, "_"]  # of any length
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +51,9 @@ class ModelMatching:
 
     def __init__(
         self,
-        zeros: Sequence[complex] | np.ndarray,
-        numerator: Sequence[float] | np.ndarray,
-        denominator: Sequence[float] | np.ndarray = (1.0,),
+        zeros: Sequence[complex | float] | np.ndarray,
+        numerator: Sequence[float | int] | np.ndarray,
+        denominator: Sequence[float | int] | np.ndarray = (1.0,),
     ):
         found = np.atleast_1d(np.asarray(zeros, complex))
         _check_zeros(found)

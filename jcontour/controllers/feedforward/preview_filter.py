@@ -71,7 +71,7 @@ class PreviewFilter(eqx.Module):
 
     def filtered(
         self, samples: Float[Array, "S m"], increment: Float[Array, " m"]
-    ) -> Float[Array, "S-p m"]:
+    ) -> Float[Array, "S-{self.preview} m"]:
         """Filtered samples; `increment` is their motion per sample before the first."""
         return self._whole(samples, increment)[self.preview :]
 

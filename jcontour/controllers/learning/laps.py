@@ -175,7 +175,7 @@ def learn(
     return rows, last
 
 
-def diverged_lap(errors: Sequence[float] | Float[np.ndarray, " laps"]) -> int | None:
+def diverged_lap(errors: Sequence[float | int] | Float[np.ndarray, " laps"]) -> int | None:
     """First lap, counted from one, whose error is twice that of the first or not finite.
 
     >>> diverged_lap([1.0, 1.5, 2.5, 4.0]), diverged_lap([1.0, 0.5])
@@ -188,7 +188,7 @@ def diverged_lap(errors: Sequence[float] | Float[np.ndarray, " laps"]) -> int | 
     return int(np.argmax(lost)) + 1 if lost.any() else None
 
 
-def paying_laps(errors: Sequence[float] | Float[np.ndarray, " laps"]) -> int:
+def paying_laps(errors: Sequence[float | int] | Float[np.ndarray, " laps"]) -> int:
     """First lap, counted from one, that no later lap betters by a twentieth.
 
     >>> paying_laps([8.0, 4.0, 2.0, 1.0, 0.99, 1.01])

@@ -14,7 +14,7 @@ from jcontour.controllers.feedforward.speed_axes import speed_axes
 
 
 def gains_of(p, beta):
-    return ContinuousGains(np.array(p["kc"]), p["gamma_c"], beta, p["v_c"])
+    return ContinuousGains(np.array(p["kc"]), p["gamma_c"], float(beta), p["v_c"])
 
 
 @pytest.mark.parametrize("name", ["sync_nominal", "sync_low_kc"])

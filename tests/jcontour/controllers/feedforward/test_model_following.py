@@ -85,7 +85,7 @@ def test_the_paper_s_controllers_in_a_loop(alter_tsao):
         taps = shortest_error(following.matching(np.array([0.0, -0.3075])))
         wanted = polynomial.polysub(following.response, np.convolve(following.weight, taps))
         shared = (-1.0, 1.0) if run["controller"].startswith("B") else (1.0,)
-        feedback = (controller["num_lambda"], controller["den_lambda"])
+        feedback = np.array(controller["num_lambda"]), np.array(controller["den_lambda"])
         found = parallel_feedforward(plant, feedback, wanted, shared)
         for ours, theirs in zip(found, (run["cff_num"], run["cff_den"]), strict=True):
             ours = ours[: len(theirs)]

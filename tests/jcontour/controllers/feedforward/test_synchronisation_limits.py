@@ -45,7 +45,7 @@ def test_bounds_are_those_of_the_reference(synchronisation_numbers, name):
 def test_margins_are_those_of_the_reference(synchronisation_numbers, name):
     for sampled, loop in loops(synchronisation_numbers, name):
         for row in sampled["rows"]:
-            beta = row["beta"]
+            beta = float(row["beta"])
             margin, radius = positive_real_margin(loop, beta), loop_radius(loop, beta)
             np.testing.assert_allclose(margin, row["spr_margin"], rtol=1e-8)
             np.testing.assert_allclose(radius, row["loop_spectral_radius"], rtol=1e-8)
