@@ -29,15 +29,19 @@ from experiments.runs.regret import with_regret
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning import PLENTY, TuningRun, tuning_run
 from experiments.runs.tuning_results import (
+    SHOWN,
     Trial,
     confirmed,
     history_of,
     robust_trial,
+    shown_contours,
     start_trial,
     trial_of,
     tuned_result,
 )
 from tuning.tune import Tuned, TuneState, advance, result
+
+FIRST = 3  # of many contours, that are named before the tuning
 
 
 def command(flags: Tune) -> int:
@@ -107,15 +111,19 @@ def describe(run: TuningRun, console: Console) -> None:
     held_out = [f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)]
     headings = machine.description() | {
         "Family": "; ".join(scenarios.plants) + alone,
-        "Training": "; ".join(training),
-        "Held out": "; ".join(held_out),
+        "Training": _named(training),
+        "Held out": _named(held_out),
         **run.design.description(),
         "Objective": f"{objective}; limits: {', '.join(bounds) or 'none'}",
     }
     lines = [f"{heading:<11} {words}" for heading, words in headings.items()]
-    for k, job in enumerate(scenarios.jobs):
-        read = tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
-        lines.append(f"{'Read' if k == 0 else '':<11} {read}")
+    reads = [
+        tables.read_line(job.name, contour_read(scenarios, k), machine.axes)
+        for k, job in enumerate(scenarios.jobs)
+    ]
+    if len(reads) > SHOWN:
+        reads = [*reads[:FIRST], f"and {len(reads) - FIRST} more"]
+    lines += [f"{'Read' if k == 0 else '':<11} {read}" for k, read in enumerate(reads)]
     effects = machine.nonsmooth_effects
     if effects != NO_EFFECTS:
         lines.append(
@@ -124,6 +132,13 @@ def describe(run: TuningRun, console: Console) -> None:
     if run.training_samples > PLENTY:
         lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
+
+
+def _named(jobs: list[str]) -> str:
+    """Names in one line; of many the first ones."""
+    if len(jobs) <= SHOWN:
+        return "; ".join(jobs)
+    return f"{'; '.join(jobs[:FIRST])}; and {len(jobs) - FIRST} more"
 
 
 def store_runs(
@@ -153,7 +168,7 @@ def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path)
 
 def draw(run: TuningRun, replays: Mapping[str, Replay], folder: Path) -> None:
     """Figures of every contour."""
-    for k in range(len(run.scenarios.jobs)):
+    for k in shown_contours(run, replays):
         draw_runs(contour_runs(replays, run.scenarios, k, run.machine), folder)
 
 

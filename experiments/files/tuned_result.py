@@ -146,6 +146,7 @@ class TunedContour:
         metrics: of the start weights and of the tuned ones.
         read: what the contour is; None in folders of older versions, as `peak`.
         peak: where the tuned weights leave the largest error.
+        shown: whether tables and figures show it; of many contours they show some.
     """
 
     name: str
@@ -154,6 +155,7 @@ class TunedContour:
     metrics: dict[str, FamilyMetrics]
     read: ContourRead | None = None
     peak: PeakPlace | None = None
+    shown: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

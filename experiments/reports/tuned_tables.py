@@ -82,7 +82,10 @@ def _by_training(
         contours = [one for one in result.contours if one.training is training]
         if contours:
             rows.append([words])
-        rows += [[f"  {one.name}", *cells(one, result.error)] for one in contours]
+        shown = [one for one in contours if one.shown]
+        rows += [[f"  {one.name}", *cells(one, result.error)] for one in shown]
+        if len(shown) < len(contours):
+            rows.append([f"  and {len(contours) - len(shown)} that fared better"])
     return rows
 
 
@@ -108,7 +111,7 @@ def peak_lines(result: TunedResult) -> list[str]:
     return [
         f"{one.name}, tuned: {peak_line(one.peak, result.error, axes)}"
         for one in result.contours
-        if one.peak is not None
+        if one.peak is not None and one.shown
     ]
 
 
@@ -125,7 +128,8 @@ def values_block(result: TunedResult) -> list[str]:
     lines += robust_lines(result) + standstill_lines(result)
     effects = result.machine.nonsmooth_effects
     lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
-    lines += [_gap_line(row) for row in result.gap]
+    shown = {one.name for one in result.contours if one.shown}
+    lines += [_gap_line(row) for row in result.gap if row.contour in shown]
     if result.confirmed:
         lines.append(f"The same runs in {result.confirmed[0].engine}, nominal plant")
         lines += [_engine_line(row) for row in result.confirmed]

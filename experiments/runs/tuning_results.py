@@ -32,8 +32,11 @@ from experiments.runs.warnings import exceeded_limits, run_warnings
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants
+from tuning.objectives import LEAST
 from tuning.parameters import Chart
 from tuning.tune import Tuned, TuneState
+
+SHOWN = 12  # contours: more are too many to look at
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,8 @@ def tuned_result(
     """The whole result; `trials` are those of the start and of the tuned weights."""
     found, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
-    contours = [_contour(run, replays, c) for c in range(len(run.scenarios.jobs))]
+    shown = shown_contours(run, replays)
+    contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
     error = run.machine.error
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
     reasons = reasons_against(tuned, contours, margins, robust, exceeded, error)
@@ -129,7 +133,27 @@ def tuned_result(
     )
 
 
-def _contour(run: TuningRun, replays: Mapping[str, Replay], index: int) -> TunedContour:
+def shown_contours(run: TuningRun, replays: Mapping[str, Replay]) -> list[int]:
+    """Contours that tables and figures show: all of a few; of many those that fared worst.
+
+    Of training and of held-out contours the same number, by the ratio of the family's worst error
+    to that of the start.
+    """
+    training = np.asarray(run.scenarios.training)
+    if training.size <= SHOWN:
+        return list(range(training.size))
+    name = f"rms_{run.machine.error}_error"
+    start, tuned = (np.max(getattr(replays[k].metrics, name), axis=1) for k in ("start", "tuned"))
+    lost = np.any(replays["tuned"].metrics.diverged, axis=1)
+    order = np.argsort(-np.where(lost, np.inf, tuned / np.maximum(start, LEAST)))
+    half = SHOWN // 2
+    kept = [row for seen in (True, False) for row in order[training[order] == seen][:half]]
+    return sorted(int(row) for row in kept)
+
+
+def _contour(
+    run: TuningRun, replays: Mapping[str, Replay], index: int, shown: bool
+) -> TunedContour:
     scenarios = run.scenarios
     job = scenarios.jobs[index]
     return TunedContour(
@@ -139,6 +163,7 @@ def _contour(run: TuningRun, replays: Mapping[str, Replay], index: int) -> Tuned
         metrics={name: family_metrics(one, index) for name, one in replays.items()},
         read=contour_read(scenarios, index),
         peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
+        shown=shown,
     )
 
 

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -11,6 +13,7 @@ from experiments.options import Tune
 from experiments.reports.progress import progress
 from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning import tuning_run
+from experiments.runs.tuning_results import shown_contours
 from jcontour.analysis.sensitivity import late_radius
 from jcontour.simulation.evaluation import member
 from tuning.parameters import Chart
@@ -119,3 +122,36 @@ def test_a_delay_margin_that_is_none_is_named(machine_file, part_file, more):
     flags = Tune(parts=(str(part_file),), plant=str(machine_file), min_delay_margin=more)
     with pytest.raises(ValueError, match="min-delay-margin: needs 0 to 10 samples"):
         tuning_run(flags)
+
+
+class Runs(NamedTuple):
+    """As much of a replay as the choice of contours looks at; errors (contour, plant)."""
+
+    rms_contour_error: np.ndarray
+    diverged: np.ndarray
+
+    @property
+    def metrics(self):
+        return self
+
+
+def chosen(count, tuned, lost=()):
+    """Contours that are shown: the first half was trained on, and every start has the error 1."""
+    training = [k < count // 2 for k in range(count)]
+    diverged = np.isin(np.arange(count), lost)[:, None]
+    replays = {
+        "start": Runs(np.ones((count, 1)), np.zeros((count, 1), bool)),
+        "tuned": Runs(np.asarray(tuned, float)[:, None], diverged),
+    }
+    run = SimpleNamespace(
+        scenarios=SimpleNamespace(training=training), machine=SimpleNamespace(error="contour")
+    )
+    return shown_contours(run, replays)
+
+
+def test_all_of_a_few_contours_are_shown():
+    assert chosen(12, range(12)) == list(range(12))
+
+
+def test_of_many_contours_those_that_fared_worst_are_shown():
+    assert chosen(40, range(40), lost=[2, 21]) == [2, 15, 16, 17, 18, 19, 21, 35, 36, 37, 38, 39]
