@@ -23,6 +23,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Sweep: ("sweep", "experiments.commands.sweep"),
     options.Verify: ("verify", "experiments.commands.verify"),
     options.Trace: ("trace", "experiments.commands.trace"),
+    options.Learn: ("learn", "experiments.commands.learn"),
     options.Identify: ("identify", "experiments.commands.identify"),
     options.Bench: ("bench", "experiments.commands.bench"),
     options.Compare: ("compare", "experiments.commands.compare"),

@@ -13,6 +13,7 @@ Against = Literal["increment", "sensitivity"]
 Objective = Literal["typical", "worst", "mean", "regret"]
 Fallback = Literal["stop", "hold", "soft"]
 Rollouts = Literal["auto", "full", "thinned", "none"]
+Law = Literal["norm-optimal", "p-type"]
 
 ROLLOUTS: Rollouts = "auto"  # all that fits into 100 MB
 FALLBACK: Fallback = "stop"  # no number comes from a step that was not solved
@@ -327,6 +328,35 @@ class Trace(Common):
     """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
     out: Path | None = None
     """Run folder; runs/trace-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Learn(Controlled):
+    """Learn a part lap by lap: error per lap, with encoder noise and parameter error.
+
+    Before the first lap it is said whether the laps converge on the whole family.
+    """
+
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .csv).
+    The machine's usual contour when not given."""
+    laps: int = 20  # most learn in five
+    """Laps of the whole run; each one starts alike."""
+    law: Law = "norm-optimal"  # knows the model and the direction of the path
+    """Learning law: norm-optimal on the contour error, or p-type on the error itself."""
+    effort: float = 0.1  # nine tenths of a slow contour error are learned in a lap
+    """Norm-optimal: price of a change of the correction; more is slower, and averages noise."""
+    gain: float = 0.5  # half of the error is learned in a lap
+    """P-type: part of the error that is taken over."""
+    lead: int | None = None
+    """P-type: samples by which the error is read ahead; the lag of the loop when not given."""
+    smoothing: int | None = None
+    """How often the filter (1/4, 1/2, 1/4) is passed over the correction.
+    When not given, as often as the bound over the family needs."""
+    seed: int = 0  # any number: the same one repeats the run
+    """Seed of the encoder noise."""
+    out: Path | None = None
+    """Run folder; runs/learn-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,16 @@ class NormOptimal(LearningLaw):
         self.smoothing = int(smoothing)
         self.factor = self._factor(model.values) if isinstance(model, Matrix) else None
 
+    def with_smoothing(self, smoothing: int) -> "NormOptimal":
+        """The same law with another filter.
+
+        Raises:
+            ValueError: the smoothing is negative.
+        """
+        return NormOptimal(
+            self.model, self.tangent, self.contouring, self.effort, self.size, smoothing
+        )
+
     def update(
         self, correction: Float[Array, "T m"], error: Float[Array, "T m"]
     ) -> Float[Array, "T m"]:

@@ -1,0 +1,70 @@
+"""Result of `jcontour learn`: what `result.json` of its run folder holds."""
+
+from dataclasses import dataclass
+
+from experiments.files.results import Weight
+from experiments.files.run_metrics import MachineSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedMachine:
+    """Laps of one machine; the lists end where it diverges.
+
+    Attributes:
+        name: of the machine.
+        tool_um: RMS error of the tool, lap by lap.
+        measured_um: the same error of what is measured, from which the law learns.
+        control: RMS control, lap by lap.
+        diverged: lap, counted from one, at which learning diverged; None where it did not.
+        pays_until: lap that no later one betters by a twentieth, at the tool.
+    """
+
+    name: str
+    tool_um: list[float]
+    measured_um: list[float]
+    control: list[float]
+    diverged: int | None = None
+    pays_until: int
+
+    @property
+    def best_um(self) -> float:
+        """Error of the tool where learning no longer pays."""
+        return self.tool_um[self.pays_until - 1]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedResult:
+    """Laps of a part on the family of machines.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        law: name of the learning law.
+        numbers: of the law, by name.
+        laps: how many were asked for.
+        bound: largest ratio of the correction's distance from its limit, from lap to lap.
+        bound_member: machine of the family that has it.
+        bound_hz: frequency at which it is [Hz].
+        noise_um: RMS error of the tool that noise alone makes, without learning.
+        machines: the linear model, the same with noise, and the family.
+    """
+
+    machine: MachineSummary
+    controller: str
+    weights: dict[str, Weight]
+    error: str
+    contour: str
+    feed_law: str
+    samples: int
+    law: str
+    numbers: dict[str, float]
+    laps: int
+    bound: float
+    bound_member: str
+    bound_hz: float
+    noise_um: float
+    machines: list[LearnedMachine]
+
+    @property
+    def assured(self) -> bool:
+        """Whether the laps converge on the whole family, known before the first."""
+        return self.bound < 1

@@ -1,0 +1,83 @@
+"""Tables that `jcontour learn` prints."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from experiments.files.learned_result import LearnedMachine, LearnedResult
+from experiments.reports.tables import digits, plain_table, say
+
+SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column
+
+
+def show_learned(result: LearnedResult, console: Console) -> None:
+    """What was known before, the errors lap by lap, when it stops paying."""
+    say(console, *before(result), "")
+    console.print(_table(result, "at the tool", [one.tool_um for one in result.machines]))
+    if _differ(result):
+        console.print(_table(result, "as measured", [one.measured_um for one in result.machines]))
+    say(console, *after(result))
+
+
+def before(result: LearnedResult) -> list[str]:
+    """The law, and what is said before the first lap."""
+    numbers = ", ".join(f"{name} {value:g}" for name, value in result.numbers.items())
+    place = f"{result.bound_member}, {result.bound_hz:.4g} Hz"
+    if result.assured:
+        words = (
+            "The laps converge on the whole family: each comes at least this much closer, "
+            f"x {result.bound:.3g} ({place})."
+        )
+    else:
+        words = (
+            f"WARNING: it is not sure that the laps converge: bound {result.bound:.3g}, not below "
+            f"one ({place})."
+        )
+    return [f"Law: {result.law}, {numbers}. {words}"]
+
+
+def after(result: LearnedResult) -> list[str]:
+    """Until when each machine gets better, and where it does not."""
+    lines = [f"Encoder noise alone makes {digits(result.noise_um)} um, without learning."]
+    for one in result.machines:
+        lines.append(f"{one.name}: {_outcome(one)}")
+    return lines
+
+
+def _outcome(one: LearnedMachine) -> str:
+    if one.diverged is not None:
+        return f"diverges, stopped at lap {one.diverged}"
+    first, best = one.tool_um[0], one.best_um
+    if one.pays_until == 1:
+        words = f"learning does not pay: {digits(first)} um in the first lap"
+        if one.measured_um[-1] < 0.5 * one.measured_um[0]:
+            words += "; the measured error falls, that of the tool is not measured"
+        return words
+    pays = (
+        "in the last lap it still pays"
+        if one.pays_until == len(one.tool_um)
+        else (f"after lap {one.pays_until} it no longer pays")
+    )
+    return f"{digits(first)} to {digits(best)} um; {pays}"
+
+
+def _differ(result: LearnedResult) -> bool:
+    """Whether the tool has other errors than what is measured, encoder noise apart."""
+    one = result.machines[0]
+    return any(
+        abs(a - b) > 1e-3 * max(a, b) for a, b in zip(one.tool_um, one.measured_um, strict=True)
+    )
+
+
+def _table(result: LearnedResult, where: str, rows: Sequence[Sequence[float]]):
+    count = max(len(row) for row in rows)
+    laps = sorted({lap for lap in SHOWN if lap <= count} | {count})
+    cells = [
+        [one.name, *(digits(row[lap - 1]) if lap <= len(row) else "-" for lap in laps)]
+        for one, row in zip(result.machines, rows, strict=True)
+    ]
+    title = (
+        f"{result.controller} on {result.contour}, {result.feed_law}: "
+        f"RMS {result.error} error {where} by lap [um]"
+    )
+    return plain_table(title, ["machine", *(f"lap {lap}" for lap in laps)], cells)
