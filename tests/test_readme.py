@@ -59,6 +59,9 @@ def test_the_examples_of_the_library_guide_run(capsys):
         wanted = 0.3075 ** (int(words[0]) - 1)
         assert [float(words[3]), float(words[8])] == pytest.approx([wanted] * 2, rel=5e-3)
     assert len(ahead) == 4
+    laps = [float(line.split()[2]) for line in lines if line.startswith("lap ")]
+    assert len(laps) == 5 and laps == sorted(laps, reverse=True) and laps[4] < 0.02 * laps[0]
+    lines = [line for line in lines if not line.startswith("lap ")]
     *printed, traced = (line for line in lines if " ahead: " not in line)
     numbers = [float(line.split()[-2]) for line in printed]
     errors, deformations = numbers[:3], numbers[3:]

@@ -12,12 +12,14 @@ from jcontour.controllers.contouring.task_frame import TaskFrame
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains
 from jcontour.controllers.feedback.pole_placement import damped_poles, placed_gain
+from jcontour.controllers.feedback.self_tuning import SelfTuning
 from jcontour.controllers.feedback.state_feedback import (
     StateFeedback,
     lq_gain,
     moving_target,
     quasi_steady_target,
 )
+from jcontour.controllers.feedback.time_delay import TimeDelayControl
 from jcontour.controllers.feedforward.adaptive_synchronisation import (
     AdaptiveSynchronisation,
     SynchronisedGains,
@@ -25,6 +27,12 @@ from jcontour.controllers.feedforward.adaptive_synchronisation import (
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
 from jcontour.controllers.feedforward.zpetc import ZeroPhaseTracking, zero_phase_filter
+from jcontour.controllers.learning.cartesian import CartesianControl
+from jcontour.controllers.learning.laps import Learned, laps_of, learn
+from jcontour.controllers.learning.norm_optimal import norm_optimal
+from jcontour.controllers.learning.p_type import PType
+from jcontour.controllers.learning.repetitive import Repetitive, RepetitiveFilter
+from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -59,6 +67,8 @@ __all__ = [
     "AdaptiveSynchronisation",
     "AdaptiveZeroPhaseTracking",
     "Biquad",
+    "Canceller",
+    "CartesianControl",
     "Cascade",
     "CascadeGains",
     "CommandShaped",
@@ -77,29 +87,39 @@ __all__ = [
     "IntegralLQG",
     "InverseFeedforward",
     "LQWeights",
+    "Learned",
     "NLESO",
     "OfMotors",
     "OffsetFreeObserver",
     "OutputTerminal",
+    "PType",
     "Precompensated",
     "PredictorObserver",
     "PreviewLQ",
     "ReducedObserver",
+    "Repetitive",
+    "RepetitiveFilter",
     "RiccatiTerminal",
+    "RunoutCancelled",
     "ScheduledLQ",
+    "SelfTuning",
     "Shaped",
     "SpeedByDifference",
     "StateFeedback",
     "SynchronisedGains",
     "TaskFrame",
+    "TimeDelayControl",
     "VariableCoupling",
     "ZeroPhaseTracking",
     "damped_poles",
     "integral_lq_gains",
     "kalman_gain",
+    "laps_of",
+    "learn",
     "low_pass",
     "lq_gain",
     "moving_target",
+    "norm_optimal",
     "notch",
     "offset_free_gain",
     "placed_gain",

@@ -11,6 +11,7 @@ from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos
+from jcontour.plants.two_link_arm import TwoLinkArm
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
@@ -39,6 +40,7 @@ __all__ = [
     "SmoothFrictionGantry",
     "StickSlipGantry",
     "ThreeLink",
+    "TwoLinkArm",
     "bridgeport",
     "exact_bridgeport",
     "euler_model",
