@@ -85,7 +85,7 @@ def _by_training(
         shown = [one for one in contours if one.shown]
         rows += [[f"  {one.name}", *cells(one, result.error)] for one in shown]
         if len(shown) < len(contours):
-            rows.append([f"  and {len(contours) - len(shown)} that fared better"])
+            rows.append([f"  {len(contours) - len(shown)} fared better"])
     return rows
 
 

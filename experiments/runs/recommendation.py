@@ -13,6 +13,7 @@ from experiments.files.tuned_result import (
 )
 from tuning.tune import Price, Tuned
 
+WORSE = 1.01  # ratio to the start: less is within what the rounding of encoders does
 CHEAP = 1e-3  # price below which a limit does not stop anything
 
 
@@ -98,13 +99,13 @@ def _worse(contours: Sequence[TunedContour], error: str) -> list[str]:
         ratios = {
             one.name: ratio
             for one in contours
-            if one.training is training and (ratio := _ratio(one, error)) > 1
+            if one.training is training and (ratio := _ratio(one, error)) > WORSE
         }
         if ratios:
             worse = ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
             lines.append(
                 f"worse than the start on {words} contours: {worse}; train on contours like "
-                "them, or on --contours random:64"
+                "them, or so that none pays for the others, --objective regret"
             )
     return lines
 

@@ -93,6 +93,11 @@ def test_held_out_contours_that_became_worse_are_named_before_training_ones():
     assert "training contours: cam x 1.10;" in second
 
 
+def test_less_than_a_per_cent_is_not_worse():
+    """The rounding of encoders does as much."""
+    assert reasons(contours=[*GOOD, contour("cam", True, 1e-6, 1.009e-6)]) == []
+
+
 def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
     first, second = reasons(tuned=found(False, math.log(1.3), 2.6))
     assert "exceed one by 30 %" in first and "2.6" in second and "--max-sensitivity" in second
