@@ -18,7 +18,9 @@ from jaxtyping import Array, Float
 from scipy.linalg import solve_continuous_lyapunov
 
 
-def rate_bound(matrix: Callable[[Array], Any], parameters: Sequence[float]) -> float:
+def rate_bound(
+    matrix: Callable[[Array], Any], parameters: Sequence[float] | Float[np.ndarray, "_"]
+) -> float:
     """Largest rate |p'| up to which the loop is proven stable [parameter per second].
 
         1 / max over p of |dP/dp|,   A' dP + dP A = -(dA' P + P dA)

@@ -117,7 +117,7 @@ class SelfTuning(Controller):
         return Estimate(positions, controls, gain, variance, memory.sample + 1), control
 
 
-def placed_gains(first: complex, second: complex) -> tuple[float, float]:
+def placed_gains(first: complex | float, second: complex | float) -> tuple[float, float]:
     """Gains (k_p, k_r) that put two poles there; the third follows.
 
     Raises:
