@@ -93,6 +93,7 @@ CONTROLLERS = {
     "cascade-leso-euler": _on_axis("the same by forward Euler"),
     "cascade-nleso": _on_axis("P-PI cascade with a nonlinear extended state observer"),
     "cascade-dob": _on_axis("P-PI cascade with a disturbance observer"),
+    "time-delay": _on_axis("what acted a sample ago stands for the disturbance of now"),
     "pole-placement": _on_axis("state feedback by its poles, moving target, reduced observer"),
     "lqr": _on_axis("linear-quadratic state feedback, moving target, reduced observer"),
     "lqr-quasi-steady": _on_axis(

@@ -69,6 +69,7 @@ def flexible_axis_designs() -> Mapping[str, MakeDesign]:
         "cascade-leso-euler": rejecting(observers.EulerLESO),
         "cascade-nleso": rejecting(observers.NLESO, axis.linear_range),
         "cascade-dob": axis.axis_design(axis.with_inverse(axis.cascade), axis.loops, axis.inverted),
+        "time-delay": axis.axis_design(axis.time_delay, axis.delayed),
         "pole-placement": observed(axis.placed(moving_target), axis.poles),
         "lqr": observed(axis.quadratic(moving_target), axis.state_weights),
         "lqr-quasi-steady": observed(axis.quadratic(quasi_steady_target), axis.state_weights),

@@ -25,6 +25,7 @@ from jcontour.controllers.feedback.state_feedback import (
     lq_gain,
     moving_target,
 )
+from jcontour.controllers.feedback.time_delay import TimeDelayControl
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
 from jcontour.controllers.observers.extended_state_observers import (
     NLESO,
@@ -135,6 +136,19 @@ def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
     return {"integral": Gain(2.5e10, "A^2/(m s)^2")}
 
 
+def delayed(machine: FlexibleMachine) -> dict[str, Gain]:
+    """A double pole at the thesis's position loop.
+
+    The input gain is taken twice as large as that of the moving mass: a drive that is late, and
+    speeds by difference, leave no more room.
+    """
+    return {
+        "stiffness": Gain(900.0, "1/s^2"),
+        "damping": Gain(60.0, "1/s"),
+        "input_gain": Gain(_number(2 / _heaviness(machine)), "m/(A s^2)"),
+    }
+
+
 def vibration(machine: FlexibleMachine) -> dict[str, Gain]:
     """The mode that a shaper cancels: the tool on its spring."""
     p = machine.parameters
@@ -155,6 +169,17 @@ def cascade(machine: FlexibleMachine, gains: Gains) -> Cascade:
     known = {name: gains[name] for name in CascadeGains.__dataclass_fields__ if name in gains}
     return Cascade(
         CascadeGains(**known), motors(len(machine.axes)), machine.model.dt, _current_limit(machine)
+    )
+
+
+def time_delay(machine: FlexibleMachine, gains: Gains) -> TimeDelayControl:
+    """Time-delay control on the motors."""
+    return TimeDelayControl(
+        gains["stiffness"],
+        gains["damping"],
+        gains["input_gain"],
+        motors(len(machine.axes)),
+        machine.model.dt,
     )
 
 
