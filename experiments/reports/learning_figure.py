@@ -1,9 +1,10 @@
 """The figure of learning: error over laps, one curve for each machine."""
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from experiments.files.learned_result import LearnedResult
-from experiments.reports.axes import grid, legend_below
+from experiments.reports.axes import grid, legend_below, plain_ticks
 
 
 def learning(result: LearnedResult) -> Figure:
@@ -18,6 +19,8 @@ def learning(result: LearnedResult) -> Figure:
     if result.noise_um > 0:
         axes.axhline(result.noise_um, color="0.5", linestyle=":", label="noise without learning")
     axes.set(yscale="log")
+    plain_ticks(axes.yaxis)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     grid(axes, f"{result.law} on {result.contour}", "lap", f"RMS {result.error} error [um]")
     legend_below(figure, columns=2)
     return figure
