@@ -5,6 +5,7 @@ Everything heavy is imported by the command that needs it, so that --help answer
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.metadata import version
@@ -13,7 +14,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from experiments import options
+from experiments import options, plain_numbers, shared_options
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     options.Tune: ("tune", "experiments.commands.tune"),
@@ -71,10 +72,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     choose_compiler()
     keep_compiled()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    with warnings.catch_warnings():
+        warnings.showwarning = _told
+        return _answered(arguments)
+
+
+def _told(message, category, filename, lineno, file=None, line=None) -> None:
+    """Tell a warning as every message of the program is told; those of others stay as they are."""
+    if category is UserWarning:
+        print(f"jcontour: WARNING: {' '.join(str(message).split())}", file=sys.stderr)
+    else:
+        print(warnings.formatwarning(message, category, filename, lineno, line), file=sys.stderr)
+
+
+def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
         import_module("experiments.catalogue.known_names").check_flags(flags)
-        if not isinstance(flags, options.Spreading):
+        if not isinstance(flags, shared_options.Spreading):
             return run(flags)
         with import_module("experiments.runs.spreading").prepared(flags) as flags:
             return run(flags)
@@ -101,7 +116,7 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         prog="jcontour",
         description=_DESCRIPTION,
         args=arguments,
-        registry=options.NUMBERS,
+        registry=plain_numbers.NUMBERS,
     )
     _, module = COMMANDS[type(flags)]
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first

@@ -47,7 +47,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("jobs",),
         ("machines",),
         ("video",),
-        ("files", "options"),
+        ("files", "options", "shared_options", "plain_numbers"),
     ),
 }
 

@@ -26,6 +26,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/commands/names.py": "experiments/test_cli.py",
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/options.py": "experiments/test_cli.py",
+    "experiments/shared_options.py": "experiments/test_cli.py",
+    "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/test_tuning.py",
     "experiments/runs/tuning_results.py": "experiments/runs/test_tuning.py",
     "experiments/files/checkpoints.py": "experiments/runs/test_tuning.py",

@@ -13,7 +13,7 @@ from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
 from experiments.machines.machine import Machine
-from experiments.options import Controlled
+from experiments.shared_options import Controlled
 
 
 def machine_named(name: str) -> Machine:

@@ -11,7 +11,8 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from experiments.designs.design import Design
     from experiments.jobs.job import Pace, Task
     from experiments.machines.machine import Machine
-    from experiments.options import Controlled, Trace
+    from experiments.options import Trace
+    from experiments.shared_options import Controlled
     from jcontour.geometry.contour import Contour
     from jcontour.plant import Plant
 

@@ -17,7 +17,7 @@ from typing import Any
 import tyro
 
 from experiments import papers
-from experiments.options import NUMBERS
+from experiments.plain_numbers import NUMBERS
 
 NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
 

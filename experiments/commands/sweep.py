@@ -20,7 +20,8 @@ from experiments.files.sweep_chunks import SweepChunks
 from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
-from experiments.options import Sweep, number_in
+from experiments.options import Sweep
+from experiments.plain_numbers import number_in
 from experiments.reports import tables
 from experiments.reports.png import save_figures
 from experiments.reports.sweep_figure import sweep_figure, worst_errors

@@ -11,11 +11,12 @@ from experiments.catalogue.controllers import CONSTRAINED
 from experiments.designs.constrained import Traverser
 from experiments.files.results import write_result
 from experiments.jobs.job import Pace
-from experiments.options import MachineFlags, Trace
+from experiments.options import Trace
 from experiments.reports import tables
 from experiments.reports.png import save_figures
 from experiments.reports.traversal_figures import path_figure, signals_figure
 from experiments.runs.lifecycle import created, finished
+from experiments.shared_options import MachineFlags
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop

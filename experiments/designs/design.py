@@ -15,7 +15,7 @@ import numpy as np
 
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from experiments.options import number_in
+from experiments.plain_numbers import number_in
 from jcontour.controller import Controller
 from tuning.parameters import Fixed, Interval, Parameter, Weights
 

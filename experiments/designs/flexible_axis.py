@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.machines.flexible_axis import FlexibleMachine
-from experiments.options import Controlled
+from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of

@@ -25,7 +25,7 @@ from experiments.files.netcdf import save_gains
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
-from experiments.options import Controlled
+from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,

@@ -13,7 +13,7 @@ from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.machine import Machine
-from experiments.options import Controlled
+from experiments.shared_options import Controlled
 from jcontour.controllers.feedforward.adaptive_synchronisation import (
     AdaptiveSynchronisation,
     SynchronisedGains,

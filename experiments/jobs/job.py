@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.machines.machine import Machine
-from experiments.options import MachineFlags
+from experiments.shared_options import MachineFlags
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
 from jcontour.motion.feed_laws import constant_feed, trapezoidal

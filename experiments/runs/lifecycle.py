@@ -11,8 +11,8 @@ from rich.console import Console
 from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results import to_json
-from experiments.options import Spreading
 from experiments.reports import tables
+from experiments.shared_options import Spreading
 
 F = TypeVar("F", bound=Spreading)
 Asked = TypeVar("Asked")

@@ -22,11 +22,12 @@ from experiments.files.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results import from_json, to_json
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
-from experiments.options import Aimed, Rank, Tune
+from experiments.options import Rank, Tune
 from experiments.reports.progress import progress_of
 from experiments.runs.regret import with_regret
 from experiments.runs.tuning import TuningRun, tuning_run
 from experiments.runs.tuning_results import machine_summary
+from experiments.shared_options import Aimed
 from tuning.tune import QUICK, Tuned, TuneState, advance, result
 
 # as much as the evaluations allow: several descents, each to its end

@@ -23,11 +23,12 @@ from experiments.designs.design import plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
 from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
-from experiments.options import Aimed, Front, Tune
+from experiments.options import Front, Tune
 from experiments.reports.progress import progress_of
 from experiments.runs.family_loops import WINDOWS
 from experiments.runs.regret import with_regret
 from experiments.runs.tuning import TuningRun, tuning_run
+from experiments.shared_options import Aimed
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.simulation.metrics import Metrics

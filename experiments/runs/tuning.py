@@ -14,9 +14,10 @@ from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine, Usual
-from experiments.options import Limited, Tune
+from experiments.options import Tune
 from experiments.runs.family_loops import WINDOWS
 from experiments.runs.spreading import batching_of
+from experiments.shared_options import Limited
 from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference

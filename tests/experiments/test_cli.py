@@ -6,10 +6,12 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from importlib.metadata import version
 
 import pytest
 
+from experiments import cli
 from experiments.catalogue.known_names import FIRST_LINES
 from experiments.cli import main
 
@@ -341,3 +343,18 @@ def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
             [sys.executable, "-c", program], env=environment, capture_output=True, text=True
         )
         assert done.stdout.splitlines() == [flags, folder], done.stderr
+
+
+@pytest.mark.parametrize(
+    ("category", "said"),
+    [(UserWarning, "jcontour: WARNING: beta is 9\n"), (RuntimeWarning, "RuntimeWarning: beta is")],
+)
+def test_a_warning_is_told_as_every_message_is(category, said, monkeypatch, capsys):
+    def answered(arguments):
+        warnings.simplefilter("always")
+        warnings.warn("beta is\n9", category, stacklevel=1)
+        return 0
+
+    monkeypatch.setattr(cli, "_answered", answered)
+    assert cli.main([]) == 0
+    assert said in capsys.readouterr().err

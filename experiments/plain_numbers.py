@@ -1,0 +1,51 @@
+"""Numbers on the command line, in plain digits."""
+
+import re
+
+from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+
+NUMBERS = ConstructorRegistry()  # how tyro reads the numbers among the flags
+PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+WHOLE = re.compile(r"[+-]?[0-9]+")
+NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
+
+
+def number_in(text: str) -> float:
+    """Number that a text is, in plain digits; inf and nan are read as well.
+
+    >>> number_in("-2.5e-3")
+    -0.0025
+
+    Python's own `float` also reads `1_0`, blanks and the digits of other scripts.
+
+    Raises:
+        ValueError: it is not a number.
+    """
+    if PLAIN.fullmatch(text) or NOT_FINITE.fullmatch(text):
+        return float(text)
+    raise ValueError(f"needs a number in plain digits, received {text!r}")
+
+
+def whole_in(text: str) -> int:
+    """Whole number that a text is, in plain digits.
+
+    Raises:
+        ValueError: it is not a whole number.
+    """
+    if WHOLE.fullmatch(text):
+        return int(text)
+    raise ValueError(f"needs a whole number in plain digits, received {text!r}")
+
+
+@NUMBERS.primitive_rule
+def _number_rule(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[float] | None:
+    if kind.type not in (int, float):
+        return None
+    read = whole_in if kind.type is int else number_in
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=kind.type.__name__.upper(),
+        instance_from_str=lambda words: read(words[0]),
+        is_instance=lambda value: type(value) in (int, kind.type),
+        str_from_instance=lambda value: [str(value)],
+    )
