@@ -144,7 +144,7 @@ class AtMost(eqx.Module):
     ('rms_increment', 'peak_sensitivity')
 
     Names are those of `Metrics`, `peak_sensitivity` and `peak_complementary_sensitivity`,
-    `late_radius` for the spectral radius with more delay, and
+    `late_radius` for the largest spectral radius with more delay, and
     `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine has.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 

@@ -129,6 +129,11 @@ def describe(run: TuningRun, console: Console) -> None:
         lines.append(
             f"Tuned without {effects} (they have no slope); the tables below are with them."
         )
+    if run.by_stretches:
+        lines.append(
+            f"Long programs are tuned on {len(run.learned)} stretches that represent them, "
+            f"{run.training_samples} samples in all; the tables are of the whole."
+        )
     if run.training_samples > PLENTY:
         lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)

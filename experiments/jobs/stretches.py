@@ -1,12 +1,14 @@
 """Stretches of contours: moved, cut and measured piece by piece, on the host."""
 
+from math import comb
+
 import jax
 import numpy as np
 from jaxtyping import Float
 
 from experiments.jobs.job import Job
 from jcontour.geometry.contour import Contour
-from jcontour.geometry.contours import from_pieces
+from jcontour.geometry.contours import SMALLEST, from_pieces
 from jcontour.geometry.pieces import Piece
 
 STRAIGHT = 1e-6  # [rad] a smaller change of direction is rounding
@@ -44,6 +46,37 @@ def beginning(contour: Contour, length: float) -> Contour:
     kept = extent > 0
     pieces = jax.tree.map(lambda rows: rows[kept], pieces._replace(extent=extent))
     return _like(contour, pieces)
+
+
+def between(contour: Contour, low: float, high: float) -> Contour:
+    """Stretch of a contour from one arc length to another [m], open; its arc length begins at 0.
+
+    Raises:
+        ValueError: the two are not in this order, or not on the contour.
+    """
+    length = float(contour.length)
+    if not 0 <= low < high <= length * (1 + 1e-12):
+        raise ValueError(f"low, high: needs 0 <= low < high <= {length:g}, received {low}, {high}")
+    pieces = _host_pieces(contour)
+    cut = np.clip(low - pieces.start, 0.0, pieces.extent)
+    extent = np.minimum(pieces.extent, high - pieces.start) - cut
+    kept = extent > SMALLEST
+    pieces = _begun_later(pieces, cut)._replace(extent=extent, start=pieces.start + cut - low)
+    return _like(contour, jax.tree.map(lambda rows: rows[kept], pieces))
+
+
+def _begun_later(pieces: Piece, by: Float[np.ndarray, " P"]) -> Piece:
+    """The same curves with their arc lengths counted from later places [m]."""
+    degree = pieces.polynomial.shape[1]
+    polynomial = np.zeros_like(pieces.polynomial)
+    for i in range(degree):  # p(s + by) = sum_i c_i sum_j binomial(i, j) by^(i - j) s^j
+        for j in range(i + 1):
+            weight = comb(i, j) * by ** (i - j)
+            polynomial[:, j] += weight[:, None] * pieces.polynomial[:, i]
+    c, s = (f(pieces.rate * by)[:, None] for f in (np.cos, np.sin))
+    cosine = pieces.cosine * c + pieces.sine * s
+    sine = pieces.sine * c - pieces.cosine * s
+    return pieces._replace(polynomial=polynomial, cosine=cosine, sine=sine)
 
 
 def greatest_curvature(contour: Contour) -> float:

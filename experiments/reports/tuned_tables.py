@@ -127,7 +127,8 @@ def values_block(result: TunedResult) -> list[str]:
         lines.append(lost_first_line(margins.lost_first, result.machine.axes))
     lines += robust_lines(result) + standstill_lines(result)
     effects = result.machine.nonsmooth_effects
-    lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
+    if result.gap:
+        lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
     shown = {one.name for one in result.contours if one.shown}
     lines += [_gap_line(row) for row in result.gap if row.contour in shown]
     if result.confirmed:

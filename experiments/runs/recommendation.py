@@ -24,6 +24,7 @@ def reasons_against(
     robust: RobustTest | None,
     exceeded: Sequence[str],
     error: str,
+    delay: int = 0,
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -34,9 +35,11 @@ def reasons_against(
         robust: random plants of the family.
         exceeded: limits of the machine that a run exceeds, one line each.
         error: the error that counts, "contour" or "tracking".
+        delay: margin that is asked for [samples].
     """
     return [
         *_unstable(contours, margins, robust),
+        *_late(margins, delay),
         *_infeasible(tuned),
         *exceeded,
         *_worse(contours, error),
@@ -74,6 +77,15 @@ def _unstable(
             "more margin, --max-sensitivity 1.7"
         )
     return lines
+
+
+def _late(margins: PathMargins, delay: int) -> list[str]:
+    if not margins.stable or margins.delay_samples >= delay:
+        return []
+    return [
+        f"the nominal loop bears {margins.delay_samples} samples of delay at a point of the "
+        f"training paths, {delay} are asked for: keep a margin, --max-sensitivity 2"
+    ]
 
 
 def _infeasible(tuned: Tuned) -> list[str]:

@@ -26,7 +26,7 @@ def with_regret(run: TuningRun, folder: Path, show: Callable[[TuneState], None])
     Raises:
         ValueError: no weights are sound on a contour.
     """
-    jobs = run.scenarios.jobs_seen(True)
+    jobs = run.learned
     best: dict[str, float] = run_folder.read_json(folder, BEST) if (folder / BEST).exists() else {}
     for index, job in enumerate(jobs):
         if job.name in best:

@@ -13,6 +13,7 @@ from experiments.jobs.held_out import held_out_like
 from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
+from experiments.jobs.representatives import representatives
 from experiments.machines.machine import Machine, Usual
 from experiments.options import Tune
 from experiments.runs.family_loops import WINDOWS
@@ -69,7 +70,8 @@ class TuningRun:
         before: design that the tuned one is compared with.
         design: of the controller that is tuned; its start is where the run begins.
         problem: on the smooth machines; the tuner sees nothing else.
-        scenarios: training and held-out contours, on the true machines.
+        learned: what is tuned on: the training contours, long programs by stretches of them.
+        scenarios: training and held-out contours as a whole, on the true machines.
         limits: metric and bound in SI.
     """
 
@@ -79,6 +81,7 @@ class TuningRun:
     design: Design
     problem: Problem
     settings: Effort
+    learned: tuple[Task, ...]
     scenarios: Scenarios
     limits: dict[str, float]
 
@@ -93,12 +96,13 @@ class TuningRun:
 
     @property
     def training_samples(self) -> int:
-        """Samples of all training contours."""
-        return sum(
-            job.samples
-            for job, trained in zip(self.scenarios.jobs, self.scenarios.training, strict=True)
-            if trained
-        )
+        """Samples of all that is tuned on."""
+        return sum(job.samples for job in self.learned)
+
+    @property
+    def by_stretches(self) -> bool:
+        """Whether a long program is tuned by stretches of it."""
+        return len(self.learned) != sum(self.scenarios.training)
 
 
 def tuning_run(flags: Tune) -> TuningRun:
@@ -113,7 +117,8 @@ def tuning_run(flags: Tune) -> TuningRun:
     training, held_out = _jobs(flags, machine, pace)
     before = design_for(machine, flags)
     # so do references before the first loop is searched: a preview longer than a run
-    runs = [job.reference(machine.model.dt, before.preview) for job in training]
+    learned = tuple(one for job in training for one in representatives(job, machine.model.dt))
+    runs = [job.reference(machine.model.dt, before.preview) for job in learned]
     design = before.tunable()
     if flags.free is not None:
         design = design.freed([name.strip() for name in flags.free.split(",")])
@@ -140,7 +145,7 @@ def tuning_run(flags: Tune) -> TuningRun:
         loops=probed_loops(flags, problem),
         axis_limits=stated if _named(stated) else None,
     )
-    return TuningRun(flags, machine, before, design, problem, settings, scenarios, limits)
+    return TuningRun(flags, machine, before, design, problem, settings, learned, scenarios, limits)
 
 
 def _jobs(flags: Tune, machine: Machine, pace: Pace) -> tuple[list[Task], list[Task]]:

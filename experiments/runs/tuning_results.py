@@ -18,7 +18,7 @@ from experiments.files.tuned_result import (
     TunedContour,
     TunedResult,
 )
-from experiments.jobs.replays import Replay, replay, scored
+from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Machine
 from experiments.reports.sensitivity_figure import FamilyCurves
 from experiments.runs.contour_summary import contour_read, peak_place
@@ -58,7 +58,11 @@ def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
 def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
     """Tuned weights tried on random plants of the family."""
     controller, seed = run.controller(tuned.weights), run.flags.seed
-    return robust_test(controller, run.machine, run.scenarios, run.design.fed, seed)
+    scenarios, fed = run.scenarios, run.design.fed
+    if run.by_stretches:  # a thousand plants on the whole would take an hour
+        seen = [True] * len(run.learned)
+        scenarios = Scenarios.of(run.learned, seen, run.machine, fed, run.design.preview)
+    return robust_test(controller, run.machine, scenarios, fed, seed)
 
 
 def start_trial(run: TuningRun) -> Trial:
@@ -97,7 +101,8 @@ def tuned_result(
     contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
     error = run.machine.error
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
-    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error)
+    delay = run.flags.min_delay_margin
+    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error, delay)
     weights = plain_weights(tuned.weights)
     return TunedResult(
         machine=machine_summary(run.machine),
@@ -178,8 +183,11 @@ def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
 def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
     """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
 
-    Nominal plant, and worst of the family that was tuned on.
+    Nominal plant, and worst of the family that was tuned on. None where the tuner has seen
+    stretches: their errors are not those of the whole.
     """
+    if run.by_stretches:
+        return []
     name = f"rms_{run.machine.error}_error"
     smooth = np.asarray(getattr(tuned.outcome.metrics, name))
     replayed = np.asarray(getattr(found.metrics, name))

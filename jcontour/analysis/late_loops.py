@@ -1,8 +1,11 @@
-"""Frozen loops whose control acts some samples later: their spectral radius, and its slope. Host.
+"""Frozen loops whose control acts some samples later: largest spectral radius, and its slope. Host.
 
-A loop that is stable with d more samples on its control has a delay margin of d samples at least.
+A loop that is stable with 1, 2, ... and d more samples on its control has a delay margin of d
+samples. One of them alone says little: a resonance that a short delay makes unstable may be stable
+again under a longer one.
 """
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -11,11 +14,11 @@ from jcontour.analysis.spectral import dominant
 
 
 def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
-    """Spectral radius of the closed loops with v(k) = u(k - samples), and its derivative.
+    """Largest spectral radius of the loops with v(k) = u(k - d), d = 1 ... samples, and its slope.
 
-    With left and right vectors of the largest eigenvalue, of x, w and the line u(k-1), ...,
-    u(k-samples), the derivative is that of Re(left' M right) (`spectral.dominant`). A loop that is
-    not finite has an infinite radius with slope 0.
+    With left and right vectors of the largest eigenvalue, of x, w and the line u(k-1), ..., u(k-d),
+    the derivative is that of Re(left' M right) (`spectral.dominant`). A loop that is not finite has
+    an infinite radius with slope 0.
 
     Args:
         loop: batched in front; plant and controller may have different batches that go together.
@@ -26,8 +29,19 @@ def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*l
     """
     if samples < 1:
         raise ValueError(f"samples: needs a delay of one at least, received {samples}")
-    cut = loop.cut()
-    M = np.asarray(cut.late(samples), float)
+    radius, slope = _late(loop, 1)
+    for delay in range(2, samples + 1):
+        other, other_slope = _late(loop, delay)
+        larger = other > radius
+        radius = np.where(larger, other, radius)
+        kept = larger[..., None, None]
+        slope = jax.tree.map(lambda a, b, kept=kept: np.where(kept, a, b), other_slope, slope)
+    return radius, slope
+
+
+def _late(loop: FrozenLoop, samples: int) -> tuple[np.ndarray, FrozenLoop]:
+    """Spectral radius with one delay, and its derivative."""
+    M = np.asarray(loop.cut().late(samples), float)
     finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
     found = dominant(np.where(finite[..., None, None], M, 0.0))
     kept = np.where(finite, 1.0, 0.0)[..., None]

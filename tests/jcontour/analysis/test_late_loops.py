@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
 from jcontour.analysis.late_loops import late_measures
@@ -22,6 +23,13 @@ def random_loop(random, batch=(), n=3, c=2, p=2, q=2):
 def test_the_radius_is_the_growth_of_a_simulated_loop(samples):
     random = np.random.default_rng(samples)
     loop = random_loop(random)
+    radius, _ = late_measures(loop, samples)
+    growths = [growth_of(loop, delay, random) for delay in range(1, samples + 1)]
+    assert radius == pytest.approx(max(growths), rel=1e-3)
+
+
+def growth_of(loop, samples, random):
+    """Growth per sample of a loop whose control acts late."""
     (A, B, H), (W, E, K, D) = loop
     x, w, line = random.standard_normal(3), random.standard_normal(2), [np.zeros(2)] * samples
     growth = []
@@ -33,8 +41,22 @@ def test_the_radius_is_the_growth_of_a_simulated_loop(samples):
         size = np.linalg.norm(np.concatenate([x, w, *line]))
         x, w, line = x / size, w / size, [one / size for one in line]
         growth.append(np.log(size))
-    radius, _ = late_measures(loop, samples)
-    assert radius == pytest.approx(np.exp(np.mean(growth[1000:])), rel=1e-3)
+    return np.exp(np.mean(growth[1000:]))
+
+
+def test_stable_under_a_long_delay_is_not_stable_under_a_shorter_one():
+    """Damping of a mode of 120 Hz at 1 ms by its difference: unstable at 2 samples, stable at 7."""
+    w, zeta, dt = 2 * np.pi * 120.0, 0.05, 1e-3
+    continuous = np.array([[0.0, 1.0, 0.0], [-(w**2), -2 * zeta * w, w**2], [0.0, 0.0, 0.0]])
+    step = expm(continuous * dt)
+    machine = LinearMachine(step[:2, :2], step[:2, 2:], np.array([[0.0, 1.0]]))
+    none = np.zeros((1, 0))
+    law = LinearLaw(np.zeros((0, 0)), none.T, none, np.array([[-0.4 / w]]))
+    loop = FrozenLoop(machine, law)
+    alone = [np.abs(np.linalg.eigvals(loop.cut().late(d))).max() for d in range(1, 8)]
+    assert alone[0] < 1 < alone[1] and alone[6] < 1
+    assert late_measures(loop, 1)[0] == pytest.approx(alone[0], rel=1e-9)
+    assert late_measures(loop, 7)[0] == pytest.approx(max(alone), rel=1e-9)
 
 
 def test_an_integrator_under_a_gain_has_a_closed_form():
