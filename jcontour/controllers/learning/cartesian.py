@@ -9,7 +9,7 @@ tool into torques, so no model of the arm's masses is needed, only its lengths.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -23,6 +23,7 @@ from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
 
 
+@runtime_checkable
 class Arm(Protocol):
     """Kinematics that the law needs."""
 
