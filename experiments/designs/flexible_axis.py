@@ -180,6 +180,7 @@ def time_delay(machine: FlexibleMachine, gains: Gains) -> TimeDelayControl:
         gains["input_gain"],
         motors(len(machine.axes)),
         machine.model.dt,
+        _current_limit(machine),
     )
 
 

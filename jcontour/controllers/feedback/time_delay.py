@@ -6,7 +6,8 @@ this is the textbook algorithm. With y'' = h + b u, whatever h is, and an estima
     u(k) = u(k-1) + (r'' + k_v (r' - v) + k_p (r - y) - a(k-1)) / bhat
     a(k-1) = (v(k) - v(k-1)) / T
 The sampled loop needs about b / bhat < 2, because the old control is undone with bhat and done with
-b.
+b. The u(k-1) of the law is the control that acted. It stays within the limits of the machine, and
+so does u: the sum over the samples does not wind up.
 """
 
 from typing import NamedTuple
@@ -16,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_period, checked_gain
+from jcontour.controller import Controller, check_limit, check_period, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
@@ -25,7 +26,7 @@ PerAxis = Float[Array, ""] | Float[Array, " m"]
 
 
 class Past(NamedTuple):
-    """Memory: the last control and the last speed [m/s]."""
+    """Memory: the last control that acted and the last speed [m/s]."""
 
     control: Float[Array, " m"]
     speed: Float[Array, " m"]
@@ -55,16 +56,18 @@ class TimeDelayControl(Controller):
         input_gain: bhat [m/s^2 per unit of control].
         sensors: where positions and speeds stand in the measurement.
         dt: sample period T [s].
+        limit: limit of the control, +-: one number or one for each axis; none when infinite.
 
     Raises:
-        ValueError: a gain is negative or not finite, the input gain is zero, `dt` is not above
-            zero, or the sensors give no speeds.
+        ValueError: a gain is negative or not finite, the input gain is zero, `dt` or a limit is
+            not above zero, or the sensors give no speeds.
     """
 
     stiffness: PerAxis
     damping: PerAxis
     input_gain: PerAxis
     sensors: Sensors
+    limit: PerAxis
     dt: float = eqx.field(static=True)
     preview: int = eqx.field(static=True, default=1)
 
@@ -75,6 +78,7 @@ class TimeDelayControl(Controller):
         input_gain: ArrayLike,
         sensors: Sensors,
         dt: float,
+        limit: ArrayLike = np.inf,  # a plant without a limit
     ):
         self.stiffness = checked_gain("stiffness", stiffness)
         self.damping = checked_gain("damping", damping)
@@ -83,8 +87,10 @@ class TimeDelayControl(Controller):
             raise ValueError(f"input_gain: needs to be above zero, received {input_gain}")
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: needs to be above zero, received {dt}")
+        check_limit(limit)
         if not sensors.velocity:
             raise ValueError("sensors: time-delay control needs speeds, received positions only")
+        self.limit = jnp.asarray(limit, float)
         self.sensors, self.dt, self.preview = sensors, float(dt), 1
 
     def prepare(self, reference: Reference) -> Motion:
@@ -106,10 +112,11 @@ class TimeDelayControl(Controller):
         return Past(nothing, reference.start_increment / self.dt)
 
     def step(self, memory: Past, plan: Motion, measurement) -> tuple[Past, Float[Array, " m"]]:
-        """Control that adds what is missing to the one that acted."""
+        """Control that adds what is missing to the one that acted, within the limit."""
         position, speed = self.sensors.read(measurement)
         acted = (speed - memory.speed) / self.dt
         wanted = plan.acceleration + self.damping * (plan.speed - speed)
         wanted = wanted + self.stiffness * (plan.position - position)
-        control = memory.control + (wanted - acted) / self.input_gain
+        free = memory.control + (wanted - acted) / self.input_gain
+        control = jnp.clip(free, -self.limit, self.limit)
         return Past(control, speed), control

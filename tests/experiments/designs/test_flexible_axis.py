@@ -17,10 +17,13 @@ from experiments.jobs.job import Pace
 from experiments.jobs.motions import task_a
 from experiments.machines.flexible_axis import biaxial_machine, thesis_machine
 from experiments.machines.linear import bridgeport_machine
+from experiments.machines.machine import MachineLimits
 from experiments.options import Simulate
 from jcontour.controllers.feedback.state_feedback import moving_target
+from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import thesis_task_a
-from jcontour.motion.references import along
+from jcontour.motion.references import along, from_samples
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.simulation.closed_loop import simulate
 
 ON_AXES = [name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXIS]
@@ -122,3 +125,20 @@ def test_other_machines_are_refused(machine):
 def test_a_motion_is_long_enough(machine):
     motion = task_a(Pace(machine, None, None))
     assert motion.samples == 2201
+
+
+def test_time_delay_control_keeps_the_limit_of_the_drive(machine):
+    """On a step of 50 mm, which asks for more than the drive has. A sum that winds up runs away."""
+    limited = replace(machine, limits=MachineLimits(control=np.array([10.0])))
+    design, plant = (
+        design_for(limited, Simulate(controller="time-delay")),
+        limited.smooth_family()[0],
+    )
+    wanted, contour = np.full((1501, 1), 0.05), line([0.0], [0.1])
+    ahead = np.ones_like(wanted)
+    reference = from_samples(wanted, ahead, machine.model.dt, 1, contour, in_motion=False)
+    rest = plant.initial_state(np.zeros(1), np.zeros(1))
+    run = simulate(Saturated(plant, jnp.array([10.0])), design.build(design.start), reference, rest)
+    assert np.abs(run.control).max() == 10.0
+    assert np.max(run.output) < 0.053
+    np.testing.assert_allclose(run.output[-1], 0.05, rtol=0, atol=1e-4)

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.time_delay import TimeDelayControl
+from jcontour.controllers.feedback.time_delay import Motion, Past, TimeDelayControl
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.plant import Plant
+from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.sensors import Sensors, motors
 from jcontour.simulation.closed_loop import simulate
 
@@ -23,10 +24,11 @@ ROWS += [(1e4, row) for row in COMPANIONS["tdc_magnetic_bearing_k_1e4"]]
 
 
 class Bearing(Plant):
-    """acc = kx x + b u + 5 sin(4 pi t), held over the step; x before v, as the numbers have it."""
+    """acc = kx x + b u + load sin(4 pi t), held over the step; x before v as in the numbers."""
 
     spring: float
     gain: float
+    load: float = 5.0
     dt: float = PERIOD
 
     def initial_state(self, position, increment):
@@ -34,7 +36,7 @@ class Bearing(Plant):
 
     def step(self, state, control):
         x, v, k = state
-        force = 5 * jnp.sin(4 * jnp.pi * k * self.dt)
+        force = self.load * jnp.sin(4 * jnp.pi * k * self.dt)
         acceleration = self.spring * x + self.gain * control + force
         return (
             x + self.dt * v + self.dt**2 * acceleration / 2,
@@ -49,15 +51,15 @@ class Bearing(Plant):
         return state[:2]
 
 
-def step_of_a_centimetre(steps):
-    wanted, ahead = np.full((steps + 1, 1), 0.01), np.ones((steps + 1, 1))
-    contour = line([0.0], [0.02])
+def held_at(distance, steps):
+    wanted, ahead = np.full((steps + 1, 1), distance), np.ones((steps + 1, 1))
+    contour = line([0.0], [2 * distance])
     return from_samples(wanted, ahead, PERIOD, 1, contour, in_motion=False)
 
 
 @pytest.mark.parametrize(("spring", "row"), ROWS)
 def test_what_is_left_is_that_of_the_reference(spring, row):
-    reference = step_of_a_centimetre(2000)
+    reference = held_at(0.01, 2000)
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(1), PERIOD)
     plant = Bearing(spring, row["b_over_bhat"])
     rest = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(()))
@@ -80,8 +82,44 @@ def test_a_moving_reference_is_followed_with_its_acceleration():
     assert late.max() < 3e-4
 
 
+def overshoot_of_a_limited_mass(distance, limit, steps):
+    """Greatest x - distance of x'' = clip(900 (distance - x) - 60 x'), held over the samples."""
+    x, v, greatest = 0.0, 0.0, 0.0
+    for _ in range(steps):
+        acceleration = np.clip(900 * (distance - x) - 60 * v, -limit, limit)
+        x += PERIOD * v + PERIOD**2 * acceleration / 2
+        v += PERIOD * acceleration
+        greatest = max(greatest, x - distance)
+    return greatest
+
+
+@pytest.mark.parametrize("limit", [10.0, 5.0, 1.0])
+def test_a_step_beyond_the_limit_does_not_wind_up(limit):
+    """With bhat = 2 b it overshoots as the same poles on a limited mass do, and settles."""
+    steps, distance = 4000, 0.05
+    controller = TimeDelayControl(900.0, 60.0, 2.0, motors(1), PERIOD, limit)
+    plant = Saturated(Bearing(0.0, 1.0, load=0.0), jnp.array([limit]))
+    rest = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(()))
+    run = simulate(plant, controller, held_at(distance, steps), rest)
+    output, control = np.asarray(run.output)[:, 0], np.asarray(run.control)[:, 0]
+    wanted = overshoot_of_a_limited_mass(distance, limit, steps)
+    assert output.max() - distance == pytest.approx(wanted, rel=0.05, abs=1e-9)
+    assert np.abs(control).max() == limit
+    np.testing.assert_allclose(output[-100:], distance, rtol=0, atol=1e-9)
+
+
+def test_a_limit_for_each_axis_bounds_control_and_memory():
+    limit = jnp.array([0.5, 2.0])
+    controller = TimeDelayControl(400.0, 40.0, 1.0, motors(2), PERIOD, limit)
+    target = Motion(jnp.array([0.1, -0.1]), jnp.zeros(2), jnp.zeros(2))
+    past = Past(jnp.zeros(2), jnp.zeros(2))
+    memory, control = controller.step(past, target, (jnp.zeros(2), jnp.zeros(2)))
+    np.testing.assert_array_equal(control, [0.5, -2.0])
+    np.testing.assert_array_equal(memory.control, [0.5, -2.0])
+
+
 def test_gradients():
-    reference = step_of_a_centimetre(60)
+    reference = held_at(0.01, 60)
 
     @jax.jit
     def scored(gains):
@@ -101,6 +139,8 @@ def test_gradients():
         ((-1.0, 1.0, 1.0, motors(1), PERIOD), "stiffness: needs to be finite"),
         ((1.0, 1.0, 0.0, motors(1), PERIOD), "input_gain: needs to be above zero"),
         ((1.0, 1.0, 1.0, motors(1), 0.0), "dt: needs to be above zero"),
+        ((1.0, 1.0, 1.0, motors(1), PERIOD, 0.0), "limit: needs to be above zero"),
+        ((1.0, 1.0, 1.0, motors(1), PERIOD, np.nan), "limit: needs to be above zero"),
         ((1.0, 1.0, 1.0, Sensors((0,)), PERIOD), "sensors: time-delay control needs speeds"),
     ],
 )
