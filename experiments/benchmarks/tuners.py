@@ -178,6 +178,8 @@ def _summed_up(
     name: str, traces: dict[tuple[str, int], list[Trace]], budget: int
 ) -> tuple[list[TunerRow], dict[str, Curve]]:
     best = min(float(trace.best[-1]) for several in traces.values() for trace in several)
+    if not np.isfinite(best):
+        return _nowhere(name, traces), {}
     counts = COUNTS[COUNTS <= budget]
     rows, curves = [], {}
     for (method, weights), several in traces.items():
@@ -201,6 +203,15 @@ def _summed_up(
             counts, *np.quantile(relative, [0.25, 0.5, 0.75], axis=0, method="inverted_cdf")
         )
     return rows, curves
+
+
+def _nowhere(name: str, traces: dict[tuple[str, int], list[Trace]]) -> list[TunerRow]:
+    """Rows of a problem in which no search has come within the limits."""
+    nothing = (None, None, None)
+    return [
+        TunerRow(name, weights, method, len(several), 0, nothing, None, np.inf)
+        for (method, weights), several in traces.items()
+    ]
 
 
 def _known(value: float) -> float | None:

@@ -75,6 +75,8 @@ def _ratio(value: float | None, of: float | None) -> str:
 def next_steps(result: RankedResult) -> list[str]:
     """What the words of the table mean, and what to do next."""
     placed = [row for row in result.rows if row.failure is None and row.feasible]
+    if not placed and all(row.failure for row in result.rows):
+        return ["Next: no controller could be tried; the lines above say why."]
     if not placed:
         return ["Next: no controller keeps every limit; allow more, as --max-sensitivity 3."]
     lines = ["Computing: processor time of the same runs, over that of the first row."]

@@ -70,18 +70,35 @@ def ranking_of(flags: Rank) -> Ranking:
         raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
     machine = machine_named(flags.plant)
     candidates = _candidates(flags, machine)
-    found = Ranking(flags, machine, tuple(candidates))
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    tuning_run(found.flags_of(candidates[0]))  # bad parts and limits are told at once
+    found = Ranking(flags, machine, tuple(candidates))
+    _check_one(found)
     return found
 
 
+def _check_one(ranking: Ranking) -> None:
+    """Raise what every controller raises: then parts, limits or names are wrong."""
+    reasons = []
+    for candidate in ranking.candidates:
+        try:
+            tuning_run(ranking.flags_of(candidate))
+            return
+        except ValueError as error:
+            reasons.append(error)
+    raise reasons[0]
+
+
 def _candidates(flags: Rank, machine: Machine) -> list[Candidate]:
-    """Every controller, with every choice of numbers that it has."""
+    """Every controller, with every choice of numbers that it reads."""
     found = []
     for name in flags.controllers or controllers_for(machine):
-        design = design_for(machine, replace(flags, controller=name))
+        asked = replace(flags, controller=name)
+        try:
+            design = design_for(machine, asked)
+        except ValueError:  # told as its row
+            found.append(_plain_candidate(flags, name))
+            continue
         if design.fed == "state" and not flags.controllers:
             continue  # it sees more than the others
         found += [
@@ -91,13 +108,22 @@ def _candidates(flags: Rank, machine: Machine) -> list[Candidate]:
     return found
 
 
+def _plain_candidate(flags: Rank, name: str) -> Candidate:
+    return Candidate(
+        controller=name,
+        preview=flags.preview,
+        terminal=flags.terminal,
+        model_delay=flags.model_delay,
+    )
+
+
 def _choices(flags: Rank, design: Design) -> tuple[Sequence[int], Sequence[str], Sequence[Any]]:
-    """Previews, terminals and delays that are tried of a controller: of what it has."""
+    """Previews, terminals and delays that are tried of a controller: those that change it."""
     has = design.settings()
     own = has.get("terminal", flags.terminal)
     named = own == flags.terminal  # a controller whose name says its terminal keeps it
     return (
-        (flags.previews if "preview" in has else ()) or (flags.preview,),
+        (flags.previews if has.get("preview") == flags.preview else ()) or (flags.preview,),
         (flags.terminals if "terminal" in has and named else ()) or (flags.terminal,),
         (flags.model_delays if "model_delay" in has else ()) or (flags.model_delay,),
     )
@@ -106,7 +132,7 @@ def _choices(flags: Rank, design: Design) -> tuple[Sequence[int], Sequence[str],
 def label_of(candidate: Candidate, flags: Rank) -> str:
     """Name of a controller, with the numbers that set it apart from others."""
     words = [candidate.controller]
-    if len(flags.previews) > 1:
+    if len(flags.previews) > 1 and candidate.preview in flags.previews:
         words.append(f"preview {candidate.preview}")
     if len(flags.terminals) > 1:
         words.append(candidate.terminal)

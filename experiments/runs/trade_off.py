@@ -185,7 +185,8 @@ def _budgets(flags: Front, needed: float | None, folder: Path) -> list[float]:
                 f"least: {least:.4g} is above the largest budget, {most:.4g}"
                 + ("" if flags.most or needed is None else ", which the best weights need without")
             )
-        run_folder.write_json(path, {"budgets": np.geomspace(least, most, flags.points)})
+        budgets = np.geomspace(least, most, flags.points) if flags.points > 1 else [most]
+        run_folder.write_json(path, {"budgets": budgets})
     return json.loads(path.read_text())["budgets"]
 
 

@@ -34,6 +34,11 @@ def test_searches_are_compared_with_the_best_of_all():
     assert curves["jcontour"].low[2] == pytest.approx(1.01)
 
 
+def test_nobody_arrives_where_nothing_is_within_the_limits():
+    (row,), curves = tuners._summed_up("p", {("Sobol", 2): [trace([np.inf, np.inf])]}, 10)
+    assert (row.reached, row.evaluations, curves) == (0, (None, None, None), {})
+
+
 def test_the_table_says_who_arrives(capsys):
     traces = {("jcontour", 2): [trace([2.0], each=3)], ("Sobol", 2): [trace([9.0])]}
     rows, _ = tuners._summed_up("p", traces, 10)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -100,4 +101,6 @@ def test_what_to_do_next():
     assert "--evaluations" in unended
     assert following.startswith("Next: jcontour tune --controller good --preview 5 ")
     nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
-    assert "no controller keeps every limit" in next_steps(nothing)[0]
+    assert "no controller could be tried" in next_steps(nothing)[0]
+    beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
+    assert "no controller keeps every limit" in next_steps(beyond)[0]
