@@ -46,7 +46,7 @@ def test_moved_contours_are_the_same_elsewhere(name):
     by = np.array([0.3, -0.2, 0.1])[: contour.axes]
     there = moved(contour, by)
     s = np.linspace(0.0, float(contour.length), 57)
-    np.testing.assert_allclose(there.position(s), contour.position(s) + by, atol=1e-15)
+    np.testing.assert_allclose(there.position(s), np.asarray(contour.position(s)) + by, atol=1e-15)
     assert bool(there.closed) == bool(contour.closed)
     assert float(there.size) == pytest.approx(float(contour.size))
 
