@@ -6,8 +6,9 @@ Of Horowitz & McCormick in the volume of 1990 there is no text here: this is the
     y(k) = 2 y(k-1) - y(k-2) + b f(k),     f(k) = u(k-1) + u(k-2)
     D = forget + P f^2,    b += P f (y(k) - 2 y(k-1) + y(k-2) - b f) / D
     P = min((P - P^2 f^2 / D) / forget, P_max)
-    u(k) = (k_p (r - y(k)) - k_r (y(k) - y(k-1))) / max(2 b, b_min)
-With the right b the poles are the roots of
+    u(k) = (k_p (r - y(k)) - k_r (y(k) - y(k-1))) / (2 max(b, b_min))
+b_min is a part of the first b, P_max a multiple of the first P: no unit is favoured. With the
+right b the poles are the roots of
     z^3 + ((k_p + k_r)/2 - 2) z^2 + (1 + k_p/2) z - k_r/2.
 """
 
@@ -22,9 +23,6 @@ from jcontour.controller import Controller, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
-
-LEAST_GAIN = 1e-3  # b_min: no control is divided by less
-LARGEST_VARIANCE = 1e6  # P_max: without excitation P would grow for ever
 
 
 class Estimate(NamedTuple):
@@ -45,16 +43,19 @@ class SelfTuning(Controller):
     (0.016608, 0.244211)
 
     Args:
-        position: k_p.
-        rate: k_r.
+        position: k_p, without unit.
+        rate: k_r, without unit.
         sensors: where the positions stand in the measurement.
-        gain: first estimate of b.
-        variance: first P.
+        gain: first estimate of b [m per unit of control]; K T^2 / 2 where a unit of control
+            accelerates by K [m/s^2].
+        variance: first P [1 / control^2]; large where P f^2 of the usual controls is far above one.
         forgetting: factor by which old samples count less.
+        least: b_min over the first estimate of b.
+        growth: P_max over the first P.
 
     Raises:
-        ValueError: a gain is negative or not finite, or the factor is not above zero and at most
-            one.
+        ValueError: a gain is negative or not finite, the first estimate or `least` is not above
+            zero, the factor is not above zero and at most one, or `growth` is below one.
     """
 
     position: Float[Array, ""]
@@ -62,6 +63,8 @@ class SelfTuning(Controller):
     gain: Float[Array, ""]
     variance: Float[Array, ""]
     forgetting: Float[Array, ""]
+    least: Float[Array, ""]
+    growth: Float[Array, ""]
     sensors: Sensors
     preview: int = eqx.field(static=True, default=0)
 
@@ -71,11 +74,19 @@ class SelfTuning(Controller):
         rate: ArrayLike,
         sensors: Sensors,
         gain: ArrayLike,
-        variance: ArrayLike = 1e4,  # hardly anything is known at first
+        variance: ArrayLike = 1e4,  # hardly anything is known at first, for controls about one
         forgetting: ArrayLike = 0.95,  # of the last twenty samples
+        least: ArrayLike = 0.1,  # a wrong sample makes no control more than ten times as large
+        growth: ArrayLike = 100.0,  # without excitation P would grow for ever
     ):
         self.position, self.rate = checked_gain("position", position), checked_gain("rate", rate)
         self.gain, self.variance = checked_gain("gain", gain), checked_gain("variance", variance)
+        self.least, self.growth = checked_gain("least", least), checked_gain("growth", growth)
+        for name, value in (("gain", gain), ("least", least)):
+            if is_concrete(value) and not np.asarray(value) > 0:
+                raise ValueError(f"{name}: needs to be above zero, received {value}")
+        if is_concrete(growth) and not np.asarray(growth) >= 1:
+            raise ValueError(f"growth: needs to be at least one, received {growth}")
         if is_concrete(forgetting) and not 0 < np.asarray(forgetting) <= 1:
             raise ValueError(
                 f"forgetting: needs to be above zero and at most one, received {forgetting}"
@@ -107,11 +118,11 @@ class SelfTuning(Controller):
         miss = y - 2 * before + earlier - memory.gain * f
         gain = memory.gain + memory.variance * f * miss / D
         variance = (memory.variance - memory.variance**2 * f**2 / D) / self.forgetting
-        seen = memory.sample >= 2
+        seen, largest = memory.sample >= 2, self.growth * self.variance
         gain = jnp.where(seen, gain, memory.gain)
-        variance = jnp.where(seen, jnp.minimum(variance, LARGEST_VARIANCE), memory.variance)
+        variance = jnp.where(seen, jnp.minimum(variance, largest), memory.variance)
         wanted = self.position * (plan - y) - self.rate * (y - before)
-        control = wanted / jnp.maximum(2 * gain, LEAST_GAIN)
+        control = wanted / (2 * jnp.maximum(gain, self.least * self.gain))
         positions = jnp.stack([y, before])
         controls = jnp.stack([control, memory.control[0]])
         return Estimate(positions, controls, gain, variance, memory.sample + 1), control

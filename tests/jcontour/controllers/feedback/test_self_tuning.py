@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedback.self_tuning import SelfTuning, placed_gains
+from jcontour.controllers.feedback.self_tuning import Estimate, SelfTuning, placed_gains
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.plant import Plant
@@ -21,6 +21,7 @@ COMPANIONS = json.loads(DATA.read_text())
 class DiskArm(Plant):
     """y(k) = 2 y(k-1) - y(k-2) + b (u(k-1) + u(k-2)); b grows by a half at sample 150."""
 
+    scale: float = 1.0
     dt: float = 1.0
 
     def initial_state(self, position, increment):
@@ -29,7 +30,7 @@ class DiskArm(Plant):
 
     def step(self, state, control):
         y, before, last, k = state
-        b = jnp.where(k + 1 >= 150, 0.03, 0.02)
+        b = self.scale * jnp.where(k + 1 >= 150, 0.03, 0.02)
         free = 2 * y - before + b * (control + last)
         return jnp.where(k == 0, 0.0, 1.0) * free, y, control, k + 1
 
@@ -46,9 +47,9 @@ def square_wave(steps):
     return from_samples(wave, np.ones_like(wave), 1.0, 0, contour, in_motion=False)
 
 
-def run(controller):
+def run(controller, scale=1.0):
     start = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(1), jnp.zeros((), int))
-    return simulate(DiskArm(), controller, square_wave(300), start)
+    return simulate(DiskArm(scale), controller, square_wave(300), start)
 
 
 def test_estimates_are_those_of_the_reference():
@@ -58,6 +59,39 @@ def test_estimates_are_those_of_the_reference():
     np.testing.assert_allclose(
         [after[149], after[299], worst], COMPANIONS["self_tuning_gain"], rtol=1e-8
     )
+
+
+@pytest.mark.parametrize("scale", [1e-6, 2.5e-5, 1e4])
+def test_the_units_of_the_control_change_nothing(scale):
+    """b in SI is small: 0.5 um per unit where a unit accelerates by 1 m/s^2, at 1 ms."""
+    plain = run(SelfTuning(0.02, 0.25, Sensors((0,)), gain=0.01))
+    controller = SelfTuning(0.02, 0.25, Sensors((0,)), gain=0.01 * scale, variance=1e4 * scale**2)
+    scaled = run(controller, scale)
+    np.testing.assert_allclose(scaled.output, plain.output, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(scaled.memory.gain, scale * plain.memory.gain, rtol=1e-9)
+
+
+def one_step(controller, gain, variance, control=1.0, y=0.0):
+    past = jnp.array([[0.0], [0.0]])
+    controls = jnp.array([[control], [control]])
+    known = (jnp.array([gain]), jnp.array([variance]))
+    memory = Estimate(past, controls, *known, jnp.asarray(5))
+    return controller.step(memory, jnp.array([1.0]), jnp.array([y]))
+
+
+def test_the_control_is_divided_by_no_less_than_a_part_of_the_first_estimate():
+    controller = SelfTuning(0.02, 0.25, Sensors((0,)), gain=1e-6, least=0.2)
+    memory, control = one_step(controller, -1e-6, 0.0)
+    np.testing.assert_allclose(memory.gain, -1e-6, rtol=1e-12)
+    np.testing.assert_allclose(control, 0.02 / (2 * 0.2e-6), rtol=1e-12)
+
+
+def test_the_variance_grows_to_a_multiple_of_the_first():
+    controller = SelfTuning(0.02, 0.25, Sensors((0,)), 1e-6, variance=3.0, growth=5.0)
+    memory, _ = one_step(controller, 1e-6, 14.9, control=0.0)
+    np.testing.assert_allclose(memory.variance, 15.0, rtol=1e-12)
+    memory, _ = one_step(controller, 1e-6, 5.0, control=0.0)
+    np.testing.assert_allclose(memory.variance, 5.0 / 0.95, rtol=1e-12)
 
 
 @pytest.mark.parametrize("pair", [(0.9, 0.8), (0.95, 0.5), (0.85 + 0.1j, 0.85 - 0.1j)])
@@ -83,3 +117,9 @@ def test_bad_input():
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, forgetting=1.5)
     with pytest.raises(ValueError, match="gain: needs to be finite and at least zero"):
         SelfTuning(0.02, 0.25, Sensors((0,)), -0.01)
+    with pytest.raises(ValueError, match="gain: needs to be above zero"):
+        SelfTuning(0.02, 0.25, Sensors((0,)), 0.0)
+    with pytest.raises(ValueError, match="least: needs to be above zero"):
+        SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, least=0.0)
+    with pytest.raises(ValueError, match="growth: needs to be at least one"):
+        SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, growth=0.5)
