@@ -18,7 +18,8 @@ from jaxtyping import Complex, Float
 
 from jcontour.linear.plant import LinearPlant, decoupled_axes
 
-ON_CIRCLE = 1e-8  # relative; a zero of order two there is only known to the root of the precision
+# A zero of order two is only known to the root of the precision, times what its plant magnifies.
+ON_CIRCLE = 1e-6  # nearer to the unit circle than this a zero counts as on it
 UNREACHED = 16  # times the rounding error of a product of matrices
 
 Polynomial = Float[np.ndarray, "_"]  # of any length

@@ -18,6 +18,7 @@ from numpy.polynomial import polynomial
 from scipy.optimize import linprog
 
 from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial, Zeros
+from jcontour.linear.transfer_functions import ON_CIRCLE
 
 FIRST = 0.1  # length of the samples z_i^k that the first program leaves out
 MOST_TAPS = 20_000
@@ -117,7 +118,7 @@ def _upper(on_circle: Zeros | Sequence[complex | float]) -> Complex[np.ndarray, 
     """Zeros of the upper half of the unit circle: those of the lower half repeat them."""
     zeros = np.atleast_1d(np.asarray(on_circle, complex))
     for zero in zeros:
-        if abs(abs(zero) - 1) > 1e-6:
+        if abs(abs(zero) - 1) > ON_CIRCLE:
             raise ValueError(f"on_circle: needs zeros on the unit circle, received {zero:.6g}")
     return zeros[np.imag(zeros) >= 0]
 

@@ -20,7 +20,8 @@ import numpy as np
 from jaxtyping import Complex, Float
 from numpy.polynomial import polynomial
 
-ON_CIRCLE = 1e-8  # nearer to the unit circle than this a zero counts as on it
+from jcontour.linear.transfer_functions import ON_CIRCLE
+
 PAIRED = 1e-9  # largest distance of a complex zero's partner from its conjugate
 
 Zeros = Complex[np.ndarray, "_"]

@@ -104,6 +104,26 @@ def test_zeros_are_sorted():
     np.testing.assert_allclose(transfer.poles, [2.0])
 
 
+@pytest.mark.parametrize("other", [[1.0], [1.0, 0.7], [1.0, -0.7], [1.0, 1.6], [1.0, 0.2, 0.6]])
+@pytest.mark.parametrize("double", [[1.0, 2.0, 1.0], [1.0, -2.0, 1.0], [1.0, -1.0, 1.0]])
+def test_a_double_zero_on_the_circle_stays_there(double, other):
+    """Both of its zeros, whatever stands beside it: none is left to invert, none to reflect."""
+    numerator = np.convolve([0.0, *double], other)
+    found = sorted_zeros(from_polynomials(numerator, [1.0, -0.9], 1.0))
+    assert found.on_circle.size == 2
+    np.testing.assert_allclose(np.abs(found.on_circle), 1.0, atol=1e-6)
+    wanted = 1 / np.roots(other)
+    assert np.sum(np.abs(wanted) > 1) == found.cancellable.size
+    assert np.sum(np.abs(wanted) < 1) == found.unstable.size
+
+
+def test_a_zero_that_is_only_near_the_circle_is_told_from_it():
+    """Ten times the tolerance to either side."""
+    for zero_z, where in ((1 - 1e-5, "cancellable"), (1 + 1e-5, "unstable")):
+        found = sorted_zeros(from_polynomials([0.0, 1.0, -zero_z], [1.0, -0.9], 1.0))
+        assert getattr(found, where).size == 1
+
+
 def test_polynomial_from_zeros_is_one_at_the_origin():
     found = polynomial_from_zeros(np.array([0.5 + 0.5j, 0.5 - 0.5j]))
     np.testing.assert_allclose(found, [1.0, -2.0, 2.0], rtol=1e-14)
