@@ -16,7 +16,8 @@ class LearnedMachine:
         measured_um: the same error of what is measured, from which the law learns.
         control: RMS control, lap by lap.
         diverged: lap, counted from one, at which learning diverged; None where it did not.
-        pays_until: lap that no later one betters by a twentieth, at the tool.
+        pays_until: lap that no later one betters by a twentieth, at the tool; None where no lap has
+            a finite error.
     """
 
     name: str
@@ -24,11 +25,13 @@ class LearnedMachine:
     measured_um: list[float]
     control: list[float]
     diverged: int | None = None
-    pays_until: int
+    pays_until: int | None
 
     @property
-    def best_um(self) -> float:
-        """Error of the tool where learning no longer pays."""
+    def best_um(self) -> float | None:
+        """Error of the tool where learning no longer pays; None where no lap has a finite one."""
+        if self.pays_until is None:
+            return None
         return self.tool_um[self.pays_until - 1]
 
 

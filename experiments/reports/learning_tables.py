@@ -48,6 +48,8 @@ def _outcome(one: LearnedMachine) -> str:
     if one.diverged is not None:
         return f"diverges, stopped at lap {one.diverged}"
     first, best = one.tool_um[0], one.best_um
+    if best is None:
+        return "no lap has a finite error at the tool"
     if one.pays_until == 1:
         words = f"learning does not pay: {digits(first)} um in the first lap"
         if one.measured_um[-1] < 0.5 * one.measured_um[0]:

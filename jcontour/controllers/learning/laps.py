@@ -21,7 +21,10 @@ from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
 
 GROWN = 2.0  # times the error of the first lap: learning that leads there has diverged
+NO_ERROR = 1e-10  # [m]: a tenth of a nanometre is no error that a machine can make
 PAYS = 1.05  # ratio of errors from which on a lap is better than another
+
+Errors = Sequence[float | int] | Float[np.ndarray, " laps"]
 
 
 class Lap(NamedTuple):
@@ -175,24 +178,44 @@ def learn(
     return rows, last
 
 
-def diverged_lap(errors: Sequence[float | int] | Float[np.ndarray, " laps"]) -> int | None:
+def diverged_lap(errors: Errors) -> int | None:
     """First lap, counted from one, whose error is twice that of the first or not finite.
+
+    Errors are in metres; that of the first lap counts as at least a tenth of a nanometre.
 
     >>> diverged_lap([1.0, 1.5, 2.5, 4.0]), diverged_lap([1.0, 0.5])
     (3, None)
+
+    Raises:
+        ValueError: there is no lap.
     """
-    values = np.asarray(errors, float)
+    values = _of_laps(errors)
     lost = ~np.isfinite(values)
     if not lost[0]:
-        lost |= values > GROWN * values[0]
+        lost |= values > GROWN * max(values[0], NO_ERROR)
     return int(np.argmax(lost)) + 1 if lost.any() else None
 
 
-def paying_laps(errors: Sequence[float | int] | Float[np.ndarray, " laps"]) -> int:
-    """First lap, counted from one, that no later lap betters by a twentieth.
+def paying_laps(errors: Errors) -> int | None:
+    """First lap, counted from one, that no later lap betters by a twentieth; None without a lap.
+
+    Laps whose error is not finite do not count.
 
     >>> paying_laps([8.0, 4.0, 2.0, 1.0, 0.99, 1.01])
     4
+
+    Raises:
+        ValueError: there is no lap.
     """
+    values = _of_laps(errors)
+    finite = np.isfinite(values)
+    if not finite.any():
+        return None
+    return int(np.argmax(values <= PAYS * np.min(values[finite]))) + 1
+
+
+def _of_laps(errors: Errors) -> Float[np.ndarray, " laps"]:
     values = np.asarray(errors, float)
-    return int(np.argmax(values <= PAYS * np.nanmin(values))) + 1
+    if values.ndim != 1 or values.size == 0:
+        raise ValueError(f"errors: need one number per lap, received shape {values.shape}")
+    return values

@@ -101,6 +101,7 @@ def machine_of(tool, measured, **more):
         (machine_of([4.0, 6.0], [4.0, 1.0], pays_until=1), "that of the tool is not measured"),
         (machine_of([4.0, 6.0], [4.0, 6.0], pays_until=1), "learning does not pay: 4 um"),
         (machine_of([4.0, 9.0], [4.0, 9.0], pays_until=1, diverged=2), "stopped at lap 2"),
+        (machine_of([None], [None], pays_until=None, diverged=1), "diverges, stopped at lap 1"),
     ],
 )
 def test_words(result, one, says):

@@ -110,6 +110,10 @@ def test_no_laps_are_refused(small_loop, positions):
         ([np.inf, 1.0], 1),
         ([1.0], None),
         ([0.0, 0.0], None),
+        ([0.0, 1e-12], None),  # rounding
+        ([1e-13, 1e-12], None),
+        ([0.0, 1e-6], 2),
+        ([np.nan, np.nan], 1),
     ],
 )
 def test_the_lap_at_which_learning_diverges(errors, lap):
@@ -117,7 +121,23 @@ def test_the_lap_at_which_learning_diverges(errors, lap):
 
 
 @pytest.mark.parametrize(
-    ("errors", "lap"), [([1.0], 1), ([3.0, 2.0, 1.0], 3), ([1.0, 5.0], 1), ([2, 1.04, 1.0], 2)]
+    ("errors", "lap"),
+    [
+        ([1.0], 1),
+        ([3.0, 2.0, 1.0], 3),
+        ([1.0, 5.0], 1),
+        ([2, 1.04, 1.0], 2),
+        ([3.0, 1.0, np.inf, np.nan], 2),
+        ([np.nan, np.nan], None),
+        ([np.inf], None),
+    ],
 )
 def test_the_lap_after_which_it_no_longer_pays(errors, lap):
     assert paying_laps(errors) == lap
+
+
+@pytest.mark.parametrize("count", [diverged_lap, paying_laps])
+@pytest.mark.parametrize("errors", [[], [[1.0, 2.0]], 1.0])
+def test_errors_that_are_not_one_per_lap_are_refused(count, errors):
+    with pytest.raises(ValueError, match="errors: need one number per lap"):
+        count(errors)
