@@ -23,8 +23,6 @@ from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
 
-FLOOR = 1e-3  # [m]: the paper's normalisation takes lengths in mm and divides by at least one
-
 
 class AdaptiveMemory(NamedTuple):
     """Estimates of every axis, and the regressor of the last sample."""
@@ -47,7 +45,8 @@ class AdaptiveZeroPhaseTracking(Controller):
     Args:
         gain: k_p, control per m.
         theta: first a_1 and b_0, (2,) for all axes or (m, 2).
-        estimator: least squares; `trace` 2 f_0 of the paper.
+        estimator: least squares; `trace` 2 f_0 of the paper, `floor` 1e-3 m: it divides lengths in
+            mm by at least one.
         sensors: where the positions stand in the measurement.
         dt: sample period [s].
         smallest: least b_0 that an estimate may have: the model stays invertible.
