@@ -46,6 +46,21 @@ def verdict(holds: bool, partly: bool = False) -> Verdict:
     return Verdict.SAME_ORDERING if partly else Verdict.NOT_REPRODUCED
 
 
+def rounds_to(value: float, printed: str) -> bool:
+    """Whether a number rounds to the printed digits; not where it is not finite.
+
+    >>> rounds_to(0.0025145, "2.515e-3"), rounds_to(0.0025144, "2.515e-3")
+    (True, False)
+
+    Raises:
+        ValueError: what is printed is no number.
+    """
+    mantissa, mark, exponent = printed.partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    scaled = value / 10.0 ** int(exponent if mark else 0)
+    return abs(scaled - float(mantissa)) <= 0.5 * 10.0**-decimals * (1 + 1e-12)
+
+
 def undecided(claims: Sequence[Claim]) -> tuple[Claim, ...]:
     """The same statements without a verdict: the run is too short for one."""
     return tuple(replace(row, verdict=Verdict.UNDECIDED) for row in claims)

@@ -71,15 +71,3 @@ TABLE_3 = (
 # lines 29 and 33 are the feedback alone: 5.24e-5, 2.12e-5 and 2.76e-5, 1.58e-5
 UNVERIFIABLE = "feedback alone: controllers A and B are not printed"
 BANDWIDTHS_HZ = {1: "364", 2: "261"}
-
-
-def rounds_to(value: float, printed: str) -> bool:
-    """Whether a number rounds to the printed digits.
-
-    >>> rounds_to(0.0025145, "2.515e-3"), rounds_to(0.0025144, "2.515e-3")
-    (True, False)
-    """
-    mantissa, _, exponent = printed.partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    scaled = value / 10.0 ** int(exponent or 0)
-    return abs(scaled - float(mantissa)) <= 0.5 * 10.0**-decimals * (1 + 1e-12)

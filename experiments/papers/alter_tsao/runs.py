@@ -12,10 +12,9 @@ from experiments.papers.alter_tsao.published import (
     TABLE_3,
     PublishedCosts,
     PublishedLine,
-    rounds_to,
 )
 from experiments.papers.alter_tsao.result import Costs, Line, Line30
-from experiments.papers.verdicts import Verdict, verdict
+from experiments.papers.verdicts import Verdict, rounds_to, verdict
 from jcontour.controllers.feedforward.hinf import hinf_optimum
 from jcontour.controllers.feedforward.l1 import l1_optimum
 from jcontour.controllers.feedforward.model_following import ModelFollowing

@@ -54,15 +54,17 @@ class AdaptiveRun:
     peak_um: float
     second_half_um: float
     final_theta: tuple[float, float]
+    fitted_theta: tuple[float, float]  # of the servo's loop, by least squares along the path
     final_trace: float
 
 
 @dataclass(frozen=True)
 class GainError:
-    """Gain that zero phase tracking leaves, over frequency."""
+    """Gain and phase that zero phase tracking leaves, over frequency."""
 
     hertz: Float[np.ndarray, " f"]
     error: Float[np.ndarray, " f"]
+    phase: Float[np.ndarray, " f"]  # of y / y_d [rad]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import polynomial
+from scipy.signal import lfilter
 
 from experiments.papers.zpetc.published import (
     AMPLIFIER,
@@ -19,6 +20,7 @@ from experiments.papers.zpetc.result import AdaptiveRun, GainError, IntegralRun,
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
+from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.controllers.feedforward.zpetc import (
     ZeroPhaseTracking,
     gain_error,
@@ -49,7 +51,7 @@ FITTED_GAIN, FITTED_POLE = 817.41795, 567.503628  # give all digits of (8)
 INTEGRAL_TIMES = (None, 0.002, 0.003, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # [s]
 STARTS = ((-0.6461, 0.3539), (-0.8, 0.2))  # the good model (19), and a poor one
 TRACES = (2.0, 200.0)
-DEAF = 1e9  # [m] of dead zone
+ADAPTATION_OFF = 1e9  # [m] of dead zone
 FLOOR = 1e-3  # [m]: the paper's normalisation is in mm
 
 
@@ -175,9 +177,22 @@ def units() -> tuple[Units, ...]:
 
 
 def gain_left() -> GainError:
-    """Gain error of (6) up to a tenth of the Nyquist frequency and beyond."""
+    """Gain error and phase of the corrected model's loop behind its filter, up to Nyquist."""
     hertz = np.geomspace(0.1, 0.999 / (2 * FAST), 200)
-    return GainError(hertz, gain_error(closed(servo(FAST), FITTED_GAIN), 2 * np.pi * hertz))
+    loop = closed(servo(FAST), FITTED_GAIN)
+    phase = tracking_phase(loop, zero_phase_filter(loop), hertz)
+    return GainError(hertz, gain_error(loop, 2 * np.pi * hertz), phase)
+
+
+def tracking_phase(
+    loop: TransferFunction, ahead: PreviewFilter, hertz: Float[np.ndarray, " f"]
+) -> Float[np.ndarray, " f"]:
+    """Phase of G F, from the reference to the position, with the filter as it is built [rad]."""
+    x = np.exp(-2j * np.pi * hertz * loop.dt)
+    top, below = (
+        polynomial.polyval(x, np.asarray(one)) for one in (ahead.numerator, ahead.denominator)
+    )
+    return np.angle(loop.response(x) * top / below / x**ahead.preview)
 
 
 def legs(dt: float) -> Float[np.ndarray, "T 3"]:
@@ -240,11 +255,21 @@ def adaptive_runs(truths: Iterable[Truth] = TRUTHS[:3]) -> tuple[AdaptiveRun, ..
     found = []
     for truth in truths:
         for theta in STARTS:
-            found.append(_adaptive_run(truth, theta, TRACES[0], DEAF, "none"))
+            found.append(_adaptive_run(truth, theta, TRACES[0], ADAPTATION_OFF, "none"))
             for trace in TRACES:
                 found.append(_adaptive_run(truth, theta, trace, 0.0, "ours"))
             found.append(as_printed(truth, theta, TRACES[1]))
     return tuple(found)
+
+
+def one_pole_fit(truth: Truth) -> tuple[float, float]:
+    """a_1 and b_0 that fit a servo's position loop along the path, by least squares."""
+    loop = closed(servo(SLOW, truth.gain * SERVO_GAIN, truth.pole), placing_gain(servo(SLOW)))
+    wanted = 1e3 * legs(SLOW)[:, 0]
+    output = np.asarray(lfilter(loop.numerator, loop.denominator, wanted))
+    phi = np.stack([-output[:-1], wanted[:-1]], axis=1)
+    a, b = np.linalg.lstsq(phi, output[1:])[0]
+    return float(a), float(b)
 
 
 def _adaptive_run(
@@ -267,6 +292,7 @@ def _row(truth: Truth, theta, trace: float, rule: str, error, final, last: float
         peak_um=float(size.max()),
         second_half_um=float(size[size.size // 2 :].mean()),
         final_theta=(float(final[0]), float(final[1])),
+        fitted_theta=one_pole_fit(truth),
         final_trace=last,
     )
 

@@ -84,6 +84,11 @@ def test_verdicts_follow_the_numbers(result, place, change, number, verdict):
     assert changed(result, *place, **change)[number] is verdict
 
 
+def test_what_our_plant_was_chosen_for_is_told(result):
+    told = [claim.item for claim in result.claims if "our plant was chosen" in claim.finding]
+    assert told == ["after Fig. 11", "Figs 12-14"]
+
+
 def test_a_bound_that_proves_too_much_is_no_proof(result):
     bounds = [replace(row, proven=2 * row.exact) for row in result.bounds]
     assert claims(replace(result, bounds=tuple(bounds)))[8].verdict is NO

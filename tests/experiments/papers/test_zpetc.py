@@ -12,7 +12,9 @@ from experiments.papers.zpetc.claims import agrees, claims
 from experiments.papers.zpetc.experiment import Settings, run
 from experiments.papers.zpetc.figures import draw
 from experiments.papers.zpetc.runs import (
+    FAST,
     FITTED_GAIN,
+    SLOW,
     TRUTHS,
     adaptive_runs,
     closed,
@@ -22,14 +24,19 @@ from experiments.papers.zpetc.runs import (
     integral_runs,
     legs,
     models,
+    one_pole_fit,
     placing_gain,
     prefilter_of,
     printed_loop,
     servo,
+    tracking_phase,
     units,
 )
 from experiments.papers.zpetc.tables import show
 from experiments.reports.tables import console_of
+from jcontour.controllers.feedforward.preview_filter import PreviewFilter
+from jcontour.controllers.feedforward.zpetc import zero_phase_filter
+from jcontour.plants.three_link import SERVO_GAIN
 
 WANTED = json.loads((Path(__file__).parents[2] / "data" / "feedforward" / "zpetc.json").read_text())
 YES, NEAR, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
@@ -120,6 +127,70 @@ def test_gain_error_in_closed_form():
     np.testing.assert_allclose(left.error, wanted, atol=1e-8)
 
 
+@pytest.mark.parametrize("truth", TRUTHS)
+def test_the_fitted_pole_has_the_lag_of_the_loop(truth):
+    """On a ramp the position loop lags by v / (k_p K / p), one pole by T / b_0."""
+    lag = truth.pole / (placing_gain(servo(SLOW)) * truth.gain * SERVO_GAIN)  # [s]
+    a, b = one_pole_fit(truth)
+    assert b == pytest.approx(SLOW / lag, abs=1e-3)
+    assert a == pytest.approx(SLOW / lag - 1, abs=1e-3)
+
+
+def test_the_phase_is_that_of_the_filter_as_built():
+    loop, hertz = closed(servo(FAST), FITTED_GAIN), np.array([1.0, 10.0, 100.0])
+    ahead = zero_phase_filter(loop)
+    np.testing.assert_allclose(tracking_phase(loop, ahead, hertz), 0.0, atol=1e-12)
+    late = PreviewFilter(ahead.numerator, ahead.denominator, ahead.preview - 1)
+    wanted = -2 * np.pi * hertz * FAST  # a sample too late
+    np.testing.assert_allclose(tracking_phase(loop, late, hertz), wanted, atol=1e-12)
+
+
+def judged(result, claim):
+    """Finding and verdict of a statement."""
+    return next((c.finding, c.verdict) for c in claims(result) if c.claim == claim)
+
+
+def test_a_phase_error_is_seen(result):
+    claim = "zero phase error at all frequencies"
+    assert judged(result, claim)[1] is YES
+    left = replace(result.gain_error, phase=np.full_like(result.gain_error.phase, 1e-3))
+    assert judged(replace(result, gain_error=left), claim)[1] is NO
+
+
+def test_equation_5_is_judged_as_printed(result):
+    assert judged(result, "y / y_d with the integrator")[1] is NO
+    assert judged(replace(result, printed_5=1e-12), "y / y_d with the integrator")[1] is YES
+
+
+def test_convergence_is_that_of_the_parameters(result):
+    claim = "the parameters converge in all simulations"
+    finding, found = judged(result, claim)
+    assert found is NEAR and "in 6 of 12 runs" in finding
+    assert "tr F = 2: at most" in finding and "tr F = 200: they drift away" in finding
+    for gap, wanted in ((0.0, YES), (0.1, NO)):
+        moved = tuple(
+            replace(row, final_theta=(row.fitted_theta[0] + gap, row.fitted_theta[1]))
+            for row in result.adaptive
+        )
+        assert judged(replace(result, adaptive=moved), claim)[1] is wanted
+
+
+@pytest.mark.parametrize(
+    ("ahead", "wanted"),
+    [((), NO), ((0,), NO), ((0, 1), NEAR), ((0, 1, 2), YES)],
+)
+def test_adaptive_is_better_overall_only_with_every_servo(result, ahead, wanted):
+    """Runs of 1 um against the fixed controller's of 2 um and more."""
+    names = [TRUTHS[index].name for index in ahead]
+    rows = tuple(
+        replace(row, mean_um=1.0 if row.truth in names else 1e4) for row in result.adaptive
+    )
+    claim = "the adaptive controller performs better overall"
+    finding, found = judged(replace(result, adaptive=rows), claim)
+    assert found is wanted and f"better for {len(ahead)} of 3 servos" in finding
+    assert judged(result, claim)[1] is NO
+
+
 def test_verdicts_follow_the_numbers(result):
     found = claims(result)
     assert len(found) == 14
@@ -127,6 +198,7 @@ def test_verdicts_follow_the_numbers(result):
     assert by_claim["(6), (16), (17)", "models of a servo with the pole 567 rad/s"] is NO
     assert by_claim["(6), (16), (17)", "models of a servo with the pole 567.5 rad/s"] is NEAR
     assert found[4].verdict is YES and found[5].verdict is NEAR
+    assert judged(result, "the trace of F stays constant")[1] is NO
     kept = tuple(replace(row, final_trace=row.trace) for row in result.adaptive)
     other = {c.claim: c.verdict for c in claims(replace(result, adaptive=kept))}
     assert other["the trace of F stays constant"] is YES

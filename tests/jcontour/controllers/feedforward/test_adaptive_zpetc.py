@@ -17,7 +17,7 @@ from jcontour.simulation.closed_loop import simulate
 
 DATA = Path(__file__).parents[3] / "data" / "feedforward" / "zpetc.json"
 RUNS = [row for row in json.loads(DATA.read_text())["azpetc"] if not row["printed_lambda_15"]]
-DEAF = 1e9  # [m] of dead zone: nothing is learned
+ADAPTATION_OFF = 1e9  # [m] of dead zone: nothing is learned
 DT, QUANTUM = 16.8e-3, 43e-6
 FACTORS = {"exact": 1.0, "good: gain x1.1": 1.1, "poor: gain x1.5": 1.5}
 
@@ -40,7 +40,7 @@ def gain(zpetc_numbers):
 @pytest.mark.parametrize("wanted", RUNS)
 def test_the_reference_runs(link, gain, wanted):
     reference = link(DT, 1)
-    dead_zone = 0.0 if wanted["adapt"] else DEAF
+    dead_zone = 0.0 if wanted["adapt"] else ADAPTATION_OFF
     adaptive = controller(gain, wanted["theta0"], 2 * wanted["f0"], dead_zone)
     machine = Quantised(plant(FACTORS[wanted["case"]]), QUANTUM)
     run = simulate(machine, adaptive, reference)
