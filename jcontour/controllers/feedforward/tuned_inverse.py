@@ -29,7 +29,7 @@ from jcontour.linear.transfer_functions import (
     sorted_zeros,
 )
 
-FULL = 1e-9  # least singular value of the conditions that a set of taps may have
+RANK_TOLERANCE = 1e-9  # least singular value of the conditions that a set of taps may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ class OptimalInverse:
             if len(found) == count:
                 break
             larger = [*found, k]
-            if k not in found and np.linalg.svd(rows[:, larger])[1][-1] > FULL:
+            if k not in found and np.linalg.svd(rows[:, larger])[1][-1] > RANK_TOLERANCE:
                 found = larger
         return tuple(sorted(found))
 

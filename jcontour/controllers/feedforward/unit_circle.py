@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from jcontour.controllers.feedforward.model_matching import Polynomial
 
-FADED = 1e-20  # of a geometric tail: what is left out of the sum
+TRUNCATION = 1e-20  # share of a geometric tail that is left out of the sum
 MOST_SAMPLES = 10_000_000
 
 
@@ -77,7 +77,7 @@ def l1_norm(numerator: Polynomial, denominator: Polynomial) -> float:
     slowest = float(np.max(poles, initial=0.0))
     if slowest >= 1:
         raise ValueError(f"filter: is not stable, a pole has the modulus {slowest:.6g} in z")
-    decay = np.log(FADED) / np.log(max(slowest, 1e-3))
+    decay = np.log(TRUNCATION) / np.log(max(slowest, 1e-3))
     count = len(numerator) + len(denominator) + int(np.ceil(decay))
     if count > MOST_SAMPLES:
         raise ValueError(f"filter: decays over {count} samples, too many to be summed")
