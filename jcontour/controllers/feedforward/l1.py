@@ -17,7 +17,12 @@ from jaxtyping import Complex, Float
 from numpy.polynomial import polynomial
 from scipy.optimize import linprog
 
-from jcontour.controllers.feedforward.model_matching import ModelMatching, Polynomial, Zeros
+from jcontour.controllers.feedforward.model_matching import (
+    ModelMatching,
+    Polynomial,
+    Zeros,
+    check_pairs,
+)
 from jcontour.linear.transfer_functions import ON_CIRCLE
 
 FIRST = 0.1  # length of the samples z_i^k that the first program leaves out
@@ -26,6 +31,8 @@ TIGHT = 1e-10  # tolerance of the solver, the smallest that it takes
 USED = 1e-9  # relative size above which a tap belongs to the optimal basis
 MISSED = 1e-7  # relative error of a condition that counts as missed
 REAL = 1e-12  # singular values below this belong to conditions that repeat others
+
+Circle = Complex[np.ndarray, " c"]  # zeros on the upper half of the unit circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,48 +99,70 @@ def l1_optimum(
         taps: length of the filter; as many as the certificate needs when not given.
 
     Raises:
-        ValueError: a zero of `on_circle` is not there, or no filter of this length meets the
-            conditions.
+        ValueError: a zero of `on_circle` is not there or comes without its conjugate, or no filter
+            of this length meets the conditions.
     """
     circle = _upper(on_circle)
     if problem.zeros.size + circle.size == 0:
         return L1Optimum(np.zeros(1), 0.0, 0.0)
-    count = _first_count(problem) if taps is None else taps
-    while True:
-        conditions = _conditions(problem, circle, count)
-        found, multipliers = _solved(conditions)
-        bound = _bound(conditions, multipliers)
-        decided = _beyond(conditions, multipliers) <= 1
-        if taps is not None or decided or count >= MOST_TAPS:
-            break
-        count = 2 * count
-    if problem.misses(found) > MISSED * max(float(np.abs(found).sum()), 1.0):
-        raise ValueError(f"taps: no filter of {count} taps meets the conditions")
+    found, bound = _grown(problem, circle) if taps is None else _program(problem, circle, taps)[:2]
     used = np.flatnonzero(found)
     found = found[: used[-1] + 1] if used.size else found[:1]
     return L1Optimum(found, float(np.abs(found).sum()), bound)
 
 
-def _upper(on_circle: Zeros | Sequence[complex | float]) -> Complex[np.ndarray, " c"]:
+def _grown(problem: ModelMatching, circle: Circle) -> tuple[Polynomial, float]:
+    """Taps and bound of the first program whose certificate holds for every k."""
+    count = _first_count(problem, circle)
+    while True:
+        try:
+            found, bound, decided = _program(problem, circle, count)
+            if decided or count >= MOST_TAPS:
+                return found, bound
+        except ValueError:
+            if count >= MOST_TAPS:
+                raise
+        count = 2 * count
+
+
+def _program(problem: ModelMatching, circle: Circle, count: int) -> tuple[Polynomial, float, bool]:
+    """Taps, bound, and whether no longer filter is better."""
+    conditions = _conditions(problem, circle, count)
+    found, multipliers = _solved(conditions)
+    missed = max(problem.misses(found), _misses(problem, circle, found))
+    if missed > MISSED * max(float(np.abs(found).sum()), 1.0):
+        raise ValueError(f"taps: no filter of {count} taps meets the conditions")
+    return found, _bound(conditions, multipliers), _beyond(conditions, multipliers) <= 1
+
+
+def _misses(problem: ModelMatching, circle: Circle, taps: Polynomial) -> float:
+    """Largest error of E = M on the unit circle."""
+    model = polynomial.polyval(circle, problem.numerator) / polynomial.polyval(
+        circle, problem.denominator
+    )
+    return float(np.max(np.abs(polynomial.polyval(circle, taps) - model), initial=0.0))
+
+
+def _upper(on_circle: Zeros | Sequence[complex | float]) -> Circle:
     """Zeros of the upper half of the unit circle: those of the lower half repeat them."""
     zeros = np.atleast_1d(np.asarray(on_circle, complex))
     for zero in zeros:
         if abs(abs(zero) - 1) > ON_CIRCLE:
             raise ValueError(f"on_circle: needs zeros on the unit circle, received {zero:.6g}")
+    check_pairs("on_circle", zeros)
     return zeros[np.imag(zeros) >= 0]
 
 
-def _first_count(problem: ModelMatching) -> int:
-    """Taps from which on the samples are short."""
+def _first_count(problem: ModelMatching, circle: Circle) -> int:
+    """Taps from which on the samples are short, and as many as there are conditions."""
     sample, count = problem.one, 0
     while np.linalg.norm(sample) > FIRST and count < MOST_TAPS:
         sample, count = problem.shift @ sample, count + 1
-    return max(count, 2 * problem.zeros.size, 2)
+    on_circle = int(np.sum(np.where(np.imag(circle) == 0, 1, 2)))
+    return max(count, 2 * problem.zeros.size, 2) + on_circle
 
 
-def _conditions(
-    problem: ModelMatching, circle: Complex[np.ndarray, " c"], count: int
-) -> _Conditions:
+def _conditions(problem: ModelMatching, circle: Circle, count: int) -> _Conditions:
     """The conditions with orthonormal rows, repeated ones left out, then those of the circle."""
     samples = problem.powers(count) if problem.zeros.size else np.zeros((0, count), complex)
     wanted = problem.model @ problem.one if problem.zeros.size else np.zeros(0, complex)

@@ -132,6 +132,11 @@ def _check_zeros(zeros: Zeros) -> None:
             raise ValueError(
                 f"zeros: {zero:.6g} is outside the unit circle in lambda: a filter cancels it"
             )
+    check_pairs("zeros", zeros)
+
+
+def check_pairs(name: str, zeros: Zeros) -> None:
+    """Raise ValueError unless complex zeros come in conjugate pairs."""
     left = list(zeros)
     while left:
         zero = left.pop()
@@ -139,5 +144,5 @@ def _check_zeros(zeros: Zeros) -> None:
             continue
         partner = min(left, key=lambda other: abs(other - zero.conjugate()), default=None)
         if partner is None or abs(partner - zero.conjugate()) > PAIRED:
-            raise ValueError(f"zeros: the complex zero {zero:.6g} comes without its conjugate")
+            raise ValueError(f"{name}: the complex zero {zero:.6g} comes without its conjugate")
         left.remove(partner)

@@ -69,6 +69,30 @@ def test_a_pair_on_the_circle():
     assert found.bound <= found.cost * (1 + 1e-12)
 
 
+@pytest.mark.parametrize(
+    "circle", [[1j, -1j], [1.0, -1.0], [1.0, -1.0, 1j, -1j], np.exp([0.7j, -0.7j, 2.1j, -2.1j])]
+)
+def test_several_conditions_on_the_circle_without_a_length(circle):
+    """All conditions hold, and no combination of the zeros' polynomial makes the filter cheaper."""
+    problem = ModelMatching([-0.3], [0.0, 0.0, 1.0])
+    found = l1_optimum(problem, on_circle=circle)
+    for zero in (-0.3, *circle):
+        assert polynomial.polyval(zero, found.taps) == pytest.approx(zero**2, abs=1e-9)
+    assert found.bound <= found.cost * (1 + 1e-12)
+    vanishing = np.real(polynomial.polyfromroots([-0.3, *circle]))
+    random = np.random.default_rng(2)
+    for size in (1e-6, 1e-3, 1e-1):
+        change = np.convolve(size * random.standard_normal(3), vanishing)
+        assert np.abs(polynomial.polyadd(found.taps, change)).sum() >= found.bound * (1 - 1e-12)
+
+
+def test_a_filter_that_misses_the_circle_is_refused():
+    with pytest.raises(ValueError, match="no filter of 2 taps"):
+        l1_optimum(ModelMatching([-0.3], [0.0, 0.0, 1.0]), on_circle=[1j, -1j], taps=2)
+    with pytest.raises(ValueError, match="on_circle: the complex zero .* without its conjugate"):
+        l1_optimum(ModelMatching([-0.3], [0.0, 0.0, 1.0]), on_circle=[-1j])
+
+
 def test_no_zero_and_bad_input():
     assert l1_optimum(ModelMatching([], [1.0])).cost == 0
     with pytest.raises(ValueError, match="on the unit circle"):
