@@ -30,7 +30,7 @@ MOST_TAPS = 20_000
 TIGHT = 1e-10  # tolerance of the solver, the smallest that it takes
 USED = 1e-9  # relative size above which a tap belongs to the optimal basis
 MISSED = 1e-7  # relative error of a condition that counts as missed
-REAL = 1e-12  # singular values below this belong to conditions that repeat others
+RANK_TOLERANCE = 1e-12  # singular values below this belong to conditions that repeat others
 
 Circle = Complex[np.ndarray, " c"]  # zeros on the upper half of the unit circle
 
@@ -171,7 +171,7 @@ def _conditions(problem: ModelMatching, circle: Circle, count: int) -> _Conditio
         rest = float(np.linalg.norm(problem.shift @ samples[:, -1]))
     both = np.concatenate([np.real(samples), np.imag(samples)])
     left, sizes, rows = np.linalg.svd(both, full_matrices=False)
-    kept = sizes > REAL * max(float(np.max(sizes, initial=0.0)), 1e-300)
+    kept = sizes > RANK_TOLERANCE * max(float(np.max(sizes, initial=0.0)), 1e-300)
     back = left[:, kept] / sizes[kept]
     values = back.T @ np.concatenate([np.real(wanted), np.imag(wanted)])
     rows, lasting = rows[kept], np.zeros(int(kept.sum()))
