@@ -132,17 +132,28 @@ def placed_gains(first: complex | float, second: complex | float) -> tuple[float
     """Gains (k_p, k_r) that put two poles there; the third follows.
 
     Raises:
-        ValueError: the poles are equal, or neither real nor a conjugate pair.
+        ValueError: the poles are not finite, equal, at z = -1 or 1, or neither real nor a
+            conjugate pair; or they need a negative gain or an unstable third pole.
     """
     poles = np.array([first, second], complex)
+    named = f"received {first}, {second}"
+    if not np.isfinite(poles).all():
+        raise ValueError(f"poles: need to be finite, {named}")
+    if np.min(np.abs(poles**2 - 1)) < 1e-9:
+        raise ValueError(f"poles: need to be away from 1 and -1, {named}")
+    if abs(first - second) < 1e-12 or abs(np.sum(poles).imag) > 1e-12:
+        raise ValueError(f"poles: need two different real ones or a conjugate pair, {named}")
     # z^3 - 2 z^2 + z + k_p (z^2 + z)/2 + k_r (z^2 - 1)/2 = 0
     left = np.stack([(poles**2 + poles) / 2, (poles**2 - 1) / 2], axis=1)
     right = -(poles**3 - 2 * poles**2 + poles)
-    if abs(first - second) < 1e-12 or abs(np.sum(poles).imag) > 1e-12:
-        raise ValueError(
-            f"poles: need two different real ones or a conjugate pair, received {first}, {second}"
-        )
     gains = np.linalg.solve(left, right)
     if np.max(np.abs(gains.imag)) > 1e-9:
-        raise ValueError(f"poles: need a conjugate pair, received {first}, {second}")
-    return float(gains[0].real), float(gains[1].real)
+        raise ValueError(f"poles: need a conjugate pair, {named}")
+    position, rate = (float(gain) for gain in gains.real)
+    third = 2 - (position + rate) / 2 - float(np.sum(poles).real)
+    if min(position, rate) < 0 or abs(third) >= 1:
+        raise ValueError(
+            f"poles: these need the gains {position:.4g} and {rate:.4g} and leave a third pole at "
+            f"{third:.4g}, {named}"
+        )
+    return position, rate

@@ -112,6 +112,21 @@ def test_poles_that_cannot_be_placed(pair):
         placed_gains(*pair)
 
 
+@pytest.mark.parametrize(
+    ("pair", "says"),
+    [
+        ((-1.0, 0.5), "poles: need to be away from 1 and -1"),
+        ((0.5, 1.0), "poles: need to be away from 1 and -1"),
+        ((np.nan, 0.5), "poles: need to be finite"),
+        ((0.5, np.inf), "poles: need to be finite"),
+        ((0.1, 0.2), "leave a third pole at 2.03"),
+    ],
+)
+def test_poles_without_stable_gains_are_refused(pair, says):
+    with pytest.raises(ValueError, match=says):
+        placed_gains(*pair)
+
+
 def test_bad_input():
     with pytest.raises(ValueError, match="forgetting: needs to be above zero and at most one"):
         SelfTuning(0.02, 0.25, Sensors((0,)), 0.01, forgetting=1.5)
