@@ -42,7 +42,7 @@ from jcontour.simulation.metrics import Metrics, score_signals
 SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
 PLACES = (0.25, 0.5, 0.75)  # of the lap, where a loop that changes along it is frozen
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
-SLOW = 8  # of `FREQUENCIES`: where the lag of a loop is read from its phase
+SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
 LINEAR, NOISY = "linear model", "linear model, encoder noise"
 
 
@@ -184,10 +184,10 @@ def _smoothed(law: NormOptimal | PType, smoothing: int) -> tuple[LearningLaw, di
 def _lag(one: Setting) -> int:
     """Samples by which the nominal loop is late when it moves slowly."""
     nominal, (steps, _) = one.machine.nominal(one.fed), one.shape
-    frequencies = np.linspace(0, np.pi, steps)
-    response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, steps)
-    phases = np.angle(np.diagonal(response, axis1=1, axis2=2))[1:SLOW]
-    return max(0, round(float(np.mean(-phases / frequencies[1:SLOW, None]))))
+    slow = np.pi / (steps - 1) * np.arange(1, SLOW)
+    response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, slow)
+    phases = np.angle(np.diagonal(response, axis1=1, axis2=2))
+    return max(0, round(float(np.mean(-phases / slow[:, None]))))
 
 
 def _slopes(one: Setting) -> Callable[[Plant, Array], Array]:

@@ -67,7 +67,7 @@ def convergence(
     for place in places:
         iteration = law.iteration(frequency, place)
         for number, member in enumerate(members):
-            response = frequency_response(member, shape, place, FREQUENCIES)
+            response = frequency_response(member, shape, place, frequency)
             sizes = np.linalg.norm(iteration(response), 2, axis=(1, 2))
             k = int(np.argmax(np.where(np.isfinite(sizes), sizes, np.inf)))
             if not sizes[k] <= worst.bound:
@@ -79,15 +79,15 @@ def convergence(
 
 
 def frequency_response(
-    linear: Callable[[Any], Any], shape: tuple[int, ...], place: int, frequencies: int
+    linear: Callable[[Any], Any], shape: tuple[int, ...], place: int, frequency: np.ndarray
 ) -> np.ndarray:
     """Response (W, m, m) of a linear function of signals (T, m) around a sample.
 
     It is the Fourier transform of what an impulse at that sample does, in either direction of time,
-    at frequencies evenly from zero to the Nyquist frequency.
+    at frequencies (W,) [rad per sample].
 
     >>> late = lambda c: jnp.roll(c, 2, axis=0)
-    >>> found = frequency_response(late, (64, 1), 16, 3)
+    >>> found = frequency_response(late, (64, 1), 16, np.array([0.0, np.pi / 2, np.pi]))
     >>> found[:, 0, 0].round(12).tolist()
     [(1+0j), (-1-0j), (1+0j)]
 
@@ -100,5 +100,5 @@ def frequency_response(
     impulses = jnp.zeros((axes, steps, axes)).at[jnp.arange(axes), place, jnp.arange(axes)].set(1.0)
     rows = np.asarray(jax.vmap(linear)(impulses))  # input, time, output
     time = np.arange(steps) - place
-    turns = np.exp(-1j * np.linspace(0, np.pi, frequencies)[:, None] * time)
+    turns = np.exp(-1j * np.asarray(frequency)[:, None] * time)
     return np.einsum("wk,ikj->wji", turns, rows)

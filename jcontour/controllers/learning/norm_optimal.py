@@ -120,7 +120,7 @@ class NormOptimal(LearningLaw):
 
     def iteration(self, frequency, place: int):
         """T -> Q (H + prices)^-1 (effort + G' W (G - T)), H = G' W G, W and G at the place."""
-        G = frequency_response(self.model, self.tangent.shape, place, len(frequency))
+        G = frequency_response(self.model, self.tangent.shape, place, frequency)
         t = np.asarray(self.tangent)[place]
         eye = np.eye(len(t))
         W = eye - float(self.contouring) * np.outer(t, t)
