@@ -213,7 +213,7 @@ class Trace(Common):
 class Learn(Controlled):
     """Learn a part lap by lap: error per lap, with encoder noise and parameter error.
 
-    Before the first lap it is said whether the laps converge on the whole family.
+    Before the first lap it is said whether the laps converge, by linear models of the family.
     """
 
     contour: Positional[str | None] = None

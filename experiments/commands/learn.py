@@ -19,6 +19,8 @@ from experiments.runs.learning import Learner, Prepared, prepared_law, setting
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.tuning_results import machine_summary
 
+OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
+
 
 def command(flags: Learn) -> int:
     """The whole command: learn, print, exit code."""
@@ -67,6 +69,9 @@ def _check(flags: Learn) -> None:
         value = getattr(flags, name)
         if value is not None and value < least:
             raise ValueError(f"{name}: needs to be at least {least}, received {value}")
+    for name in OF_OTHER_LAW[flags.law]:
+        if getattr(flags, name) != getattr(Learn(), name):
+            raise ValueError(f"{name}: the law {flags.law} has none; leave it out")
 
 
 def _known(prepared: Prepared, names: list[str], dt: float) -> dict:

@@ -25,7 +25,8 @@ def before(result: LearnedResult) -> list[str]:
     place = f"{result.bound_member}, {result.bound_hz:.4g} Hz"
     if result.assured:
         words = (
-            "The laps converge on the whole family: each comes at least this much closer, "
+            "By its linear models, frozen at three places of the lap and without dry friction, "
+            "the laps converge on the whole family: each comes at least this much closer, "
             f"x {result.bound:.3g} ({place})."
         )
     else:

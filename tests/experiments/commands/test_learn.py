@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.learn import run
 from experiments.files.learned_result import LearnedMachine, LearnedResult
 from experiments.files.results import from_json, read_result, to_json
+from experiments.options import Learn
 from experiments.reports.learning_figure import learning
 from experiments.reports.learning_tables import after, before
 
@@ -48,6 +50,19 @@ def test_what_is_assured_happens(result):
         assert one.diverged is None and one.tool_um[-1] < one.tool_um[0]
     text = " ".join(before(result))
     assert "converge on the whole family" in text and result.bound_member in text
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (Learn(gain=3.0), "gain: the law norm-optimal has none"),
+        (Learn(lead=3), "lead: the law norm-optimal has none"),
+        (Learn(law="p-type", effort=3.0), "effort: the law p-type has none"),
+    ],
+)
+def test_numbers_of_the_other_law_are_refused(flags, says):
+    with pytest.raises(ValueError, match=says):
+        run(flags)
 
 
 def test_learning_reaches_the_noise(result):
