@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from jcontour.controller import Controller, Plan, Wrapper
 from jcontour.motion.references import Reference
@@ -24,7 +24,7 @@ GROWN = 2.0  # times the error of the first lap: learning that leads there has d
 NO_ERROR = 1e-10  # [m]: a tenth of a nanometre is no error that a machine can make
 PAYS = 1.05  # ratio of errors from which on a lap is better than another
 
-Errors = Sequence[float | int] | Float[np.ndarray, " laps"]
+Errors = ArrayLike | Sequence  # of numbers, one for each lap
 
 
 class Lap(NamedTuple):
