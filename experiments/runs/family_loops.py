@@ -27,7 +27,11 @@ def family_peaks(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
-    family, windows = _probed(machine, scenarios, fed)
+    return probed_peaks(controller, *_probed(machine, scenarios, fed))
+
+
+def probed_peaks(controller: Controller, family: Plant, windows: Reference) -> LoopPeaks:
+    """Peaks of a family at the windows of some probes."""
     loops = jax.device_get(frozen_family(controller, family, windows))
     return host_peaks(loops, encoding_of(family, windows))
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-import jax
 import numpy as np
 from rich.console import Console
 
@@ -25,15 +24,13 @@ from experiments.files.checkpoints import load_state, save_state
 from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
 from experiments.options import Front, Tune
 from experiments.reports.progress import progress_of
-from experiments.runs.family_loops import WINDOWS
+from experiments.runs.family_loops import WINDOWS, probed_peaks
 from experiments.runs.regret import with_regret
 from experiments.runs.tuning import TuningRun, tuning_run
 from experiments.shared_options import Aimed
 from jcontour.analysis.probes import probe_windows
-from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import AtMost
-from tuning.parameters import Weights
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 from tuning.problem import Problem
 from tuning.tune import QUICK, TuneState
@@ -222,11 +219,7 @@ def _point(search: Search, budget: float, found: FrontPoint) -> BudgetPoint:
 def _peak_sensitivity(problem: Problem, found: FrontPoint) -> float:
     """Largest Ms at the probes of the contours, over the plants that are tuned on."""
     loops = found.outcome.loops
-    return float(np.max(_peaks(problem, found.weights) if loops is None else loops.sensitivity))
-
-
-def _peaks(problem: Problem, weights: Weights) -> np.ndarray:
-    windows = probe_windows(problem.references, WINDOWS)
-    controller = problem.build(weights)
-    loops = jax.device_get(frozen_family(controller, problem.plants, windows))
-    return np.asarray(host_peaks(loops, encoding_of(problem.plants, windows)).sensitivity)
+    if loops is None:
+        windows = probe_windows(problem.references, WINDOWS)
+        loops = probed_peaks(problem.build(found.weights), problem.plants, windows)
+    return float(np.max(loops.sensitivity))

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine
-from jcontour.analysis.spectral import dominant
+from jcontour.analysis.spectral import dominant, real_outer, times
 
 
 def late_measures(loop: FrozenLoop, samples: int) -> tuple[Float[np.ndarray, "*loops"], FrozenLoop]:
@@ -60,18 +60,11 @@ def _slope(loop: FrozenLoop, samples: int, left, right) -> FrozenLoop:
     n, c, p = H.shape[-1], E.shape[-2], D.shape[-2]
     x, w, heard = right[..., :n], right[..., n : n + c], right[..., n + c + (samples - 1) * p :]
     of_x, of_w, written = left[..., :n], left[..., n : n + c], left[..., n + c : n + c + p]
-    y = _times(H, x)
-    of_y = _times(np.swapaxes(E, -1, -2), of_w) + _times(np.swapaxes(D, -1, -2), written)
+    y = times(H, x)
+    of_y = times(np.swapaxes(E, -1, -2), of_w) + times(np.swapaxes(D, -1, -2), written)
     return FrozenLoop(
-        LinearMachine(_outer(of_x, x), _outer(of_x, heard), _outer(of_y, x)),
-        LinearLaw(_outer(of_w, w), _outer(of_w, y), _outer(written, w), _outer(written, y)),
+        LinearMachine(real_outer(of_x, x), real_outer(of_x, heard), real_outer(of_y, x)),
+        LinearLaw(
+            real_outer(of_w, w), real_outer(of_w, y), real_outer(written, w), real_outer(written, y)
+        ),
     )
-
-
-def _times(matrix, vector):
-    """Matrices times vectors."""
-    return (matrix @ vector[..., None])[..., 0]
-
-
-def _outer(a, b) -> Float[np.ndarray, "*loops a b"]:
-    return np.real(a[..., :, None] * b[..., None, :])

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.spectral import dominant
+from jcontour.analysis.spectral import dominant, real_outer, times
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(1e-4, 0.2, 28), np.linspace(0.2, 1, 17)[1:]])
@@ -204,9 +204,9 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
     u, v = (
         np.where(larger[..., None], *both) for both in zip(of_input[1:], of_output[1:], strict=True)
     )
-    right = _times(resolvent, _times(entry, v))
-    left = _times(_turned(exit @ resolvent), u)
-    ends = Ends(v[..., :p], _times(J, v[..., p:]), u[..., :p], _times(encoding.read.T, u[..., p:]))
+    right = times(resolvent, times(entry, v))
+    left = times(_turned(exit @ resolvent), u)
+    ends = Ends(v[..., :p], times(J, v[..., p:]), u[..., :p], times(encoding.read.T, u[..., p:]))
     return size, _slope(loop, left, right, ends)
 
 
@@ -253,27 +253,20 @@ def _slope(loop: FrozenLoop, left, right, ends: Ends = NO_ENDS) -> FrozenLoop:
     (A, B, H), (_, E, K, D) = loop
     n = A.shape[-1]
     x, w, of_x, of_w = right[..., :n], right[..., n:], left[..., :n], left[..., n:]
-    y = _times(H, x) + ends.reading
-    u = _times(D, y) + _times(K, w) + ends.control
-    of_u = _times(_turned(B), of_x) + ends.of_control
-    of_y = _times(_turned(D), of_u) + _times(_turned(E), of_w) + ends.of_reading
+    y = times(H, x) + ends.reading
+    u = times(D, y) + times(K, w) + ends.control
+    of_u = times(_turned(B), of_x) + ends.of_control
+    of_y = times(_turned(D), of_u) + times(_turned(E), of_w) + ends.of_reading
     return FrozenLoop(
-        LinearMachine(_outer(of_x, x), _outer(of_x, u), _outer(of_y, x)),
-        LinearLaw(_outer(of_w, w), _outer(of_w, y), _outer(of_u, w), _outer(of_u, y)),
+        LinearMachine(real_outer(of_x, x), real_outer(of_x, u), real_outer(of_y, x)),
+        LinearLaw(
+            real_outer(of_w, w), real_outer(of_w, y), real_outer(of_u, w), real_outer(of_u, y)
+        ),
     )
-
-
-def _times(matrix, vector):
-    """Matrices times vectors."""
-    return (matrix @ vector[..., None])[..., 0]
 
 
 def _turned(matrix):
     return np.swapaxes(matrix, -1, -2)
-
-
-def _outer(a, b) -> Float[np.ndarray, "*loops a b"]:
-    return np.real(a[..., :, None] * b[..., None, :])
 
 
 def _finite(loop: FrozenLoop) -> Bool[np.ndarray, "*loops"]:

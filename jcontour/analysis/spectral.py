@@ -82,6 +82,16 @@ def with_slope(value: Array, slope: Any, argument: Any) -> Array:
     return value
 
 
+def times(matrix: Array | np.ndarray, vector: Array | np.ndarray) -> Any:
+    """Matrices (..., a, b) times vectors (..., b)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def real_outer(a: Array | np.ndarray, b: Array | np.ndarray) -> Float[np.ndarray, "*loops a b"]:
+    """Real part of a b' for vectors in batches that go together."""
+    return np.real(a[..., :, None] * b[..., None, :])
+
+
 def _radius(M: Any) -> tuple[np.ndarray, np.ndarray]:
     M = np.asarray(M)
     finite = np.isfinite(M).all(axis=(-2, -1))
