@@ -203,11 +203,11 @@ def test_slopes_of_a_cascade_on_the_flexible_axis():
 def test_slopes_of_lq_on_the_gantry(closed_loop):
     (plant, _), controller, reference = closed_loop("gantry-scheduled-lq")
     windows = probe_windows(stack_references([reference(60)]), 2)
-    weights, unravel = jax.flatten_util.ravel_pytree(controller.controller.weights)
+    weights, unravel = jax.flatten_util.ravel_pytree(controller.weights)
 
     def build(numbers):
         changed = unravel(weights * jnp.exp(jnp.append(numbers, 0.0 * weights[2:])))
-        return eqx.tree_at(lambda c: c.controller.weights, controller, changed)
+        return eqx.tree_at(lambda c: c.weights, controller, changed)
 
     check_slopes(build, np.zeros(2), stack_plants([plant]), windows)
 
