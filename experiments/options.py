@@ -285,6 +285,8 @@ class Bench(Common):
     """Tuners: random starts of every search."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
     """Tuners: evaluations of every search; one with slopes counts three."""
+    keep: Path | None = None
+    """Tuners: JSON file that keeps every start that is done; with it, a second run goes on."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""
 

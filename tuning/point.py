@@ -85,6 +85,27 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
     return Point(*judged, judged_slopes, outcome, bool(outcome.diverged) or not finite)
 
 
+def evaluate_values(
+    problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
+) -> tuple[Judged, bool]:
+    """Errors, limits and departures at z without slopes, and whether the point is `diverged`.
+
+    For searches that use no slopes; a third of the cost of `evaluate_point`.
+
+    Raises:
+        ValueError: as `evaluate_point`.
+    """
+    (metrics, use), matrices = jax.device_get(_values(problem, start, jnp.asarray(z)))
+    looked = Looked()
+    if problem.loops is not None:
+        none = jax.tree.map(lambda matrix: np.zeros((*matrix.shape, 0)), matrices)
+        looked = problem.loops.look(matrices, none)[0]
+    outcome = Outcome(metrics, looked.peaks, use, looked.late)
+    judged = jax.device_get(_judged_alone(problem, outcome))
+    finite = all(np.isfinite(number).all() for number in judged[:2])
+    return judged, bool(outcome.diverged) or not finite
+
+
 def looked_at(
     problem: Problem, start: Weights, z: Float[Array | np.ndarray, " d"]
 ) -> tuple[Looked, Looked]:
@@ -126,19 +147,35 @@ def _with_slopes(function, chart: Chart, z: Float[Array, " d"], jacobian) -> tup
 
 
 @eqx.filter_jit
+def _values(problem: Problem, start: Weights, z: Float[Array, " d"]) -> tuple[Any, Any]:
+    """Metrics and use of the limits, and matrices of the frozen loops."""
+    weights, loops = Chart(problem.space, start).weights(z), problem.loops
+    matrices = None if loops is None else loops.matrices(problem.build(weights), problem.plants)
+    return problem.runs(weights), matrices
+
+
+@eqx.filter_jit
+def _judged_alone(problem: Problem, outcome: Outcome) -> Judged:
+    return _judge(problem, outcome)
+
+
+def _judge(problem: Problem, outcome: Outcome) -> Judged:
+    errors = problem.objective(outcome.metrics)
+    if errors.ndim != 2 or 0 in errors.shape:
+        raise ValueError(
+            f"objective: needs rows of values (g, v), received the shape {errors.shape}"
+        )
+    size = problem.references.contour.size[:, None]
+    departures = jnp.ravel(logarithm(outcome.metrics.peak_tracking_error / size))
+    return Judged(logarithm(errors), problem.limits(outcome), departures)
+
+
+@eqx.filter_jit
 def _judged(problem: Problem, outcome: Outcome, slopes: Outcome) -> tuple[Judged, Judged]:
     moving, fixed = eqx.partition(outcome, eqx.is_inexact_array)
 
     def judge(moving: Outcome) -> Judged:
-        outcome = eqx.combine(moving, fixed)
-        errors = problem.objective(outcome.metrics)
-        if errors.ndim != 2 or 0 in errors.shape:
-            raise ValueError(
-                f"objective: needs rows of values (g, v), received the shape {errors.shape}"
-            )
-        size = problem.references.contour.size[:, None]
-        departures = jnp.ravel(logarithm(outcome.metrics.peak_tracking_error / size))
-        return Judged(logarithm(errors), problem.limits(outcome), departures)
+        return _judge(problem, eqx.combine(moving, fixed))
 
     def slope(direction: Outcome) -> Judged:
         return jax.jvp(judge, (moving,), (direction,))[1]

@@ -1,7 +1,8 @@
 """Searches without slopes that the tuner is measured against, each from a library of its own.
 
 A method calls `measure` until that raises `Spent`. It works in the coordinates of the tuner, the
-logarithms of positive weights, from a point z within a box of `reach` around it.
+logarithms of positive weights, from a point z, within a box that is given by its lowest and its
+highest corner.
 """
 
 from collections.abc import Callable
@@ -11,32 +12,31 @@ import numpy as np
 from jaxtyping import Float
 
 Measure = Callable[[Float[np.ndarray, " d"]], float]  # what is made small
-SearchMethod = Callable[[Measure, Float[np.ndarray, " d"], float, int], None]
+Box = Float[np.ndarray, "2 d"]
+SearchMethod = Callable[[Measure, Float[np.ndarray, " d"], Box, int], None]
 
 
 class Spent(Exception):
     """All evaluations are used up."""
 
 
-def cma_es(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -> None:
+def cma_es(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
     """CMA-ES (cmaes), restarted at random points of the box with twice the population."""
     from cmaes import CMA
 
     random = np.random.default_rng(seed)
-    bounds = np.stack([z - reach, z + reach], axis=1)
+    sigma = float(np.max(box[1] - box[0])) / 6
     population = None
     for restart in count():
-        mean = z if restart == 0 else random.uniform(*bounds.T)
-        search = CMA(
-            mean, reach / 3, bounds=bounds, seed=seed + restart, population_size=population
-        )
+        mean = z if restart == 0 else random.uniform(*box)
+        search = CMA(mean, sigma, bounds=box.T, seed=seed + restart, population_size=population)
         while not search.should_stop():
             asked = [search.ask() for _ in range(search.population_size)]
             search.tell([(point, measure(point)) for point in asked])
         population = 2 * search.population_size
 
 
-def tpe(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -> None:
+def tpe(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
     """Tree-structured Parzen estimator (Optuna), the given point first."""
     import optuna
 
@@ -45,30 +45,31 @@ def tpe(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -
     study.enqueue_trial({str(k): float(value) for k, value in enumerate(z)})
     while True:
         trial = study.ask()
-        place = [trial.suggest_float(str(k), one - reach, one + reach) for k, one in enumerate(z)]
+        place = [trial.suggest_float(str(k), *map(float, side)) for k, side in enumerate(box.T)]
         study.tell(trial, measure(np.array(place)))
 
 
-def nelder_mead(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -> None:
+def nelder_mead(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
     """Nelder and Mead's simplex (SciPy), restarted at random points of the box."""
     from scipy.optimize import minimize
 
     random = np.random.default_rng(seed)
-    bounds = list(zip(z - reach, z + reach, strict=True))
+    side = (box[1] - box[0]) / 10
     place = z
     while True:
-        first = place + np.concatenate([np.zeros((1, z.size)), reach / 5 * np.eye(z.size)])
+        inward = np.where(place + side > box[1], -side, side)
+        first = place + np.concatenate([np.zeros((1, z.size)), np.diag(inward)])
         minimize(
             measure,
             place,
             method="Nelder-Mead",
-            bounds=bounds,
+            bounds=box.T,
             options={"initial_simplex": first, "xatol": 1e-3, "fatol": 1e-4, "maxiter": 10**6},
         )
-        place = z + random.uniform(-1, 1, z.size) * 0.8 * reach
+        place = random.uniform(*box)
 
 
-def sobol(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -> None:
+def sobol(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
     """Points of a scrambled Sobol sequence (SciPy)."""
     from scipy.stats.qmc import Sobol
 
@@ -76,13 +77,13 @@ def sobol(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int)
     points = Sobol(z.size, rng=seed)
     while True:
         for place in points.random(64):
-            measure(z + reach * (2 * place - 1))
+            measure(box[0] + place * (box[1] - box[0]))
 
 
-def grid(measure: Measure, z: Float[np.ndarray, " d"], reach: float, seed: int) -> None:
+def grid(measure: Measure, z: Float[np.ndarray, " d"], box: Box, seed: int) -> None:
     """Grids over the box, each with twice the points per weight of the one before."""
     for points in (2**k + 1 for k in count(2)):
-        for place in product(*(np.linspace(one - reach, one + reach, points) for one in z)):
+        for place in product(*np.linspace(*box, points).T):
             measure(np.array(place))
 
 

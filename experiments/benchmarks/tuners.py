@@ -5,7 +5,7 @@ many evaluations a search needs to come within 2 % of the best value that anythi
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,23 +15,31 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
+from experiments.benchmarks.counted_loops import looks_at, with_counted_loops
 from experiments.benchmarks.search_methods import METHODS, PACKAGES, Spent
+from experiments.benchmarks.search_traces import ProblemTraces, Record, Trace
 from experiments.benchmarks.tuner_problems import PROBLEMS, measure_of, problem_of
 from experiments.options import Bench
 from experiments.reports import tables
 from experiments.reports.png import save_figure
 from experiments.reports.tuners_figure import Curve, tuners_figure
-from tuning.history import FEASIBLE
+from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
+from tuning.point import evaluate_point, evaluate_values
 from tuning.problem import Problem
 from tuning.tune import THOROUGH, TuneState, advance
 
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as
-REACH = 7.0  # half width in ln(weight) of the box that is searched: three decades up and down
+REACH = 7.0  # half width in ln(weight) of the box that others search: three decades up and down
 AWAY = 3.0  # half width of the box of first points
 CLOSE = 1.02  # of the best value known
 LARGEST_GRID = 2  # weights beyond which a grid is not tried
+ENOUGH = 1.001  # of the best value known: a search that comes there ends
+DROPPED = ", better than all before: they begin again"
+UNKNOWN = ProblemTraces(0, np.inf, (0.0, 0.0), (0.0, 0.0))
+REPEATED = 5  # evaluations that are timed
+EVALUATIONS = evaluate_values, evaluate_point
 COUNTS = np.unique(np.geomspace(1, 10_000, 200).astype(int))  # evaluations at which curves are kept
 
 
@@ -43,7 +51,7 @@ class TunerRow:
         weights: number of them.
         reached: seeds that came within 2 % of the best value known.
         evaluations: to come there, quartiles and median; None where that many seeds did not.
-        seconds: of the median seed, until there.
+        seconds: of processor time until there, median.
         best: best value known [um, or a ratio].
     """
 
@@ -58,32 +66,26 @@ class TunerRow:
 
 
 @dataclass(frozen=True)
-class TunersBench:
-    """One row for every search and problem."""
+class Cost:
+    """Processor time of a value, and of a value with slopes.
 
-    budget: int
-    rows: list[TunerRow]
+    Attributes:
+        compiling: once [s].
+        evaluating: every time afterwards [s].
+    """
+
+    problem: str
+    compiling: tuple[float, float]
+    evaluating: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Trace:
-    """Best feasible value after every evaluation of one search from one start."""
+class TunersBench:
+    """One row for every search and problem, and the costs of every problem."""
 
-    spent: Float[np.ndarray, " n"]
-    best: Float[np.ndarray, " n"]
-    seconds: Float[np.ndarray, " n"]
-
-    def at(self, counts: np.ndarray) -> np.ndarray:
-        """Best value within so many evaluations; infinite before the first."""
-        index = np.searchsorted(self.spent, counts, side="right") - 1
-        return np.where(index < 0, np.inf, self.best[np.maximum(index, 0)])
-
-    def until(self, value: float) -> tuple[float, float]:
-        """Evaluations and seconds to come to a value; infinite where it does not."""
-        there = np.flatnonzero(self.best <= value)
-        if there.size == 0:
-            return np.inf, np.inf
-        return float(self.spent[there[0]]), float(self.seconds[there[0]])
+    budget: int
+    rows: list[TunerRow]
+    costs: list[Cost]
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
@@ -101,129 +103,163 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
             f"bench tuners: needs {', '.join(missing)}; run it as "
             "uv run --group bench jcontour bench tuners"
         )
+    record = Record.read(flags.keep, flags.evaluations)
+    prepared: dict[str, Prepared] = {}
+    for seed in range(flags.seeds):  # outermost: an end at any time leaves whole seeds
+        for name in PROBLEMS:
+            while record.problems.get(name, UNKNOWN).seeds <= seed:
+                one = prepared.setdefault(name, _prepared(name, record))
+                seeds = one.found.seeds
+                counted = one.found.add(_searched(one, seeds, record.budget))
+                record.write(flags.keep)
+                tell(f"{name}: start {seeds + 1} of {flags.seeds}{'' if counted else DROPPED}")
     rows, curves = [], {}
-    for name in PROBLEMS:
-        traces = _traces(name, flags.seeds, flags.evaluations, tell)
-        found, curves[name] = _summed_up(name, traces, flags.evaluations)
-        rows += found
-        for row in found:
-            tell(_line(row))
+    for name, one in record.problems.items():
+        several, curves[name] = _summed_up(name, one, record.budget)
+        rows += several
     if flags.figure is not None:
         save_figure(tuners_figure(curves), Path(flags.figure))
-    return TunersBench(flags.evaluations, rows)
+    found = record.problems.items()
+    costs = [Cost(name, one.compiling, one.evaluating) for name, one in found]
+    return TunersBench(record.budget, rows, costs)
 
 
-def _traces(
-    name: str, seeds: int, budget: int, tell: Callable[[str], None]
-) -> dict[tuple[str, int], list[Trace]]:
-    """Traces by method; the key holds the number of weights as well."""
+@dataclass(frozen=True)
+class Prepared:
+    """A problem with its programs compiled.
+
+    Attributes:
+        first: coordinates of its own start, the middle of the box that is searched.
+    """
+
+    problem: Problem
+    start: Weights
+    first: Float[np.ndarray, " d"]
+    found: ProblemTraces
+
+
+def _prepared(name: str, record: Record) -> Prepared:
+    """A problem with its programs compiled, and a first value known."""
     problem, start = problem_of(name)
+    problem = with_counted_loops(problem)
     first = np.asarray(Chart(problem.space, start).coordinates())
-    measure = measure_of(problem, start)
-    measure(first)  # compiles
-    _ours(problem, start, first, 0, 1)
-    found: dict[tuple[str, int], list[Trace]] = {}
-    for seed in range(seeds):
-        away = np.random.default_rng(seed).uniform(-AWAY, AWAY, first.size)
-        begin = first + away
-        found.setdefault((OURS, first.size), []).append(_ours(problem, start, begin, seed, budget))
-        for method in METHODS:
-            if method != "grid" or first.size <= LARGEST_GRID:
-                trace = _theirs(measure, method, begin, seed, budget)
-                found.setdefault((method, first.size), []).append(trace)
-        tell(f"{name}: start {seed + 1} of {seeds}")
-    return found
+    costs = [_cost(lambda one=one: one(problem, start, first)) for one in EVALUATIONS]
+    _ours(problem, start, first, 0, 2 * WITH_SLOPES, 0.0)  # what is small
+    if name not in record.problems:
+        compiling, evaluating = zip(*costs, strict=True)
+        known = _ours(problem, start, first, 0, record.budget, 0.0).least
+        record.problems[name] = ProblemTraces(first.size, known, compiling, evaluating)
+    return Prepared(problem, start, first, record.problems[name])
 
 
-def _ours(problem: Problem, start: Weights, begin: np.ndarray, seed: int, budget: int) -> Trace:
+def _cost(evaluate: Callable[[], object]) -> tuple[float, float]:
+    """Seconds of processor time to compile, and of one evaluation afterwards."""
+    clock = time.process_time()
+    evaluate()
+    compiled = time.process_time()
+    for _ in range(REPEATED):
+        evaluate()
+    each = (time.process_time() - compiled) / REPEATED
+    return max(0.0, compiled - clock - each), each
+
+
+def _searched(one: Prepared, seed: int, budget: int) -> dict[str, Trace]:
+    """Traces of all searches from one start."""
+    begin = one.first + np.random.default_rng(seed).uniform(-AWAY, AWAY, one.first.size)
+    enough = ENOUGH * one.found.known
+    traces = {OURS: _ours(one.problem, one.start, begin, seed, budget, enough)}
+    measure = measure_of(one.problem, one.start)
+    box = np.stack([one.first - REACH, one.first + REACH])
+    for method in METHODS:
+        if method != "grid" or begin.size <= LARGEST_GRID:
+            traces[method] = _theirs(measure, METHODS[method], begin, box, seed, budget, enough)
+    return traces
+
+
+def _ours(problem: Problem, start, begin, seed: int, budget: int, enough: float) -> Trace:
     weights = Chart(problem.space, start).weights(jnp.asarray(begin))
     effort = replace(THOROUGH, seed=seed, tolerance=1e-4)
-    state, clock, times = TuneState(), time.perf_counter(), []
-    while not state.done and WITH_SLOPES * len(state.history) < budget:
-        state = advance(problem, weights, effort, state)
-        times += [time.perf_counter() - clock] * (len(state.history) - len(times))
-    values = [
-        np.inf if row.diverged or row.violation > FEASIBLE else row.objective
-        for row in state.history
-    ]
-    return _trace(values, WITH_SLOPES, times)
-
-
-def _theirs(measure, method: str, begin: np.ndarray, seed: int, budget: int) -> Trace:
+    state, clock = TuneState(), time.process_time()
     values: list[float] = []
-    times: list[float] = []
-    clock = time.perf_counter()
+    spent: list[float] = []
+    seconds: list[float] = []
+    while not state.done and (not spent or spent[-1] < budget):
+        looks = looks_at(problem)
+        state = advance(problem, weights, effort, state)
+        rows = state.history[len(values) :]
+        alone = max(0, looks_at(problem) - looks - len(rows))  # at loops without runs
+        before = (spent[-1] if spent else 0.0) + WITH_SLOPES * alone
+        values += [_value(row) for row in rows]
+        spent += [before + WITH_SLOPES * (k + 1) for k in range(len(rows))]
+        seconds += [time.process_time() - clock] * len(rows)
+        if min(values, default=np.inf) <= enough:
+            break
+    within = sum(one <= budget for one in spent)
+    return Trace.of(values[:within], spent[:within], seconds[:within])
+
+
+def _value(row: Evaluated) -> float:
+    return np.inf if row.diverged or row.violation > FEASIBLE else row.objective
+
+
+def _theirs(measure, method, begin, box, seed: int, budget: int, enough: float) -> Trace:
+    values: list[float] = []
+    seconds: list[float] = []
+    clock = time.process_time()
 
     def counted(z: np.ndarray) -> float:
-        if len(values) >= budget:
+        if len(values) >= budget or (values and values[-1] <= enough):
             raise Spent
         tried = measure(np.asarray(z, float))
         values.append(tried.objective)
-        times.append(time.perf_counter() - clock)
+        seconds.append(time.process_time() - clock)
         return tried.merit
 
     try:
-        METHODS[method](counted, begin, REACH, seed)
+        method(counted, begin, box, seed)
     except Spent:
         pass
-    return _trace(values, 1, times)
-
-
-def _trace(values: Sequence[float], each: int, times: Sequence[float]) -> Trace:
-    spent = each * np.arange(1.0, len(values) + 1)
-    return Trace(spent, np.minimum.accumulate(np.asarray(values, float)), np.asarray(times, float))
+    return Trace.of(values, np.arange(1.0, len(values) + 1).tolist(), seconds)
 
 
 def _summed_up(
-    name: str, traces: dict[tuple[str, int], list[Trace]], budget: int
+    name: str, found: ProblemTraces, budget: int
 ) -> tuple[list[TunerRow], dict[str, Curve]]:
-    best = min(float(trace.best[-1]) for several in traces.values() for trace in several)
-    if not np.isfinite(best):
-        return _nowhere(name, traces), {}
+    best = min(trace.least for several in found.traces.values() for trace in several)
+    best = min(best, found.known)
+    rows = [_row(name, found.weights, *pair, best) for pair in found.traces.items()]
     counts = COUNTS[COUNTS <= budget]
-    rows, curves = [], {}
-    for (method, weights), several in traces.items():
-        until = np.array([trace.until(CLOSE * best) for trace in several])
-        low, middle, high = np.quantile(until[:, 0], [0.25, 0.5, 0.75], method="inverted_cdf")
-        seconds = np.quantile(until[:, 1], 0.5, method="inverted_cdf")
-        rows.append(
-            TunerRow(
-                problem=name,
-                weights=weights,
-                method=method,
-                seeds=len(several),
-                reached=int(np.isfinite(until[:, 0]).sum()),
-                evaluations=(_known(low), _known(middle), _known(high)),
-                seconds=_known(seconds),
-                best=best,
-            )
-        )
+    curves = {}
+    for method, several in found.traces.items() if np.isfinite(best) else ():
         relative = np.stack([trace.at(counts) for trace in several]) / best
-        curves[method] = Curve(
-            counts, *np.quantile(relative, [0.25, 0.5, 0.75], axis=0, method="inverted_cdf")
-        )
+        curves[method] = Curve(counts, *_quartiles(relative))
     return rows, curves
 
 
-def _nowhere(name: str, traces: dict[tuple[str, int], list[Trace]]) -> list[TunerRow]:
-    """Rows of a problem in which no search has come within the limits."""
-    nothing = (None, None, None)
-    return [
-        TunerRow(name, weights, method, len(several), 0, nothing, None, np.inf)
-        for (method, weights), several in traces.items()
-    ]
+def _row(name: str, weights: int, method: str, several: list[Trace], best: float) -> TunerRow:
+    until = np.array([trace.until(CLOSE * best) for trace in several])
+    if not np.isfinite(best):  # no search has come within the limits
+        until = np.full_like(until, np.inf)
+    evaluations, seconds = (_quartiles(column) for column in until.T)
+    low, middle, high = map(_known, evaluations)
+    return TunerRow(
+        problem=name,
+        weights=weights,
+        method=method,
+        seeds=len(several),
+        reached=int(np.isfinite(until[:, 0]).sum()),
+        evaluations=(low, middle, high),
+        seconds=_known(seconds[1]),
+        best=best,
+    )
+
+
+def _quartiles(values: np.ndarray) -> np.ndarray:
+    return np.quantile(values, [0.25, 0.5, 0.75], axis=0, method="inverted_cdf")
 
 
 def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _line(row: TunerRow) -> str:
-    low, middle, high = (tables.digits(value) for value in row.evaluations)
-    return (
-        f"{row.problem}, {row.weights} weights, {row.method}: {middle} ({low} to {high}) "
-        f"evaluations, {row.reached} of {row.seeds} starts"
-    )
 
 
 def show(console: Console, result: TunersBench) -> None:
@@ -235,7 +271,7 @@ def show(console: Console, result: TunersBench) -> None:
         "starts that\narrive",
         "evaluations\nmedian",
         "quartiles",
-        "seconds\nmedian",
+        "seconds of processor\nmedian",
     ]
     rows = []
     for row in result.rows:
@@ -256,3 +292,11 @@ def show(console: Console, result: TunersBench) -> None:
         f"one with slopes counts {WITH_SLOPES}"
     )
     console.print(tables.plain_table(title, columns, rows, text_columns=2))
+    columns = ["problem", "value [ms]", "with slopes [ms]", "compiling [s]", "with slopes [s]"]
+    rows = []
+    for one in result.costs:
+        each = [tables.digits(1e3 * seconds) for seconds in one.evaluating]
+        once = [tables.digits(seconds) for seconds in one.compiling]
+        rows.append([one.problem, *each, *once])
+    title = "Processor time of one evaluation; compiling is not in the seconds above"
+    console.print(tables.plain_table(title, columns, rows, text_columns=1))

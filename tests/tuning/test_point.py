@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from tuning.objectives import LEAST, AtMost, typical_contour_error, worst_contour_error
-from tuning.point import evaluate_point, objective_value
+from tuning.point import evaluate_point, evaluate_values, objective_value
 
 START = {"x": jnp.asarray(0.5), "y": jnp.asarray(0.8)}
 Z = np.log([0.5, 0.8])
@@ -44,6 +44,22 @@ def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
     assert not point.diverged
     assert at(np.log([5.0, 0.8])).diverged  # one plant of the family is enough
     assert at(np.log([1e40, 0.8])).diverged  # not finite
+
+
+@pytest.mark.parametrize("looked_at", [True, False])
+def test_values_alone_are_those_that_come_with_slopes(proportional_problem, loop_peaks, looked_at):
+    names = {"rms_increment": 1e-5} | ({"peak_sensitivity": 1.2} if looked_at else {})
+    problem = proportional_problem(AtMost(**names), loops=loop_peaks if looked_at else None)
+    for gain in (0.5, 5.0, 1e40):
+        z = np.log([gain, 0.8])
+        (errors, limits, departures), diverged = evaluate_values(problem, START, z)
+        point = evaluate_point(problem, START, z)
+        assert diverged == point.diverged == (gain > 1)
+        if gain < 1e9:
+            np.testing.assert_allclose(departures, point.departures, rtol=1e-9)
+        if not diverged:
+            np.testing.assert_allclose(errors, point.errors, rtol=1e-12)
+            np.testing.assert_allclose(limits, point.limits, rtol=1e-9)
 
 
 def test_errors_of_zero_have_slopes(proportional_problem):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.benchmarks.tuner_problems import LOST, PROBLEMS, measure_of, problem_of
+from experiments.benchmarks.tuner_problems import LOST, PROBLEMS, _departed, measure_of, problem_of
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
 
@@ -25,7 +25,12 @@ def test_values_are_those_of_the_tuner(name):
         seen.append(excess)
         assert tried.merit == pytest.approx(np.log(point.objective) + 10 * excess, rel=1e-9)
         assert tried.objective == (np.inf if excess > 1e-6 else pytest.approx(point.objective))
-    assert measure(z + 60.0 * np.sign(z)).merit == LOST  # nothing is finite there
+    assert measure(z + 60.0 * np.sign(z)).merit >= LOST  # nothing is finite there
+
+
+def test_points_that_diverge_are_worse_the_farther_they_leave_their_contour():
+    assert [_departed(np.array(one)) for one in ([-3.0, 2.0], [-3.0, -1.0])] == [2.0, 0.0]
+    assert _departed(np.array([np.inf, 2.0])) == _departed(np.array([np.nan])) == LOST
 
 
 def test_there_are_six_problems_of_2_to_14_weights():

@@ -1,0 +1,134 @@
+"""What searches have found so far, kept in a file so that a benchmark can go on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from experiments.files.results import from_json, to_json
+from experiments.files.run_folder import read_json, write_json
+
+BETTER = 0.99  # of the best value known: whoever stopped there has stopped too early
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Every better feasible value that one search found.
+
+    >>> one = Trace([3.0, 9.0], [5.0, 2.0], [0.1, 0.2], 12.0)
+    >>> one.at(np.array([1, 3, 8, 9, 99])).tolist()
+    [inf, 5.0, 5.0, 2.0, 2.0]
+    >>> one.until(2.5), one.until(1.0)
+    ((9.0, 0.2), (inf, inf))
+
+    Attributes:
+        spent: evaluations until then.
+        best: the value.
+        seconds: of processor time until then.
+        total: evaluations of the whole search.
+    """
+
+    spent: list[float]
+    best: list[float]
+    seconds: list[float]
+    total: float
+
+    @classmethod
+    def of(
+        cls, values: Sequence[float], spent: Sequence[float], seconds: Sequence[float]
+    ) -> "Trace":
+        """From every value; infinite for a point beyond a limit."""
+        if not len(values):
+            return cls([], [], [], 0.0)
+        best = np.minimum.accumulate(np.asarray(values, float))
+        better = best < np.append(np.inf, best[:-1])
+        kept = [np.asarray(one, float)[better].tolist() for one in (spent, best, seconds)]
+        return cls(*kept, float(spent[-1]))
+
+    @property
+    def least(self) -> float:
+        """The best value; infinite where there is none."""
+        return self.best[-1] if self.best else np.inf
+
+    def at(self, counts: np.ndarray) -> np.ndarray:
+        """Best value within so many evaluations; infinite before the first."""
+        index = np.searchsorted(self.spent, counts, side="right")
+        return np.append(np.inf, self.best)[index]
+
+    def until(self, value: float) -> tuple[float, float]:
+        """Evaluations and seconds to come to a value; infinite where it does not."""
+        for spent, best, seconds in zip(self.spent, self.best, self.seconds, strict=True):
+            if best <= value:
+                return spent, seconds
+        return np.inf, np.inf
+
+
+@dataclass
+class ProblemTraces:
+    """Traces of one problem.
+
+    Attributes:
+        weights: number of them.
+        known: best value known; a search that comes there stops.
+        compiling: seconds of processor time to compile a value, and a value with slopes.
+        evaluating: seconds of processor time of one of each, afterwards.
+        traces: of every method, one for each seed.
+    """
+
+    weights: int
+    known: float
+    compiling: tuple[float, float]
+    evaluating: tuple[float, float]
+    traces: dict[str, list[Trace]] = field(default_factory=dict)
+
+    def __post_init__(self):
+        """JSON has no infinity: a file says null, which is read as NaN."""
+        if np.isnan(self.known):
+            self.known = np.inf
+
+    def add(self, traces: dict[str, Trace]) -> bool:
+        """One more seed; whether all seeds count.
+
+        Where a value is much better than the best known, the searches before have stopped too
+        early: they are dropped, and this seed is, too.
+        """
+        least = min(trace.least for trace in traces.values())
+        if least < BETTER * self.known:
+            self.known, self.traces = least, {}
+            return False
+        for method, trace in traces.items():
+            self.traces.setdefault(method, []).append(trace)
+        return True
+
+    @property
+    def seeds(self) -> int:
+        """Seeds that all searches have begun at."""
+        return min((len(several) for several in self.traces.values()), default=0)
+
+
+@dataclass
+class Record:
+    """Traces of all problems, and the number of evaluations that a search may use."""
+
+    budget: int
+    problems: dict[str, ProblemTraces] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: Path | None, budget: int) -> "Record":
+        """What a file holds; nothing where there is none.
+
+        Raises:
+            ValueError: the file has another budget, or is none of these.
+        """
+        if path is None or not path.exists():
+            return cls(budget)
+        found = from_json(read_json(path.parent, path.name), cls)
+        if found.budget != budget:
+            raise ValueError(f"evaluations: {path} has {found.budget} of them, received {budget}")
+        return found
+
+    def write(self, path: Path | None) -> None:
+        """Keep it in a file, where one is given."""
+        if path is not None:
+            write_json(path, to_json(self))
