@@ -37,8 +37,8 @@ def _linear_cascade(line: str, alias: str | None = None) -> ControllerEntry:
     return ControllerEntry(line, LINEAR, linear_feedforward_designs, alias)
 
 
-def _on_axis(line: str) -> ControllerEntry:
-    return ControllerEntry(line, FLEXIBLE_AXIS, flexible_axis_designs)
+def _on_axis(line: str, alias: str | None = None) -> ControllerEntry:
+    return ControllerEntry(line, FLEXIBLE_AXIS, flexible_axis_designs, alias)
 
 
 def _on_axes(line: str) -> ControllerEntry:
@@ -104,6 +104,13 @@ CONTROLLERS = {
     "lqg-offset-free": _on_axis(
         "linear-quadratic state feedback, Kalman filter that finds the load and cancels it"
     ),
+    "flexible-zpetc": _on_axis(
+        "zero phase error tracking in front of the cascade, dry friction fed forward", "zpetc"
+    ),
+    "flexible-optimal-feedforward": _on_axis(
+        "l1-optimal feedforward with preview in front of the cascade, dry friction fed forward",
+        "optimal-feedforward",
+    ),
     "gantry-cascade": _on_gantry(
         "P-PI cascade of each motor, fed speed and acceleration", "cascade"
     ),
@@ -124,6 +131,13 @@ CONTROLLERS = {
     ),
     "gantry-synchronised": _on_gantry(
         "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
+    ),
+    "gantry-zpetc": _on_gantry(
+        "zero phase error tracking in front of the cascades, model of the beam's centre", "zpetc"
+    ),
+    "gantry-optimal-feedforward": _on_gantry(
+        "l1-optimal feedforward with preview in front of the cascades, the same model",
+        "optimal-feedforward",
     ),
     "cross-coupled": _on_axes("P-PI cascades with Koren's cross-coupled control, constant gains"),
     "cross-coupled-variable": _on_axes("the same with variable gains (Koren & Lo)"),

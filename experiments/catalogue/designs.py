@@ -44,6 +44,7 @@ def linear_feedforward_designs() -> Mapping[str, MakeDesign]:
 def flexible_axis_designs() -> Mapping[str, MakeDesign]:
     """Cascades and state feedback on flexible axes."""
     from experiments.designs import flexible_axis as axis
+    from experiments.designs import motor_feedforward as ahead
     from jcontour.controllers.feedback.state_feedback import moving_target, quasi_steady_target
     from jcontour.controllers.observers import extended_state_observers as observers
     from jcontour.motion.input_shaping import zv
@@ -76,6 +77,8 @@ def flexible_axis_designs() -> Mapping[str, MakeDesign]:
         "cascade-zv": axis.axis_design(shaped, axis.loops, axis.feedforward, axis.vibration),
         "lqg": axis.axis_design(axis.integral_lqg, axis.state_weights, axis.integrated),
         "lqg-offset-free": axis.axis_design(offset_free, axis.state_weights, axis.drifting),
+        "flexible-zpetc": ahead.axes_feedforward(ahead.zero_phase),
+        "flexible-optimal-feedforward": ahead.axes_feedforward(ahead.optimal),
     }
 
 
@@ -105,6 +108,7 @@ def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
 def gantry_designs() -> Mapping[str, MakeDesign]:
     """Cascades and contouring LQ on gantries."""
     from experiments.designs import gantry, synchronised
+    from experiments.designs import motor_feedforward as ahead
 
     design, quadratic = gantry.gantry_design, gantry.quadratic
     return {
@@ -114,4 +118,6 @@ def gantry_designs() -> Mapping[str, MakeDesign]:
         "gantry-scheduled-lq": design(gantry.scheduled_lq, quadratic),
         "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
         "gantry-synchronised": design(synchronised.both_drives, synchronised.loops_of_drives),
+        "gantry-zpetc": ahead.drives_feedforward(ahead.zero_phase),
+        "gantry-optimal-feedforward": ahead.drives_feedforward(ahead.optimal),
     }

@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.designs.design import changed
 from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.machines.linear import LinearMachine
@@ -52,12 +53,14 @@ class Scheme(abc.ABC):
 
     Args:
         machine: what it is for.
-        late: samples of the unknown delay that the nominal machine has.
-        preview: samples that may be looked ahead.
+        flags: delay of the nominal machine, preview, first weights.
+
+    Raises:
+        ValueError: a flag is not within what the machine may have.
     """
 
-    def __init__(self, machine: LinearMachine, late: int, preview: int):
-        self.machine, self.late, self.preview = machine, late, preview
+    def __init__(self, machine: LinearMachine, flags: Controlled):
+        self.machine, self.late = machine, _late(machine, flags)
 
     @abc.abstractmethod
     def gains(self) -> dict[str, Gain]:
@@ -97,10 +100,10 @@ class MotionFeedforward(Plain):
 class _Inverse(Scheme):
     """The cascade behind an inverse of its nominal machine."""
 
-    def __init__(self, machine: LinearMachine, late: int, preview: int):
-        super().__init__(machine, late, preview)
+    def __init__(self, machine: LinearMachine, flags: Controlled):
+        super().__init__(machine, flags)
         with jax.ensure_compile_time_eval():
-            self.nominal = with_input_delay(machine.model, late)
+            self.nominal = with_input_delay(machine.model, self.late)
         self.axes = _axes(self.nominal)
 
     @abc.abstractmethod
@@ -136,12 +139,11 @@ class Optimal(_Inverse):
         ValueError: the preview is shorter than the delay, or an axis has a zero on the unit circle.
     """
 
-    def __init__(self, machine: LinearMachine, late: int, preview: int):
-        super().__init__(machine, late, preview)
-        following = ModelFollowing(ORDER, preview, CONSTRAINT)
-        self.inverses = [
-            OptimalInverse(axis, following, SMOOTHING.start, WEIGHT.start) for axis in self.axes
-        ]
+    def __init__(self, machine: LinearMachine, flags: Controlled):
+        super().__init__(machine, flags)
+        following = ModelFollowing(ORDER, flags.preview, CONSTRAINT)
+        first = first_numbers(self.gains(), flags)
+        self.inverses = [OptimalInverse(axis, following, **first) for axis in self.axes]
 
     def gains(self) -> dict[str, Gain]:
         """Bandwidth of the model and weight of the error."""
@@ -166,7 +168,7 @@ def feedforward_design(
     """Maker of a design from a scheme."""
 
     def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> GainDesign:
-        found = scheme(machine, _late(machine, flags), flags.preview)
+        found = scheme(machine, flags)
         gains = {**first_cascade(machine), **found.gains()}
         start = {key: gain.start for key, gain in gains.items()}
         space = {key: gain.parameter for key, gain in gains.items()}
@@ -184,6 +186,17 @@ def feedforward_design(
         )
 
     return design
+
+
+def first_numbers(gains: dict[str, Gain], flags: Controlled) -> dict[str, float]:
+    """Where these gains begin, those of the flags included: the taps of an inverse are of there.
+
+    Raises:
+        ValueError: a value is not a number.
+    """
+    start = {name: gain.start for name, gain in gains.items()}
+    named = [one for one in flags.weights if one.partition("=")[0] in start]
+    return {name: float(value) for name, value in changed(start, named).items()}
 
 
 def first_cascade(machine: LinearMachine) -> dict[str, Gain]:

@@ -25,6 +25,7 @@ from jcontour.controllers.feedforward.adaptive_synchronisation import (
     SynchronisedGains,
 )
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
+from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
 from jcontour.controllers.feedforward.zpetc import ZeroPhaseTracking, zero_phase_filter
 from jcontour.controllers.learning.cartesian import CartesianControl
@@ -84,6 +85,7 @@ __all__ = [
     "ExactLESO",
     "FilterObserver",
     "Filtered",
+    "FrictionFeedforward",
     "IntegralLQG",
     "InverseFeedforward",
     "LQWeights",

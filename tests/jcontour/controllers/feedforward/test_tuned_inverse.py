@@ -96,6 +96,65 @@ def test_axes_with_different_needs_stay_together():
         assert output.sum() == pytest.approx(1.0)
 
 
+def test_a_zero_that_rings_is_left_in_the_model():
+    """P F = B^r (R - T E'), R = lambda^N_p M_0 B^r(1/lambda) / B^r(1)^2, sample by sample."""
+    q, rho, ring, unstable = 0.2, 0.98, -0.9992, -3.7
+    top = 2e-4 * np.array(polynomial.polymul([1, -ring], [1, -unstable]))
+    plant = from_polynomials(np.append(0.0, top), np.polymul([1, -0.99], [1, -0.9]), DT)
+    inverse = OptimalInverse(plant, ModelFollowing(1, 5, 2), q, rho, ringing=0.3)
+    np.testing.assert_allclose(inverse.ringing_polynomial, [1, -ring], rtol=1e-9)
+    ahead, below = (np.asarray(one) for one in inverse.polynomials(q, rho))
+    taps = np.zeros(max(inverse.taps) + 1)
+    taps[list(inverse.taps)] = inverse.solved(q, rho)[1]
+    model = np.convolve([q, 1 - 2 * q, q], [-ring, 1]) / (1 - ring) ** 2
+    response = np.append(np.zeros(3), model)
+    error = np.convolve([1, -2 * rho, rho**2], taps)
+    wanted = np.convolve([1, -ring], polynomial.polysub(response, error))
+    control = lfilter(ahead, below, np.eye(1, 200)[0])
+    output = lfilter(plant.numerator, plant.denominator, control)
+    np.testing.assert_allclose(output[: wanted.size], wanted, atol=1e-9)
+    np.testing.assert_allclose(output[wanted.size :], 0, atol=1e-9)
+    assert np.abs(control[20:]).max() < 1e-6 * np.abs(control).max()  # nothing rings
+
+
+def test_a_zero_at_minus_one_rings_for_ever():
+    """A mass without friction: its sampled zero is on the circle."""
+    mass = from_polynomials([0.0, 0.5, 0.5], [1.0, -2.0, 1.0], DT)
+    following = ModelFollowing(1, 3, 2)
+    with pytest.raises(ValueError, match="on the unit circle"):
+        OptimalInverse(mass, following)
+    ahead, below = (np.asarray(o) for o in _ringing(mass, following).polynomials(0.25, 1.0))
+    assert below.size == 1 and np.isfinite(ahead).all()
+    with pytest.raises(ValueError, match="model and the zeros that ring look 2 samples ahead"):
+        _ringing(mass, ModelFollowing(1, 1, 0))
+
+
+def _ringing(plant, following):
+    return OptimalInverse(plant, following, ringing=0.3)
+
+
+def test_taps_that_were_better_elsewhere_are_told():
+    """The least cost at other numbers is that of a design made there."""
+    top = np.append(0.0, polynomial.polyfromroots([0.59521345, 0.7842356]))
+    plant, following = from_polynomials(top, [1.0, -0.5], DT), ModelFollowing(1, 2, 2)
+    first, there = OptimalInverse(plant, following), OptimalInverse(plant, following, 0.25, 0.8)
+    costs = [np.abs(np.asarray(one.solved(0.25, 0.8)[1])).sum() for one in (first, there)]
+    assert first.taps != there.taps and costs[0] > 1.05 * costs[1]
+    words = f"may be {costs[0]:.4g} with them and {costs[1]:.4g} with others"
+    with pytest.warns(UserWarning, match=words):
+        optimal_filter([first], 0.25, 0.8)
+    optimal_filter([there], 0.25, 0.8)  # without a word
+    optimal_filter([first], 0.25, 1.0)
+
+
+def test_taps_that_cannot_meet_the_conditions_are_refused():
+    """T = (1 - rho lambda)^N is zero at the plant's zero."""
+    plant = from_polynomials(np.append(0.0, [0.9, -1.0]), [1.0, -0.5], DT)
+    inverse = OptimalInverse(plant, ModelFollowing(1, 2, 2))
+    with pytest.raises(ValueError, match="weight: at 1.11111 the taps .* cannot meet"):
+        optimal_filter([inverse], 0.25, 1 / 0.9)
+
+
 def test_gradients_are_those_of_differences():
     inverses = [OptimalInverse(plant, ModelFollowing(1, 5, 2)) for plant in plants().values()]
 
