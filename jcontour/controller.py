@@ -97,6 +97,24 @@ def check_period(dt: float, reference: Reference) -> None:
         )
 
 
+def check_axes(axes: int, reference: Reference) -> None:
+    """Raise ValueError unless the reference has as many axes as the controller reads."""
+    found = reference.position.shape[-1]
+    if found != axes:
+        raise ValueError(f"sensors: the reference has {found} axes, the controller reads {axes}")
+
+
+def checked_period(dt: float) -> float:
+    """The sample period [s].
+
+    Raises:
+        ValueError: it is not finite or not above zero.
+    """
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: needs to be above zero, a period in seconds, received {dt}")
+    return float(dt)
+
+
 def checked_gain(name: str, value) -> Array:
     """The gain as an array.
 

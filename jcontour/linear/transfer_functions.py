@@ -101,9 +101,15 @@ def from_polynomials(
     """Transfer function from ascending polynomials in lambda.
 
     Raises:
-        ValueError: the numerator is zero, or the denominator begins with zero.
+        ValueError: a polynomial has no coefficient or one that is not finite, the numerator is
+            zero, the denominator begins with zero, or `dt` is not above zero.
     """
     top, below = (np.atleast_1d(np.asarray(one, float)) for one in (numerator, denominator))
+    for name, one in {"numerator": top, "denominator": below}.items():
+        if one.ndim != 1 or one.size == 0 or not np.isfinite(one).all():
+            raise ValueError(f"{name}: needs a row of finite coefficients, received {one}")
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt: needs to be above zero, received {dt}")
     if not np.any(top):
         raise ValueError("numerator: needs a coefficient that is not zero")
     if below[0] == 0:

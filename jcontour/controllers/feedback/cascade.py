@@ -16,7 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_limit, check_period, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_limit,
+    check_period,
+    checked_gain,
+    checked_period,
+)
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
@@ -112,16 +119,12 @@ class Cascade(Controller):
     preview: int = eqx.field(static=True, default=1)
 
     def __init__(self, gains: CascadeGains, sensors: Sensors, dt: float, limit: ArrayLike = np.inf):
-        if not (np.isfinite(dt) and dt > 0):
-            raise ValueError(
-                f"dt: the sample period needs to be a positive number of seconds, received {dt}"
-            )
         check_limit(limit)
         if not sensors.velocity:
             raise ValueError(
                 "sensors: the velocity loop needs the velocities measured, received positions only"
             )
-        self.gains, self.sensors, self.dt = gains, sensors, float(dt)
+        self.gains, self.sensors, self.dt = gains, sensors, checked_period(dt)
         self.limit = jnp.asarray(limit, float)
         self.preview = 1
 
@@ -131,11 +134,7 @@ class Cascade(Controller):
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        axes, found = self.sensors.axes, reference.position.shape[-1]
-        if found != axes:
-            raise ValueError(
-                f"sensors: the reference has {found} axes, the controller reads {axes}"
-            )
+        check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         gains, steps, start = self.gains, reference.steps, reference.start_increment
         now, later = reference.position[:steps], reference.position[1 : steps + 1]

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour.controller import Controller, checked_gain
+from jcontour.controller import Controller, check_axes, checked_gain
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
@@ -95,7 +95,12 @@ class SelfTuning(Controller):
         self.preview = 0
 
     def prepare(self, reference: Reference) -> Float[Array, "T m"]:
-        """Positions of the reference."""
+        """Positions of the reference.
+
+        Raises:
+            ValueError: the reference has another number of axes.
+        """
+        check_axes(self.sensors.axes, reference)
         return reference.position[: reference.steps]
 
     def initial_memory(self, reference: Reference) -> Estimate:

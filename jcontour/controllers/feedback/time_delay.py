@@ -17,7 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_limit, check_period, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_limit,
+    check_period,
+    checked_gain,
+    checked_period,
+)
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
@@ -85,20 +92,19 @@ class TimeDelayControl(Controller):
         self.input_gain = checked_gain("input_gain", input_gain)
         if is_concrete(input_gain) and not np.all(np.asarray(input_gain) > 0):
             raise ValueError(f"input_gain: needs to be above zero, received {input_gain}")
-        if not (np.isfinite(dt) and dt > 0):
-            raise ValueError(f"dt: needs to be above zero, received {dt}")
         check_limit(limit)
         if not sensors.velocity:
             raise ValueError("sensors: time-delay control needs speeds, received positions only")
         self.limit = jnp.asarray(limit, float)
-        self.sensors, self.dt, self.preview = sensors, float(dt), 1
+        self.sensors, self.dt, self.preview = sensors, checked_period(dt), 1
 
     def prepare(self, reference: Reference) -> Motion:
         """Positions, speeds and accelerations by differences.
 
         Raises:
-            ValueError: the reference has another sample period.
+            ValueError: the reference has another sample period or number of axes.
         """
+        check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps = reference.steps
         speed = jnp.diff(reference.position[: steps + 1], axis=0) / self.dt

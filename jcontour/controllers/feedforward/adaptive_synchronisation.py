@@ -20,7 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_period, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_period,
+    checked_gain,
+    checked_period,
+)
 from jcontour.motion.references import Reference
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
@@ -121,8 +127,6 @@ class AdaptiveSynchronisation(Controller):
         start: ArrayLike | None = None,
         pair: tuple[int, int] = (0, 1),
     ):
-        if not (np.isfinite(dt) and dt > 0):
-            raise ValueError(f"dt: needs to be above zero, received {dt}")
         if not sensors.velocity:
             raise ValueError("sensors: speeds are synchronised, received positions only")
         axes = sensors.axes
@@ -132,7 +136,7 @@ class AdaptiveSynchronisation(Controller):
         if start.shape != (axes, 3):
             raise ValueError(f"start: needs the shape ({axes}, 3), received {start.shape}")
         self.gains, self.sensors, self.start = gains, sensors, start
-        self.dt, self.pair, self.preview = float(dt), pair, 2
+        self.dt, self.pair, self.preview = checked_period(dt), pair, 2
 
     def prepare(self, reference: Reference) -> SynchronisedPlan:
         """Positions, and speeds by the next difference.
@@ -140,11 +144,7 @@ class AdaptiveSynchronisation(Controller):
         Raises:
             ValueError: the reference has another sample period or number of axes.
         """
-        axes, found = self.sensors.axes, reference.position.shape[-1]
-        if found != axes:
-            raise ValueError(
-                f"sensors: the reference has {found} axes, the controller reads {axes}"
-            )
+        check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps = reference.steps
         speed = jnp.diff(reference.position[: steps + 2], axis=0) / self.dt

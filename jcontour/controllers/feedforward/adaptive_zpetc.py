@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_period
+from jcontour.controller import Controller, check_axes, check_period, checked_period
 from jcontour.controllers.feedforward.normalised_least_squares import (
     Estimate,
     NormalisedLeastSquares,
@@ -52,7 +52,7 @@ class AdaptiveZeroPhaseTracking(Controller):
         smallest: least b_0 that an estimate may have: the model stays invertible.
 
     Raises:
-        ValueError: the gain or `smallest` is not above zero, or b_0 begins below it.
+        ValueError: the gain, `smallest` or `dt` is not above zero, or b_0 begins below `smallest`.
     """
 
     gain: Float[Array, "*m"]
@@ -82,15 +82,16 @@ class AdaptiveZeroPhaseTracking(Controller):
             np.asarray(self.theta)[..., 1] >= np.asarray(self.smallest)
         ):
             raise ValueError(f"theta: b_0 needs to be at least {smallest}, received {theta}")
-        self.estimator, self.sensors, self.dt = estimator, sensors, float(dt)
+        self.estimator, self.sensors, self.dt = estimator, sensors, checked_period(dt)
         self.preview = 1
 
     def prepare(self, reference: Reference) -> _Plan:
         """Desired positions from the start of the run.
 
         Raises:
-            ValueError: the reference has another sample period.
+            ValueError: the reference has another sample period or number of axes.
         """
+        check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         steps, start = reference.steps, reference.position[:1]
         away = reference.position - start

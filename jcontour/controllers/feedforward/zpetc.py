@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 from numpy.polynomial import polynomial
 
-from jcontour.controller import Controller, check_period
+from jcontour.controller import Controller, check_axes, check_period, checked_period
 from jcontour.controllers.feedforward.preview_filter import PreviewFilter
 from jcontour.linear.transfer_functions import (
     TransferFunction,
@@ -110,7 +110,7 @@ class ZeroPhaseTracking(Controller):
         integral_time: T_i [s]; no integrator when infinite.
 
     Raises:
-        ValueError: the gain or the integral time is not above zero.
+        ValueError: the gain, the integral time or `dt` is not above zero.
     """
 
     ahead: PreviewFilter
@@ -130,7 +130,7 @@ class ZeroPhaseTracking(Controller):
         for name, value in (("gain", gain), ("integral_time", integral_time)):
             if is_concrete(value) and not np.all(np.asarray(value) > 0):
                 raise ValueError(f"{name}: needs to be above zero, received {value}")
-        self.ahead, self.sensors, self.dt = ahead, sensors, float(dt)
+        self.ahead, self.sensors, self.dt = ahead, sensors, checked_period(dt)
         self.gain, self.integral_time = (jnp.asarray(x, float) for x in (gain, integral_time))
 
     @property
@@ -142,8 +142,10 @@ class ZeroPhaseTracking(Controller):
         """Filtered references.
 
         Raises:
-            ValueError: the reference has another sample period, or too little preview.
+            ValueError: the reference has another sample period or number of axes, or too little
+                preview.
         """
+        check_axes(self.sensors.axes, reference)
         check_period(self.dt, reference)
         return _Plan(self.ahead.of(reference), reference.position[: reference.steps])
 

@@ -16,7 +16,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_period, checked_gain
+from jcontour.controller import (
+    Controller,
+    check_axes,
+    check_period,
+    checked_gain,
+    checked_period,
+)
 from jcontour.controllers.learning.laps import Lap, RunLap
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -55,7 +61,7 @@ class CartesianControl(Controller):
         dt: sample period [s].
 
     Raises:
-        ValueError: a gain is negative or not finite.
+        ValueError: a gain is negative or not finite, or `dt` is not above zero.
     """
 
     arm: Arm
@@ -69,14 +75,15 @@ class CartesianControl(Controller):
         self.arm, self.force = arm, jnp.asarray(force)
         self.stiffness = checked_gain("stiffness", stiffness)
         self.damping = checked_gain("damping", damping)
-        self.dt, self.preview = float(dt), 1
+        self.dt, self.preview = checked_period(dt), 1
 
     def prepare(self, reference: Reference) -> Wanted:
         """Positions, speeds by differences about each sample, and the force.
 
         Raises:
-            ValueError: the sample period or the length of the force is another.
+            ValueError: the sample period, the number of axes or the length of the force is another.
         """
+        check_axes(2, reference)
         check_period(self.dt, reference)
         steps = reference.steps
         if self.force.shape != (steps, 2):

@@ -17,8 +17,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour.controller import Controller, Wrapper
-from jcontour.motion.references import Reference
+from jcontour.controller import Controller
+from jcontour.controllers.learning.error_driven import (
+    ErrorDriven,
+    ErrorDrivenMemory,
+    ErrorDrivenPlan,
+)
 from jcontour.sensors import Sensors
 
 SMOOTH = (0.25, 0.5, 0.25)  # forgets what is faster than a quarter of the sampling frequency
@@ -42,8 +46,9 @@ class RepetitiveFilter(eqx.Module):
         lead: samples by which l is moved ahead: the delay of the loop.
 
     Raises:
-        ValueError: a filter has an even number of taps, the lead is negative, or the period is not
-            longer than what the filters look ahead.
+        ValueError: a filter has an even number of taps, period or lead is not a whole number of
+            samples, the lead is negative, or the period is not longer than what the filters look
+            ahead.
     """
 
     learning: Float[Array, " l"]
@@ -53,14 +58,14 @@ class RepetitiveFilter(eqx.Module):
 
     def __init__(
         self,
-        period: int,
+        period: int | float,
         learning: ArrayLike | Sequence[float],
         smoothing: ArrayLike | Sequence[float] = SMOOTH,
-        lead: int = 0,
+        lead: int | float = 0,
     ):
         self.learning = jnp.atleast_1d(jnp.asarray(learning, float))
         self.smoothing = jnp.atleast_1d(jnp.asarray(smoothing, float))
-        self.period, self.lead = int(period), int(lead)
+        self.period, self.lead = _whole("period", period), _whole("lead", lead)
         for name, taps in {"learning": self.learning, "smoothing": self.smoothing}.items():
             if taps.ndim != 1 or taps.size % 2 == 0:
                 raise ValueError(f"{name}: needs an odd number of taps, received {taps.shape}")
@@ -109,14 +114,7 @@ class RepetitiveFilter(eqx.Module):
         )
 
 
-class RepetitiveMemory(NamedTuple):
-    """Memory of the last period, and of the wrapped controller."""
-
-    period: Period
-    inner: Any
-
-
-class Repetitive(Wrapper):
+class Repetitive(ErrorDriven):
     """A controller with plug-in repetitive control around it.
 
     >>> from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -136,29 +134,28 @@ class Repetitive(Wrapper):
     sensors: Sensors
     filter: RepetitiveFilter
 
-    def prepare(self, reference: Reference) -> Any:
-        """Plan of the wrapped controller, and the positions of the reference."""
-        return self.controller.prepare(reference), reference.position[: reference.steps]
-
-    def initial_memory(self, reference: Reference) -> RepetitiveMemory:
-        """Nothing learned yet."""
-        inner = self.controller.initial_memory(reference)
-        return RepetitiveMemory(self.filter.start(self.sensors.axes), inner)
+    def untaught(self, axes: int) -> Period:
+        """Nothing seen yet."""
+        return self.filter.start(axes)
 
     def step(
-        self, memory: RepetitiveMemory, plan: Any, measurement: Any
-    ) -> tuple[RepetitiveMemory, Float[Array, " p"]]:
+        self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
+    ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
         """Step of the wrapped controller, which sees the positions less the correction."""
-        inner_plan, wanted = plan
-        correction = self.filter.correction(memory.period)
-        error = wanted - self.sensors.positions(measurement)
-        seen = self.filter.seen(memory.period, correction, error)
+        correction = self.filter.correction(memory.learned)
+        seen = self.filter.seen(memory.learned, correction, self.error(plan, measurement))
         shifted = moved_positions(measurement, self.sensors, -correction)
-        inner, control = self.controller.step(memory.inner, inner_plan, shifted)
-        return RepetitiveMemory(seen, inner), control
+        inner, control = self.controller.step(memory.inner, plan.inner, shifted)
+        return ErrorDrivenMemory(seen, inner), control
 
 
 def moved_positions(measurement: Any, sensors: Sensors, shift: Float[Array, " m"]) -> Any:
     """The measurement with other positions [m]; everything else in it stays."""
     flat, shaped = ravel_pytree(measurement)
     return shaped(flat.at[np.array(sensors.position)].add(shift / sensors.scale))
+
+
+def _whole(name: str, samples: int | float) -> int:
+    if not (np.isfinite(samples) and samples == int(samples)):
+        raise ValueError(f"{name}: needs a whole number of samples, received {samples}")
+    return int(samples)

@@ -16,8 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from jcontour.controller import Controller, Wrapper, checked_gain
-from jcontour.motion.references import Reference
+from jcontour.controller import Controller, checked_gain
+from jcontour.controllers.learning.error_driven import (
+    ErrorDriven,
+    ErrorDrivenMemory,
+    ErrorDrivenPlan,
+)
 from jcontour.sensors import Sensors
 from jcontour.tracing import is_concrete
 
@@ -39,7 +43,8 @@ class Canceller(eqx.Module):
         gain: of the adaptation.
 
     Raises:
-        ValueError: a frequency is not between zero and pi, or the gain is negative.
+        ValueError: a frequency is not between zero and pi, there are other phases than one or one
+            for each frequency, a phase is not finite, or the gain is negative or not one number.
     """
 
     frequency: Float[Array, " h"]
@@ -49,6 +54,16 @@ class Canceller(eqx.Module):
     def __init__(self, frequency: ArrayLike, phase: ArrayLike, gain: ArrayLike):
         self.frequency = jnp.atleast_1d(jnp.asarray(frequency, float))
         self.phase, self.gain = jnp.asarray(phase, float), checked_gain("gain", gain)
+        count = self.frequency.size
+        if self.frequency.ndim != 1 or self.phase.shape not in ((), (count,)):
+            raise ValueError(
+                f"phase: needs one number, or one for each of {count} frequencies, "
+                f"received shape {self.phase.shape}"
+            )
+        if self.gain.ndim:
+            raise ValueError(f"gain: needs one number, received shape {self.gain.shape}")
+        if is_concrete(self.phase) and not np.isfinite(np.asarray(self.phase)).all():
+            raise ValueError(f"phase: needs to be finite, received {phase}")
         if is_concrete(self.frequency):
             w = np.asarray(self.frequency)
             if not np.all((w > 0) & (w < np.pi)):
@@ -72,14 +87,7 @@ class Canceller(eqx.Module):
         return Waves(cosine, sine, memory.sample + 1), added
 
 
-class RunoutMemory(NamedTuple):
-    """Memory of the cancellation, and of the wrapped controller."""
-
-    waves: Waves
-    inner: Any
-
-
-class RunoutCancelled(Wrapper):
+class RunoutCancelled(ErrorDriven):
     """A controller with sinusoids added to its control, one set for every axis.
 
     The wrapped controller has as many controls as the sensors have axes.
@@ -101,21 +109,14 @@ class RunoutCancelled(Wrapper):
     sensors: Sensors
     canceller: Canceller
 
-    def prepare(self, reference: Reference) -> Any:
-        """Plan of the wrapped controller, and the positions of the reference."""
-        return self.controller.prepare(reference), reference.position[: reference.steps]
-
-    def initial_memory(self, reference: Reference) -> RunoutMemory:
+    def untaught(self, axes: int) -> Waves:
         """Nothing learned yet."""
-        inner = self.controller.initial_memory(reference)
-        return RunoutMemory(self.canceller.start(self.sensors.axes), inner)
+        return self.canceller.start(axes)
 
     def step(
-        self, memory: RunoutMemory, plan: Any, measurement: Any
-    ) -> tuple[RunoutMemory, Float[Array, " p"]]:
+        self, memory: ErrorDrivenMemory, plan: ErrorDrivenPlan, measurement: Any
+    ) -> tuple[ErrorDrivenMemory, Float[Array, " p"]]:
         """Control of the wrapped controller, and the sinusoids."""
-        inner_plan, wanted = plan
-        error = wanted - self.sensors.positions(measurement)
-        waves, added = self.canceller.step(memory.waves, error)
-        inner, control = self.controller.step(memory.inner, inner_plan, measurement)
-        return RunoutMemory(waves, inner), control + added
+        waves, added = self.canceller.step(memory.learned, self.error(plan, measurement))
+        inner, control = self.controller.step(memory.inner, plan.inner, measurement)
+        return ErrorDrivenMemory(waves, inner), control + added

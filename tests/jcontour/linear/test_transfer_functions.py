@@ -141,5 +141,16 @@ def test_bad_input(two_axes):
         from_polynomials([0.0], [1.0], 1.0)
     with pytest.raises(ValueError, match="denominator"):
         from_polynomials([1.0], [0.0, 1.0], 1.0)
+    for name, top, below in (
+        ("numerator", [], [1.0]),
+        ("numerator", [0.0, np.nan], [1.0]),
+        ("numerator", [[1.0, 2.0]], [1.0]),
+        ("denominator", [1.0], []),
+        ("denominator", [1.0], [1.0, np.inf]),
+    ):
+        with pytest.raises(ValueError, match=f"{name}: needs a row of finite coefficients"):
+            from_polynomials(top, below, 1.0)
+    with pytest.raises(ValueError, match="dt: needs to be above zero"):
+        from_polynomials([1.0], [1.0], 0.0)
     with pytest.raises(ValueError, match="ringing"):
         sorted_zeros(from_polynomials([1.0], [1.0], 1.0), ringing=0.0)

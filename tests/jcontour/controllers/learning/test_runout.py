@@ -60,3 +60,17 @@ def test_bad_frequencies(frequency):
 def test_a_bad_gain():
     with pytest.raises(ValueError, match="gain: needs to be finite and at least zero"):
         Canceller(0.1, 0.0, -1.0)
+
+
+@pytest.mark.parametrize("phase", [[0, 1, 2], [[0.1]], []])
+def test_a_phase_for_each_frequency(phase):
+    with pytest.raises(ValueError, match="phase: needs one number, or one for each of 1"):
+        Canceller(0.1, phase, 0.1)
+
+
+def test_one_finite_phase_and_one_gain():
+    assert Canceller([0.1, 0.2], [0.0, 1.0], 0.1).start(3).cosine.shape == (3, 2)
+    with pytest.raises(ValueError, match="phase: needs to be finite"):
+        Canceller(0.1, np.nan, 0.1)
+    with pytest.raises(ValueError, match="gain: needs one number"):
+        Canceller(0.1, 0.0, [0.1, 0.2])
