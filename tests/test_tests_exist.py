@@ -7,7 +7,6 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # the contracts, and what each of their implementations goes through
-    "jcontour/controller.py": "test_contracts.py",
     "jcontour/plant.py": "test_contracts.py",
     # the pieces that contours and programs are made of
     "jcontour/geometry/pieces.py": "jcontour/geometry/test_contour.py",

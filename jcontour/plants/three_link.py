@@ -78,6 +78,10 @@ class ThreeLink(eqx.Module):
                 f"shortest: needs to be below longest, received {self.shortest} and {self.longest}"
             )
 
+    def pins(self) -> Float[np.ndarray, "3 3"]:
+        """Pin joints at the base, (leg, coordinate) [m]."""
+        return float(self.base_radius) * _legs()
+
     def balls(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
         """Ball joints, (leg, coordinate) [m]."""
         pose = jnp.asarray(pose)

@@ -8,15 +8,48 @@ from matplotlib.figure import Figure
 from experiments.papers.alter_tsao.result import Result
 from experiments.reports.axes import grid, legend_below, logarithmic
 from experiments.reports.png import save_figures
-from jcontour.plants.linear_motor_drive import PERIOD
+from jcontour.linear.transfer_functions import transfer_function
+from jcontour.plants.linear_motor_drive import PERIOD, linear_motor_drive
+
+STEP_SAMPLES = 12  # a few time constants of the current loop
 
 
 def draw(result: Result, folder: Path) -> list[Path]:
     """Save all figures as PNG files in `folder`."""
-    figures = {"figure-2": figure_2, "figures-3-4": figures_3_and_4, "table-1": errors}
+    figures = {
+        "drive": drive,
+        "figure-2": figure_2,
+        "figures-3-4": figures_3_and_4,
+        "table-1": errors,
+    }
     if result.perturbed:
         figures["perturbed"] = perturbed
     return save_figures(figures, result, folder)
+
+
+def drive(result: Result) -> Figure:
+    """Response of the example drive: over frequency, and to a step of its control."""
+    plant = linear_motor_drive()
+    hertz = np.geomspace(1.0, 0.5 / PERIOD, 400)
+    response = transfer_function(plant).response(np.exp(-2j * np.pi * hertz * PERIOD))
+    figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+    panels = figure.subplot_mosaic([["gain", "steps"], ["phase", "steps"]])
+    panels["gain"].loglog(hertz, np.abs(response))
+    panels["phase"].semilogx(hertz, np.rad2deg(np.unwrap(np.angle(-response))) - 180)
+    grid(panels["gain"], "Example drive, its zero at -0.3075", y="gain [m per m/s^2]")
+    grid(panels["phase"], "", "frequency [Hz]", "phase [degrees]")
+    state, samples = np.zeros(3), [0.0]
+    A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
+    for _ in range(STEP_SAMPLES):
+        state = A @ state + B[:, 0]
+        samples.append(float(C[0] @ state))
+    time = 1e3 * PERIOD * np.arange(STEP_SAMPLES + 1)
+    panels["steps"].plot(time, 1e6 * np.array(samples), ".-", label="drive")
+    free = (1e-3 * time) ** 2 / 2
+    panels["steps"].plot(time, 1e6 * free, "--", color="0.4", label="without the current's lag")
+    grid(panels["steps"], "Step of 1 m/s^2", "time [ms]", "position [um]")
+    legend_below(figure)
+    return figure
 
 
 def figure_2(result: Result) -> Figure:

@@ -167,7 +167,7 @@ def test_lines_31_and_32_are_judged_by_their_digits(result, spoilt, wanted, colu
 
 
 def test_figures_and_tables(result, tmp_path, capsys):
-    assert len(draw(result, tmp_path)) == 4
+    assert len(draw(result, tmp_path)) == 5
     show(result, console_of())
     printed = capsys.readouterr().out
     assert "8.1784e-3" in printed and "not the authors' motor" in printed.replace("\n", " ")
@@ -177,7 +177,7 @@ def test_figures_and_tables(result, tmp_path, capsys):
 def test_the_quick_form_leaves_out_the_loops(tmp_path):
     quick = run(Settings(quick=True), tmp_path)
     assert quick.loops == () and quick.perturbed == () and len(quick.claims) == 21
-    assert len(draw(quick, tmp_path)) == 3
+    assert len(draw(quick, tmp_path)) == 4
 
 
 def test_bad_input():

@@ -216,7 +216,7 @@ def test_one_wrong_digit_is_seen():
 
 
 def test_figures_and_tables(result, tmp_path, capsys):
-    assert len(draw(result, tmp_path)) == 4
+    assert len(draw(result, tmp_path)) == 5
     show(result, console_of())
     printed = capsys.readouterr().out
     assert "forgetting factor" in printed and "0.02" in printed

@@ -74,6 +74,16 @@ def test_legs_stay_in_the_planes_of_their_pins():
     assert np.max(np.abs(np.sum(balls * normals, axis=-1))) < 1e-15
 
 
+def test_pins_stand_on_the_base_circle():
+    """At 0, 120 and 240 degrees; from pin to ball it is as far as the leg is long."""
+    links, pose = ThreeLink(base_radius=0.3), np.array([0.4, 0.1, -0.05])
+    pins = links.pins()
+    half = 0.3 * np.sqrt(3) / 2
+    np.testing.assert_allclose(pins, [[0.3, 0, 0], [-0.15, half, 0], [-0.15, -half, 0]], atol=1e-16)
+    lengths = np.linalg.norm(np.asarray(links.balls(pose)) - pins, axis=1)
+    np.testing.assert_allclose(lengths, links.legs(pose), rtol=1e-14)
+
+
 def test_the_path_is_that_of_the_reference():
     times = 3e-3 * np.arange(2001)
     legs = np.asarray(ThreeLink().legs(manipulator_path(times)))
