@@ -26,6 +26,7 @@ from tuning.problem import Problem
 from tuning.quadratic_step import Model
 from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
+IN_ONE_STEP = 2  # evaluations, at most
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
 
 
@@ -46,6 +47,7 @@ class Effort:
         seed: of the Sobol sequence.
         every_start: whether every start is descended from; else a descent that ends stationary
             within the limits is the last one.
+        evaluations: of a run, at most; it ends with the best that was found until then.
 
     Raises:
         ValueError: a number is below its least sensible value.
@@ -58,10 +60,11 @@ class Effort:
     spread: float = 7.0  # three decades up and down
     seed: int = 0
     every_start: bool = True
+    evaluations: int = 10_000  # starts and steps end a run before
 
     def __post_init__(self):
         """Check the ranges."""
-        least = {"starts": 1, "scatter": 0, "spread": 0, "steps": 1, "seed": 0}
+        least = {"starts": 1, "scatter": 0, "spread": 0, "steps": 1, "seed": 0, "evaluations": 1}
         for name, bound in least.items():
             if getattr(self, name) < bound:
                 raise ValueError(f"{name}: needs at least {bound}, received {getattr(self, name)}")
@@ -71,8 +74,9 @@ class Effort:
 
 # a tenth of a per cent within a minute: less than a plant model is good for
 QUICK = Effort(starts=2, scatter=6, steps=15, tolerance=1e-3, every_start=False)
-# for publication; a descent rarely needs half of these steps
-THOROUGH = Effort(starts=10, scatter=32, steps=60, tolerance=1e-5)
+# for publication; a descent rarely needs half of these steps, and most runs of two weights end
+# before so many evaluations
+THOROUGH = Effort(starts=10, scatter=32, steps=60, tolerance=1e-5, evaluations=400)
 
 
 @dataclass(frozen=True)
@@ -205,6 +209,8 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     if state.start < 0:
         return _begun(problem, start, state, 0, _first(problem, start))
     descent = state.descent
+    if len(state.history) + IN_ONE_STEP > effort.evaluations:
+        return replace(_ended(state), done=True)
     if descent is not None and not descent.done and descent.steps < effort.steps:
         return _iterated(problem, start, effort, state)
     if not effort.every_start and descent is not None and _good(descent):
