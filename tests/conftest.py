@@ -1,5 +1,6 @@
 """Shared by all tests: strict settings, two devices on a CPU, machines that many tests drive."""
 
+import gc
 import os
 from functools import cache
 
@@ -39,6 +40,13 @@ def pytest_configure(config):
     config.addinivalue_line("filterwarnings", "error")
     for ignored in IGNORED_WARNINGS:
         config.addinivalue_line("filterwarnings", f"ignore:{ignored}")
+
+
+def pytest_collection_finish(session):
+    """What the tests are made of stays: the collector need not look through it again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 50)
 
 
 def _keep_compiled_programs(config):

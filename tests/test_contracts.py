@@ -20,12 +20,21 @@ from jcontour.simulation.metrics import score
 
 STEPS = 5
 QUICK = ("contouring-lq",)  # the others compile for half a minute each on a busy machine
+OF_EACH_KIND = (
+    "cascade",
+    "contouring-lq",
+    "cross-coupled",
+    "gantry-scheduled-lq",
+    "synchronised",
+    "time-delay",
+    "zpetc",
+)
 
 ROUNDING = 1e-7  # of a difference over 2e-6, of values of order ten
 
 
-def some_slow(names):
-    return [pytest.param(name, marks=[pytest.mark.slow] * (name not in QUICK)) for name in names]
+def some_slow(names, quick=QUICK):
+    return [pytest.param(name, marks=[pytest.mark.slow] * (name not in quick)) for name in names]
 
 
 SMOOTH = [name for name, entry in CONTROLLERS.items() if entry.smooth]
@@ -70,6 +79,7 @@ def numbers(tree):
     return [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some_slow(CONTROLLERS))
 def test_jit_is_no_jit(loop, ran, name):
     """The same loop with nothing compiled but single operations."""
@@ -89,6 +99,7 @@ def test_jit_is_no_jit(loop, ran, name):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some_slow(CONTROLLERS))
 def test_vmap_over_references_is_a_loop(closed_loop, name):
     (plant, _), controller, reference = closed_loop(name)
@@ -158,7 +169,7 @@ def product(slopes, change):
     )
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", some_slow(CONTROLLERS, OF_EACH_KIND))
 def test_float64_and_the_same_bits_twice_and_zero_control_at_rest(closed_loop, name):
     """On the true plant; at rest along a zero reference. The three runs are one program."""
     (_, plant), controller, reference = closed_loop(name)

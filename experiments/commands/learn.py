@@ -69,6 +69,10 @@ def _check(flags: Learn) -> None:
         value = getattr(flags, name)
         if value is not None and value < least:
             raise ValueError(f"{name}: needs to be at least {least}, received {value}")
+    if not flags.effort > 0:
+        raise ValueError(f"effort: needs to be above zero, received {flags.effort}")
+    if not 0 <= flags.gain < np.inf:
+        raise ValueError(f"gain: needs to be finite and at least zero, received {flags.gain}")
     for name in OF_OTHER_LAW[flags.law]:
         if getattr(flags, name) != getattr(Learn(), name):
             raise ValueError(f"{name}: the law {flags.law} has none; leave it out")

@@ -25,7 +25,7 @@ from experiments.machines.machine import Machine
 from experiments.options import Rank, Tune
 from experiments.reports.progress import progress_of
 from experiments.runs.regret import with_regret
-from experiments.runs.tuning import TuningRun, tuning_run
+from experiments.runs.tuning import TuningRun, loop_limits, tuning_run
 from experiments.runs.tuning_results import machine_summary
 from experiments.shared_options import Aimed
 from tuning.tune import QUICK, Tuned, TuneState, advance, result
@@ -68,6 +68,7 @@ def ranking_of(flags: Rank) -> Ranking:
         raise ValueError("weights: every controller of a ranking begins at its own; leave it out")
     if flags.evaluations < 1:
         raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
+    loop_limits(flags)
     machine = machine_named(flags.plant)
     candidates = _candidates(flags, machine)
     if not candidates:

@@ -111,6 +111,7 @@ def tuning_run(flags: Tune) -> TuningRun:
     Raises:
         ValueError: a flag, a file or their combination is wrong.
     """
+    asked = loop_limits(flags)
     machine = machine_named(flags.plant)
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
@@ -138,7 +139,7 @@ def tuning_run(flags: Tune) -> TuningRun:
     limits = _lag_limit(machine, design, references) | named_limits(flags)
     limits |= _effort_limit(flags, usual, problem, design.start)
     stated = _stated_limits(machine)
-    limits |= _loop_limits(flags) | {f"{name}_use": RESERVED for name in _named(stated)}
+    limits |= asked | {f"{name}_use": RESERVED for name in _named(stated)}
     problem = replace(
         problem,
         limits=AtMost(**limits),
@@ -210,7 +211,7 @@ def _lag_limit(machine: Machine, design: Design, references: Reference) -> dict[
     return {"rms_tracking_error": design.lag * float(jnp.max(steps))}
 
 
-def _loop_limits(flags: Limited) -> dict[str, float]:
+def loop_limits(flags: Limited) -> dict[str, float]:
     """Bounds on the peak sensitivity, and on the radius with more delay, where flags ask for them.
 
     Raises:
@@ -239,7 +240,7 @@ def _named(limits: AxisLimits) -> list[str]:
 
 def probed_loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does."""
-    if not _loop_limits(flags):
+    if not loop_limits(flags):
         return None
     return ProbedLoops.of(problem.plants, problem.references, WINDOWS, flags.min_delay_margin)
 

@@ -242,6 +242,7 @@ def test_poles_of_a_disturbance_observer():
     assert same(np.concatenate([found, twice]), wanted)
 
 
+@pytest.mark.slow
 def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     A, B = np.asarray(model().A), np.asarray(model().B)
     regulating = control.dlqr(A, B, np.diag([1e7, 1e3, 1e7, 1.0]), np.eye(1))[2]

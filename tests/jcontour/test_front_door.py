@@ -35,13 +35,18 @@ def test_nothing_is_loaded_before_it_is_asked_for():
     ("first", "asked", "dtype"),
     [
         ("jcontour, jax", None, "float64"),
-        ("jax, jcontour", None, "float64"),
-        ("jcontour, jax", "1", "float64"),
-        ("jcontour, jax", "", "float64"),
-        ("jcontour, jax", "0", "float32"),
         ("jax, jcontour", "False", "float32"),
-        ("jcontour, jax", "off", "float32"),
-        ("jcontour, jax", "True", "float64"),
+        *(
+            pytest.param(first, asked, dtype, marks=pytest.mark.slow)
+            for first, asked, dtype in [
+                ("jax, jcontour", None, "float64"),
+                ("jcontour, jax", "1", "float64"),
+                ("jcontour, jax", "", "float64"),
+                ("jcontour, jax", "0", "float32"),
+                ("jcontour, jax", "off", "float32"),
+                ("jcontour, jax", "True", "float64"),
+            ]
+        ),
     ],
 )
 def test_numbers_are_float64_unless_asked_otherwise(monkeypatch, first, asked, dtype):

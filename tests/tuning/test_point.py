@@ -15,6 +15,7 @@ def test_rows_count_by_their_geometric_mean():
     assert objective_value(np.zeros((1, 2))) == pytest.approx(LEAST)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", [typical_contour_error, worst_contour_error])
 def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
     proportional_problem, loop_peaks, objective
@@ -69,6 +70,7 @@ def test_errors_of_zero_have_slopes(proportional_problem):
     np.testing.assert_array_equal(point.slopes.errors, 0.0)
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
     """Gains just above 2 do not leave the circle within its 20 samples."""
     z = np.log([2.01, 0.8])
@@ -84,6 +86,7 @@ def test_values_without_rows_are_refused(proportional_problem, values):
         evaluate_point(proportional_problem(objective=lambda metrics: values), START, Z)
 
 
+@pytest.mark.slow
 def test_loops_that_are_not_looked_at_cannot_be_limited(proportional_problem):
     problem = proportional_problem(AtMost(peak_sensitivity=2.0))
     with pytest.raises(ValueError, match="peak_sensitivity: .* windows"):

@@ -277,6 +277,7 @@ def test_square_front(row, start):
     assert float(tuned.outcome.metrics.rms_increment[0, 0]) <= wanted["du_budget"] * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_square_front_from_near():
     """The middle row within one short descent; the whole search is slow."""
     wanted = DATA["front"]["rows"][1]

@@ -12,6 +12,7 @@ from jcontour.simulation.evaluation import member
 WEIGHTS = (1.0, 5.0, 1e-10)
 
 
+@pytest.mark.slow
 def test_the_loops_make_the_run_that_is_timed():
     case = lq.paper_case(np.dtype("float64"), 20, 4)
     reference, plant = (

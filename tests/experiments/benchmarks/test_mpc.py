@@ -4,6 +4,7 @@ import io
 from dataclasses import astuple
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from experiments.benchmarks import mpc
@@ -36,6 +37,7 @@ def test_it_loads_back_from_json():
     assert from_json(stored, mpc.MPCBench) == found
 
 
+@pytest.mark.slow
 def test_every_part_of_a_step_is_timed(monkeypatch):
     monkeypatch.setattr(mpc, "STEPS", 3)
     monkeypatch.setattr(mpc, "WARM", 1)

@@ -8,6 +8,7 @@ from tuning.parameters import Chart
 from tuning.point import evaluate_point
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

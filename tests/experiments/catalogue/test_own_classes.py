@@ -204,12 +204,14 @@ def test_a_control_that_would_be_broadcast_is_refused(files):
         design(files, "OneNumber", f"{files / 'plants.py'}:Sliding")
 
 
+@pytest.mark.slow
 def test_linear_designs_run_on_a_linear_plant_of_a_file(files):
     machine = machine_named(f"{files / 'plants.py'}:linear")
     assert machine.name == "linear" and machine.model.states == 4
     assert design_for(machine, Simulate()).name == "contouring-lq"
 
 
+@pytest.mark.slow
 def test_simulate_with_controller_and_plant_of_files(capsys, files, tmp_path):
     flags = ["--controller", f"{files}/mine.py:PD", "--plant", f"{files}/plants.py:Sliding"]
     run = tmp_path / "run"

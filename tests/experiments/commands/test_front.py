@@ -40,6 +40,7 @@ def traced(tmp_path_factory, flags):
     return folder
 
 
+@pytest.mark.slow
 def test_every_file_is_there(traced):
     assert {path.name for path in traced.iterdir()} == {
         "settings.json",
@@ -54,6 +55,7 @@ def test_every_file_is_there(traced):
     }
 
 
+@pytest.mark.slow
 def test_default_budgets_bite(traced):
     """The largest is what the best weights need; a smaller one costs error."""
     result = read_result(traced, FrontResult)
@@ -69,6 +71,7 @@ def test_default_budgets_bite(traced):
     assert set(result.slack) <= {loose.budget}
 
 
+@pytest.mark.slow
 def test_a_machine_that_stands_still_is_no_answer(traced):
     """It has no contour error; the tracking error is capped where no flag does."""
     result = read_result(traced, FrontResult)
@@ -78,6 +81,7 @@ def test_a_machine_that_stands_still_is_no_answer(traced):
     assert next_steps(result)[0].startswith("The RMS tracking error is held below ")
 
 
+@pytest.mark.slow
 def test_the_netcdf_file_holds_the_points(traced):
     points = read_result(traced, FrontResult).points
     dataset = load_dataset(traced / "front.nc")
@@ -88,6 +92,7 @@ def test_the_netcdf_file_holds_the_points(traced):
     assert dataset.rms_contour_error.attrs["units"] == "m"
 
 
+@pytest.mark.slow
 def test_a_finished_front_can_be_told_again(traced, capsys):
     before = json.loads((traced / "result.json").read_text())
     assert main(["front", "--resume", str(traced), "--json"]) == 0
@@ -122,6 +127,7 @@ def test_a_slack_budget_is_said(capsys):
     assert "jcontour tune --max-rms-increment 0.1 " in following
 
 
+@pytest.mark.slow
 def test_budgets_in_the_wrong_order_are_named(flags, tmp_path, capsys):
     order = ["--least", "2", "--most", "1", "--out", str(tmp_path / "run")]
     assert main(["front", *flags, *order]) == 2

@@ -21,6 +21,7 @@ def demo(tmp_path_factory):
     return folder, json.loads((folder / "result.json").read_text())
 
 
+@pytest.mark.slow
 def test_the_demonstration(demo):
     """What the numbers have to be is the business of the library's tests; here that they arrive."""
     folder, summary = demo
@@ -51,6 +52,7 @@ def test_the_demonstration(demo):
     assert not rows["coulomb"]["separated"] and rows["coulomb"]["value"] is None
 
 
+@pytest.mark.slow
 def test_what_is_printed(demo, capsys):
     folder, _ = demo
     show(read_result(folder, IdentifyResult), console_of())
@@ -116,6 +118,7 @@ def sliding_without_current():
     return "\n".join(rows)
 
 
+@pytest.mark.slow
 def test_a_break_away_force_of_zero_is_an_answer(tmp_path, capsys):
     data, folder = tmp_path / "free.csv", tmp_path / "run"
     data.write_text(sliding_without_current())

@@ -26,6 +26,7 @@ def result(tmp_path_factory, machine_file, part_file):
     return learned(folder, machine_file, part_file, "--laps", "6")
 
 
+@pytest.mark.slow
 def test_every_machine_has_its_laps(result):
     assert [one.name for one in result.machines[:3]] == [
         "linear model",
@@ -38,12 +39,14 @@ def test_every_machine_has_its_laps(result):
         assert one.best_um == one.tool_um[one.pays_until - 1] <= 1.05 * min(one.tool_um)
 
 
+@pytest.mark.slow
 def test_the_linear_model_has_its_error_measured_and_noise_adds_to_it(result):
     model, noise = result.machines[:2]
     np.testing.assert_allclose(model.tool_um, model.measured_um, rtol=1e-12)
     assert noise.tool_um != noise.measured_um and result.noise_um > 0
 
 
+@pytest.mark.slow
 def test_what_is_assured_happens(result):
     assert result.assured
     for one in result.machines:
@@ -65,12 +68,14 @@ def test_numbers_of_the_other_law_are_refused(flags, says):
         run(flags)
 
 
+@pytest.mark.slow
 def test_learning_reaches_the_noise(result):
     """What is left is what the model leaves at its corners, and at most twice the noise."""
     model, noise = result.machines[:2]
     assert noise.tool_um[-1] < np.hypot(min(model.tool_um), 2 * result.noise_um)
 
 
+@pytest.mark.slow
 def test_a_gain_that_diverges_is_stopped_at_its_lap(tmp_path, machine_file, part_file, capsys):
     flags = ("--law", "p-type", "--gain", "4", "--smoothing", "0", "--laps", "30")
     found = learned(tmp_path / "run", machine_file, part_file, *flags)
@@ -84,12 +89,14 @@ def test_a_gain_that_diverges_is_stopped_at_its_lap(tmp_path, machine_file, part
     assert (tmp_path / "run" / "learning.png").exists()
 
 
+@pytest.mark.slow
 def test_a_p_type_law_takes_the_lag_of_the_loop(tmp_path, machine_file, part_file):
     found = learned(tmp_path / "run", machine_file, part_file, "--law", "p-type", "--laps", "8")
     assert found.assured and set(found.numbers) == {"gain", "lead", "smoothing"}
     assert found.machines[0].tool_um[-1] < 0.5 * found.machines[0].tool_um[0]
 
 
+@pytest.mark.slow
 def test_json_is_the_result_alone(tmp_path, machine_file, part_file, capsys, result):
     learned(tmp_path / "run", machine_file, part_file, "--laps", "6", "--json")
     stored = json.loads(capsys.readouterr().out)
@@ -97,6 +104,7 @@ def test_json_is_the_result_alone(tmp_path, machine_file, part_file, capsys, res
     assert from_json(stored, LearnedResult) == result
 
 
+@pytest.mark.slow
 def test_the_figure_has_a_curve_for_every_machine(result):
     (axes,) = learning(result).axes
     assert len(axes.lines) == len(result.machines) + 1
@@ -108,6 +116,7 @@ def machine_of(tool, measured, **more):
     return LearnedMachine(name="m", tool_um=tool, measured_um=measured, control=control, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "says"),
     [

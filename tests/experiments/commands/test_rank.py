@@ -48,6 +48,7 @@ def folder(machine_file, part_file, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
     rows = read_result(folder, RankedResult).rows
     assert {row.label for row in rows} == {"contouring-lq-kalman", "contouring-lq"}
@@ -59,6 +60,7 @@ def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
     assert (folder / "ranking.png").exists()
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_on(
     folder, machine_file, part_file
 ):
@@ -76,6 +78,7 @@ def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_o
     assert row.held_out == pytest.approx(math.prod(worst) ** (1 / len(worst)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_stored_ranking_is_told_without_tuning(folder, capsys, monkeypatch):
     monkeypatch.setattr(ranking, "_row", None)
     before = json.loads((folder / "result.json").read_text())

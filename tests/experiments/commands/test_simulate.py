@@ -36,6 +36,7 @@ def test_the_result_and_its_signals_agree(run):
     assert names <= {path.name for path in run.iterdir()}
 
 
+@pytest.mark.slow
 def test_rollouts_thinned_or_left_out(tmp_path, run, machine_file, part_file, capsys):
     whole = load_dataset(run / "rollouts.nc")
     thin = simulated(tmp_path / "a", machine_file, part_file, "--rollouts", "thinned")

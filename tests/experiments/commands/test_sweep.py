@@ -42,11 +42,13 @@ def dataset(swept):
     return load_dataset(swept / "sweep.nc")
 
 
+@pytest.mark.slow
 def test_every_file_is_there(swept):
     found = {path.name for path in swept.iterdir()}
     assert found == {"settings.json", "inputs", "parts", "sweep.nc", "sweep.png", "result.json"}
 
 
+@pytest.mark.slow
 def test_designs_are_the_grid(dataset):
     places = list(zip(dataset.alpha.values, dataset.beta.values, strict=True))
     assert places == [(2, 0.5), (2, 5), (2e6, 0.5), (2e6, 5)]
@@ -54,6 +56,7 @@ def test_designs_are_the_grid(dataset):
     assert dataset.rms_contour_error.attrs["units"] == "m" and dataset.plant.values[0] == "nominal"
 
 
+@pytest.mark.slow
 def test_the_summary_is_that_of_the_metrics(swept, dataset):
     result = read_result(swept, SweepResult)
     lost = dataset.diverged.values.astype(bool).any(axis=(2, 3))[0]
@@ -67,6 +70,7 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
     assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
     assert main(["sweep", "--resume", str(swept)]) == 0
     printed = capsys.readouterr().out
@@ -77,11 +81,13 @@ def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept
     assert f"Run folder: {swept}" in printed
 
 
+@pytest.mark.slow
 def test_weights_stand_beside_the_errors_in_json(swept):
     (best,) = json.loads((swept / "result.json").read_text())["best"]
     assert list(best) == ["preview", "alpha", "beta", "worst_um", "nominal_um"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "controller", "found"),
     [

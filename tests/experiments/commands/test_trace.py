@@ -24,6 +24,7 @@ def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
     assert result.rms_um == summary["rms_um"]
 
 
+@pytest.mark.slow
 def test_a_run_that_does_not_arrive_says_what_to_do(tmp_path, capsys):
     flags = ["--max-speed-mm-s", "1000", "--q-theta", "0", "--out", str(tmp_path / "run")]
     assert main(["trace", "circle", *flags]) == 1

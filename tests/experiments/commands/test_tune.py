@@ -32,16 +32,19 @@ def result(tuned):
     return read_result(tuned, TunedResult)
 
 
+@pytest.mark.slow
 def test_its_files_are_there(tuned):
     assert FILES <= {path.name for path in tuned.iterdir()}
 
 
+@pytest.mark.slow
 def test_the_result_loads_into_what_it_was_made_from(tuned, result):
     stored = json.loads((tuned / "result.json").read_text())
     assert to_json(result) == stored
     assert {"safety", "safety_of_start", "values", "gap"} <= set(stored)
 
 
+@pytest.mark.slow
 def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     """Objective and metrics agree with the rollouts, computed again from the signals."""
     contours = {one.name: one for one in result.contours}
@@ -60,6 +63,7 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
     assert result.usable and result.reasons == []
 
 
+@pytest.mark.slow
 def test_where_the_peak_is(tuned, result, part_file):
     """The place is on the line of the program that is named."""
     part = next(one for one in result.contours if one.name == "part")
@@ -77,6 +81,7 @@ def test_where_the_peak_is(tuned, result, part_file):
     assert on_line[line] < 1e-6
 
 
+@pytest.mark.slow
 def test_what_was_read(result):
     part = next(one for one in result.contours if one.name == "part")
     assert part.read.pieces == 4 and part.read.ignored == ()
@@ -85,6 +90,7 @@ def test_what_was_read(result):
     np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
 
 
+@pytest.mark.slow
 def test_the_history_holds_every_point(tuned, result):
     points = json.loads((tuned / "history.json").read_text())
     assert len(points) == result.evaluated_points
@@ -98,6 +104,7 @@ def test_the_history_holds_every_point(tuned, result):
     assert chosen == pytest.approx(smooth, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     assert set(result.files) == {"gains*.csv", "observer.json"}
     for pattern in result.files:

@@ -37,6 +37,7 @@ def error(machine, name):
     return float(score(run, reference, window=(400, 800)).rms_tracking_error)
 
 
+@pytest.mark.slow
 def test_the_first_cascade_keeps_the_margin(machine):
     found = design(machine, "cascade")
     family = stack_plants(machine.smooth_family())
@@ -46,6 +47,7 @@ def test_the_first_cascade_keeps_the_margin(machine):
     assert set(first_cascade(machine)) == set(gains)
 
 
+@pytest.mark.slow
 def test_feedforward_lowers_the_error_of_the_nominal_machine():
     """Each step by the order that it should: lag, inertia and friction, then the inverse."""
     table = MACHINES["xy-table"]()
@@ -68,6 +70,7 @@ def test_motion_feedforward_is_the_inverse_of_slow_motion(machine):
     np.testing.assert_allclose(found.start["inertia"] / found.start["viscous"], lag, rtol=2e-2)
 
 
+@pytest.mark.slow
 def test_alias_preview_and_delay():
     bridgeport = MACHINES["bridgeport"]()
     assert design(bridgeport, "cascade").name == "linear-cascade"

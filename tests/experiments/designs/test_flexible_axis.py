@@ -34,6 +34,7 @@ def machine():
     return thesis_machine()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=[pytest.mark.slow] * (n != "cascade-feedforward")) for n in ON_AXES],
@@ -63,6 +64,7 @@ def test_every_gain_has_the_slope_that_differences_say(machine, name):
         assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-7), key
 
 
+@pytest.mark.slow
 def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
     for name in ON_AXES:
         design = design_for(machine, Simulate(controller=name))
@@ -80,6 +82,7 @@ def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
     assert float(thesis) == pytest.approx(55.67)
 
 
+@pytest.mark.slow
 def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
     pair = biaxial_machine()
     weights = {name: gain.start for name, gain in state_weights(machine).items()}
@@ -127,6 +130,7 @@ def test_a_motion_is_long_enough(machine):
     assert motion.samples == 2201
 
 
+@pytest.mark.slow
 def test_time_delay_control_keeps_the_limit_of_the_drive(machine):
     """On a step of 50 mm, which asks for more than the drive has. A sum that winds up runs away."""
     limited = replace(machine, limits=MachineLimits(control=np.array([10.0])))

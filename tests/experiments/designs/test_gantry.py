@@ -26,6 +26,7 @@ def machine():
     return gantry_machine()
 
 
+@pytest.mark.slow
 def test_a_machines_own_controller_goes_first(machine):
     assert design_for(machine, Simulate(controller="cascade")).name == "gantry-cascade"
     assert (
@@ -67,6 +68,7 @@ def test_both_drives_of_y_have_the_same_gains(machine):
     )
 
 
+@pytest.mark.slow
 def test_the_weight_on_the_difference_keeps_the_drives_together(machine):
     """Dear enough, it leaves nothing that twists the beam."""
     design = design_for(machine, Simulate(controller="contouring-lq"))
@@ -112,6 +114,7 @@ def test_every_gain_has_the_slope_that_differences_say(machine, name):
         assert float(slopes[key]) == pytest.approx((ahead - behind) / 2e-4, rel=1e-5, abs=1e-8), key
 
 
+@pytest.mark.slow
 def test_where_the_beam_hardly_twists_feedback_linearisation_changes_nothing(machine):
     """Nearly half of the eight; on the nominal plant, and on the one that is late it holds too."""
     job, plants = (
@@ -173,6 +176,7 @@ def test_a_machine_without_friction_is_told_so(machine):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
 
+@pytest.mark.slow
 def test_saturated_currents_do_not_wind_the_cascade_up(machine):
     """Let go 50 mm off, the loops ask for far more current than there is.
 

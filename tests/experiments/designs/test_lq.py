@@ -40,6 +40,7 @@ def test_the_published_weights_are_the_start(machine):
     assert design.model.states == machine.model.states and start.drift < 1e-5
 
 
+@pytest.mark.slow
 def test_what_is_tuned_predicts_over_the_middle_of_the_unknown_delay(machine):
     """0 to 2 samples: one of them, two states of the delay line."""
     design = design_for(machine, Simulate(preview=3)).tunable()
@@ -47,6 +48,7 @@ def test_what_is_tuned_predicts_over_the_middle_of_the_unknown_delay(machine):
     assert design.start.alpha != 1.2
 
 
+@pytest.mark.slow
 def test_weights_and_delay_that_the_user_sets_stay(machine):
     flags = Simulate(preview=3, alpha=0.05, beta=0.5, model_delay=0)
     design = design_for(machine, flags).tunable()

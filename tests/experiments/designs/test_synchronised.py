@@ -26,6 +26,7 @@ def gantry():
     return gantry_machine()
 
 
+@pytest.mark.slow
 def test_axes_are_masses_with_viscous_friction(axes, gantry):
     first = axes_of(axes)
     np.testing.assert_allclose(first.gain, [79.33 / 40.0, 60.0 / 20.5], rtol=1e-12)
@@ -36,6 +37,7 @@ def test_axes_are_masses_with_viscous_friction(axes, gantry):
     np.testing.assert_allclose(drives.gain[0], float(p.head_constant / p.head_mass), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
     design = design_for(gantry, ASKED)
     assert design.name == "gantry-synchronised"
@@ -57,6 +59,7 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(name, request):
     assert len(design.weight_lines(design.start)) == len(design.start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "contour"), [("axes", "ring"), ("gantry", "cushion-right")])
 def test_the_start_follows(name, contour, request):
     machine = request.getfixturevalue(name)
@@ -68,6 +71,7 @@ def test_the_start_follows(name, contour, request):
     assert not metrics.diverged and metrics.rms_contour_error < 3e-4
 
 
+@pytest.mark.slow
 def test_coupling_keeps_the_drives_together(gantry):
     """A load on one of the drives: coupled, they part less."""
     from jcontour.plants.wrappers.disturbances import Disturbed

@@ -46,6 +46,7 @@ def test_own_plant(run):
     assert "2.50 mm behind" in printed
 
 
+@pytest.mark.slow
 def test_own_controller(run):
     """The tuned weights lie in a valley: no weight moved by 3 % is better and within the limit."""
     found, printed = run("own_controller")
@@ -61,6 +62,7 @@ def test_own_controller(run):
             assert worse or moved.rms_increment.max() > 0.5
 
 
+@pytest.mark.slow
 def test_gradient(run):
     """Each slope is that of central differences."""
     found, printed = run("gradient")
@@ -73,6 +75,7 @@ def test_gradient(run):
     assert f"{1e6 * float(found['error']):.3f} um" in printed
 
 
+@pytest.mark.slow
 def test_family(run):
     """The nominal and the worst machine, each simulated by itself."""
     found, _ = run("family")
@@ -84,6 +87,7 @@ def test_family(run):
     assert found["errors"][0, found["worst"]] > found["errors"][0, found["nominal"]]
 
 
+@pytest.mark.slow
 def test_weight_sweep(run):
     """The best design, built and simulated by itself."""
     found, printed = run("weight_sweep")
@@ -95,6 +99,7 @@ def test_weight_sweep(run):
     assert len(printed.splitlines()) == 6
 
 
+@pytest.mark.slow
 def test_constrained_replay(run):
     """The limit holds at every sample where the free run breaks it, and it costs accuracy."""
     found, _ = run("constrained_replay")
@@ -105,6 +110,7 @@ def test_constrained_replay(run):
     assert gap.within.rms_contour_error > gap.without.rms_contour_error
 
 
+@pytest.mark.slow
 def test_identify_motor(run):
     """Every interval holds the thesis's value, and is narrower than a per cent."""
     found, _ = run("identify_motor")
@@ -115,6 +121,7 @@ def test_identify_motor(run):
     assert found["force_constant"] == pytest.approx(79.33, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_observer_stack(run):
     """The estimated load is the one that acts; without it the error is several times as large."""
     found, _ = run("observer_stack")
@@ -136,6 +143,7 @@ def test_gantry_ring(run):
     assert 0 < found["error"] < 1e-3
 
 
+@pytest.mark.slow
 def test_gcode_part(run):
     """Length and time of a slot by hand: the arcs are passed at sqrt(a r)."""
     found, _ = run("gcode_part")

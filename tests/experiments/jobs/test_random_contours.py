@@ -53,6 +53,7 @@ def tightest(jobs):
     return [1 / bend for bend in bends if bend > 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_runs_are_within_the_limits_of_the_machine(name, moves_within):
     pace = pace_of(name)
@@ -103,6 +104,7 @@ def test_acceleration_that_is_asked_for(moves_within):
         moves_within(job, machine, None, 0.2)
 
 
+@pytest.mark.slow
 def test_every_kind_has_its_share(monkeypatch):
     drawn = []
 
@@ -125,6 +127,7 @@ def test_every_kind_has_its_share(monkeypatch):
     assert np.abs(quarters - 16).max() <= 6
 
 
+@pytest.mark.slow
 def test_names_count():
     assert [job.name for job in many()] == [f"random-{n:02}" for n in range(1, 65)]
 
@@ -135,6 +138,7 @@ def test_kinds_are_in_random_order():
     assert 5 < sum(closed[:32]) < 27
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_contours():
     again = random_jobs(64, 0, pace_of("bridgeport"), SIZE, FEED)
     for one, other in zip(many(), again, strict=True):
@@ -143,6 +147,7 @@ def test_the_same_seed_makes_the_same_contours():
         np.testing.assert_array_equal(one.scored, other.scored)
 
 
+@pytest.mark.slow
 def test_another_seed_makes_others():
     others = both(seed=2)[0]
     assert not any(same(one, other) for one in both()[0] for other in others)

@@ -51,6 +51,7 @@ def test_family_is_off_by_a_fifth_and_late(machine):
         machine.true_family("state")
 
 
+@pytest.mark.slow
 def test_motors_are_measured_and_tools_are_felt():
     pair = biaxial_machine()
     position = jnp.array([0.01, -0.02])
@@ -133,6 +134,7 @@ def test_runs_that_do_not_suit(name, make, pace, says):
         job_named(name, Pace(make(), *pace))
 
 
+@pytest.mark.slow
 def test_random_members_lie_within_the_intervals_with_parts_of_a_sample(machine):
     family = machine.random_family(200, 5)
     late, axis = family.plant, family.plant.plant  # behind encoders that count

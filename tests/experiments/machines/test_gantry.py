@@ -37,6 +37,7 @@ def inner(plant):
     return plant
 
 
+@pytest.mark.slow
 def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
     nominal, smooth, true = machine.parameters, machine.smooth_family(), machine.true_family()
     assert (
@@ -68,6 +69,7 @@ def test_family_is_off_by_a_fifth_and_a_tenth_and_late(machine):
         machine.true_family("state")
 
 
+@pytest.mark.slow
 def test_motors_are_measured_and_currents_limited(machine):
     """Y axes are homed where the tool is at zero; each motor gets at most ten amperes."""
     position, increment = jnp.array([0.3, -0.02]), jnp.array([1e-4, 2e-4])
@@ -87,6 +89,7 @@ def test_motors_are_measured_and_currents_limited(machine):
     np.testing.assert_array_equal(machine.limits.control, [CURRENT] * 3)
 
 
+@pytest.mark.slow
 def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
     """After a jump of the reference by 5 mm, the currents are beyond their limits for a while.
 
@@ -140,6 +143,7 @@ def test_contours_lie_along_the_beam(machine):
     )
 
 
+@pytest.mark.slow
 def test_models_cover_the_beam(machine):
     np.testing.assert_allclose(np.asarray(machine.schedule.points)[[0, -1]], [-0.9, 0.9])
     np.testing.assert_allclose(machine.schedule.model(4).A, machine.model.A, rtol=0, atol=1e-12)

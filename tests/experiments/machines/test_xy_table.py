@@ -7,6 +7,7 @@ from experiments.machines.xy_table import xy_table_machine
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 
+@pytest.mark.slow
 def test_a_controller_on_the_host_meets_friction():
     hosted = xy_table_machine().hosted()
     assert isinstance(hosted.plant, FrictionXYTable) and hosted.plant.dt == 1e-3

@@ -62,6 +62,7 @@ def test_table_1_is_the_reference(which):
         assert (line.rms_verdict is YES) == wanted["rms_hit"]
 
 
+@pytest.mark.slow
 def test_enough_of_table_1_rounds_to_the_print(result):
     maxima = Counter(line.max_verdict for line in result.table_1)
     values = Counter(line.rms_verdict for line in result.table_1)
@@ -105,6 +106,7 @@ def test_feedbacks_are_the_reference():
         np.testing.assert_allclose(found[name].denominator, loop[key]["den_lambda"], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_loops_are_the_reference():
     wanted = WANTED["explicit_loop"]["runs"]
     found = {(r.controller, r.order, r.preview, r.constraint): r for r in loop_runs(-0.3075)}
@@ -166,6 +168,7 @@ def test_lines_31_and_32_are_judged_by_their_digits(result, spoilt, wanted, colu
     assert row.verdict is wanted and f"{2 - len(spoilt)} of 2" in row.finding
 
 
+@pytest.mark.slow
 def test_figures_and_tables(result, tmp_path, capsys):
     assert len(draw(result, tmp_path)) == 5
     show(result, console_of())
@@ -174,6 +177,7 @@ def test_figures_and_tables(result, tmp_path, capsys):
     assert line_of(result.table_1, 28).preview == 2
 
 
+@pytest.mark.slow
 def test_the_quick_form_leaves_out_the_loops(tmp_path):
     quick = run(Settings(quick=True), tmp_path)
     assert quick.loops == () and quick.perturbed == () and len(quick.claims) == 21

@@ -90,6 +90,7 @@ def test_verdicts_follow_the_numbers():
     assert verdicts(made_up(BAD)) == [NO] * 6
 
 
+@pytest.mark.slow
 def test_a_diverged_run_never_wins():
     result = made_up(GOOD)
     rows = tuple(
@@ -99,6 +100,7 @@ def test_a_diverged_run_never_wins():
     assert verdicts(replace(result, rows=rows))[:2] == [NO] * 2
 
 
+@pytest.mark.slow
 def test_a_quick_run_decides_nothing():
     statements = undecided(claims(made_up(GOOD)))
     assert {row.verdict for row in statements} == {Verdict.UNDECIDED}
@@ -107,6 +109,7 @@ def test_a_quick_run_decides_nothing():
     )
 
 
+@pytest.mark.slow
 def test_shown_with_its_rules_and_its_outcome(tmp_path):
     result = made_up(GOOD)
     first, *others = result.rows
@@ -120,6 +123,7 @@ def test_shown_with_its_rules_and_its_outcome(tmp_path):
     assert "no gains within the limits were found for task frame, with feedforward" in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [tuple(LOOPS), (FEEDBACK,)])
 @pytest.mark.parametrize("drawn", [errors, tuning])
 def test_legend_is_whole_and_beside_the_panels(loops, drawn):
@@ -131,6 +135,7 @@ def test_legend_is_whole_and_beside_the_panels(loops, drawn):
     assert not any(legend.overlaps(axes.get_tightbbox()) for axes in figure.axes)
 
 
+@pytest.mark.slow
 def test_bars_are_the_held_out_errors():
     panel = errors(made_up(GOOD)).axes[0]
     heights = [[bar.get_height() for bar in group] for group in panel.containers]

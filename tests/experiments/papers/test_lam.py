@@ -30,6 +30,7 @@ FRICTION_CURVE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "progress",
     [pytest.param(q, marks=[pytest.mark.slow] * (q not in (0.3, 5.0))) for q in FRICTION_CURVE],
@@ -120,6 +121,7 @@ def test_figures_show_the_numbers():
     np.testing.assert_allclose(enlarged.get_ydata(), 50 * 0.1 * np.ones(100))
 
 
+@pytest.mark.slow
 def test_one_sample_late_is_late_by_one_sample():
     class Counting(HostController):
         preview = 0
@@ -140,6 +142,7 @@ def test_one_sample_late_is_late_by_one_sample():
     np.testing.assert_array_equal(rollout.control[:, 0], [0, 1, 2, 3, 4])
 
 
+@pytest.mark.slow
 def test_tracking_arrives_and_a_faster_reference_leaves_more_error():
     """On lobes of half the size, which take half the time."""
     small, speeds = polar_lobes(15e-3, 5e-3, 4), (0.075, 0.15)  # [m/s]

@@ -35,6 +35,7 @@ def wanted_rows():
                 yield name, 1e3 * sampled["T_s"], row, 1e-11
 
 
+@pytest.mark.slow
 def test_responses_are_those_of_the_reference(result):
     compared = 0
     for name, period, row, rounding in wanted_rows():
@@ -121,6 +122,7 @@ def test_figures_show_the_numbers(result):
         assert len(panels[2].lines) == 5
 
 
+@pytest.mark.slow
 def test_a_quick_run_draws_everything(tmp_path):
     quick = run(Settings(quick=True), tmp_path)
     assert quick.curves[0].time_s.size == 601

@@ -43,6 +43,7 @@ def result():
     )
 
 
+@pytest.mark.slow
 def test_frequencies_of_the_reference_data(result):
     """Printed: 47 and 45 Hz; with the coupling by another program (reference data, `linear`)."""
     found = {(row.head_m, row.coupling): row.antiresonance_hz for row in result.responses}
@@ -182,6 +183,7 @@ def test_path_is_drawn_in_millimetres_and_errors_in_micrometres(result):
     np.testing.assert_allclose(twist.get_ydata(), 1e6 * result.path.twist_rad)
 
 
+@pytest.mark.slow
 def test_heads_are_drawn_each_in_its_colour_and_the_legend_hides_none(result):
     figure = bench(result)
     error, twist = figure.axes

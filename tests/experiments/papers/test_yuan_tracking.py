@@ -63,6 +63,7 @@ def test_metrics_of_signals_by_hand():
     assert asdict(found) == pytest.approx(wanted)
 
 
+@pytest.mark.slow
 def test_the_cascade_is_the_reference(setup):
     design = setup.design("cascade")
     found = setup.signals(design.build(design.start))

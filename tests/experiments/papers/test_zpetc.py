@@ -101,6 +101,7 @@ def test_integral_runs_are_the_reference():
         assert one.peak_um == pytest.approx(row["max_um"], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_adaptive_runs_are_the_reference():
     found = adaptive_runs(TRUTHS[1:2])
     rows = [r for r in WANTED["azpetc"] if r["case"] == "good: gain x1.1"]
@@ -150,6 +151,7 @@ def judged(result, claim):
     return next((c.finding, c.verdict) for c in claims(result) if c.claim == claim)
 
 
+@pytest.mark.slow
 def test_a_phase_error_is_seen(result):
     claim = "zero phase error at all frequencies"
     assert judged(result, claim)[1] is YES
@@ -215,6 +217,7 @@ def test_one_wrong_digit_is_seen():
     assert not agrees(replace(one, zero=one.zero + 1e-4))
 
 
+@pytest.mark.slow
 def test_figures_and_tables(result, tmp_path, capsys):
     assert len(draw(result, tmp_path)) == 5
     show(result, console_of())

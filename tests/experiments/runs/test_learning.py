@@ -47,6 +47,7 @@ def axis_of(stiffness):
     )
 
 
+@pytest.mark.slow
 def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
     """200 members with +-20 % stiffness: the bound of every one, and the laps of every one."""
     prepared = prepared_law(axis, Learn())

@@ -53,6 +53,7 @@ def test_the_smallest_gain_margin_is_named(gain, samples, wanted):
         )
 
 
+@pytest.mark.slow
 def test_a_path_that_is_run_at_the_limit_all_along_has_no_margins(two_axes):
     """Along the first path nothing moves; along the second the control is always at its limit."""
     arcs = [np.zeros(30), 1e-3 * np.arange(1, 31), 1e-3 * np.arange(30)]

@@ -11,6 +11,7 @@ from experiments.runs import ranking
 from experiments.runs.ranking import ranked, ranking_of
 
 
+@pytest.mark.slow
 def test_every_controller_that_reads_the_sensors_is_tried():
     names = [one.controller for one in ranking_of(Rank()).candidates]
     assert names == [
@@ -26,6 +27,7 @@ def test_every_controller_that_reads_the_sensors_is_tried():
     ]
 
 
+@pytest.mark.slow
 def test_choices_are_tried_beside_each_other_where_a_controller_has_them():
     flags = Rank(
         controllers=("contouring-lq", "contouring-lq-riccati"),
@@ -40,6 +42,7 @@ def test_choices_are_tried_beside_each_other_where_a_controller_has_them():
     assert label == "contouring-lq, preview 3, riccati"
 
 
+@pytest.mark.slow
 def test_a_controller_that_cannot_be_tuned_has_a_reason(machine_file, part_file, tmp_path):
     script = tmp_path / "mine.py"
     script.write_text(

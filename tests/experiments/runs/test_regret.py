@@ -23,6 +23,7 @@ def run(machine_file, part_file):
     return tuning_run(flags)
 
 
+@pytest.mark.slow
 def test_a_contour_alone_has_the_metrics_and_loops_that_it_has_among_others(run):
     z = np.asarray(Chart(run.problem.space, run.start).coordinates())
     whole = evaluate_point(run.problem, run.start, z).outcome
@@ -38,6 +39,7 @@ def test_a_contour_alone_has_the_metrics_and_loops_that_it_has_among_others(run)
         )
 
 
+@pytest.mark.slow
 def test_what_is_found_is_kept_and_divides_the_errors(run, tmp_path, monkeypatch):
     """An interrupted run goes on with the contour that is missing."""
     asked = []

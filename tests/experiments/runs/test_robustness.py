@@ -35,6 +35,7 @@ def scenarios(machine, design):
     return Scenarios.of(jobs, [True, True, False], machine, design.fed, design.preview)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [1e-6, 3e-2])
 def test_it_counts_what_single_runs_show(drift, machine, monkeypatch):
     """The second observer integrates so fast that late plants diverge under the model of none.

@@ -31,11 +31,13 @@ def result(search, tmp_path_factory):
     return traced(search, tmp_path_factory.mktemp("front"), console_of(quiet=True))
 
 
+@pytest.mark.slow
 def test_the_usual_budgets_of_the_sensitivity(search, result):
     np.testing.assert_allclose([point.budget for point in result.points], [1.4, 3.0])
     assert result.against == "sensitivity"
 
 
+@pytest.mark.slow
 def test_more_sensitivity_is_less_error(result):
     robust, fast = result.points
     for point in result.points:
@@ -45,6 +47,7 @@ def test_more_sensitivity_is_less_error(result):
     assert robust.objective > 1.01 * fast.objective
 
 
+@pytest.mark.slow
 def test_the_sensitivity_is_the_top_of_the_curves(search, result):
     """Curves on a grid of frequencies come near the peak, and do not exceed it."""
     problem, (robust, _) = search.run.problem, result.points

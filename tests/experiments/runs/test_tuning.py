@@ -36,6 +36,7 @@ def job(machine_file, part_file):
     )
 
 
+@pytest.mark.slow
 def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
     """A run that is saved and loaded after every step ends as one that was left alone."""
     straight, stored, before = TuneState(), TuneState(), 0.0
@@ -52,6 +53,7 @@ def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
     assert stored.done and list(tmp_path.iterdir()) == [tmp_path / "state.npz"]
 
 
+@pytest.mark.slow
 def test_rollouts_round_trip(job, tmp_path):
     controller = job.controller(job.start)
     run = replay(controller, job.scenarios, lambda plant, state: plant.output(state))
@@ -81,6 +83,7 @@ def test_rollouts_round_trip(job, tmp_path):
     np.testing.assert_allclose(np.sqrt(mean), found.rms_contour_error.values, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_gains_round_trip(job, tmp_path):
     plan = job.controller(job.start).prepare(member(job.scenarios.references, 0))
     steps = job.scenarios.jobs[0].arc.size
@@ -101,6 +104,7 @@ def test_parts_are_for_training_and_others_held_out(job):
     assert job.scenarios.training == (True, False, False, False, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sensitivity", "more"), [(None, 2), (2.0, 1)])
 def test_a_delay_margin_limits_loops_with_that_much_more_delay(
     machine_file, part_file, sensitivity, more
@@ -118,6 +122,7 @@ def test_a_delay_margin_limits_loops_with_that_much_more_delay(
     assert ("peak_sensitivity" in run.limits) == (sensitivity is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", [-1, 11])
 def test_a_delay_margin_that_is_none_is_named(machine_file, part_file, more):
     flags = Tune(parts=(str(part_file),), plant=str(machine_file), min_delay_margin=more)
@@ -154,5 +159,6 @@ def test_all_of_a_few_contours_are_shown():
     assert chosen(12, range(12)) == list(range(12))
 
 
+@pytest.mark.slow
 def test_of_many_contours_those_that_fared_worst_are_shown():
     assert chosen(40, range(40), lost=[2, 21]) == [2, 15, 16, 17, 18, 19, 21, 35, 36, 37, 38, 39]

@@ -143,6 +143,7 @@ def test_pose_is_that_of_the_gantry_inside():
     )
 
 
+@pytest.mark.slow
 def test_film_is_the_scored_part_of_the_stored_run():
     """The second lap of the nominal plant, in the run's own numbers."""
     machine = gantry_machine()

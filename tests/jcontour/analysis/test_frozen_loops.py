@@ -1,5 +1,6 @@
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jcontour.analysis.frozen_loops import frozen_loop, unlimited
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
@@ -35,6 +36,7 @@ def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
     np.testing.assert_allclose(loop.cut().late(1), late, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_counters_do_not_move(given_law, linear_machine):
     """The tap of a delay line is a whole number; the places of the line are states."""
     A, B, C, D = matrices((4, 4), (4, 2), (2, 4), (2, 2))

@@ -84,6 +84,7 @@ def test_a_narrow_resonance_is_not_missed(
     assert found.sensitivity[0, 0] == pytest.approx(wanted, rel=1e-6 + 1e-16 / inside**2)
 
 
+@pytest.mark.slow
 def test_speeds_by_difference_change_with_the_positions(
     linear_machine, control_peaks, straight_window
 ):

@@ -81,6 +81,7 @@ def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law
     assert np.isinf(broken.spectral_radius) and np.isinf(broken.sensitivity)
 
 
+@pytest.mark.slow
 def test_a_limit_is_lifted(integrators, given_law, straight_window):
     law, windows = given_law.static(-0.3 * jnp.eye(2)), straight_window(2)
     limited = Saturated(integrators, jnp.full(2, 1e-12))
@@ -106,6 +107,7 @@ def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
         np.testing.assert_allclose(found, wanted[more], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_state_that_is_measured_counts_at_the_input_alone(two_axes, law, bent):
     """I - F (zI - A + B F)^-1 B, by NumPy."""
     windows, family = probe_windows(stack_references([bent]), 1), stack_plants([two_axes])
@@ -178,12 +180,14 @@ def behind_offset_free(machine):
     return build, np.log([1.0, 3.0, 0.1, 1e-3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("behind", [behind_filter, behind_offset_free])
 def test_slopes_on_the_table_with_delay(behind):
     machine, family, windows = late_table()
     check_slopes(*behind(machine), family, windows)
 
 
+@pytest.mark.slow
 def test_slopes_of_a_cascade_on_the_flexible_axis():
     dt = 1e-3
     axis = SmoothFlexibleAxis(thesis_axis(), dt, substeps=4)
@@ -231,6 +235,7 @@ for k in range(30):
 """
 
 
+@pytest.mark.slow
 def test_weights_and_peaks_in_one_program_do_not_hang():
     """Batches of LAPACK calls, two at a time, would wait for each other for ever."""
     folder = Path(__file__).parent

@@ -310,6 +310,7 @@ class Held(Controller):
         return None, self.gain @ (plan - measurement)
 
 
+@pytest.mark.slow
 def test_margins_of_the_gantry_are_those_of_its_linear_model_there():
     """The nonlinear machine with its limits, at rest, against A - B G K by SciPy.
 

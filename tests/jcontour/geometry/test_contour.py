@@ -205,6 +205,7 @@ def test_window_may_be_wider_than_the_contour_and_cross_its_seam(shapes):
         )
 
 
+@pytest.mark.slow
 def test_stacked_vmapped_and_mapped_equal_one_by_one(shapes):
     names = ("ellipse", "circle", "polygon", "line")
     together = stack([shapes.cases()[name].contour for name in names])
@@ -294,6 +295,7 @@ def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode
     assert np.isfinite(bend).all()
 
 
+@pytest.mark.slow
 def test_float32_stays_float32(shapes):
     wide = shapes.cases()["helix"].contour
     narrow = jax.tree.map(

@@ -171,6 +171,7 @@ by_radius = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(anything, max_examples=300)
 @given(
     st.lists(st.one_of(block, arc, by_radius), max_size=6).map("\n".join),
@@ -181,6 +182,7 @@ def test_any_words(traced, program, axes):
     assert_sound(traced, HEAD + "G1 X0.5\n" + program, axes)
 
 
+@pytest.mark.slow
 @settings(anything, max_examples=300)
 @given(
     st.tuples(
@@ -227,6 +229,7 @@ def test_any_bytes(tmp_path_factory, content):
 signs = st.sampled_from([b"-", b"9", b"."])
 
 
+@pytest.mark.slow
 @settings(anything, max_examples=150)
 @given(st.data())
 def test_mutated_parts(traced, tmp_path_factory, data):

@@ -18,6 +18,8 @@ from jcontour.motion.references import along
 from jcontour.qp.problem import QP, Unsolved
 from jcontour.simulation.closed_loop import prepared, simulate
 
+# one of each kind: fed a filter, a state, an increment of its own, a model that moves
+SOME = ("contouring-lq", "gantry-scheduled-lq", "linear-cascade", "lqg", "time-delay", "zpetc")
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
 
@@ -36,7 +38,10 @@ def same(found, wanted, relative=1e-12):
         )
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name not in SOME)) for name in CONTROLLERS],
+)
 def test_loop_is_simulate_for_every_controller(closed_loop, name):
     (plant, _), controller, reference = closed_loop(name)
     reference = reference(12)
@@ -179,6 +184,7 @@ def test_bad_input(any_type):
             loop(plant, one, blind)
 
 
+@pytest.mark.slow
 def test_machines_of_one_kind_share_one_compilation():
     plant, controller = zoo()
     other = eqx.tree_at(lambda p: p.B, plant, 1.1 * plant.B)

@@ -73,6 +73,7 @@ def step_away(model, steps, preview=N):
     return from_samples(position, tangent, model.dt, preview, in_motion=False)
 
 
+@pytest.mark.slow
 def test_it_is_the_filter_observer_and_falls_back(two_axes):
     gain = kalman_gain(two_axes, 0.1, 1e-6)
     reference = along(circle(1e-3), 2e-5 * np.arange(30), 1e-3, N, at_rest=True)
@@ -121,9 +122,11 @@ def test_each_observer_is_made_from_its_numbers(two_axes):
 
 
 @pytest.mark.parametrize("counting", [False, True])
-@pytest.mark.parametrize("delay", [0, 1])
+@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 1])
 @pytest.mark.parametrize(
-    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+    "terminal",
+    [OutputTerminal(), pytest.param(RiccatiTerminal(), marks=pytest.mark.slow)],
+    ids=["output", "riccati"],
 )
 def test_without_an_active_limit_it_is_the_offset_free_observer(terminal, delay, counting):
     """Counts hide the rounding of the two loops from each other: it adds up on the integrators."""

@@ -11,6 +11,7 @@ from jcontour.linear.plant import Pattern
 from jcontour.plants import bridgeport
 
 
+@pytest.mark.slow
 def test_nothing_of_pallas_is_loaded_before_it_is_needed():
     look = (
         "import sys, jcontour.simulation.evaluation, jcontour.controllers; "

@@ -6,6 +6,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
 from jcontour.kernels.lane_plan import _cost
@@ -20,6 +21,7 @@ def test_numbers_that_are_zero_are_not_written_out():
     assert shape.entries == ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))
 
 
+@pytest.mark.slow
 def test_lanes_of_several_members(problems):
     plant = problems.machine((2, 1), 2, 2)
     Q, y_d, stage, R, terminal = problems.data(plant, 5, 3)

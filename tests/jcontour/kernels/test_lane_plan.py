@@ -78,6 +78,7 @@ def test_equals_the_readable_sweep(problems, sizes, inputs, outputs, preview, en
     problems.close(found, wanted, 1e-9)
 
 
+@pytest.mark.slow
 def test_a_model_that_moves(problems):
     plant, arguments = case(problems, (2,), 1, 1, 3, 2, False)
 
@@ -92,6 +93,7 @@ def test_a_model_that_moves(problems):
     problems.close(found, wanted, 1e-9)
 
 
+@pytest.mark.slow
 def test_batches_and_long_previews(problems, monkeypatch):
     monkeypatch.setattr(module, "UNROLLED", 1)
     plant, arguments = case(problems, (1,), 1, 1, 3, 3, False)

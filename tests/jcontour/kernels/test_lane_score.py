@@ -47,6 +47,7 @@ def number(run):
     return value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sizes", "inputs", "outputs", "steps"), [((2, 1), 2, 2, 5), ((3,), 1, 2, 4)]
 )
@@ -70,6 +71,7 @@ def test_a_plant_or_a_reference_that_moves(problems):
     )
 
 
+@pytest.mark.slow
 def test_a_family_shares_a_plan(problems):
     plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
     family = jax.tree.map(

@@ -21,6 +21,7 @@ def case(problems, steps=4, members=3):
     return plant, model, Operand(F, (0,)), Operand(f), Operand(start, (0,))
 
 
+@pytest.mark.slow
 def test_runs_of_several_members(problems):
     plant, model, F, f, start = case(problems)
     y, u, x = runs(plant.pattern, (*model, F, f, start), True)
@@ -34,6 +35,7 @@ def test_runs_of_several_members(problems):
             state = plant.A @ state + plant.B @ control
 
 
+@pytest.mark.slow
 def test_a_change_of_the_first_state_and_of_the_plan_is_felt_as_its_cotangent_says(problems):
     plant, model, F, f, start = case(problems, members=2)
     random = np.random.default_rng(4)

@@ -39,8 +39,8 @@ def composed(plant, Q, y_d, R, preview, length, terminal=None):
     ("sizes", "inputs", "outputs", "steps", "preview", "length"),
     [
         ((3, 5), 2, 2, 17, 12, 5),
-        ((4,), 1, 2, 3, 9, 4),
-        ((2, 3), 3, 3, 8, 9, 8),
+        pytest.param((4,), 1, 2, 3, 9, 4, marks=pytest.mark.slow),
+        pytest.param((2, 3), 3, 3, 8, 9, 8, marks=pytest.mark.slow),
         ((4,), 2, 1, 5, 9, 1),
     ],
 )
@@ -64,6 +64,7 @@ def along(beta, samples):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preview", [dispatch.SHORTEST_WINDOW["cpu"] + 1, 1000])
 def test_long_windows_of_the_paper_s_machine(problems, preview):
     """Without a tracking weight Q is singular and the open loop drifts.
@@ -86,6 +87,7 @@ def test_long_windows_of_the_paper_s_machine(problems, preview):
         problems.close(spans(*data), by_stage(*data), 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("radius", "preview"), [(0.9, 1000), (1.2, 1000), (2.0, 200)])
 def test_long_windows_of_stable_and_unstable_machines(problems, radius, preview):
     random = np.random.default_rng(int(10 * radius))
@@ -102,6 +104,7 @@ def test_long_windows_of_stable_and_unstable_machines(problems, radius, preview)
     problems.close(spans, plan, 1e-9)
 
 
+@pytest.mark.slow
 def test_single_precision(problems):
     plant = bridgeport()
     Q, y_d = along(15.0, 340)
@@ -138,6 +141,7 @@ def test_derivatives_equal_those_of_the_readable_sweep(problems):
     problems.close(found, reference, 1e-9)
 
 
+@pytest.mark.slow
 def test_the_gradient_where_a_weight_is_singular(problems):
     def value(plan_of):
         def scalar(alpha):

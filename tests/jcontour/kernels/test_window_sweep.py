@@ -34,6 +34,7 @@ def test_blocks_of_time_leave_no_seam(problems):
     )
 
 
+@pytest.mark.slow
 def test_gradients_cross_the_seams_of_blocks(monkeypatch, problems):
     monkeypatch.setattr(window_sweep, "BLOCK", 8)
     plant = problems.machine((4,), 2, 2)
@@ -88,6 +89,7 @@ def test_derivatives_equal_those_of_the_readable_sweep(problems):
         problems.close(one * mask, other * mask, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inputs", "preview"), [(1, 1), (3, 2)])
 def test_gradients_of_every_datum_of_a_coupled_plant(inputs, preview, problems):
     plant = problems.machine((3,), inputs, 2)
@@ -113,6 +115,7 @@ def test_gradients_of_every_datum_of_a_coupled_plant(inputs, preview, problems):
     problems.close((moved.A, moved.B, moved.C), (expected[5].A, expected[5].B, expected[5].C), 1e-9)
 
 
+@pytest.mark.slow
 def test_forward_and_reverse_mode_are_transposes(problems):
     plant = problems.machine((4,), 2, 2)
     Q, y_d, stage, R, terminal = problems.data(plant, 9, 4)
@@ -132,6 +135,7 @@ def test_forward_and_reverse_mode_are_transposes(problems):
     np.testing.assert_allclose(first, second, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_family_of_models_is_a_loop_over_them(problems):
     plant = problems.machine((4,), 2, 2)
     value, weights, _ = scaled(receding_horizon_plan, plant, *problems.data(plant, 9, 4))
@@ -146,6 +150,7 @@ def test_a_family_of_models_is_a_loop_over_them(problems):
     )
 
 
+@pytest.mark.slow
 def test_batches_in_both_orders(problems):
     plant = problems.machine((4,), 2, 2)
     arguments = problems.data(plant, 9, 4)
@@ -160,6 +165,7 @@ def test_batches_in_both_orders(problems):
     problems.close(summed(batch), one_by_one, 1e-11)
 
 
+@pytest.mark.slow
 def test_single_precision_stays_single(problems):
     plant = problems.machine((3, 4), 2, 2)
     single = jax.tree.map(

@@ -256,6 +256,7 @@ def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     assert np.abs(absolute.output[-1] - reference.position[-1]).max() >= 1e-6
 
 
+@pytest.mark.slow
 def test_the_x_y_table_under_a_constant_torque():
     """0.03 N m on each lead screw: below 1e-3 um at rest is asked for.
 

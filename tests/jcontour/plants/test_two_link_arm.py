@@ -53,6 +53,7 @@ def test_energy_stays_without_friction_and_torque():
     np.testing.assert_allclose(arm.energy(run(state)), arm.energy(state), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_work_is_energy_and_friction():
     """Over a second under torques that move; the integrals by SciPy along its own solution."""
     arm, (q, v) = TwoLinkArm(dt=1e-2), some_state(1)

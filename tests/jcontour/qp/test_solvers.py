@@ -178,6 +178,7 @@ def in_lots(make, count, seed, lot=1000):
         yield [make(random) for _ in range(min(lot, count - first))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("count", [500, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_no_answer_with_a_larger_residual_is_returned(kind, count):
@@ -185,6 +186,7 @@ def test_no_answer_with_a_larger_residual_is_returned(kind, count):
     assert failures <= 0.005 * count  # all have answers: an honest failure is rare
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count"),
     [(DAQP, 1000), (ProxQP, 100), pytest.param(ProxQP, 1000, marks=pytest.mark.slow)],

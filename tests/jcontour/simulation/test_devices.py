@@ -43,6 +43,7 @@ def test_gradient_reaches_what_all_members_share():
     np.testing.assert_allclose(slope, np.sum(x * np.cos(0.8 * x)), rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_contours_on_two_devices_are_contours_on_one(two_axes):
     plants = stack_plants([two_axes, with_input_gains(two_axes, 0.9)])
     contours = circle(1e-3), line([1e-3, 0], [2e-3, 1e-3]), circle(2e-3)

@@ -58,6 +58,7 @@ def test_closed_loop_is_the_recursion(monkeypatch, two_axes, gpu):
     np.testing.assert_allclose(last, x, rtol=1e-11, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_gradient_crosses_the_seams_of_chunks():
     reference = program(20, 3)
 
@@ -75,6 +76,7 @@ def test_the_gradient_crosses_the_seams_of_chunks():
     np.testing.assert_allclose(value(lambda *run: run_program(*run, 7)), value(simulate), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_a_chunk():
     def scratch(steps):
         """Bytes besides the samples, which come as arguments, and the signals."""

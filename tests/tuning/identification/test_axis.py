@@ -45,6 +45,7 @@ WITHIN = {  # relative: what the issue of this demonstration asks for, or better
 }
 
 
+@pytest.mark.slow
 def test_thesis_axis_within_a_few_per_cent(found):
     for name, tolerance in WITHIN.items():
         assert found.estimate[name] == pytest.approx(TRUTH[name], rel=tolerance), name
@@ -72,6 +73,7 @@ def test_model_is_that_of_the_estimate(found):
         np.testing.assert_allclose(p.friction.slipping(*forward), truth, rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_forces_scale_with_a_given_force_constant(found, records):
     """The same motion at twice the force constant: twice the masses and forces, the same link."""
     moved = [record for record in records if record.voltage is None]
@@ -84,6 +86,7 @@ def test_forces_scale_with_a_given_force_constant(found, records):
     assert twice.notes[0].startswith("force_constant: taken as given") and twice.winding is None
 
 
+@pytest.mark.slow
 def test_without_an_end_effector(records):
     found = identify([record._replace(tool=None) for record in records])
     assert found.link is None and found.parameters is None
@@ -91,6 +94,7 @@ def test_without_an_end_effector(records):
     assert found.estimate["viscous"] == pytest.approx(250.9, rel=0.01)
 
 
+@pytest.mark.slow
 def test_motion_without_the_end_effector_beside_motion_with_it(found, records):
     """It is left out, and that is said."""
     more = identify([*records, records[1]._replace(name="bare", tool=None)])

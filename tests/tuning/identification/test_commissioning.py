@@ -35,6 +35,7 @@ def test_the_electrical_test_obeys_the_winding():
     assert np.abs(record.current_d).max() < 0.01 * STEP and np.abs(v).max() > 0.1
 
 
+@pytest.mark.slow
 def test_noise_is_as_stated_and_repeatable():
     law = Passes(0.01, (0.05,), pause=0.1)
     noisy = Instruments(resolution=1e-6, encoder_noise=0.0, current_noise=0.5)

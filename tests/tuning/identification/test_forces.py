@@ -68,6 +68,7 @@ def test_recovers_all_of_the_balance():
         assert fit.estimate[name] == pytest.approx(TRUTH.get(name, 0.0), rel=0.01, abs=0.02), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("realisations", [4, pytest.param(8, marks=pytest.mark.slow)])
 def test_intervals_under_noise(realisations):
     """The deviations are as large as promised, and no error is far beyond four of them."""
@@ -83,6 +84,7 @@ def test_intervals_under_noise(realisations):
     assert np.abs(errors).max() < 4.5 and 0.8 < np.std(errors) < 1.2
 
 
+@pytest.mark.slow
 def test_friction_that_falls_within_the_speeds_of_a_sweep():
     """The curve has to be found, although a parabola with half the drag fits it to 0.1 N."""
     slow = ((0.1, 0.5), (0.1, 1.0), (0.1, 2.0), (0.1, 3.5))
@@ -92,12 +94,14 @@ def test_friction_that_falls_within_the_speeds_of_a_sweep():
     assert fit.estimate["curvature"] == pytest.approx(STRIBECK_SPEED**-2, rel=0.15)
 
 
+@pytest.mark.slow
 def test_friction_that_does_not_fall_has_no_curvature():
     fit = fit_forces([swung(*swing, noise=0.1, falling=False) for swing in SWINGS], K_T)
     assert "curvature" not in fit.estimate.names
     assert abs(fit.estimate["drop"]) < 4 * fit.estimate.deviation("drop")
 
 
+@pytest.mark.slow
 def test_known_pitch_no_end_effector_no_cogging():
     fit = fit_forces([swung(*swing, tool=False) for swing in SWINGS], K_T, PITCH)
     assert fit.cogging.pole_pitch == PITCH and not {"pole_pitch", "tool_mass"} & set(

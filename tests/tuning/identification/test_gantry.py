@@ -58,6 +58,7 @@ def odd():
     return records, identify_gantry(records, Sheet.of(ODD))
 
 
+@pytest.mark.slow
 def test_a_gantry_of_unequal_drives(odd):
     records, estimate = odd
     assert relative(first_guess(records, Sheet.of(ODD)), ODD).max() < 0.15

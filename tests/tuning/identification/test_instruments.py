@@ -1,6 +1,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, thesis_motor
@@ -20,6 +21,7 @@ def axis(noise=0.0, rows=20, seed=0):
     )
 
 
+@pytest.mark.slow
 def test_moves_as_the_drive_inside_and_means_its_current():
     """The same 20 ms by `DrivenAxis` sampled at 1 ms.
 

@@ -48,6 +48,7 @@ def test_recovers_resonances_from_3_to_40_hz(stiffness, damping):
     assert abs(fit.residuals[0]).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_intervals_under_noise_on_both_encoders():
     """12 realisations: no bias, and deviations as large as promised."""
     errors = []

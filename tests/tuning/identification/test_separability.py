@@ -30,6 +30,7 @@ def test_what_counts_as_separated():
     )  # 1.96 x 1.2 is below a quarter of 10, 1.96 x 1.4 is not
 
 
+@pytest.mark.slow
 def test_normal_speeds_do_not_separate_the_parts_of_friction(found):
     assert not stribeck_separated(found.estimate) and tool_separated(found.estimate)
     assert unseparated(found.estimate) == {"coulomb", "stribeck", "stribeck_speed"}

@@ -111,6 +111,7 @@ def test_zero_gain_is_the_plain_cascade(name):
     assert np.abs(moved.control - plain.control).max() > 1e-3 * np.abs(plain.control).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCHEMES)
 def test_gradients_of_all_gains_are_those_of_differences(name):
     plant = flexible_pair()

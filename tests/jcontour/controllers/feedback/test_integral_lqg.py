@@ -121,6 +121,7 @@ def test_neither_a_load_nor_a_wrong_input_gain_leaves_a_lag(
     assert lag(lqg) < 1e-8 and lag(offset_free) < 1e-8
 
 
+@pytest.mark.slow
 def test_two_axes_are_each_on_their_own(two_flexible_axes):
     model = zoh_model(two_flexible_axes, DT)
     law = designed(model, axes=2)

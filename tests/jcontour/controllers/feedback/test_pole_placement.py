@@ -59,6 +59,7 @@ def test_axes_side_by_side_each_have_their_own(two_flexible_axes):
     np.testing.assert_array_equal(K[0, 1::2], 0.0)
 
 
+@pytest.mark.slow
 def test_gradient_with_respect_to_damping(thesis_model):
     at = np.array([0.9, 0.3])
 

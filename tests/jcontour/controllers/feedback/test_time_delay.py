@@ -118,6 +118,7 @@ def test_a_limit_for_each_axis_bounds_control_and_memory():
     np.testing.assert_array_equal(memory.control, [0.5, -2.0])
 
 
+@pytest.mark.slow
 def test_gradients():
     reference = held_at(0.01, 60)
 

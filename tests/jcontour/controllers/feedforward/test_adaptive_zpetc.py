@@ -65,6 +65,7 @@ def test_the_model_stays_invertible(link, gain):
     assert np.isfinite(control).all()
 
 
+@pytest.mark.slow
 def test_gradients_through_fifty_steps_of_adaptation(link, gain):
     reference = link(DT, 1, count=80, first=20)
 

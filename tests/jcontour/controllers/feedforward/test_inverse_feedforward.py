@@ -58,6 +58,7 @@ def test_the_error_is_the_filter_s_whatever_the_feedback(alter_tsao, drive, name
     np.testing.assert_allclose(error, wanted, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_disturbed_start_is_the_feedback_s_alone(alter_tsao, drive):
     trajectory, wrapped = alter_tsao["trajectory_m"], feedback(drive.dt)
     controller, reference = tracked(drive, FOLLOWING[1, 3, 2], wrapped, trajectory)
@@ -92,6 +93,7 @@ def test_a_run_in_motion_is_followed_from_the_start(drive):
     assert error.max() < 2e-5 and error[600:].max() < 2e-7
 
 
+@pytest.mark.slow
 def test_gradients_through_feedforward_and_feedback(alter_tsao, drive):
     inverse = OptimalInverse(transfer_function(drive), ModelFollowing(1, 3, 2))
     _, reference = tracked(

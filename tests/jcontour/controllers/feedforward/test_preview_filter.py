@@ -44,6 +44,7 @@ def test_an_advance_is_the_reference_ahead():
     np.testing.assert_allclose(found, reference.position[2:11], atol=1e-15)
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_differences():
     samples = jnp.asarray(np.random.default_rng(2).standard_normal((12, 1)))
 

@@ -155,6 +155,7 @@ def test_taps_that_cannot_meet_the_conditions_are_refused():
         optimal_filter([inverse], 0.25, 1 / 0.9)
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_differences():
     inverses = [OptimalInverse(plant, ModelFollowing(1, 5, 2)) for plant in plants().values()]
 

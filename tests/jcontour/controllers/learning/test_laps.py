@@ -68,6 +68,7 @@ def test_laps_by_hand(small_loop, positions):
     np.testing.assert_allclose(last, correction, rtol=0, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["p-type", "norm-optimal"])
 def test_gradients_through_five_laps(small_loop, positions, kind):
     """Of the gains of the law and of the cascade under it, against central differences."""

@@ -32,6 +32,7 @@ def test_what_is_left_is_that_of_the_reference(companions, degrees):
     np.testing.assert_allclose(left, companions["runout_afc"][degrees], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_cascade_rid_of_two_harmonics(small_loop):
     """The phase is that of the loop from the control to the position, by a dense response."""
     plant, controller, _ = small_loop()

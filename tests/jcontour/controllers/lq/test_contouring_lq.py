@@ -114,6 +114,7 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
         )
 
 
+@pytest.mark.slow
 def test_only_ratios_of_the_weights_matter(two_axes):
     reference = reference_of(0, 2, 3)
 

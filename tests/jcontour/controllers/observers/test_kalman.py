@@ -82,6 +82,7 @@ def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     assert np.abs(error).max() < 1e-3 * np.abs(found[0]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "form", [FilterObserver, pytest.param(PredictorObserver, marks=pytest.mark.slow)]
 )
@@ -139,6 +140,7 @@ def test_offset_free_gain_is_scipys_with_the_disturbance_as_a_state(thesis_model
     )
 
 
+@pytest.mark.slow
 def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_does(
     thesis_model, thesis_feedback
 ):

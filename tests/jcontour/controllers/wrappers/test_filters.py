@@ -60,6 +60,7 @@ def test_low_pass_halves_the_power_at_its_corner():
     assert response(filter, np.pi / DT) < 1e-9
 
 
+@pytest.mark.slow
 def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     reference = along(circle(1e-3), 2.5e-5 * np.arange(6), two_axes.dt, 3, at_rest=False)
     inside = ContouringLQ(two_axes, LQWeights(3.0, 5.0, 2e-9), 3)
@@ -77,6 +78,7 @@ def test_filtered_controls_are_the_filter_of_the_controls(two_axes):
     )
 
 
+@pytest.mark.slow
 def test_gradient_with_respect_to_the_notch_frequency():
     signal = np.random.default_rng(1).standard_normal(50)
 

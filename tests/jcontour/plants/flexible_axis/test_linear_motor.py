@@ -169,6 +169,7 @@ def test_voltage_limit_and_its_windup():
     )
 
 
+@pytest.mark.slow
 def test_derivatives_and_wrappers():
     """Slope of the tool after 20 ms in a resistance, under a load current from outside."""
 

@@ -53,6 +53,7 @@ def test_how_far_the_printed_forward_euler_is():
     assert B[0] == 0 and model.A[0, 2] == pytest.approx(DT**2 * gain / 2, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_it_predicts_a_bench_whose_friction_is_its_own():
     """Without dry friction and twist, and with b_x / M_e = b_A / M_A, nothing is left to F_Nx."""
     p, bench = thesis_gantry(), servo_bench()
@@ -81,6 +82,7 @@ def test_steady_motion_needs_what_the_friction_takes():
     )
 
 
+@pytest.mark.slow
 def test_damping_of_the_twist_is_that_of_the_eigenvalues():
     """c = -2 J_0 times the growth rate of the beam's mode; M_e d^2 / J_0 is 3 %."""
     p = thesis_gantry()

@@ -74,6 +74,7 @@ def test_the_thesiss_terms(reference_gantry):
         )
 
 
+@pytest.mark.slow
 def test_nothing_in_the_box_is_beyond_the_bounds():
     p = thesis_gantry()
     bounds = disturbance_bounds(p, HEAD, LOW, HIGH)

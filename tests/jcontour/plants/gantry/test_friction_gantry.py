@@ -25,6 +25,7 @@ def only(**friction):
     )
 
 
+@pytest.mark.slow
 def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_then_the_head(
     at_rest,
 ):
@@ -214,6 +215,7 @@ def test_the_sharper_the_twin_the_nearer_it_comes(rubbing, swinging, run, at_res
     assert np.all(gaps[1] < gaps[0] / 3) and np.all(gaps[2] < gaps[1] / 3)
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_twin_are_those_of_differences(odd_gantry, rubbing, swinging, at_rest):
     """To currents, friction and the start."""
     currents, dry = jnp.asarray(swinging(20, seed=1, size=1.0)), rubbing
@@ -249,6 +251,7 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider, rubbing, r
     assert np.isnan(plant.measure(after)).any() and np.isnan(plant.output(after)).any()
 
 
+@pytest.mark.slow
 def test_a_family_of_machines_is_a_batch(odd_gantry, rubbing, at_rest):
     family = stack_plants([StickSlipGantry(p, rubbing, DT) for p in (thesis_gantry(), odd_gantry)])
     start, control = (

@@ -182,6 +182,7 @@ def test_reference_closed_loop(gantry_data, gantry_path, gantry_loop, reference_
     )
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_closed_loop_are_those_of_differences(
     gantry_data, gantry_path, gantry_loop, odd_gantry
 ):

@@ -38,6 +38,7 @@ def advance(plant, state, currents):
     return eqx.filter_jit(lambda: jax.lax.scan(step, state, jnp.asarray(currents)))()[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1])
 def test_without_dry_friction_it_nears_the_gantry_as_samples_get_shorter(delay, odd_gantry):
     """First order, for the hold and for the delay; the head turns about on the way."""

@@ -10,6 +10,7 @@ from jcontour.plants.gantry.mjx_engine import GantryMJX, mjx
 DT = 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
 def test_mass_matrix_and_accelerations(machine, request):
     parameters = request.getfixturevalue(machine)
@@ -41,6 +42,7 @@ def test_mass_matrix_and_accelerations(machine, request):
     assert np.max(np.abs(acceleration - fast) / np.abs(fast).max(axis=1, keepdims=True)) < 1e-11
 
 
+@pytest.mark.slow
 def test_a_closed_loop_is_ours(tools_in_a_loop, reference_gantry):
     """3,365 samples of line, circle, line."""
     engine = tools_in_a_loop(GantryMJX(reference_gantry, DT))

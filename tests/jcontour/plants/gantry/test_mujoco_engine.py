@@ -10,6 +10,7 @@ from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 DT = 2e-3
 
 
+@pytest.mark.slow
 def test_a_closed_loop_is_ours(tools_in_a_loop, reference_gantry):
     """3,365 samples of line, circle, line."""
     engine = tools_in_a_loop(GantryMuJoCo(reference_gantry, DT))
