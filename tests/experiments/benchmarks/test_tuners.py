@@ -89,6 +89,7 @@ def small(monkeypatch):
     monkeypatch.setattr(tuners, "problem_of", lambda name: (problem, start))
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_from_its_file(small, tmp_path):
     flags = Bench(what="tuners", seeds=1, evaluations=60, keep=tmp_path / "kept.json")
     told = []

@@ -52,6 +52,7 @@ def test_axes_are_inverted_from_current_to_tool():
         np.testing.assert_allclose(steps(found), wanted, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_drives_are_inverted_as_masses_with_viscous_friction():
     """(5.13), (5.14) with the head at the centre, both drives alike."""
     machine = gantry_machine()
@@ -66,7 +67,7 @@ def test_drives_are_inverted_as_masses_with_viscous_friction():
         )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("make", MAKES)
 def test_the_nominal_machine_follows_the_model(make, name):
     """Without dry friction y = M_0 B(lambda) B(1 / lambda) / B(1)^2 r, B of what is not cancelled.

@@ -132,6 +132,7 @@ def test_names_count():
     assert [job.name for job in many()] == [f"random-{n:02}" for n in range(1, 65)]
 
 
+@pytest.mark.slow
 def test_kinds_are_in_random_order():
     """Open and closed contours are mixed from the first to the last."""
     closed = [bool(job.contour.closed) for job in many()]

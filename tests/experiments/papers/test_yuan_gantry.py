@@ -59,6 +59,7 @@ def test_frequencies_of_the_reference_data(result):
         assert found[case] == pytest.approx(frequency, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_least_gain_is_at_the_antiresonance(result):
     for row in result.responses:
         near = (row.frequency_hz > 30) & (row.frequency_hz < 60)

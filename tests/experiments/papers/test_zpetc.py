@@ -159,6 +159,7 @@ def test_a_phase_error_is_seen(result):
     assert judged(replace(result, gain_error=left), claim)[1] is NO
 
 
+@pytest.mark.slow
 def test_equation_5_is_judged_as_printed(result):
     assert judged(result, "y / y_d with the integrator")[1] is NO
     assert judged(replace(result, printed_5=1e-12), "y / y_d with the integrator")[1] is YES

@@ -98,6 +98,7 @@ def test_gains_round_trip(job, tmp_path):
     np.testing.assert_array_equal(rows[:, 2:-2], np.asarray(plan.F)[:steps].reshape(steps, -1))
 
 
+@pytest.mark.slow
 def test_parts_are_for_training_and_others_held_out(job):
     names = ["part", "circle", "ellipse", "lemniscate", "square"]
     assert [one.name for one in job.scenarios.jobs] == names

@@ -26,7 +26,7 @@ def random_loop(random, axes, states=4):
             return (A, B, C), (W, E, K, D)
 
 
-@pytest.mark.parametrize("axes", [1, 2])
+@pytest.mark.parametrize("axes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_peaks_are_those_of_python_control(
     axes, given_law, control_peaks, linear_machine, straight_window
 ):

@@ -67,6 +67,7 @@ def test_a_gantry_of_unequal_drives(odd):
     assert np.abs(away).max() < 4.5
 
 
+@pytest.mark.slow
 def test_antiresonances_are_those_of_the_machine(odd):
     """(5.12) by hand, and with the coupling m that it drops."""
     p, (_, estimate) = ODD, odd

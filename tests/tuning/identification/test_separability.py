@@ -40,6 +40,7 @@ def test_normal_speeds_do_not_separate_the_parts_of_friction(found):
     )
 
 
+@pytest.mark.slow
 def test_what_usual_data_tell_and_these_do_not(found):
     """The same values with a damper and a mass that are known to half of themselves only."""
     covariance = found.estimate.covariance.copy()

@@ -55,6 +55,7 @@ def test_the_whole_control_stays_within_its_limit(reference, two_axes):
     np.testing.assert_allclose(np.abs(run.control).max(axis=0), [0.3, 0.2])
 
 
+@pytest.mark.slow
 def test_gradient_is_that_of_differences(reference, two_axes):
     plant = _read(two_axes)
 

@@ -114,6 +114,7 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
     """Fed the motors, which is all there is to feed."""
     parameters = thesis_gantry()

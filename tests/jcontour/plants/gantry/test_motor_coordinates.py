@@ -35,6 +35,7 @@ def test_model_is_the_derivative_of_the_equation_of_motion_in_the_motors_coordin
     np.testing.assert_allclose(model.C, C @ np.linalg.inv(T), rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_steady_motion_is_what_the_encoders_read(odd_gantry):
     position, increment = jnp.array([0.2, -0.05]), jnp.array([3e-4, -5e-4])
     read = MotorEncoders(odd_gantry)(untwisted(odd_gantry, position, increment / DT))
