@@ -80,7 +80,7 @@ def numbers(tree):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", some_slow(CONTROLLERS))
+@pytest.mark.parametrize("name", CONTROLLERS)
 def test_jit_is_no_jit(loop, ran, name):
     """The same loop with nothing compiled but single operations."""
     plant, controller, reference = loop(name)
@@ -100,7 +100,7 @@ def test_jit_is_no_jit(loop, ran, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", some_slow(CONTROLLERS))
+@pytest.mark.parametrize("name", CONTROLLERS)
 def test_vmap_over_references_is_a_loop(closed_loop, name):
     (plant, _), controller, reference = closed_loop(name)
     stacked = stack_references([reference(STEPS), reference(STEPS - 1)])
