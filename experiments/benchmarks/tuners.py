@@ -21,8 +21,8 @@ from experiments.benchmarks.search_traces import ProblemTraces, Record, Trace
 from experiments.benchmarks.tuner_problems import PROBLEMS, measure_of, problem_of
 from experiments.options import Bench
 from experiments.reports import tables
-from experiments.reports.png import save_figure
-from experiments.reports.tuners_figure import Curve, tuners_figure
+from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.tuners import Curve, tuners_figure
 from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_point, evaluate_values

@@ -9,8 +9,8 @@ from experiments.files.netcdf import save_dataset
 from experiments.files.results import write_result
 from experiments.options import Front
 from experiments.reports import tables
-from experiments.reports.front_figure import front
-from experiments.reports.png import save_figure
+from experiments.reports.figures.front import front
+from experiments.reports.figures.png import save_figure
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.trade_off import search_of, traced
 

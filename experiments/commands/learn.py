@@ -12,9 +12,9 @@ from experiments.files.results import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Learn
 from experiments.reports import tables
-from experiments.reports.learning_figure import learning
+from experiments.reports.figures.learning import learning
+from experiments.reports.figures.png import save_figure
 from experiments.reports.learning_tables import show_learned
-from experiments.reports.png import save_figure
 from experiments.runs.learning import Learner, Prepared, prepared_law, setting
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.tuning_results import machine_summary

@@ -6,8 +6,8 @@ from experiments.files.ranked_result import Ranked, RankedResult
 from experiments.files.results import write_result
 from experiments.options import Rank
 from experiments.reports import tables
-from experiments.reports.png import save_figure
-from experiments.reports.ranking_figure import ranking_figure
+from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.ranking import ranking_figure
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.ranking import ranked, ranking_of
 

@@ -14,7 +14,7 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
-from experiments.reports.contour_figures import draw_runs
+from experiments.reports.figures.contours import draw_runs
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place

@@ -23,8 +23,8 @@ from experiments.machines.machine import Machine
 from experiments.options import Sweep
 from experiments.plain_numbers import number_in
 from experiments.reports import tables
-from experiments.reports.png import save_figures
-from experiments.reports.sweep_figure import sweep_figure, worst_errors
+from experiments.reports.figures.png import save_figures
+from experiments.reports.figures.sweep import sweep_figure, worst_errors
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.spreading import batching_of
 from jcontour.simulation.devices import Spread

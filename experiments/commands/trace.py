@@ -13,8 +13,8 @@ from experiments.files.results import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Trace
 from experiments.reports import tables
-from experiments.reports.png import save_figures
-from experiments.reports.traversal_figures import path_figure, signals_figure
+from experiments.reports.figures.png import save_figures
+from experiments.reports.figures.traversal import path_figure, signals_figure
 from experiments.runs.lifecycle import created, finished
 from experiments.shared_options import MachineFlags
 from jcontour.geometry.contour import Contour

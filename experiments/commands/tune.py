@@ -16,13 +16,13 @@ from experiments.jobs.replays import Replay
 from experiments.machines.machine import NO_EFFECTS
 from experiments.options import Tune
 from experiments.reports import tables
-from experiments.reports.contour_figures import draw_runs
-from experiments.reports.png import save_figure, save_figures
+from experiments.reports.figures.contours import draw_runs
+from experiments.reports.figures.png import save_figure, save_figures
+from experiments.reports.figures.sensitivity import sensitivity_figure
+from experiments.reports.figures.tuning import FIGURES, Search
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
-from experiments.reports.sensitivity_figure import sensitivity_figure
 from experiments.reports.tuned_tables import limit_words, show_tuned
-from experiments.reports.tuning_figures import FIGURES, Search
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.regret import with_regret

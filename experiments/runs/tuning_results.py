@@ -20,7 +20,7 @@ from experiments.files.tuned_result import (
 )
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Machine
-from experiments.reports.sensitivity_figure import FamilyCurves
+from experiments.reports.figures.sensitivity import FamilyCurves
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.family_loops import family_curves, family_peaks
 from experiments.runs.path_margins import path_margins

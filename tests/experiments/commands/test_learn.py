@@ -10,7 +10,7 @@ from experiments.commands.learn import run
 from experiments.files.learned_result import LearnedMachine, LearnedResult
 from experiments.files.results import from_json, read_result, to_json
 from experiments.options import Learn
-from experiments.reports.learning_figure import learning
+from experiments.reports.figures.learning import learning
 from experiments.reports.learning_tables import after, before
 
 

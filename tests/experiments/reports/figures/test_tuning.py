@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from experiments.files.tuned_result import HistoryPoint
-from experiments.reports.tuning_figures import (
+from experiments.reports.figures.tuning import (
     DIVERGED,
     Search,
     history_figure,

@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.reports.axes import legend_below, plain_ticks
+from experiments.reports.figures.axes import legend_below, plain_ticks
 
 
 def test_legend_holds_all_entries_and_covers_no_panel():

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.reports.traversal_figures import magnification, path_figure, signals_figure
+from experiments.reports.figures.traversal import magnification, path_figure, signals_figure
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import COLOURS, grid, legend_below, logarithmic
+from experiments.reports.figures.axes import COLOURS, grid, legend_below, logarithmic
 
 
 class FamilyCurves(NamedTuple):

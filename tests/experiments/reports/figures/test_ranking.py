@@ -4,7 +4,7 @@ import pytest
 
 from experiments.files.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.run_metrics import MachineSummary
-from experiments.reports.ranking_figure import ranking_figure
+from experiments.reports.figures.ranking import ranking_figure
 
 
 def row(label, held_out, **others):

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.reports.contour_figures import (
+from experiments.reports.figures.contours import (
     ContourRuns,
     DrawnRun,
     contour_figure,

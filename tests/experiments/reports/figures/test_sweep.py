@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from experiments.reports.sweep_figure import MANY, sweep_figure, worst_errors
+from experiments.reports.figures.sweep import MANY, sweep_figure, worst_errors
 
 DIMENSIONS = ("preview", "sample", "contour", "plant")
 

@@ -10,7 +10,7 @@ from matplotlib.collections import Collection
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import legend_below
+from experiments.reports.figures.axes import legend_below
 
 LOST, BEST = "tab:red", "white"
 COLUMNS = 3  # panels side by side

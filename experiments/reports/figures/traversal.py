@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import DESIRED, grid
+from experiments.reports.figures.axes import DESIRED, grid
 
 MAGNIFIED = 0.06  # of the path's size: how large the largest error is drawn
 

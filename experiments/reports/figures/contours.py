@@ -2,7 +2,7 @@
 
 Draw your own runs with them:
 
-    from experiments.reports.contour_figures import ContourRuns, contour_figure, error_figure
+    from experiments.reports.figures.contours import ContourRuns, contour_figure, error_figure
     from jcontour.simulation.closed_loop import simulate
 
     rollout = simulate(plant, controller, reference)
@@ -21,8 +21,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import DESIRED, colours_of, grid, legend_below
-from experiments.reports.png import save_figure
+from experiments.reports.figures.axes import DESIRED, colours_of, grid, legend_below
+from experiments.reports.figures.png import save_figure
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error

@@ -1,6 +1,6 @@
 import numpy as np
 
-from experiments.reports.sensitivity_figure import sensitivity_figure
+from experiments.reports.figures.sensitivity import sensitivity_figure
 from experiments.runs.family_loops import FamilyCurves
 
 HERTZ = np.array([1.0, 10.0, 100.0])

@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from experiments.files.ranked_result import RankedResult
-from experiments.reports.axes import OTHER, TUNED, grid, legend_below, plain_ticks
+from experiments.reports.figures.axes import OTHER, TUNED, grid, legend_below, plain_ticks
 
 ROW = 0.32  # [inch]
 

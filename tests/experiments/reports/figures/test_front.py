@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
-from experiments.reports.front_figure import front
+from experiments.reports.figures.front import front
 
 POINTS = [
     BudgetPoint(0.1, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.5),

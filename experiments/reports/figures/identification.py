@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import grid
+from experiments.reports.figures.axes import grid
 from tuning.identification.axis import IdentifiedAxis
 
 POINT = {"marker": ".", "linestyle": "none", "markersize": 2.0, "alpha": 0.5}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.reports.tuners_figure import Curve, tuners_figure
+from experiments.reports.figures.tuners import Curve, tuners_figure
 
 
 def test_each_problem_has_a_panel_with_medians():

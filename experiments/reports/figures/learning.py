@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from experiments.files.learned_result import LearnedResult
-from experiments.reports.axes import grid, legend_below, plain_ticks
+from experiments.reports.figures.axes import grid, legend_below, plain_ticks
 
 
 def learning(result: LearnedResult) -> Figure:

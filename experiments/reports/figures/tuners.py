@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from experiments.reports.axes import legend_below
+from experiments.reports.figures.axes import legend_below
 
 COLOURS = {
     "jcontour": "tab:blue",

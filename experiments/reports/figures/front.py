@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from experiments.files.front_result import BudgetPoint, FrontResult
-from experiments.reports.axes import TUNED, grid, legend_below, logarithmic
+from experiments.reports.figures.axes import TUNED, grid, legend_below, logarithmic
 
 
 def front(result: FrontResult) -> Figure:

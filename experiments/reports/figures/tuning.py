@@ -9,7 +9,14 @@ from matplotlib.figure import Figure
 
 from experiments.files.results import Weight
 from experiments.files.tuned_result import HistoryPoint, TunedResult
-from experiments.reports.axes import COLOURS, OTHER, grid, legend_below, logarithmic, plain_ticks
+from experiments.reports.figures.axes import (
+    COLOURS,
+    OTHER,
+    grid,
+    legend_below,
+    logarithmic,
+    plain_ticks,
+)
 
 DIVERGED = "diverged: rejected, no objective"
 

@@ -1,0 +1,1 @@
+"""Figures of results, one kind a file."""
