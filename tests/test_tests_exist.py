@@ -28,6 +28,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/shared_options.py": "experiments/test_cli.py",
     "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/test_tuning.py",
+    "experiments/reports/figures": "experiments/commands/test_learn.py",
+    "experiments/reports/figures/identification.py": "experiments/commands/test_identify.py",
     "experiments/runs/tuning_results.py": "experiments/runs/test_tuning.py",
     "experiments/files/checkpoints.py": "experiments/runs/test_tuning.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",
