@@ -9,6 +9,7 @@ from types import ModuleType
 
 _FILES = (
     "descent",
+    "exchange",
     "history",
     "loops",
     "objectives",

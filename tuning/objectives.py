@@ -39,6 +39,7 @@ LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 wo
 LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
+    "spectral_radius": "spectral_radius",
 }
 LATE = "late_radius"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
@@ -143,9 +144,10 @@ class AtMost(eqx.Module):
     >>> limits.names
     ('rms_increment', 'peak_sensitivity')
 
-    Names are those of `Metrics`, `peak_sensitivity` and `peak_complementary_sensitivity`,
-    `late_radius` for the largest spectral radius with more delay, and
-    `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine has.
+    Names are those of `Metrics`, `peak_sensitivity`, `peak_complementary_sensitivity` and
+    `spectral_radius` of the loops, `late_radius` for the largest spectral radius with more delay,
+    and `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine
+    has.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
     Raises:

@@ -4,6 +4,7 @@ Runs and frozen loops are two programs; the peaks of the loops are found on the 
 program judges both.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -74,7 +75,8 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
     Raises:
         ValueError: the objective returns no rows, or the limits need what the problem lacks.
     """
-    runs = _runs(problem, start, jnp.asarray(z))
+    # loops in their own program: where others are looked at, that of the runs stays
+    runs = _runs(replace(problem, loops=None), start, jnp.asarray(z))
     (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
     looked, loop_slopes = looked_at(problem, start, z)
     outcome = Outcome(metrics, looked.peaks, use, looked.late)

@@ -93,6 +93,7 @@ class TuneState:
         least_radius: smallest spectral radius of the frozen loops that was found on the way.
         least_z: coordinates of that.
         done: whether the run has ended.
+        begin: coordinates that the first descent begins at; those of the start when empty.
     """
 
     history: list[Evaluated] = field(default_factory=list)
@@ -104,6 +105,7 @@ class TuneState:
     least_radius: float = np.inf
     least_z: np.ndarray = field(default_factory=lambda: np.zeros(0))
     done: bool = False
+    begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 class Price(NamedTuple):
@@ -207,7 +209,8 @@ def result(problem: Problem, start: Weights, state: TuneState) -> Tuned:
 def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) -> TuneState:
     """One step of a run: the first point of a descent, an iteration, or a scattered point."""
     if state.start < 0:
-        return _begun(problem, start, state, 0, _first(problem, start))
+        z = state.begin if state.begin.size else _first(problem, start)
+        return _begun(problem, start, state, 0, z)
     descent = state.descent
     if len(state.history) + IN_ONE_STEP > effort.evaluations:
         return replace(_ended(state), done=True)

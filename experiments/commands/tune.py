@@ -9,7 +9,6 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.files import run_folder
-from experiments.files.checkpoints import load_state, save_state
 from experiments.files.results import write_result
 from experiments.files.tuned_result import TunedResult
 from experiments.jobs.replays import Replay
@@ -27,6 +26,7 @@ from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.regret import with_regret
 from experiments.runs.runs_drawn import contour_runs
+from experiments.runs.searching import NothingSound, Searched, searched
 from experiments.runs.tuning import PLENTY, TuningRun, tuning_run
 from experiments.runs.tuning_results import (
     SHOWN,
@@ -39,7 +39,7 @@ from experiments.runs.tuning_results import (
     trial_of,
     tuned_result,
 )
-from tuning.tune import Tuned, TuneState, advance, result
+from tuning.tune import Tuned
 
 FIRST = 3  # of many contours, that are named before the tuning
 
@@ -72,30 +72,27 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     # the second core tries the start while the tuner descends, and random plants while it draws
     with ThreadPoolExecutor(1) as beside:
         start = beside.submit(start_trial, run)
-        tuned, state = _descended(run, folder, console)
+        found = _descended(run, folder, console)
+        run, tuned = found.run, found.tuned
         robust = beside.submit(robust_trial, run, tuned)
         trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
         in_engine = confirmed(run, tuned, trials["tuned"].replay)
         store_runs(run, tuned, trials, folder, console)
     seconds = time.perf_counter() - began
-    found = tuned_result(run, tuned, state, trials, robust.result(), in_engine, seconds)
-    store_result(run, found, tuned, folder)
-    return found
+    told = tuned_result(found, trials, robust.result(), in_engine, seconds)
+    store_result(run, told, tuned, folder)
+    return told
 
 
-def _descended(run: TuningRun, folder: Path, console: Console) -> tuple[Tuned, TuneState]:
+def _descended(run: TuningRun, folder: Path, console: Console) -> Searched:
     with progress_of(console, run.settings, run.machine.error) as show:
         if run.flags.objective == "regret":
             run = with_regret(run, folder, show)
-        state = load_state(folder)
-        while not state.done:
-            state = advance(run.problem, run.start, run.settings, state)
-            save_state(folder, state)
-            show(state)
-    try:
-        return result(run.problem, run.start, state), state
-    except ValueError as error:
-        raise RuntimeError(f"no result: {error}; the points tried are kept in {folder}") from None
+        try:
+            return searched(run, folder, show, console)
+        except NothingSound as error:
+            reason = f"no result: {error}; the points tried are kept in {folder}"
+            raise RuntimeError(reason) from None
 
 
 def describe(run: TuningRun, console: Console) -> None:

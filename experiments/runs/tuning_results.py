@@ -26,6 +26,7 @@ from experiments.runs.family_loops import family_curves, family_peaks
 from experiments.runs.path_margins import path_margins
 from experiments.runs.recommendation import active_limits, reasons_against
 from experiments.runs.robustness import robust_test
+from experiments.runs.searching import Searched
 from experiments.runs.standstill import standstill
 from experiments.runs.tuning import TuningRun
 from experiments.runs.warnings import exceeded_limits, run_warnings
@@ -34,7 +35,7 @@ from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants
 from tuning.objectives import LEAST
 from tuning.parameters import Chart
-from tuning.tune import Tuned, TuneState
+from tuning.tune import Tuned
 
 SHOWN = 12  # contours: more are too many to look at
 
@@ -86,15 +87,14 @@ def machine_summary(machine: Machine) -> MachineSummary:
 
 
 def tuned_result(
-    run: TuningRun,
-    tuned: Tuned,
-    state: TuneState,
+    searched: Searched,
     trials: Mapping[str, Trial],
     robust: RobustTest | None,
     confirmed: list[EngineRow],
     seconds: float,
 ) -> TunedResult:
     """The whole result; `trials` are those of the start and of the tuned weights."""
+    run, tuned = searched.run, searched.tuned
     found, margins = trials["tuned"].replay, trials["tuned"].margins
     replays = {name: trial.replay for name, trial in trials.items()}
     shown = shown_contours(run, replays)
@@ -125,7 +125,7 @@ def tuned_result(
         evaluated_points=len(tuned.history),
         diverged_points=tuned.diverged_points,
         diverged_starts=tuned.diverged_starts,
-        descents=state.start + 1,
+        descents=searched.descents,
         plants=list(run.scenarios.plants),
         margins=margins,
         start_margins=trials["start"].margins,

@@ -1,0 +1,129 @@
+"""Exchange of probes on integrators under a gain that doubles on a few samples, in closed form.
+
+z + g - 1 = 0 with g = k b, b the bump: the radius is |1 - g|, and Ms = 2 / (2 - g) at z = -1.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controller import Controller
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.exchange import STABLE, exchanged
+from tuning.loops import ProbedLoops
+from tuning.objectives import AtMost, mean_tracking_error, no_limits
+from tuning.parameters import Positive
+from tuning.problem import Problem
+from tuning.tune import THOROUGH, tune
+
+STEPS, FEW, MANY = 64, 4, 64
+HIGH, SAMPLES = 2.2, (30, 31)  # of the gain: between the probes that a search begins with
+START = {"gain": jnp.asarray(0.4)}
+EFFORT = replace(THOROUGH, starts=1, scatter=0)
+STEP = 1e-4  # [m] per sample
+
+
+class Bumped(Controller):
+    """u = k b (y_d - x) with b = `high` on some samples and 1 on all others."""
+
+    gain: Any
+    high: float = eqx.field(static=True)
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        sample = jnp.round(reference.position[: reference.steps] / STEP)
+        bump = jnp.isin(sample, jnp.asarray(SAMPLES, float))
+        return jnp.where(bump, self.high, 1.0), reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        bump, wanted = plan
+        return None, self.gain * bump * (wanted - measurement)
+
+
+def problem_of(limits=no_limits, high=HIGH, looks=False):
+    plants = stack_plants([LinearPlant([[1.0]], [[1.0]], [[1.0]], 1e-3)])
+    path = line(np.zeros(1), np.full(1, STEP * STEPS))
+    references = stack_references([along(path, STEP * np.arange(STEPS), 1e-3, 0, at_rest=False)])
+    loops = ProbedLoops.of(plants, references, FEW) if looks else None
+    return Problem(
+        lambda weights: Bumped(weights["gain"], high),
+        plants,
+        references,
+        mean_tracking_error,
+        {"gain": Positive()},
+        limits,
+        loops=loops,
+    )
+
+
+def probes(problem):
+    assert isinstance(problem.loops, ProbedLoops)
+    return problem.loops.windows.position.shape[0]
+
+
+def names(problem):
+    assert isinstance(problem.limits, AtMost)
+    return problem.limits.names
+
+
+def searched(problem, rounds=3):
+    """Gains after every round."""
+    tuned = tune(problem, START, EFFORT)
+    gains = [float(tuned.weights["gain"])]
+    for _ in range(rounds):
+        more = exchanged(problem, START, tuned, FEW, MANY)
+        if more is None:
+            return gains, problem
+        problem = more.problem
+        tuned = tune(problem, tuned.weights, EFFORT)
+        gains.append(float(tuned.weights["gain"]))
+    raise AssertionError(f"no end: {gains}")
+
+
+def test_an_unstable_loop_between_the_probes_is_found_and_made_stable():
+    gains, problem = searched(problem_of())
+    assert abs(1 - HIGH * gains[0]) > 1  # what the search alone ends in
+    assert abs(1 - HIGH * gains[-1]) < 1
+    assert gains[-1] == pytest.approx((1 + STABLE) / HIGH, rel=1e-4)  # where the limit holds it
+    assert probes(problem) > FEW
+
+
+def test_a_loop_beyond_its_limit_between_the_probes_is_found_and_kept():
+    gains, problem = searched(problem_of(AtMost(peak_sensitivity=2.0), looks=True))
+    assert gains[0] == pytest.approx(1.0, rel=1e-4)  # Ms = 2 where the gain is not doubled
+    assert gains[-1] == pytest.approx(1 / HIGH, rel=1e-4)
+    assert names(problem) == ("peak_sensitivity",)
+
+
+def test_limits_that_were_there_stay():
+    problem = problem_of(AtMost(rms_control=1.0))
+    more = exchanged(problem, START, tune(problem, START, EFFORT), FEW, MANY)
+    assert more is not None and more.unstable and more.added == 1
+    assert names(more.problem) == ("rms_control", "spectral_radius")
+
+
+def test_nothing_is_exchanged_where_no_loop_is_worse():
+    gains, problem = searched(problem_of(AtMost(peak_sensitivity=2.0), high=1.0, looks=True))
+    assert len(gains) == 1 and probes(problem) == FEW
+    within = problem_of(AtMost(peak_sensitivity=2.0), high=1.005, looks=True)
+    assert len(searched(within)[0]) == 1  # Ms is 2.010 between the probes
+
+
+def test_what_cannot_be_exchanged_is_refused(proportional_problem, loop_peaks):
+    problem = problem_of(AtMost(peak_sensitivity=2.0), high=1.0, looks=True)
+    tuned = tune(problem, START, EFFORT)
+    with pytest.raises(ValueError, match="many.*multiple of 4"):
+        exchanged(problem, START, tuned, FEW, 10)
+    other = proportional_problem(loops=loop_peaks)
+    with pytest.raises(ValueError, match="loops.*probed"):
+        exchanged(other, START, tuned, FEW, MANY)

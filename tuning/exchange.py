@@ -1,0 +1,149 @@
+"""Exchange of probes: a search looks at few frozen loops; after it many are looked at.
+
+Where one of them is worse than all that the search has seen, its window is probed as well, and the
+search goes on from where it ended. Infinitely many limits are so kept by few (J. W. Blankenship,
+J. E. Falk, J. Optimization Theory and Applications 19, 1976).
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from jcontour.analysis.probes import probe_windows
+from jcontour.motion.references import Reference
+from tuning.loops import Looked, ProbedLoops
+from tuning.objectives import LATE, LOOP_LIMITS, AtMost, Limits, no_limits
+from tuning.parameters import Chart, Weights
+from tuning.point import looked_at
+from tuning.problem import Problem
+from tuning.tune import Tuned
+
+MANY = 64  # probes of each contour after a search: they cost as much as one more of its points
+WORSE = np.log(1.01)  # a limit that is exceeded by less between the probes counts as kept
+# radius of a loop where no margin is asked for: a ring has decayed after some 10,000 samples
+STABLE = 0.9999
+
+
+class Exchanged(NamedTuple):
+    """A problem that looks at more loops.
+
+    Attributes:
+        problem: with the windows of the loops that were worse.
+        added: number of them.
+        unstable: whether one of them was unstable.
+    """
+
+    problem: Problem
+    added: int
+    unstable: bool
+
+
+def exchanged(
+    problem: Problem, start: Weights, tuned: Tuned, few: int, many: int = MANY
+) -> Exchanged | None:
+    """The problem with the worst loop of every contour added to those that it looks at.
+
+    A loop is worse where it is unstable, or exceeds the limits on loops by more than any that the
+    search has seen. A problem that looks at no loops is given `few` for each contour, and a limit
+    on their spectral radius, once one is found unstable.
+
+    Args:
+        problem: that was tuned.
+        start: its first weights.
+        tuned: what was found.
+        few: probes of each contour that a search begins with.
+        many: probes of each contour that are looked at now, a multiple of `few`.
+
+    Returns:
+        None where no loop is worse.
+
+    Raises:
+        ValueError: the loops of the problem are not probed ones, or `many` is no multiple of `few`.
+    """
+    if few < 1 or many % few:
+        raise ValueError(f"many: needs a multiple of {few} probes, received {many}")
+    probed = _probed(problem, few)
+    windows = probe_windows(problem.references, many)
+    z = np.asarray(Chart(problem.space, tuned.weights).coordinates())
+    unstable, excess = _look(replace(problem, loops=probed), start, z, windows, few, many)
+    seen = Looked(tuned.outcome.loops, tuned.outcome.late)
+    most = max(0.0, float(np.max(_excess(problem.limits, seen), initial=0.0)))
+    badness = np.where(unstable, np.inf, excess)
+    worst = np.argmax(badness, axis=1)
+    rows = [c * many + k for c, k in enumerate(worst) if badness[c, k] > most + WORSE]
+    if not rows:
+        return None
+    more = jax.tree.map(lambda old, new: _joined(old, new[np.array(rows)]), probed.windows, windows)
+    loops = eqx.tree_at(lambda one: one.windows, probed, more)
+    found = replace(problem, loops=loops, limits=_limits(problem))
+    return Exchanged(found, len(rows), bool(unstable.any()))
+
+
+def _probed(problem: Problem, few: int) -> ProbedLoops:
+    """Loops that the problem looks at; the first ones of every contour where it looks at none."""
+    if problem.loops is None:
+        return ProbedLoops.of(problem.plants, problem.references, few)
+    if not isinstance(problem.loops, ProbedLoops):
+        raise ValueError(f"loops: only probed ones can be exchanged, received {problem.loops}")
+    return problem.loops
+
+
+def _look(
+    problem: Problem,
+    start: Weights,
+    z: Float[np.ndarray, " d"],
+    windows: Reference,
+    few: int,
+    many: int,
+) -> tuple[Bool[np.ndarray, "c {many}"], Float[np.ndarray, "c {many}"]]:
+    """Whether each loop is unstable on a plant, and its largest excess of a limit.
+
+    Loops are looked at in blocks of the shape with which a search begins: its program is compiled.
+    """
+    number = np.arange(windows.position.shape[0]).reshape(-1, many)
+    unstable, excess = np.zeros(number.shape, bool), np.zeros(number.shape)
+    for k in range(0, many, few):
+        rows = number[:, k : k + few]
+        block = jax.tree.map(lambda leaf, rows=rows: leaf[np.ravel(rows)], windows)
+        one = eqx.tree_at(lambda problem: problem.loops.windows, problem, block)
+        looked, _ = looked_at(one, start, z)
+        assert looked.peaks is not None
+        lost = ~np.all(looked.peaks.spectral_radius < 1, axis=1)
+        unstable[:, k : k + few] = np.reshape(lost, rows.shape)
+        excess[:, k : k + few] = np.reshape(_excess(problem.limits, looked), rows.shape)
+    return unstable, excess
+
+
+def _excess(limits: Limits, looked: Looked) -> Float[np.ndarray, " K"]:
+    """Largest ln(value / limit) of every probe over the plants; -inf where nothing is limited."""
+    if looked.peaks is None:
+        return np.zeros(0)
+    largest = np.full(looked.peaks.sensitivity.shape[0], -np.inf)
+    if not isinstance(limits, AtMost):
+        return largest
+    for name, bound in zip(limits.names, np.asarray(limits.bounds), strict=True):
+        values = looked.late if name == LATE else None
+        if name in LOOP_LIMITS:
+            values = getattr(looked.peaks, LOOP_LIMITS[name])
+        if values is not None:
+            largest = np.maximum(largest, np.log(np.max(values, axis=1) / bound))
+    return largest
+
+
+def _limits(problem: Problem) -> Limits:
+    """Limits of the problem, and one on the spectral radius where it has looked at no loops."""
+    limits = problem.limits
+    if problem.loops is not None or not (limits is no_limits or isinstance(limits, AtMost)):
+        return limits
+    named = zip(limits.names, limits.bounds, strict=True) if isinstance(limits, AtMost) else ()
+    known = {name: float(bound) for name, bound in named}
+    return AtMost(**known, spectral_radius=STABLE)
+
+
+def _joined(old: Array, new: Array) -> Array:
+    return jnp.concatenate([old, new])
