@@ -7,7 +7,7 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.linear.plant import LinearPlant
+from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.tracing import is_concrete
 
 
@@ -40,7 +40,8 @@ def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[
 def with_input_delay(plant: LinearPlant, samples: int) -> LinearPlant:
     """Model of a plant whose control acts `samples` late.
 
-    The state gains the line (u(k-1), ..., u(k-samples)).
+    The state gains the line (u(k-1), ..., u(k-samples)). Given maps of steady motion gain the
+    control that carries it on.
 
     Raises:
         ValueError: `samples` is negative.
@@ -65,7 +66,25 @@ def with_input_delay(plant: LinearPlant, samples: int) -> LinearPlant:
     ]
     entry = np.eye(n + line, p, -n, dtype)
     shown = library.concatenate([C, nothing(plant.axes, line)], axis=1)
-    return LinearPlant(*jax.device_put((library.block(late), entry, shown)), plant.dt)
+    motion = None if plant.motion is None else _late_motion(plant, plant.motion, samples)
+    matrices = jax.device_put((library.block(late), entry, shown))
+    return LinearPlant(*matrices, plant.dt, motion=motion)
+
+
+def _late_motion(plant: LinearPlant, motion: SteadyMotion, samples: int) -> SteadyMotion:
+    """Maps that also hold the line of controls.
+
+    In steady motion the state y -> Sy y + Sv dy goes on to Sy (y + dy) + Sv dy under the control u:
+        B u = (I - A) (Sy y + Sv dy) + Sy dy
+    """
+    stays = jnp.eye(plant.states, dtype=plant.A.dtype) - plant.A
+
+    def with_line(state, change):
+        control = jnp.linalg.lstsq(plant.B, change)[0]
+        return jnp.concatenate([state, *[control] * samples])
+
+    Sy = with_line(motion.Sy, stays @ motion.Sy)
+    return SteadyMotion(Sy, with_line(motion.Sv, stays @ motion.Sv + motion.Sy))
 
 
 def with_input_gains(plant: LinearPlant, gains) -> LinearPlant:

@@ -7,6 +7,8 @@ import pytest
 from scipy.signal import cont2discrete
 
 from jcontour.linear.transformations import with_input_delay, with_input_gains, zoh
+from jcontour.plants.gantry.motor_coordinates import motor_model
+from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
 
 
@@ -48,3 +50,18 @@ def test_input_gains_scale_columns_of_b(two_axes):
         with_input_gains(two_axes, (1.1, 0.5)).B, np.asarray(two_axes.B) * [1.1, 0.5]
     )
     np.testing.assert_array_equal(with_input_gains(two_axes, 2.0).B, 2.0 * np.asarray(two_axes.B))
+
+
+@pytest.mark.parametrize("samples", [1, 3])
+def test_given_maps_of_steady_motion_gain_the_control_that_carries_it_on(samples):
+    """On a gantry, whose axes are coupled: nothing but the place changes from sample to sample."""
+    model = motor_model(thesis_gantry(), 0.0, 1e-3)
+    late = with_input_delay(model, samples)
+    position, increment = jnp.array([0.2, -0.1]), jnp.array([1e-4, 2e-4])
+    state = late.initial_state(position, increment)
+    np.testing.assert_allclose(state[:6], model.initial_state(position, increment), rtol=1e-12)
+    control = state[6:9]
+    for k in (1, 2):
+        state = late.step(state, control)
+        wanted = late.initial_state(position + k * increment, increment)
+        np.testing.assert_allclose(state, wanted, rtol=1e-9, atol=1e-12)
