@@ -129,6 +129,10 @@ CONTROLLERS = {
         "the same, the coupling of head and beam cancelled by feedback (Yuan)",
         "feedback-linearised-lq",
     ),
+    "gantry-offset-free-lq": _on_gantry(
+        "contouring LQ on three motors, behind an observer that predicts and finds the load",
+        "offset-free-lq",
+    ),
     "gantry-synchronised": _on_gantry(
         "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
     ),

@@ -107,7 +107,7 @@ def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
 @cache
 def gantry_designs() -> Mapping[str, MakeDesign]:
     """Cascades and contouring LQ on gantries."""
-    from experiments.designs import gantry, synchronised
+    from experiments.designs import gantry, gantry_observer, synchronised
     from experiments.designs import motor_feedforward as ahead
 
     design, quadratic = gantry.gantry_design, gantry.quadratic
@@ -117,6 +117,7 @@ def gantry_designs() -> Mapping[str, MakeDesign]:
         "gantry-contouring-lq": design(gantry.contouring_lq, quadratic),
         "gantry-scheduled-lq": design(gantry.scheduled_lq, quadratic),
         "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
+        "gantry-offset-free-lq": gantry_observer.offset_free_design,
         "gantry-synchronised": design(synchronised.both_drives, synchronised.loops_of_drives),
         "gantry-zpetc": ahead.drives_feedforward(ahead.zero_phase),
         "gantry-optimal-feedforward": ahead.drives_feedforward(ahead.optimal),

@@ -3,8 +3,8 @@
 A gain is one number, or one for each axis.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,11 +37,13 @@ class GainDesign(Design):
         make: makes the controller of the machine from its gains.
         line: description in one line.
         gains: those that are tuned.
+        chosen: settings besides the preview that are chosen and not tuned.
     """
 
     make: Callable[[Any, Gains], Controller]
     line: str
     gains: dict[str, Gain]
+    chosen: Mapping[str, Any] = field(default_factory=dict)
 
     def build(self, weights: Gains) -> Controller:
         """The controller with these gains."""
@@ -52,8 +54,8 @@ class GainDesign(Design):
         return {name: gain.unit for name, gain in self.gains.items()}
 
     def settings(self) -> dict[str, Any]:
-        """Preview."""
-        return {"preview": self.preview}
+        """Preview, and what else is chosen."""
+        return {"preview": self.preview, **self.chosen}
 
     def description(self) -> dict[str, str]:
         """Controller, and where its gains start."""

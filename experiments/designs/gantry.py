@@ -79,12 +79,12 @@ def cascade(machine: GantryMachine, gains: Gains, preview: int) -> OfMotors:
 
 def contouring_lq(machine: GantryMachine, gains: Gains, preview: int) -> ContouringLQ:
     """Contouring LQ on the model with the head at the centre of the beam."""
-    return ContouringLQ(machine.model, _weights(gains), preview, RiccatiTerminal())
+    return ContouringLQ(machine.model, lq_weights(gains), preview, RiccatiTerminal())
 
 
 def scheduled_lq(machine: GantryMachine, gains: Gains, preview: int) -> ScheduledLQ:
     """Contouring LQ on the models along the path."""
-    return ScheduledLQ(machine.schedule, _weights(gains), preview)
+    return ScheduledLQ(machine.schedule, lq_weights(gains), preview)
 
 
 def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -> Compensated:
@@ -93,7 +93,7 @@ def feedback_linearised_lq(machine: GantryMachine, gains: Gains, preview: int) -
     The nominal coupling is cancelled, as in Yuan, section 5.4.2.
     """
     return Compensated(
-        ScheduledLQ(machine.linearised_schedule, _weights(gains), preview),
+        ScheduledLQ(machine.linearised_schedule, lq_weights(gains), preview),
         EncoderLinearisation(machine.parameters),
     )
 
@@ -118,5 +118,6 @@ def _built(make: MakeController, preview: int, machine: GantryMachine, gains: Ga
     return make(machine, gains, preview)
 
 
-def _weights(gains: Gains) -> LQWeights:
+def lq_weights(gains: Gains) -> LQWeights:
+    """Weights of the cost, the drives kept from fighting each other."""
     return LQWeights(gains["alpha"], gains["beta"], balanced(1.0, 3, 1, 2, gains["difference"]))
