@@ -24,7 +24,7 @@ from tuning.parameters import Interval
 MOTORS = 3
 # [rad per sample] of the load's estimate: the regulator is faster, so that the observer alone
 # decides the margin; the beam's twist, at 0.55, is left alone
-BANDWIDTH = 0.02
+BANDWIDTH = 0.035
 # of the drift, up and down, the third power of its bandwidth: where there is no load to find,
 # tuning would buy margin by looking for none
 RANGE = 1e3
