@@ -87,6 +87,7 @@ def _stdout_for_python() -> Iterator[None]:
 
 def _join() -> None:
     import jax
+    from jax.experimental.multihost_utils import sync_global_devices
 
     try:
         jax.distributed.initialize(**_environment())
@@ -96,6 +97,9 @@ def _join() -> None:
             "or start it by a cluster manager"
         )
         raise ValueError(f"hosts: {needed} ({error})") from None
+    # connect the devices while all hosts are here: later, one that compiles for longer than the
+    # others is given up after half a minute
+    sync_global_devices("joined")
 
 
 def _environment() -> dict[str, Any]:

@@ -113,8 +113,8 @@ def test_two_hosts_find_what_one_finds(tmp_path, machine_file, command):
         subprocess.Popen(together, **piped, env=host_environment(address, number))
         for number in range(2)
     )
-    found, complaint = first.communicate(timeout=300)
-    nothing, other_complaint = second.communicate(timeout=300)
+    found, complaint = first.communicate(timeout=600)
+    nothing, other_complaint = second.communicate(timeout=600)
     assert (first.returncode, second.returncode) == (0, 0), complaint + other_complaint
     assert nothing == "" and {path.name for path in tmp_path.iterdir()} == {"alone", "together"}
     agree(json.loads(alone.stdout), json.loads(found), ROUNDING[command])
