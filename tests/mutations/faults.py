@@ -185,7 +185,7 @@ FAULTS = (
         "jcontour/plants/friction.py",
         "self.stribeck / (1 + (speed / self.stribeck_speed) ** 2)",
         "self.stribeck / (1 + jnp.abs(speed / self.stribeck_speed))",
-        f"{LIBRARY}/plants/test_friction.py",
+        f"{LIBRARY}/plants/flexible_axis/test_axis.py",
     ),
     Fault(
         "jcontour/plants/integrators.py",

@@ -88,7 +88,6 @@ def cost(controller, memory, measurement, v, u):
     return total
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("make", [samples, blocks, helix])
 def test_the_qp_is_the_cost_up_to_a_constant(make):
     model, contour, weights, horizon = make()

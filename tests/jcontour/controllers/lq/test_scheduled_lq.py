@@ -102,7 +102,6 @@ def minimiser(schedule, reference, k, x):
     return -np.linalg.solve(M, g)[:3]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("k", [0, T - 1])
 def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     """The cost is written out over the models of the desired positions."""
