@@ -19,6 +19,7 @@ from experiments.catalogue.machines import (
     FLEXIBLE_AXIS,
     GANTRY,
     GANTRY_WITH_FRICTION,
+    GANTRY_WITHOUT_FRICTION,
     LINEAR,
 )
 
@@ -82,6 +83,13 @@ CONTROLLERS = {
     "optimal-feedforward": _linear_cascade(
         "l1-optimal feedforward with preview (Alter & Tsao) in front of the cascade"
     ),
+    "repetitive": _linear_cascade(
+        "the cascade, and what repeats with a known period learned (Tomizuka, Tsao & Chew)"
+    ),
+    "run-out": _linear_cascade("the cascade, and sinusoids of a known frequency that cancel"),
+    "adaptive-zpetc": _linear_cascade(
+        "a position loop behind zero phase tracking that learns the loop (Smith & Lee)"
+    ),
     "cascade": _on_axis("P position loop around a PI velocity loop"),
     "cascade-feedforward": _on_axis(
         "P-PI cascade fed what the motion needs: speed, inertia, viscous and dry friction"
@@ -135,6 +143,11 @@ CONTROLLERS = {
     ),
     "gantry-synchronised": _on_gantry(
         "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
+    ),
+    "self-tuning": ControllerEntry(
+        "a servo of each motor that learns its input gain (Astrom & Wittenmark)",
+        GANTRY_WITHOUT_FRICTION,
+        gantry_designs,
     ),
     "gantry-zpetc": _on_gantry(
         "zero phase error tracking in front of the cascades, model of the beam's centre", "zpetc"

@@ -29,7 +29,7 @@ def lq_designs() -> Mapping[str, MakeDesign]:
 @cache
 def linear_feedforward_designs() -> Mapping[str, MakeDesign]:
     """Cascades on a machine given by A, B, C, and inverse feedforward in front of them."""
-    from experiments.designs import feedforward
+    from experiments.designs import adaptive, feedforward
 
     design = feedforward.feedforward_design
     return {
@@ -37,6 +37,9 @@ def linear_feedforward_designs() -> Mapping[str, MakeDesign]:
         "linear-cascade-feedforward": design(feedforward.MotionFeedforward),
         "zpetc": design(feedforward.ZeroPhase),
         "optimal-feedforward": design(feedforward.Optimal),
+        "repetitive": design(adaptive.Repeating),
+        "run-out": design(adaptive.RunOut),
+        "adaptive-zpetc": adaptive.adaptive_zero_phase,
     }
 
 
@@ -107,7 +110,7 @@ def contouring_scheme_designs() -> Mapping[str, MakeDesign]:
 @cache
 def gantry_designs() -> Mapping[str, MakeDesign]:
     """Cascades and contouring LQ on gantries."""
-    from experiments.designs import gantry, gantry_observer, synchronised
+    from experiments.designs import adaptive, gantry, gantry_observer, synchronised
     from experiments.designs import motor_feedforward as ahead
 
     design, quadratic = gantry.gantry_design, gantry.quadratic
@@ -119,6 +122,7 @@ def gantry_designs() -> Mapping[str, MakeDesign]:
         "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
         "gantry-offset-free-lq": gantry_observer.offset_free_design,
         "gantry-synchronised": design(synchronised.both_drives, synchronised.loops_of_drives),
+        "self-tuning": adaptive.self_tuning,
         "gantry-zpetc": ahead.drives_feedforward(ahead.zero_phase),
         "gantry-optimal-feedforward": ahead.drives_feedforward(ahead.optimal),
     }

@@ -92,8 +92,13 @@ def _has_dry_friction(machine: "Machine") -> bool:
     return isinstance(machine, GantryMachine) and machine.friction is not None
 
 
+def _has_no_dry_friction(machine: "Machine") -> bool:
+    return _is_gantry(machine) and not _has_dry_friction(machine)
+
+
 LINEAR = Requirement("a machine given by A, B, C", _is_linear)
 FLEXIBLE_AXIS = Requirement("a flexible axis", _is_flexible)
 FLEXIBLE_AXES = Requirement("two flexible axes or more, for a contour", _has_flexible_axes)
 GANTRY = Requirement("a gantry", _is_gantry)
 GANTRY_WITH_FRICTION = Requirement("a gantry with dry friction", _has_dry_friction)
+GANTRY_WITHOUT_FRICTION = Requirement("a gantry without dry friction", _has_no_dry_friction)

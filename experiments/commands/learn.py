@@ -15,7 +15,8 @@ from experiments.reports import tables
 from experiments.reports.figures.learning import learning
 from experiments.reports.figures.png import save_figure
 from experiments.reports.learning_tables import show_learned
-from experiments.runs.learning import Learner, Prepared, prepared_law, setting
+from experiments.runs.learned_machines import setting
+from experiments.runs.learning import Learner, Prepared, prepared_law
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.tuning_results import machine_summary
 

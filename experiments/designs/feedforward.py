@@ -88,7 +88,7 @@ class MotionFeedforward(Plain):
 
     def gains(self) -> dict[str, Gain]:
         """Control that holds a speed, and that of the speed's lag."""
-        viscous, inertia = zip(*map(_steady_control, _axes(self.machine.model)), strict=True)
+        viscous, inertia = zip(*map(_steady_control, axes_of(self.machine.model)), strict=True)
         unit = self.machine.control_unit
         return {
             "feedforward": Gain(1.0, ""),
@@ -104,7 +104,7 @@ class _Inverse(Scheme):
         super().__init__(machine, flags)
         with jax.ensure_compile_time_eval():
             self.nominal = with_input_delay(machine.model, self.late)
-        self.axes = _axes(self.nominal)
+        self.axes = axes_of(self.nominal)
 
     @abc.abstractmethod
     def ahead(self, gains: Gains) -> PreviewFilter:
@@ -204,7 +204,7 @@ def first_cascade(machine: LinearMachine) -> dict[str, Gain]:
 
     Where none keeps it, those with the smallest peak.
     """
-    axes = _axes(machine.model)
+    axes = axes_of(machine.model)
     series = [_loops(axes, w, c) for w, c in product(CROSSOVERS, CORNERS)]
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
     family = stack_plants(machine.smooth_family())
@@ -245,7 +245,7 @@ def _steady_control(axis: TransferFunction) -> tuple[float, float]:
     return viscous, inertia - viscous * axis.dt / 2
 
 
-def _axes(model: LinearPlant) -> list[TransferFunction]:
+def axes_of(model: LinearPlant) -> list[TransferFunction]:
     """Transfer function of every axis from its own control.
 
     Raises:

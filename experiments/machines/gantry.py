@@ -166,7 +166,7 @@ class GantryMachine(MotorMeasuredMachine):
     def _driven(
         self, member: Member, with_friction: type[SmoothFrictionGantry | StickSlipGantry]
     ) -> Plant:
-        parameters = _scaled(self.parameters, member.stiffness, member.mass)
+        parameters = scaled_gantry(self.parameters, member.stiffness, member.mass)
         return self._limited(self._gantry(parameters, with_friction), member.late)
 
     def _gantry(
@@ -233,7 +233,8 @@ def _words(friction: Friction) -> str:
     )
 
 
-def _scaled(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:
+def scaled_gantry(parameters: GantryParameters, stiffness: float, mass: float) -> GantryParameters:
+    """Parameters with the stiffness of the joints and all masses times these factors."""
     scaled = {"joint_stiffness": stiffness, **dict.fromkeys(MASSES, mass)}
     return eqx.tree_at(
         lambda p: [getattr(p, name) for name in scaled],

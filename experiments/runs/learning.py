@@ -10,32 +10,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.designs.design import Design
 from experiments.files.learned_result import LearnedMachine
-from experiments.jobs.job import Task
-from experiments.machines.families import LATE
-from experiments.machines.flexible_axis import FlexibleMachine, scaled
-from experiments.machines.linear import LinearMachine
-from experiments.machines.machine import Machine
 from experiments.options import Learn
-from jcontour.controller import Controller
+from experiments.runs.learned_machines import Setting, linear_family, linear_nominal, noisy
 from jcontour.controllers.learning.convergence import Convergence, convergence, frequency_response
 from jcontour.controllers.learning.laps import (
     LearningLaw,
     RunLap,
     diverged_lap,
-    laps_of,
     paying_laps,
 )
 from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
 from jcontour.controllers.learning.p_type import PType
-from jcontour.motion.references import Reference
 from jcontour.plant import Plant
-from jcontour.plants.flexible_axis.models import zoh_model
-from jcontour.plants.wrappers.delays import Delayed
-from jcontour.plants.wrappers.disturbances import Disturbed
-from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
-from jcontour.sensors import Sensors, motors
 from jcontour.simulation.evaluation import family_batching, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
 
@@ -44,91 +31,6 @@ PLACES = (0.25, 0.5, 0.75)  # of the lap, where a loop that changes along it is 
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
 LINEAR, NOISY = "linear model", "linear model, encoder noise"
-
-
-class Setting(NamedTuple):
-    """A controller on a part, and how the machine is learned from.
-
-    Attributes:
-        machine: what is run.
-        controller: with the weights of the start.
-        fed: what the controller is fed.
-        reference: of one lap.
-    """
-
-    machine: Machine
-    controller: Controller
-    fed: Any
-    reference: Reference
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(T, m) of a correction."""
-        return self.reference.steps, self.reference.position.shape[-1]
-
-    def laps(self, plant: Callable[[Any], Plant]) -> RunLap:
-        """Laps on the plant that each number gives."""
-        positions = positions_of(self.machine, self.fed)
-        return laps_of(plant, self.controller, self.reference, positions)
-
-
-def setting(design: Design, job: Task) -> Setting:
-    """The design's start on a part.
-
-    Raises:
-        ValueError: there is no learning on this kind of machine.
-    """
-    machine = design.machine
-    if not isinstance(machine, (LinearMachine, FlexibleMachine)):
-        raise ValueError(
-            f"plant: learning needs a machine given by A, B, C or flexible axes, {machine.name} is "
-            "neither"
-        )
-    reference = job.reference(machine.model.dt, design.preview)
-    return Setting(machine, design.build(design.start), design.fed, reference)
-
-
-def positions_of(machine: Machine, fed: Any) -> Callable[[Any], Float[Array, " m"]]:
-    """Positions of the axes in a measurement: of the tool, or of the motors where only they are."""
-    if isinstance(machine, FlexibleMachine):
-        return motors(len(machine.axes)).positions
-    if fed == "state":
-        return machine.model.output
-    return lambda measurement: measurement
-
-
-def linear_family(one: Setting) -> list[Plant]:
-    """Every plant of the family, linear: flexible axes without dry friction."""
-    machine = one.machine
-    if not isinstance(machine, FlexibleMachine):
-        return list(machine.smooth_family(one.fed))
-    axes, dt = len(machine.axes), machine.model.dt
-    family = []
-    for member in machine.members:
-        model = zoh_model(scaled(machine.parameters, member.stiffness, member.mass), dt)
-        late = Delayed(model, jnp.asarray(member.late), LATE, axes)
-        family.append(FineEncoders(late, Sensors(range(axes))))
-    return family
-
-
-def noisy(one: Setting, seed: int) -> Callable[[Any], Plant]:
-    """Linear model behind encoders with the noise that counts make, anew in every lap."""
-    machine, (steps, axes) = one.machine, one.shape
-    assert isinstance(machine, (LinearMachine, FlexibleMachine))
-    half = machine.encoder_resolution / 2
-
-    def of_lap(lap) -> Plant:
-        key = jax.random.fold_in(jax.random.key(seed), lap)
-        noise = jax.random.uniform(key, (steps, axes), minval=-half, maxval=half)
-        if isinstance(machine, FlexibleMachine):
-            others = jnp.zeros((steps, machine.model.states - axes))
-            read = Disturbed(machine.model, noise=jnp.concatenate([noise, others], axis=1))
-            return FineEncoders(read, Sensors(range(axes)))
-        if one.fed == "state":
-            return machine.model
-        return Disturbed(Encoders(machine.model), noise=noise)
-
-    return of_lap
 
 
 class Prepared(NamedTuple):
@@ -145,7 +47,7 @@ def prepared_law(one: Setting, flags: Learn) -> Prepared:
     Its smoothing is the least with which the laps converge on the whole family, unless it is given;
     where there is none, the one with the least bound.
     """
-    nominal = one.machine.nominal(one.fed)
+    nominal = linear_nominal(one)
     run = one.laps(lambda lap: nominal)
     slopes = _slopes(one)
     family = [partial(slopes, plant) for plant in linear_family(one)]
@@ -183,7 +85,7 @@ def _smoothed(law: NormOptimal | PType, smoothing: int) -> tuple[LearningLaw, di
 
 def _lag(one: Setting) -> int:
     """Samples by which the nominal loop is late when it moves slowly."""
-    nominal, (steps, _) = one.machine.nominal(one.fed), one.shape
+    nominal, (steps, _) = linear_nominal(one), one.shape
     slow = np.pi / (steps - 1) * np.arange(1, SLOW)
     response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, slow)
     phases = np.angle(np.diagonal(response, axis1=1, axis2=2))
@@ -224,7 +126,7 @@ class Learner:
 
     def __init__(self, one: Setting, law: LearningLaw, seed: int):
         self.one, self.law = one, law
-        nominal = one.machine.nominal(one.fed)
+        nominal = linear_nominal(one)
         self.singles: list[Callable[[Any], Plant]] = [lambda lap: nominal, noisy(one, seed)]
         self.family = stack_plants(one.machine.true_family(one.fed))
         self.names = [LINEAR, NOISY, *one.machine.family_names]

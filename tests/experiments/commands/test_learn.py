@@ -138,7 +138,6 @@ def test_words(result, one, says):
     [
         (["--laps", "0"], "laps: needs to be at least 1, received 0"),
         (["--smoothing", "-1"], "smoothing: needs to be at least 0"),
-        (["--plant", "gantry"], "plant: learning needs a machine given by A, B, C or flexible"),
         (["--effort", "0"], "effort: needs to be above zero"),
         (["--law", "p-type", "--gain", "-1"], "gain: needs to be finite and at least zero"),
     ],

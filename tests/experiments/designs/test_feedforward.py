@@ -6,7 +6,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for
 from experiments.catalogue.machines import MACHINES
-from experiments.designs.feedforward import _axes, first_cascade
+from experiments.designs.feedforward import axes_of, first_cascade
 from experiments.designs.first_loop import sensitivity_peaks, straight_windows
 from experiments.options import Simulate
 from jcontour.geometry.contours import circle
@@ -93,4 +93,4 @@ def test_free_numbers_of_feedforward_are_tuned_with_those_of_the_feedback():
 
 def test_coupled_axes_are_refused(coupled_plant):
     with pytest.raises(ValueError, match="needs axes with one control each"):
-        _axes(coupled_plant(0, 4, 2))
+        axes_of(coupled_plant(0, 4, 2))

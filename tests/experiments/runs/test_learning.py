@@ -5,11 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.machines.families import Member
-from experiments.machines.flexible_axis import biaxial_machine, scaled, thesis_machine
-from experiments.machines.linear import bridgeport_machine
+from experiments.machines.flexible_axis import scaled, thesis_machine
 from experiments.options import Learn
-from experiments.runs.learning import Setting, linear_family, noisy, positions_of, prepared_law
+from experiments.runs.learned_machines import Setting, noisy, positions_of
+from experiments.runs.learning import prepared_law
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.convergence import convergence
 from jcontour.controllers.learning.laps import diverged_lap, laps_of, learn
@@ -91,30 +90,3 @@ def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
     found = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     read = axis.machine.encoder_resolution / np.sqrt(12)
     assert found[0] > 100 * read and found[-1] < 1.5 * np.hypot(noise, read)
-
-
-def test_linear_members_are_named_like_the_family(axis):
-    assert len(linear_family(axis)) == len(axis.machine.family_names)
-    for machine in (biaxial_machine(), bridgeport_machine()):
-        one = Setting(machine, axis.controller, "outputs", axis.reference)
-        assert len(linear_family(one)) == len(machine.family_names)
-    assert Member("nominal", 1.0, 1.0, 0) == axis.machine.members[0]
-
-
-def test_noise_is_within_half_a_count_and_another_in_every_lap(axis):
-    half = axis.machine.encoder_resolution / 2
-    first, again, second = (
-        np.asarray(noisy(axis, 0)(jnp.asarray(k)).plant.noise) for k in (0, 0, 1)
-    )
-    np.testing.assert_array_equal(first, again)
-    assert np.abs(first).max() <= half and not np.array_equal(first, second)
-    assert not np.any(first[:, 1:])
-
-
-def test_positions_are_found_in_what_is_measured():
-    state = jnp.arange(8.0)
-    table = bridgeport_machine()
-    np.testing.assert_array_equal(positions_of(table, "outputs")(state[:2]), [0.0, 1.0])
-    np.testing.assert_array_equal(positions_of(table, "state")(state), table.model.output(state))
-    axes = positions_of(biaxial_machine(), "outputs")
-    np.testing.assert_array_equal(axes((state[:2], state[2:4])), [0.0, 1.0])
