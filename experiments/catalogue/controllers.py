@@ -144,10 +144,10 @@ CONTROLLERS = {
     "gantry-synchronised": _on_gantry(
         "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
     ),
-    "self-tuning": ControllerEntry(
+    "gantry-self-tuning": _on_gantry(
         "a servo of each motor that learns its input gain (Astrom & Wittenmark)",
+        "self-tuning",
         GANTRY_WITHOUT_FRICTION,
-        gantry_designs,
     ),
     "gantry-zpetc": _on_gantry(
         "zero phase error tracking in front of the cascades, model of the beam's centre", "zpetc"

@@ -122,7 +122,7 @@ def gantry_designs() -> Mapping[str, MakeDesign]:
         "gantry-feedback-linearised-lq": design(gantry.feedback_linearised_lq, quadratic),
         "gantry-offset-free-lq": gantry_observer.offset_free_design,
         "gantry-synchronised": design(synchronised.both_drives, synchronised.loops_of_drives),
-        "self-tuning": adaptive.self_tuning,
+        "gantry-self-tuning": adaptive.self_tuning,
         "gantry-zpetc": ahead.drives_feedforward(ahead.zero_phase),
         "gantry-optimal-feedforward": ahead.drives_feedforward(ahead.optimal),
     }

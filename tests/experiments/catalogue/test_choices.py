@@ -18,6 +18,7 @@ from experiments.catalogue.machines import (
     FLEXIBLE_AXIS,
     GANTRY,
     GANTRY_WITH_FRICTION,
+    GANTRY_WITHOUT_FRICTION,
     LINEAR,
     MACHINES,
 )
@@ -30,7 +31,7 @@ SUITED = {  # machine -> the kinds that it is of
     "xy-table": [LINEAR],
     "flexible-axis": [FLEXIBLE_AXIS],
     "flexible-axes": [FLEXIBLE_AXIS, FLEXIBLE_AXES],
-    "gantry": [GANTRY],
+    "gantry": [GANTRY, GANTRY_WITHOUT_FRICTION],
     "gantry-friction": [GANTRY, GANTRY_WITH_FRICTION],
 }
 

@@ -114,5 +114,5 @@ def test_bad_input(machine):
         design(machine, "repetitive", "period=0.0501234")
     with pytest.raises(ValueError, match="frequency: needs to be above zero and below pi"):
         design(machine, "run-out", "frequency=1e5")
-    with pytest.raises(ValueError, match="self-tuning needs a gantry without dry friction"):
-        design(friction_gantry_machine(), "self-tuning")
+    with pytest.raises(ValueError, match="gantry-self-tuning needs a gantry without dry friction"):
+        design(friction_gantry_machine(), "gantry-self-tuning")
