@@ -48,7 +48,8 @@ def tuners_figure(curves: Mapping[str, Mapping[str, Curve]]) -> Figure:
         axes.grid(alpha=0.3)
     for axes in panels[len(curves) :]:
         axes.set_visible(False)
-    figure.supxlabel("evaluations (one with slopes counts three)", fontsize=9)
+    for axes in panels[: len(curves)]:
+        axes.set_xlabel("evaluations", fontsize=8)
     figure.supylabel("best value so far over the best known", fontsize=9)
     legend_below(figure)
     return figure
