@@ -172,9 +172,9 @@ def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) 
             if run.flags.objective == "regret":
                 run = with_regret(run, place, show)
             tuned = _tuned(run, ranking.flags.evaluations, place, show)
+        return _tried(run, tuned, Ranked(candidate=candidate, label=label))
     except ValueError as error:
         return Ranked(candidate=candidate, label=label, failure=str(error))
-    return _tried(run, tuned, Ranked(candidate=candidate, label=label))
 
 
 def _tuned(

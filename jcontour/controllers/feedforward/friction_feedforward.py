@@ -9,6 +9,7 @@ with speed (Stribeck), no cogging, no sample by which the drive is late. That is
 feedback.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -51,7 +52,12 @@ class FrictionFeedforward(Wrapper):
     coulomb: Float[Array, "*p"]
     limit: Float[Array, "*p"]
 
-    def __init__(self, controller: Controller, coulomb: ArrayLike, limit: ArrayLike = np.inf):
+    def __init__(
+        self,
+        controller: Controller,
+        coulomb: ArrayLike | Sequence[float],
+        limit: ArrayLike | Sequence[float] = np.inf,
+    ):
         check_limit(limit)
         self.controller, self.coulomb = controller, checked_gain("coulomb", coulomb)
         self.limit = jnp.asarray(limit, float)

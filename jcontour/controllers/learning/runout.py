@@ -9,6 +9,7 @@ with the error e = r - y and the phase of the plant's response at w_h. The adapt
 while the phase is right within 90 degrees; the closer to that, the slower.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -51,7 +52,12 @@ class Canceller(eqx.Module):
     phase: Float[Array, "*h"]
     gain: Float[Array, ""]
 
-    def __init__(self, frequency: ArrayLike, phase: ArrayLike, gain: ArrayLike):
+    def __init__(
+        self,
+        frequency: ArrayLike | Sequence[float],
+        phase: ArrayLike | Sequence[float],
+        gain: ArrayLike | Sequence[float],
+    ):
         self.frequency = jnp.atleast_1d(jnp.asarray(frequency, float))
         self.phase, self.gain = jnp.asarray(phase, float), checked_gain("gain", gain)
         count = self.frequency.size

@@ -39,7 +39,7 @@ def test_it_is_a_step_against_every_direction(reference, two_axes):
 def test_it_is_the_cascade_s_own_term_outside(reference, two_axes):
     """Without an inverse between them both are the same."""
     plant = _read(two_axes)
-    inside = CascadeGains(20.0, [3.0, 2.0], 0.05, coulomb=[0.5, 0.2])
+    inside = CascadeGains(20.0, [3.0, 2.0], 0.05, coulomb=np.array([0.5, 0.2]))
     wanted = simulate(plant, Cascade(inside, motors(2), DT, 1.0), reference)
     outside = FrictionFeedforward(Cascade(GAINS, motors(2), DT, 1.0), [0.5, 0.2], 1.0)
     found = simulate(plant, outside, reference)

@@ -63,7 +63,7 @@ def test_a_bad_gain():
         Canceller(0.1, 0.0, -1.0)
 
 
-@pytest.mark.parametrize("phase", [[0, 1, 2], [[0.1]], []])
+@pytest.mark.parametrize("phase", [[0.0, 1.0, 2.0], np.array([[0.1]]), []])
 def test_a_phase_for_each_frequency(phase):
     with pytest.raises(ValueError, match="phase: needs one number, or one for each of 1"):
         Canceller(0.1, phase, 0.1)
