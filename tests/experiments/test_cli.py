@@ -57,6 +57,7 @@ def test_missing_part(capsys, tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flags", "says"),
     [

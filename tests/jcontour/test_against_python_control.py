@@ -192,6 +192,7 @@ PI = control.tf2ss(control.tf([K_PV * (1 + DT / T_IV), -K_PV], [1, -1], DT))
 SPEED = control.ss([], [], [], [[K_PP, 1.0]], DT)
 
 
+@pytest.mark.slow
 def test_poles_of_the_cascade():
     assert same(poles(cascade()), closed(axis(), SPEED, PI))
 
@@ -257,6 +258,7 @@ def test_poles_of_lqg_are_those_of_dlqr_and_of_the_filter():
     )
 
 
+@pytest.mark.slow
 def test_poles_of_the_reduced_observer():
     A, B = np.asarray(model().A), np.asarray(model().B)
     wanted = np.concatenate(

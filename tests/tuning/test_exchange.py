@@ -90,6 +90,7 @@ def searched(problem, rounds=3):
     raise AssertionError(f"no end: {gains}")
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_between_the_probes_is_found_and_made_stable():
     gains, problem = searched(problem_of())
     assert abs(1 - HIGH * gains[0]) > 1  # what the search alone ends in
@@ -105,6 +106,7 @@ def test_a_loop_beyond_its_limit_between_the_probes_is_found_and_kept():
     assert names(problem) == ("peak_sensitivity",)
 
 
+@pytest.mark.slow
 def test_limits_that_were_there_stay():
     problem = problem_of(AtMost(rms_control=1.0))
     more = exchanged(problem, START, tune(problem, START, EFFORT), FEW, MANY)
@@ -112,6 +114,7 @@ def test_limits_that_were_there_stay():
     assert names(more.problem) == ("rms_control", "spectral_radius")
 
 
+@pytest.mark.slow
 def test_nothing_is_exchanged_where_no_loop_is_worse():
     gains, problem = searched(problem_of(AtMost(peak_sensitivity=2.0), high=1.0, looks=True))
     assert len(gains) == 1 and probes(problem) == FEW
@@ -119,6 +122,7 @@ def test_nothing_is_exchanged_where_no_loop_is_worse():
     assert len(searched(within)[0]) == 1  # Ms is 2.010 between the probes
 
 
+@pytest.mark.slow
 def test_what_cannot_be_exchanged_is_refused(proportional_problem, loop_peaks):
     problem = problem_of(AtMost(peak_sensitivity=2.0), high=1.0, looks=True)
     tuned = tune(problem, START, EFFORT)

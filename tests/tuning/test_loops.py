@@ -1,6 +1,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jcontour.analysis.sensitivity import late_radius, loop_peaks
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -13,6 +14,7 @@ from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.loops import ProbedLoops
 
 
+@pytest.mark.slow
 def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
     """In reverse mode, through the program; here in forward mode, on the host."""
     family = stack_plants([Delayed(Encoders(two_axes), jnp.asarray(late), 1, 2) for late in (0, 1)])

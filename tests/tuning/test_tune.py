@@ -100,6 +100,7 @@ def test_progress_is_told_after_every_step(limited, states):
     assert len(tuned.history) == len(states[-1].history)
 
 
+@pytest.mark.slow
 def test_limits_out_of_reach_give_the_least_violating_point(proportional_problem):
     problem = proportional_problem(AtMost(rms_tracking_error=1e-7))
     tuned = tune(problem, START, replace(THOROUGH, starts=1, scatter=0, steps=12))
@@ -132,6 +133,7 @@ def outcome_from(problem, gain, reach=1.0):
     )
 
 
+@pytest.mark.slow
 def test_a_start_that_diverges_is_counted_and_another_one_found(proportional_problem):
     tuned = outcome_from(proportional_problem(), 1e17)  # its runs are not finite
     assert tuned.diverged_starts == 1
@@ -192,6 +194,7 @@ def test_a_family_without_stable_weights_tells_its_smallest_radius(
         tune(problem, FAR, FEW)
 
 
+@pytest.mark.slow
 def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, loop_peaks):
     """Against optima under bounds that are a per cent apart."""
 

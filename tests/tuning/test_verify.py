@@ -36,6 +36,7 @@ def gaps():
     return found
 
 
+@pytest.mark.slow
 def test_without_an_active_limit_there_is_no_gap(gaps):
     for gap in gaps(Limits.within(control=1e3, increment=1e3)):
         assert (

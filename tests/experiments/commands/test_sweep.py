@@ -107,6 +107,7 @@ def test_previews_that_differ_are_swept(plant, controller, found):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "controller", "middle"),
     [

@@ -11,6 +11,7 @@ from experiments.files.results import read_result
 from experiments.options import Trace
 
 
+@pytest.mark.slow
 def test_trace_arrives_and_stores_what_it_did(tmp_path, capsys):
     assert main(["trace", "square", "--json", "--out", str(tmp_path / "run")]) == 0
     summary = json.loads(capsys.readouterr().out)

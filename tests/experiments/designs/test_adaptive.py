@@ -44,6 +44,7 @@ def shaken(machine, controller, period, steps):
     return rms[: steps // 4].max(), rms[-steps // 4 :].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["repetitive", "run-out"])
 def test_what_repeats_is_learned(machine, name):
     """A force ten times a second, as long as the period and the frequency that are meant."""
@@ -56,6 +57,7 @@ def test_what_repeats_is_learned(machine, name):
     assert shaken(machine, plain.build(loops), period, 60 * period)[1] > 0.9 * before
 
 
+@pytest.mark.slow
 def test_the_position_loop_is_learned(machine):
     """Behind the filter of the first model the circle is farther off than behind the learned."""
     found = design(machine, "adaptive-zpetc")
@@ -73,6 +75,7 @@ def test_the_position_loop_is_learned(machine):
     assert errors[found.start["trace"]] < 0.7 * errors[1e-9]
 
 
+@pytest.mark.slow
 def test_the_gain_of_every_motor_is_learned():
     """b = k T^2 / (2 M), of a drive half of what moves along y.
 
@@ -93,6 +96,7 @@ def test_the_gain_of_every_motor_is_learned():
     np.testing.assert_allclose(run.final_memory.gain, [head, drives, drives], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_what_is_known_is_not_tuned(machine):
     for name, fixed in zip(NAMES, ({"period"}, {"frequency"}, set()), strict=True):
         found = design(machine, name)
@@ -101,6 +105,7 @@ def test_what_is_known_is_not_tuned(machine):
         assert set(found.units()) == set(found.start)
 
 
+@pytest.mark.slow
 def test_the_period_of_the_flags_counts(machine):
     found = design(machine, "repetitive", "period=0.05")
     assert found.start["period"] == 0.05
@@ -109,6 +114,7 @@ def test_the_period_of_the_flags_counts(machine):
     assert float(turned.canceller.frequency[0]) == pytest.approx(100 * machine.model.dt)
 
 
+@pytest.mark.slow
 def test_bad_input(machine):
     with pytest.raises(ValueError, match="period: needs a whole number of samples"):
         design(machine, "repetitive", "period=0.0501234")

@@ -47,6 +47,7 @@ def test_of_a_machine_file_the_model_is_the_plant(machine_file):
     np.testing.assert_array_equal(made.mpcc._upper[-2:], [300.0, 300.0])
 
 
+@pytest.mark.slow
 def test_the_table_is_looked_at_between_the_samples_of_its_controller():
     made = traverser(machine_named("xy-table"), circle(1e-2), Trace())
     assert made.hosted.every == 4 and made.hosted.model.dt == 4e-3

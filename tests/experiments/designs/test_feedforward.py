@@ -55,6 +55,7 @@ def test_feedforward_lowers_the_error_of_the_nominal_machine():
     assert fed < plain / 10 and zero_phase < fed / 5 and optimal < fed / 5
 
 
+@pytest.mark.slow
 def test_motion_feedforward_is_the_inverse_of_slow_motion(machine):
     """The control that holds a speed, by a long run under a constant control."""
     found = design(machine, "cascade-feedforward")
@@ -83,6 +84,7 @@ def test_alias_preview_and_delay():
         design(bridgeport, "optimal-feedforward", preview=1)
 
 
+@pytest.mark.slow
 def test_free_numbers_of_feedforward_are_tuned_with_those_of_the_feedback():
     found = design(MACHINES["bridgeport"](), "optimal-feedforward")
     names = {"position", "velocity", "integral_time", "smoothing", "weight"}

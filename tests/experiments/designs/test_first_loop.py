@@ -59,6 +59,7 @@ def _plant(machine):
     return machine.model.A, machine.model.B, machine.model.C
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["bridgeport", pytest.param(EXAMPLE, marks=pytest.mark.slow)])
 def test_it_keeps_the_margin_and_the_next_faster_one_does_not(plant):
     machine = machine_named(plant)

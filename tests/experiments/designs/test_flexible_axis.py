@@ -73,6 +73,7 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine):
         assert len(design.weight_lines(design.start)) == len(design.start)
 
 
+@pytest.mark.slow
 def test_the_velocity_loop_of_a_lighter_axis_is_as_fast(machine):
     pair = biaxial_machine()
     start = loops(pair)["velocity"].start

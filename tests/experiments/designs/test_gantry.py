@@ -36,6 +36,7 @@ def test_a_machines_own_controller_goes_first(machine):
     assert design_for(machine, Simulate()).name == "gantry-scheduled-lq"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
     design = design_for(machine, Simulate(controller=name, preview=7))
@@ -167,6 +168,7 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
     )
 
 
+@pytest.mark.slow
 def test_a_machine_without_friction_is_told_so(machine):
     with pytest.raises(
         ValueError,

@@ -29,6 +29,7 @@ def built(machine, name="gantry-offset-free-lq", delay=None):
     return design, design.build(design.start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "late"), [(None, 1), (1, 1), (0, 0)])
 def test_the_model_predicts_over_the_whole_delay_unless_told(machine, asked, late):
     design, controller = built(machine, delay=asked)
@@ -59,11 +60,13 @@ def error_at_rest(machine, name):
     return float(np.abs(run.output[-1] - rest.position[0]).max())
 
 
+@pytest.mark.slow
 def test_a_constant_load_leaves_no_error(machine):
     assert error_at_rest(machine, "gantry-offset-free-lq") < 1e-8
     assert error_at_rest(machine, "contouring-lq") > 1e-5
 
 
+@pytest.mark.slow
 def test_the_start_keeps_a_margin_on_every_plant(machine):
     _, controller = built(machine)
     job = job_named("cushion-right", Pace(machine, None, None))

@@ -30,6 +30,7 @@ def sampled(top, below):
     return lfilter(numerator[0], denominator, np.ones(200))
 
 
+@pytest.mark.slow
 def test_axes_are_inverted_from_current_to_tool():
     """Against (3.1), (3.2) as one transfer function in s."""
     machine = biaxial_machine()
@@ -67,6 +68,7 @@ def test_drives_are_inverted_as_masses_with_viscous_friction():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.slow)])
 @pytest.mark.parametrize("make", MAKES)
 def test_the_nominal_machine_follows_the_model(make, name):
@@ -102,6 +104,7 @@ def test_the_nominal_machine_follows_the_model(make, name):
         np.testing.assert_allclose(run.output[:, axis], wanted, atol=allowed)
 
 
+@pytest.mark.slow
 def test_alias_and_preview():
     machine = thesis_machine()
     found = design_for(machine, Simulate(controller="optimal-feedforward", preview=6))
@@ -113,6 +116,7 @@ def test_alias_and_preview():
     assert "coulomb" in design_for(friction_gantry_machine(), Simulate(controller="zpetc")).start
 
 
+@pytest.mark.slow
 def test_bad_input():
     with pytest.raises(ValueError, match="may be 0 to 1 samples late beyond"):
         design_for(thesis_machine(), Simulate(controller="zpetc", model_delay=2))

@@ -51,6 +51,7 @@ def test_a_gantry_has_its_y_drives_as_the_pair(axes, gantry):
     assert two.preview == design.preview == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["axes", "gantry"])
 def test_gains_start_where_the_tuner_may_go_and_have_units(name, request):
     design = design_for(request.getfixturevalue(name), ASKED)
@@ -89,6 +90,7 @@ def test_coupling_keeps_the_drives_together(gantry):
     assert apart(1.0) < 0.8 * apart(0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["axes", "gantry"])
 def test_a_coupling_above_its_bound_is_warned_of(name, request):
     machine = request.getfixturevalue(name)

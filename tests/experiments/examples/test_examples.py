@@ -38,6 +38,7 @@ def test_every_script_is_tested():
     assert [name for name in SCRIPTS if f'run("{name}")' not in text] == []
 
 
+@pytest.mark.slow
 def test_own_plant(run):
     """A velocity loop with an integral follows a ramp: the lag is feed over position gain."""
     found, printed = run("own_plant")
@@ -129,6 +130,7 @@ def test_observer_stack(run):
     assert found["errors"]["Kalman filter"] > 2 * found["errors"]["with load"]
 
 
+@pytest.mark.slow
 def test_gantry_ring(run):
     """The joints bear the torque of the head's acceleration, M_e (x y'' + d x''), and swing on it.
 

@@ -147,6 +147,7 @@ def test_no_parts():
         held_out_like([], pace_of("bridgeport"))
 
 
+@pytest.mark.slow
 def test_a_single_axis():
     with pytest.raises(ValueError, match="jobs: .*flexible-axis has 1"):
         held_out_like(

@@ -70,6 +70,7 @@ def test_runs_are_within_the_limits_of_the_machine(name, moves_within):
         assert moved.max() <= feed * (1 + 1e-5)  # splines are fitted to 0.1 nm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_size_feed_and_place_are_the_machines_own(name):
     """Against what is known of its usual contours."""
@@ -171,6 +172,7 @@ def test_training_contours_are_those_of_the_seed():
         assert feed_of(one, 1.0) == pytest.approx(feed_of(other, 1.0), rel=0.05)
 
 
+@pytest.mark.slow
 def test_contours_like_own_parts():
     """Twenty times the size, at a fifth of the feed, elsewhere."""
     pace = pace_of("bridgeport")

@@ -25,6 +25,7 @@ def machine():
     return thesis_machine()
 
 
+@pytest.mark.slow
 def test_family_is_off_by_a_fifth_and_late(machine):
     assert machine.family_names[0] == "nominal" and machine.family_names[-1] == "1 sample late"
     smooth, true = machine.smooth_family(), machine.true_family()

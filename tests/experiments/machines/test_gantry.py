@@ -108,6 +108,7 @@ def test_the_nominal_machine_shows_where_its_currents_are_saturated(machine):
     assert found.spectral_radius < 1 <= found.delay
 
 
+@pytest.mark.slow
 def test_smooth_encoders_have_the_noise_of_counts(machine):
     """Variance is that of rounding, a twelfth of a count squared; speeds are differences."""
     plant, rows = machine.smooth_family()[0], 400

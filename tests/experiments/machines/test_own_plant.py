@@ -45,6 +45,7 @@ def test_the_plant_is_the_whole_family():
         machine.smooth_family("state")
 
 
+@pytest.mark.slow
 def test_a_plant_may_say_how_many_axes_it_has():
     machine = machine_of(Single(), "slide")
     assert machine.axes == ("X",) and machine.model.inputs == 1 and machine.error == "tracking"

@@ -72,6 +72,7 @@ def test_enough_of_table_1_rounds_to_the_print(result):
     assert max(abs(line.max_error - float(line.printed_max)) for line in others) < 7.5e-9
 
 
+@pytest.mark.slow
 def test_the_zero_of_the_print(result):
     np.testing.assert_allclose(zero_interval(), WANTED["b_interval_lines_3_to_11"], atol=1e-9)
     assert zpetc_apart(-0.3075) < 1e-14

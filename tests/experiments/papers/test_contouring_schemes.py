@@ -84,6 +84,7 @@ def verdicts(result):
     return [claim.verdict for claim in claims(result)]
 
 
+@pytest.mark.slow
 def test_verdicts_follow_the_numbers():
     tracking = {**dict.fromkeys(GOOD, 100.0), VARIABLE: 200.0}
     assert verdicts(made_up(GOOD, tracking)) == [YES, YES, YES, NO, YES, YES]
@@ -144,6 +145,7 @@ def test_bars_are_the_held_out_errors():
     assert [list(line.get_ydata()) for line in curves] == [[3.0, 2.0, 1.0]] * (len(NAMES) - 1)
 
 
+@pytest.mark.slow
 def test_schemes_are_those_of_the_catalogue_around_the_same_cascade():
     own = {name: scheme.names for name, scheme in schemes().items()}
     assert own == {

@@ -50,6 +50,7 @@ def test_responses_are_those_of_the_reference(result):
     assert compared >= 20
 
 
+@pytest.mark.slow
 def test_bounds_are_those_of_the_reference(result):
     for name, key in NAMES.items():
         for sampled in REFERENCE[key]["discrete"]:

@@ -165,6 +165,7 @@ def test_equation_5_is_judged_as_printed(result):
     assert judged(replace(result, printed_5=1e-12), "y / y_d with the integrator")[1] is YES
 
 
+@pytest.mark.slow
 def test_convergence_is_that_of_the_parameters(result):
     claim = "the parameters converge in all simulations"
     finding, found = judged(result, claim)

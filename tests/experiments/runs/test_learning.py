@@ -78,6 +78,7 @@ def test_the_law_says_before_that_random_stiffnesses_converge_and_they_do(axis):
     assert convergence(prepared.law, some, axis.shape, (100,)).assured
 
 
+@pytest.mark.slow
 def test_the_nominal_machine_falls_to_the_noise_within_eight_laps(axis):
     law = prepared_law(axis, Learn()).law
     run = axis.laps(noisy(axis, seed=3))

@@ -81,6 +81,7 @@ def found(folder):
     return searched(run_from(0.4), folder, lambda state: None, Console(quiet=True))
 
 
+@pytest.mark.slow
 def test_a_loop_between_the_probes_ends_stable(found, folder):
     assert not set(SAMPLES) & set(probe_samples(REFERENCE, WINDOWS).tolist())
     first = load_state(folder)
@@ -91,6 +92,7 @@ def test_a_loop_between_the_probes_ends_stable(found, folder):
     assert found.run.limits == {"spectral_radius": STABLE}
 
 
+@pytest.mark.slow
 def test_points_of_all_rounds_count(found, folder):
     rounds = [load_state(folder), load_state(folder / ROUND.format(1))]
     assert rounds[1].begin.size == 1 and not (folder / ROUND.format(2)).exists()
@@ -102,6 +104,7 @@ def test_points_of_all_rounds_count(found, folder):
     assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
 
 
+@pytest.mark.slow
 def test_what_is_stored_counts(found, folder):
     told: list[TuneState] = []
     again = searched(run_from(0.4), folder, told.append, Console(quiet=True))
@@ -110,6 +113,7 @@ def test_what_is_stored_counts(found, folder):
     assert len(again.tuned.history) == len(found.tuned.history)
 
 
+@pytest.mark.slow
 def test_an_interrupted_round_goes_on_where_it_was(found, folder, tmp_path):
     def stop(state):
         if state.begin.size and len(state.history) == 2:
@@ -126,6 +130,7 @@ def test_nothing_sound_is_told(tmp_path):
         searched(run_from(1e30), tmp_path, lambda state: None, Console(quiet=True))
 
 
+@pytest.mark.slow
 def test_an_exchange_is_told_in_a_line(found):
     problem = found.run.problem
     assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))

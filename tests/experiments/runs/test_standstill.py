@@ -26,6 +26,7 @@ def controller_of(machine):
     return design.build(design.start._replace(drift=1e-2, control_noise=1e-2))
 
 
+@pytest.mark.slow
 def test_it_is_the_worst_of_single_runs(machine):
     controller = controller_of(machine)
     (plant,) = machine.true_family()

@@ -112,6 +112,7 @@ class _Recorded:
         return np.full((380, 960, 3), 200, np.uint8)
 
 
+@pytest.mark.slow
 def test_frames_show_the_factors_and_move_on(film):
     assert (
         twist_factor(film) == 20_000 and error_factor(film) == 10
@@ -199,6 +200,7 @@ def test_no_picture(monkeypatch, tmp_path, film, error, says):
     )
 
 
+@pytest.mark.slow
 def test_gif_without_the_extra(monkeypatch, tmp_path, film):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     suffix, save = gantry_video._format()

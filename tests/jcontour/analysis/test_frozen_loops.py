@@ -15,6 +15,7 @@ def matrices(*shapes):
     return [jnp.asarray(random.standard_normal(shape)) for shape in shapes]
 
 
+@pytest.mark.slow
 def test_a_linear_loop_is_its_own_linearisation(given_law, linear_machine):
     A, B, C = matrices((4, 4), (4, 2), (2, 4))
     W, E, K, D = law = matrices((3, 3), (3, 2), (2, 3), (2, 2))

@@ -42,6 +42,7 @@ def test_peaks_are_those_of_python_control(
         assert found.complementary[0, 0] == pytest.approx(Mt, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_integrators_have_closed_forms(linear_machine, given_law, straight_window):
     """Ms of x+ = x - g u is 2 / (2 - g), at half the sampling frequency.
 

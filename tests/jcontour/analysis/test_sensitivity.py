@@ -63,6 +63,7 @@ def samples_of(windows, reference):
     return away.argmin(axis=1)
 
 
+@pytest.mark.slow
 def test_an_unstable_loop_has_infinite_peaks_and_a_radius(integrators, given_law, straight_window):
     windows, family = straight_window(2), stack_plants([Encoders(integrators)])
 
@@ -93,6 +94,7 @@ def test_a_limit_is_lifted(integrators, given_law, straight_window):
     assert free.sensitivity[0, 0] > 1.1
 
 
+@pytest.mark.slow
 def test_radii_are_those_of_the_frozen_loops_of_a_run(two_axes, law, bent):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     windows = probe_windows(stack_references([bent]), 4)

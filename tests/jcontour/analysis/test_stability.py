@@ -121,6 +121,7 @@ def loops(plant, plan):
     return np.abs(np.linalg.eigvals(A - B @ wide)).max(axis=1)
 
 
+@pytest.mark.slow
 def test_frozen_radii_are_eigenvalues_of_a_minus_bf(two_axes, law, bent):
     wanted = loops(two_axes, prepared(law, bent))
     np.testing.assert_allclose(frozen_spectral_radii(two_axes, law, bent), wanted, rtol=1e-9)
@@ -144,6 +145,7 @@ def test_frozen_radius_of_a_direction(two_axes, law):
             frozen_spectral_radius(law, np.array(bad))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
 def test_observers_add_their_own_poles(form, two_axes, law, bent):
     """Separation: the eigenvalues of A - B F and of A - A L C."""
@@ -208,6 +210,7 @@ def test_the_gain_margin_of_a_cascade_is_that_of_its_transfer_function():
     assert found.gain[0, 0] < 1.06 / GAIN_SEARCH and excess(1 / GAIN_SEARCH) < 0
 
 
+@pytest.mark.slow
 def test_a_loop_at_its_limit_is_counted_and_left_out(integrators):
     """From rest to 0.1 mm per sample the control is at its limit until the path stands still again.
 

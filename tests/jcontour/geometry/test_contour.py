@@ -18,6 +18,7 @@ NAMES = sorted(
 )
 
 
+@pytest.mark.slow
 def test_all_cases_are_asked(shapes):
     assert set(NAMES) == set(shapes.cases())
 
@@ -236,6 +237,7 @@ def test_stacked_vmapped_and_mapped_equal_one_by_one(shapes):
         np.testing.assert_allclose(mapped[0][i], expected[0], atol=1e-11)
 
 
+@pytest.mark.slow
 def test_vmap_over_points_equals_a_loop(shapes):
     contour = shapes.cases()["slot"].contour
     point, s, reach = (
@@ -278,6 +280,7 @@ def test_gradient_of_the_squared_distance_is_twice_the_error(name, shapes):
         )
 
 
+@pytest.mark.slow
 def test_derivative_along_the_contour_is_the_tangent_in_forward_and_reverse_mode(shapes):
     contour = shapes.cases()["slot"].contour
     s = jnp.linspace(-0.05, 0.3, 11)

@@ -171,6 +171,7 @@ def test_soft_solves_again():
     same(held.rollout.control[5], held.rollout.control[4])
 
 
+@pytest.mark.slow
 def test_bad_input(any_type):
     plant, controller = zoo()
     with pytest.raises(ValueError, match="^fallback: there are hold and soft, received 'pray'$"):

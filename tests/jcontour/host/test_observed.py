@@ -112,6 +112,7 @@ def test_the_gain_needs_its_shape(two_axes):
         )
 
 
+@pytest.mark.slow
 def test_each_observer_is_made_from_its_numbers(two_axes):
     mpc = TrackingMPC(two_axes, TrackingWeights.of(WEIGHTS), N)
     kalman = FilterGain(kalman_gain(two_axes, 0.1, 1e-6)).around(mpc, two_axes)
@@ -121,6 +122,7 @@ def test_each_observer_is_made_from_its_numbers(two_axes):
     assert isinstance(both, OffsetFreeHost) and both.controller is mpc
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("counting", [False, True])
 @pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 1])
 @pytest.mark.parametrize(

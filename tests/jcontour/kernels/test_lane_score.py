@@ -91,6 +91,7 @@ def test_a_family_shares_a_plan(problems):
     problems.close(spread(kernel)(F, f, starts), spread(scan)(F, f, starts), 1e-12)
 
 
+@pytest.mark.slow
 def test_only_the_reference_differs(problems):
     plant, (F, f, start, (wanted, mask)) = case(problems, (2,), 1, 1, 4)
     batch = jnp.stack([wanted, 2 * wanted])

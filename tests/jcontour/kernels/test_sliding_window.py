@@ -171,6 +171,7 @@ def random_span(seed):
     )
 
 
+@pytest.mark.slow
 def test_spans_join_in_any_order(problems):
     one, two, three = map(random_span, range(3))
     problems.close(joined(joined(one, two), three), joined(one, joined(two, three)), 1e-11)

@@ -24,6 +24,7 @@ def test_equals_the_readable_sweep(sizes, inputs, outputs, preview, problems):
     )
 
 
+@pytest.mark.slow
 def test_blocks_of_time_leave_no_seam(problems):
     plant, steps = bridgeport(), 2 * window_sweep.BLOCK + 1
     arguments = problems.data(plant, steps, 3)
@@ -71,6 +72,7 @@ def scaled(plan_of, plant, Q, y_d, stage, R, terminal):
     return value, jnp.ones(5 + stage.size), plant
 
 
+@pytest.mark.slow
 def test_derivatives_equal_those_of_the_readable_sweep(problems):
     plant = problems.machine((2, 2), 2, 2)
     arguments = problems.data(plant, 9, 4)

@@ -74,6 +74,7 @@ def test_three_axes():
     np.testing.assert_allclose(reference.position[3], [1e-4, 2e-4, 2e-4], atol=1e-16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "contour",
     [circle(1e-3), polyline([[0, 0], [1e-3, 0], [1e-3, 1e-3], [-1e-3, 1e-3]]), lemniscate(3e-3)],
@@ -110,6 +111,7 @@ def test_samples_that_fit_every_lap_run_on_the_first():
     np.testing.assert_allclose(from_samples(position, tangent, DT, 2, contour).arc, arc, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_samples_run_there_or_back_as_their_tangents_say():
     contour = polyline([[0, 0], [1e-3, 0], [0, 0]])
     for arc in (np.linspace(0.2e-3, 0.8e-3, 30), np.linspace(1.2e-3, 1.8e-3, 30)):
@@ -248,6 +250,7 @@ def test_bad_times_are_named(duration, dwell, name):
         in_time(circle(1e-3), lambda t: t, duration, DT, dwell=dwell)
 
 
+@pytest.mark.slow
 def test_one_axis_has_a_contour_error_only_beyond_its_travel():
     """There and back: late by 1 mm costs nothing, 1 mm past the turn does."""
     position = 0.01 * np.sin(np.linspace(0, np.pi, 41))[:, None]

@@ -105,6 +105,7 @@ def test_closed_loop_is_the_reference_one(name):
     assert run.report.worst_residual < 1e-12 and run.report.active_fraction > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, machine",
     [("case", m) for m in MACHINES] + [("case_fast", "nominal"), ("case_fast", "friction")],
@@ -252,6 +253,7 @@ def test_blocks_reach_28_ms_ahead_at_100_us():
     assert fine.time < 1.02 * coarse["time_s"] and 1e3 * fine.rms < coarse["rms_mm"]
 
 
+@pytest.mark.slow
 def test_a_few_blocks_stand_for_many_samples():
     model = xy_table(1e-3)
     scores = []

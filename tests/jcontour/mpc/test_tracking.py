@@ -93,6 +93,7 @@ def test_no_profile_is_a_profile_of_ones(two_axes):
     np.testing.assert_array_equal(flat.control, none.control)
 
 
+@pytest.mark.slow
 def test_horizon_of_one(two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
     for terminal in (OutputTerminal(), RiccatiTerminal()):

@@ -46,6 +46,7 @@ def test_legs_are_those_of_the_reference(row):
     np.testing.assert_allclose(1e3 * legs, row["lengths_mm"], rtol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS)
 def test_the_way_back_ends_where_it_began(row):
     legs = 1e-3 * np.array(row["lengths_mm"])

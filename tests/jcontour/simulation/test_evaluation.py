@@ -89,6 +89,7 @@ def test_platform_chooses():
     assert platform_batching() is (one_by_one if jax.default_backend() == "cpu" else all_at_once)
 
 
+@pytest.mark.slow
 def test_stacking_keeps_every_run(references):
     stacked = stack_references(references)
     assert (stacked.steps, stacked.preview) == (13, 3)
@@ -125,6 +126,7 @@ def test_a_batch_that_does_not_suit_is_refused(controller, plants):
         evaluate(controller, stack_plants(plants), short)
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_derivative_does_not_grow_with_the_batch():
     def value(scale, members):
         def one(x):

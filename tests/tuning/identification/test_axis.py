@@ -55,12 +55,14 @@ def test_thesis_axis_within_a_few_per_cent(found):
         ), j
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth(found):
     """No error is beyond four deviations; the slow test counts how many are within two."""
     for name, truth in TRUTH.items():
         assert abs(found.estimate[name] - truth) < 4 * found.estimate.deviation(name), name
 
 
+@pytest.mark.slow
 def test_model_is_that_of_the_estimate(found):
     p, value = found.parameters, found.estimate
     for name in ("motor_mass", "tool_mass", "stiffness", "damping", "force_constant", "pole_pitch"):
@@ -106,6 +108,7 @@ def test_motion_without_the_end_effector_beside_motion_with_it(found, records):
     np.testing.assert_array_equal(more.estimate.values, found.estimate.values)
 
 
+@pytest.mark.slow
 def test_an_end_effector_lighter_than_nothing_still_makes_a_model(found):
     """As noise may have it: the resonance stays, the mass is a thousandth of the whole."""
     values = np.where(np.array(found.estimate.names) == "tool_mass", -0.1, found.estimate.values)

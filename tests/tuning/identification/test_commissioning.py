@@ -22,6 +22,7 @@ def test_passes_there_and_back():
     assert np.abs(np.diff(speed)).max() <= ACCELERATION * 1e-3 * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_electrical_test_obeys_the_winding():
     """R, L and k_e of the plant explain the recorded voltage.
 

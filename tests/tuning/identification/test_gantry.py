@@ -112,6 +112,7 @@ def test_intervals_hold_where_noise_makes_rounding_white():
     assert 0.9 <= np.mean(inside) <= 0.99
 
 
+@pytest.mark.slow
 def test_bad_records_are_named(odd):
     (first, second), sheet = odd[0], Sheet.of(ODD)
     for records, says in (

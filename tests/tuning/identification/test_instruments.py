@@ -50,6 +50,7 @@ def test_moves_as_the_drive_inside_and_means_its_current():
     np.testing.assert_allclose(*np.transpose(rows), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_readings_are_whole_counts_and_the_speed_their_difference():
     plant = axis(noise=2e-6)
     state = plant.initial_state(jnp.array([0.1]), jnp.array([3e-4]))

@@ -38,6 +38,7 @@ def swung(stiffness, damping, rows=1200, offset=2e-4, noise=0.0, seed=0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stiffness", "damping"), [(7652.6, 5.526), (400.0, 2.0), (60_000.0, 30.0)]
 )

@@ -70,6 +70,7 @@ def test_without_a_break_away_force_the_least_speed_is_proposed(break_away):
     assert telling_speed(one, 0.4) == pytest.approx(0.6)
 
 
+@pytest.mark.slow
 def test_a_constant_push_is_mentioned(found):
     names = np.array(found.estimate.names)
     pushed = replace(

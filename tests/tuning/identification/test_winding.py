@@ -41,6 +41,7 @@ def clean():
     return electrical_test(offset=0.3)
 
 
+@pytest.mark.slow
 def test_recovers_the_winding(clean):
     """A speed that varies within a row is not its mean: 1e-5 of the back EMF at this rate."""
     fit = fit_winding([clean, clean])

@@ -85,6 +85,7 @@ def test_contour_error_of_a_circle(clockwise):
         )
 
 
+@pytest.mark.slow
 def test_frames_along_a_reference(table):
     scheme = TaskFrame(table.cascade())
     left = prepared(scheme, table.on_circle(steps=50)).frame

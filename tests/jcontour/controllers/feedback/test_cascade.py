@@ -48,6 +48,7 @@ def thesis_run(task, gains=None):
     return simulate(FlexibleAxis(thesis_axis(), 1e-3), Cascade(gains, motors(1), 1e-3), task)
 
 
+@pytest.mark.slow
 def test_reference_trajectory_of_the_flexible_axis():
     row = next(row for row in DATA if row["name"] == "B PI")
     run = thesis_run(thesis_task_b())
@@ -87,6 +88,7 @@ def test_friction_feedforward_halves_the_error_of_the_cosine():
     assert errors[1] < 0.5 * errors[0]
 
 
+@pytest.mark.slow
 def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated_machine():
     dt, target = 1e-3, np.array([0.02, 0.03])
     plant, reference = xy_table(dt), step_reference(target, dt, 1500)
@@ -105,6 +107,7 @@ def test_clamped_integrator_overshoots_less_than_an_unlimited_one_on_a_saturated
     np.testing.assert_allclose(limited.output[-1], target, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_integrator_takes_up_a_constant_load():
     dt = 1e-3
     reference = step_reference(np.array([1e-4, 1e-4]), dt, 4000)
@@ -128,6 +131,7 @@ def test_velocity_feedforward_removes_the_lag_of_a_ramp():
     assert lags[0] == pytest.approx(speed / 25.0, rel=3e-2) and lags[1] < 0.06 * lags[0]
 
 
+@pytest.mark.slow
 def test_gradients_of_all_gains_are_finite_and_right_without_a_limit():
     dt, plant = 1e-3, xy_table(1e-3)
     reference = step_reference(np.array([1e-3, 2e-3]), dt, 200)

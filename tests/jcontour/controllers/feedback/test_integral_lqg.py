@@ -104,6 +104,7 @@ def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter(model, pl
 LOADS = {"load": (1.0, 0.5), "input gain": (0.8, 0.0), "both": (1.2, -0.3)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "load"), LOADS.values(), ids=LOADS)
 def test_neither_a_load_nor_a_wrong_input_gain_leaves_a_lag(
     model, plain_lqg, lqg, offset_free, gain, load
@@ -148,6 +149,7 @@ def test_at_its_limit_it_does_not_wind_up(model, plant, lqg):
     assert aware.output.max() < 0.008 and np.abs(aware.output[-200:]).max() < 5e-4
 
 
+@pytest.mark.slow
 def test_gradient_reaches_the_weights(model, plant, lqg):
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, DT)
     machine = Disturbed(plant, jnp.full((1, 1), 0.5))

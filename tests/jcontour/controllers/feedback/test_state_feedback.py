@@ -49,6 +49,7 @@ def test_targets_of_a_coupled_machine(coupled_plant):
     assert not np.any(rest.state_moving) and not np.any(rest.control_moving)
 
 
+@pytest.mark.slow
 def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags(thesis_model):
     reference = along(line([0.0], [0.1]), 1e-4 * np.arange(800), DT, 1, at_rest=False)
     K = lq_gain(thesis_model, Q, R)
@@ -73,6 +74,7 @@ def test_the_moving_target_follows_a_ramp_and_the_thesiss_lags(thesis_model):
     np.testing.assert_allclose(lags[1], abs(away[2, 0]), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_gradient_reaches_the_weights(thesis_model):
     reference = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, DT)
     start = thesis_model.initial_state(reference.position[0] + 1e-3, reference.start_increment)

@@ -133,6 +133,7 @@ def _ringing(plant, following):
     return OptimalInverse(plant, following, ringing=0.3)
 
 
+@pytest.mark.slow
 def test_taps_that_were_better_elsewhere_are_told():
     """The least cost at other numbers is that of a design made there."""
     top = np.append(0.0, polynomial.polyfromroots([0.59521345, 0.7842356]))

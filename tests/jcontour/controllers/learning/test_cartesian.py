@@ -34,6 +34,7 @@ def cycles(ring):
     return arm, run, learn(run, LAW, CYCLES, jnp.zeros((STEPS, 2)))[0]
 
 
+@pytest.mark.slow
 def test_the_error_falls_from_cycle_to_cycle(cycles, ring):
     _, _, laps = cycles
     away = np.asarray(laps.output) - np.asarray(ring.position[:STEPS])

@@ -24,6 +24,7 @@ STATE = Sensors((0, 2), (1, 3))  # of two `servo_axes`
 DT = 5e-3  # [s], of the small loop
 
 
+@pytest.mark.slow
 def test_a_correction_shifts_the_reference(small_loop):
     plant, controller, reference = small_loop()
     shift = 1e-3 * np.random.default_rng(0).standard_normal((reference.steps, 2))
@@ -49,6 +50,7 @@ def test_a_correction_of_another_lap_is_refused(small_loop):
             Learned(controller, jnp.zeros(shape)).prepare(reference)
 
 
+@pytest.mark.slow
 def test_laps_by_hand(small_loop, positions):
     """Three laps written out, the noise of each its own."""
     plant, controller, reference = small_loop()

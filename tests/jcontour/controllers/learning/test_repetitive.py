@@ -53,6 +53,7 @@ def circles(steps, period):
     return from_samples(position, tangent, 5e-3, preview=1)
 
 
+@pytest.mark.slow
 def test_a_cascade_learns_its_circle(small_loop):
     """The error of every lap falls: the loop answers with a lead of about four samples."""
     plant, controller, _ = small_loop()
@@ -75,6 +76,7 @@ def test_the_plug_in_shifts_what_the_controller_reads():
     np.testing.assert_array_equal(moved[1], [3.0, 1.0])
 
 
+@pytest.mark.slow
 def test_gradients_through_three_periods(small_loop):
     _, controller, _ = small_loop()
     plant, reference = servo_axes([50.0, 30.0], [10.0, 5.0], 5e-3), circles(90, 30)

@@ -41,6 +41,7 @@ def reference():
     return along(circle(0.25), 0.08 * np.arange(T), DT, PREVIEW, at_rest=False)
 
 
+@pytest.mark.slow
 def test_a_machine_that_does_not_change_needs_no_schedule(reference):
     model = motor_model(thesis_gantry(), 0.2, DT)
     same = jax.tree.map(lambda leaf: jnp.stack([leaf] * 3), model)
@@ -126,6 +127,7 @@ def test_it_keeps_the_tool_on_the_contour_of_the_nonlinear_gantry():
     assert np.abs(np.linalg.norm(late, axis=1) - 0.2).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_bad_controllers_are_named(schedule, reference):
     with pytest.raises(ValueError, match="preview: needs a whole number"):
         ScheduledLQ(schedule, weighted(), 0)

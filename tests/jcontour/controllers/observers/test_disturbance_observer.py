@@ -43,6 +43,7 @@ def nominal():
     return control.tf(np.sum(poles) / 2 * np.array([1.0, 1.0]), poles, DT)
 
 
+@pytest.mark.slow
 def test_the_nominal_machine_is_left_as_it_was(cascade, rigid, task):
     undisturbed = Disturbed(rigid, jnp.zeros((2, 1)))
     run = simulate(undisturbed, observed(cascade), task)

@@ -164,6 +164,7 @@ def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_doe
     assert errors[0] > 5e-5 and errors[1] < 1e-9
 
 
+@pytest.mark.slow
 def test_without_a_load_integral_action_is_state_feedback(thesis_model, thesis_feedback):
     """Separation: an observer that starts right changes nothing."""
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.3, 1e-3)

@@ -92,6 +92,7 @@ def test_a_closed_loop_stops_without_vibration():
     assert shaped.output[-1, 0] == pytest.approx(0.02, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_gradient_reaches_the_shaper():
     plant, cascade, task = machine(), thesis_cascade(), short_task()
 

@@ -196,6 +196,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dt", "changes", "law"), OTHERS.values(), ids=OTHERS)
 def test_other_axes_and_tasks_go_by_the_rules(dt, changes, law):
     """Stick, slip and reversal included: with the library's own cascade and references."""

@@ -74,6 +74,7 @@ def test_below_break_away_nothing_moves_and_above_it_one_drive_then_the_other_th
     ]
 
 
+@pytest.mark.slow
 def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):
     """Both guide ways hold 2 k_r theta / (2 L cos theta), to the bit; then the beam swings."""
     p, held = thesis_gantry(), 20.0
@@ -123,6 +124,7 @@ def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way(run, at_rest):
         )
 
 
+@pytest.mark.slow
 def test_energy_changes_by_the_work_of_the_motors_and_all_friction(
     odd_gantry, rubbing, swinging, run, at_rest
 ):

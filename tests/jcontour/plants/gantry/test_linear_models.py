@@ -19,6 +19,7 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 DT = 2e-3
 
 
+@pytest.mark.slow
 def test_reference_models(gantry_data, reference_gantry):
     """Continuous and sampled, both parts; inputs and disturbances each in their columns."""
     for head, wanted in gantry_data("linear")["linear"].items():
@@ -73,6 +74,7 @@ def test_the_response_is_that_of_the_model(odd_gantry):
     )
 
 
+@pytest.mark.slow
 def test_the_tangent_is_the_derivative_of_the_equation_of_motion(odd_gantry):
     motion, head = EquationOfMotion.of(odd_gantry), 0.25
 
@@ -105,6 +107,7 @@ def test_the_tangent_plant_follows_the_gantry_for_small_motions():
     np.testing.assert_allclose(tool, moved, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_a_family_of_models_has_derivatives():
     def coupling(mass):
         p = eqx.tree_at(lambda p: p.head_mass, thesis_gantry(), mass)
