@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.catalogue.choices import controllers_for, design_for, machine_named
+from experiments.catalogue.choices import controllers_for, design_for, job_named, machine_named
 from experiments.designs.design import Design, plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
 from experiments.files.ranked_result import Candidate, Ranked, RankedResult
 from experiments.files.results import from_json, to_json
+from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.options import Rank, Tune
@@ -70,6 +71,8 @@ def ranking_of(flags: Rank) -> Ranking:
         raise ValueError(f"evaluations: needs at least 1, received {flags.evaluations}")
     loop_limits(flags)
     machine = machine_named(flags.plant)
+    for part in flags.parts:  # a fault in one is told before any first loop is searched
+        job_named(part, Pace.of(flags, machine))
     candidates = _candidates(flags, machine)
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")

@@ -51,6 +51,7 @@ def test_without_an_active_limit_there_is_no_gap(gaps):
             )
 
 
+@pytest.mark.slow
 def test_limits_show_in_the_table(gaps):
     """Controls limited to 0.7 of what the tuned controller uses on the nominal machine."""
     unlimited = gaps(Limits())

@@ -93,6 +93,7 @@ def test_axes_side_by_side_have_the_gains_of_each_alone(machine):
     np.testing.assert_array_equal(both[0, 1::2], 0.0)
 
 
+@pytest.mark.slow
 def test_the_drive_limits_the_current(machine):
     limited = design_for(machine, Simulate(controller="cascade")).build(
         with_values(loops_start(machine), {})

@@ -53,6 +53,7 @@ def test_gains_start_where_the_tuner_may_go_and_have_units(machine, name):
     assert len(design.weight_lines(design.start)) == len(design.start)
 
 
+@pytest.mark.slow
 def test_both_drives_of_y_have_the_same_gains(machine):
     """Feedforward alone: the acceleration of each axis times its gain."""
     design = design_for(machine, Simulate(controller="cascade"))
@@ -152,6 +153,7 @@ def test_other_machines_are_refused(machine):
         design_for(machine, Simulate(controller="cascade-notch"))
 
 
+@pytest.mark.slow
 def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_gantrys():
     rubbing = friction_gantry_machine()
     design = design_for(rubbing, Simulate(controller="cascade"))

@@ -124,6 +124,7 @@ def test_smooth_encoders_have_the_noise_of_counts(machine):
     )
 
 
+@pytest.mark.slow
 def test_contours_lie_along_the_beam(machine):
     """Where their names say, all of them on it, at the gantry's own pace or the user's."""
     names = {*machine.usual.training, *machine.usual.held_out}

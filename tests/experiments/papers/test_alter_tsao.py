@@ -119,6 +119,7 @@ def test_loops_are_the_reference():
         assert one.slowest_pole == pytest.approx(row["min_pole_modulus_lambda"], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_attained_cost_is_below_the_printed_one(result):
     for run_, row in ((run_, row) for run_ in result.loops for row in result.table_2):
         same = (run_.order, run_.preview, run_.constraint) == (

@@ -60,6 +60,7 @@ def test_bounds_are_those_of_the_reference(result):
             assert found.continuous is None and REFERENCE[key]["beta_limit_eq9"] == "unbounded"
 
 
+@pytest.mark.slow
 def test_every_statement_has_its_verdict(result):
     assert [claim.verdict for claim in result.claims] == [YES] * 9
 

@@ -130,6 +130,7 @@ def test_out_of_reach(pose):
         ThreeLink().legs(np.array(pose))
 
 
+@pytest.mark.slow
 def test_lengths_that_no_pose_has():
     with pytest.raises(ValueError, match="no pose has these lengths"):
         ThreeLink(1.0, 0.05, shortest=0.1, longest=2.0).pose(np.array([0.2, 0.2, 0.2]))

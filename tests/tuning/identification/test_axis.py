@@ -122,6 +122,7 @@ def test_an_end_effector_lighter_than_nothing_still_makes_a_model(found):
     )
 
 
+@pytest.mark.slow
 def test_what_is_missing_or_wrong(records):
     electrical, *motion = records
     with pytest.raises(ValueError, match="needs an electrical test .* or its value, and not both"):

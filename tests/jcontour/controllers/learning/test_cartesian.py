@@ -48,6 +48,7 @@ def energy_of(arm, angles, torques):
     return float(np.sum(torques * np.diff(angles, axis=0)))
 
 
+@pytest.mark.slow
 def test_the_energy_comes_to_that_of_the_inverse_dynamics(cycles, ring):
     """Work per cycle from the torques; at rest at both ends, friction along the path is all."""
     arm, _, laps = cycles

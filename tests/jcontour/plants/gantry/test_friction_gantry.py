@@ -90,6 +90,7 @@ def test_a_twisted_beam_is_held_as_far_as_its_joints_let_it(run, at_rest):
         assert all(np.array_equal(a, b) for a, b in zip(after, twisted, strict=True)) is stays
 
 
+@pytest.mark.slow
 def test_where_the_others_hold_a_slider_is_a_mass_on_a_guide_way(run, at_rest):
     """M v' = k i - b v - f for the head alone, then for both drives with the head held.
 
