@@ -10,7 +10,6 @@ from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
 positive = st.floats(1e-8, 1e8)
 
 
-@pytest.mark.slow
 @settings(max_examples=25)
 @given(positive, positive, st.floats(0.011, 0.99), st.floats(-1e6, 1e6))
 def test_round_trip(a, b, part, free):

@@ -144,7 +144,7 @@ def test_bad_input(two_axes):
     for name, top, below in (
         ("numerator", [], [1.0]),
         ("numerator", [0.0, np.nan], [1.0]),
-        ("numerator", [[1.0, 2.0]], [1.0]),
+        ("numerator", np.array([[1.0, 2.0]]), [1.0]),
         ("denominator", [1.0], []),
         ("denominator", [1.0], [1.0, np.inf]),
     ):
