@@ -201,7 +201,10 @@ def limit_words(name: str, bound: float) -> str:
         return "delay margin of every plant"
     if name.endswith("_use"):
         return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
-    return f"{name.replace('_', ' ')} <= {bound:.6g}"
+    limited = name.replace("_", " ")
+    if name.endswith("_error"):
+        return f"{limited} <= {1e6 * bound:.6g} um"
+    return f"{limited} <= {bound:.6g}"
 
 
 def _ratio(contour: TunedContour, error: str) -> float | None:

@@ -28,7 +28,8 @@ from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error
 
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
-PANEL = 4.2  # inches of one contour
+PANEL = 4.2  # inches: width of one contour
+FLATTEST_AND_TALLEST = (0.4, 1.2)  # height to width of one contour's panel
 NOMINAL = "nominal plant"
 
 
@@ -130,7 +131,8 @@ def contour_figure(runs: ContourRuns) -> Figure:
     if all(len(row) == 1 for row in panels):
         panels = [[run for row in panels for run in row]]
     height, width = len(panels), len(panels[0])
-    figure = Figure(figsize=(PANEL * width, PANEL * height + 0.7), layout="constrained")
+    size = (PANEL * width, PANEL * height * _height_to_width(runs) + 0.7)
+    figure = Figure(figsize=size, layout="constrained")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
     for place, run in zip(places.ravel(), (run for row in panels for run in row), strict=True):
@@ -139,6 +141,13 @@ def contour_figure(runs: ContourRuns) -> Figure:
     figure.suptitle(f"{runs.name}: contour and tool, contour error magnified")
     legend_below(figure)
     return figure
+
+
+def _height_to_width(runs: ContourRuns) -> float:
+    """Of a panel: that of the contour, within what a page can show."""
+    contour = runs.shown(runs.reference)[:, :2]
+    width, height = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
+    return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
 
 
 def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str) -> None:

@@ -31,7 +31,8 @@ class Search(NamedTuple):
 def history_figure(search: Search) -> Figure:
     """Objective of every point tried, and the best feasible one so far.
 
-    Points that diverged have no objective: they stand above all others.
+    Points beyond a limit are hollow. Points that diverged have no objective: they stand above all
+    others.
     """
     points = search.points
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
@@ -40,11 +41,15 @@ def history_figure(search: Search) -> Figure:
     lost = np.array([point.diverged for point in points])
     objective = 1e6 * np.array([point.objective for point in points], float)
     objective = np.where(lost | ~np.isfinite(objective), np.nan, objective)
-    for descent in sorted({point.descent for point in points}):
+    feasible = np.array([point.feasible for point in points], bool)
+    for number, descent in enumerate(sorted({point.descent for point in points})):
         chosen = np.array([point.descent == descent for point in points])
         label = "random points" if descent < 0 else f"descent {descent + 1}"
-        axes.plot(index[chosen], objective[chosen], "o", markersize=4, label=label)
-    feasible = np.array([point.feasible for point in points])
+        dots = {"color": f"C{number}", "markersize": 4}
+        axes.plot(*_at(chosen & feasible, index, objective), "o", label=label, **dots)
+        axes.plot(*_at(chosen & ~feasible, index, objective), "o", mfc="none", **dots)
+    if not (feasible | lost).all():
+        axes.plot([], [], "o", color=OTHER, mfc="none", markersize=4, label="limit exceeded")
     best = np.fmin.accumulate(np.where(feasible, objective, np.nan))
     axes.plot(index, best, color="0.3", linewidth=1.2, label="best feasible so far")
     if lost.any():
@@ -56,6 +61,10 @@ def history_figure(search: Search) -> Figure:
     grid(axes, "Points tried (smooth machine)", "evaluated point", "objective [um]")
     legend_below(figure)
     return figure
+
+
+def _at(chosen: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    return [value[chosen] for value in values]
 
 
 def trade_off_figure(search: Search) -> Figure:

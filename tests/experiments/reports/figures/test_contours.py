@@ -1,5 +1,7 @@
 """Data of the contour and error figures."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -57,6 +59,13 @@ def test_every_run_has_its_own_magnification(runs):
         np.testing.assert_allclose(np.linalg.norm(tool.get_xydata()[10:], axis=1), 10.0 + outside)
         assert np.isnan(tool.get_xydata()[:10]).all()
     assert len(panels[3].get_lines()) == 1  # the contour alone
+
+
+@pytest.mark.parametrize(("squeezed", "shape"), [(1.0, 1.0), (0.5, 0.5), (1e-3, 0.4)])
+def test_a_flat_contour_has_flat_panels(runs, squeezed, shape):
+    reference = runs.reference * np.array([1.0, squeezed])
+    width, height = contour_figure(replace(runs, reference=reference)).get_size_inches()
+    np.testing.assert_allclose((height - 0.7) / width, shape, rtol=0.02)
 
 
 def test_errors_over_time_are_in_micrometres(runs):

@@ -44,6 +44,14 @@ def test_points_that_diverged_stand_above_all_others():
     np.testing.assert_allclose(lines["best feasible so far"][:, 1], [4.0, 4.0, 4.0, 2.0])
 
 
+def test_points_beyond_a_limit_are_hollow():
+    figure = history_figure(Search(POINTS, RESULT))
+    hollow = [line for line in figure.axes[0].get_lines() if line.get_markerfacecolor() == "none"]
+    drawn = [line.get_xydata() for line in hollow if line.get_xydata().size]
+    np.testing.assert_allclose(drawn[0][~np.isnan(drawn[0][:, 1])], [[3.0, 1.0]])
+    assert "limit exceeded" in [line.get_label() for line in hollow]
+
+
 def test_the_trade_off_shows_start_and_tuned_among_the_points():
     lines = lines_of(trade_off_figure(Search(POINTS, RESULT)))
     np.testing.assert_allclose(lines["start"], [[2.0, 4.0]])
