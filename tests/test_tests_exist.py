@@ -9,6 +9,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # the contracts, and what each of their implementations goes through
     "jcontour/plant.py": "test_contracts.py",
     # the pieces that contours and programs are made of
+    "jcontour/sets/peak_program.py": "jcontour/sets/test_least_peaks.py",
     "jcontour/geometry/pieces.py": "jcontour/geometry/test_contour.py",
     "jcontour/geometry/quintics.py": "jcontour/geometry/test_contours.py",
     "jcontour/geometry/arcs.py": "jcontour/geometry/test_gcode.py",

@@ -1,0 +1,1 @@
+"""Finite impulse responses, invariant sets and polytopes: guarantees for bounded disturbances."""

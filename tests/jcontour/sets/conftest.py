@@ -1,0 +1,34 @@
+"""Shared by the tests of sets: the thesis's axis, and a slide."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jcontour.sets.disturbed_model import DisturbedModel
+
+DATA = Path(__file__).parents[2] / "data" / "guarantees"
+
+
+@pytest.fixture(scope="session")
+def axis_numbers():
+    return json.loads((DATA / "axis.json").read_text())
+
+
+@pytest.fixture(scope="session")
+def thesis_numbers():
+    return json.loads((DATA / "single_axis.json").read_text())
+
+
+@pytest.fixture(scope="session")
+def axis(axis_numbers):
+    """The thesis's axis in error coordinates; its reference is known."""
+    return DisturbedModel.of(*(np.array(axis_numbers[name]) for name in "ABE"))
+
+
+@pytest.fixture(scope="session")
+def slide():
+    """A mass of 1 kg on a spring of 9 N/m, sampled every 0.1 s by forward Euler, under 0.2 N."""
+    dt = 0.1
+    return DisturbedModel.of([[1, dt], [-9 * dt, 1]], [0, dt], [0, 0.2 * dt])

@@ -1,0 +1,59 @@
+"""Models under disturbances in a box."""
+
+import numpy as np
+import pytest
+
+from jcontour.plants import bridgeport
+from jcontour.sets.disturbed_model import DisturbedModel
+
+
+def test_load_of_a_plant_acts_where_its_control_does():
+    plant = bridgeport()
+    model = DisturbedModel.loaded(plant, [0.1, 0.3])
+    np.testing.assert_array_equal(model.E, np.asarray(plant.B) * [0.1, 0.3])
+    assert (model.states, model.inputs, model.disturbances) == (8, 2, 2)
+
+
+def test_the_last_control_is_part_of_the_state(slide):
+    wide = slide.with_last_control()
+    x, u, before = np.array([0.3, -0.2]), np.array([1.7]), np.array([0.4])
+    after = wide.A @ [*x, *before] + wide.B @ u
+    np.testing.assert_allclose(after, [*(slide.A @ x + slide.B @ u), *u])
+    (signal,) = wide.increment_signals(2.0)
+    assert signal.state @ [*x, *before] + signal.control @ u == pytest.approx(1.3)
+    assert signal.limit == 2.0 and signal.name == "increment"
+
+
+def test_disturbances_are_put_side_by_side(slide):
+    wide = slide.with_disturbance([0.5, 0.7])
+    np.testing.assert_array_equal(wide.E[:, 1], [0.5, 0.7])
+    assert wide.disturbances == 2
+
+
+def test_signals_have_a_limit_each_or_one_for_all(slide):
+    rows = slide.state_signals(["x", "v"], np.eye(2), [1.0, 2.0])
+    assert [(row.name, row.limit) for row in rows] == [("x", 1.0), ("v", 2.0)]
+    (control,) = slide.control_signals(4.0)
+    assert control.name == "control" and control.control.tolist() == [1.0]
+    two = DisturbedModel.of(np.eye(2), np.eye(2), np.eye(2)).control_signals([1.0, 2.0])
+    assert [row.name for row in two] == ["control 1", "control 2"]
+
+
+@pytest.mark.parametrize(
+    ("matrices", "told"),
+    [
+        (([[1.0, 2.0]], [1.0], [1.0]), "A: needs to be square"),
+        ((np.eye(2), [1.0], [1.0, 0.0]), r"B: needs shape \(2, p\)"),
+        ((np.eye(2), [1.0, 1.0], [[1.0]]), r"E: needs shape \(2, q\)"),
+        ((np.eye(2), [1.0, np.nan], [1.0, 0.0]), "B: every entry needs to be finite"),
+    ],
+)
+def test_bad_matrices_are_named(matrices, told):
+    with pytest.raises(ValueError, match=told):
+        DisturbedModel.of(*matrices)
+
+
+@pytest.mark.parametrize("load", [-0.1, np.inf, [0.1, 0.2, 0.3]])
+def test_bad_loads_are_named(load):
+    with pytest.raises(ValueError, match="load: needs one number or 2"):
+        DisturbedModel.loaded(bridgeport(), load)

@@ -1,0 +1,131 @@
+"""Least peaks against deadbeat control, against other policies, and against reference numbers."""
+
+import numpy as np
+import pytest
+
+from jcontour.sets.finite_responses import brought_to_rest
+from jcontour.sets.least_peaks import NoResponse, least_peak
+
+
+def signals(model, numbers):
+    """The tool's error, and the limited signals of the thesis's axis."""
+    unit, bounds = np.eye(4), numbers["bounds"]
+    speeds = model.state_signals(["v_m", "v_e"], unit[[1, 3]], bounds["v_error"])
+    limited = [*speeds, *model.control_signals(bounds["u_tilde"], "u_tilde")]
+    return model.state_signals(["tool"], unit[2]), limited
+
+
+@pytest.mark.parametrize("previewed", [True, False])
+def test_least_tolerance_of_the_thesis_is_the_reference(axis, axis_numbers, previewed):
+    model = axis if previewed else axis.with_disturbance(axis_numbers["G"])
+    for case in axis_numbers["cases"]:
+        if case["previewed"] != previewed or "least_tolerance_m" not in case or case["N"] > 60:
+            continue
+        found = least_peak(model, *signals(model, axis_numbers), case["N"])
+        assert found.tolerance == pytest.approx(case["least_tolerance_m"], rel=1e-4)
+        assert found.limiting == ("u_tilde",)
+        assert found.peaks["u_tilde"] <= axis_numbers["bounds"]["u_tilde"] * (1 + 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("previewed", [True, False])
+def test_least_tolerance_of_long_responses(axis, axis_numbers, previewed):
+    model = axis if previewed else axis.with_disturbance(axis_numbers["G"])
+    (wanted,) = [
+        case["least_tolerance_m"]
+        for case in axis_numbers["cases"]
+        if case["previewed"] == previewed and case["N"] == 80
+    ]
+    found = least_peak(model, *signals(model, axis_numbers), 80)
+    assert found.tolerance == pytest.approx(wanted, rel=1e-4)
+
+
+def test_limits_that_nobody_can_keep_are_named(axis, axis_numbers):
+    """The reference calls 40 samples infeasible with the reference's acceleration unknown."""
+    model = axis.with_disturbance(axis_numbers["G"])
+    small, limited = signals(model, axis_numbers)
+    with pytest.raises(NoResponse, match="no response of 40 samples keeps them") as refused:
+        least_peak(model, small, limited, 40)
+    assert "u_tilde" in refused.value.limiting
+    would_do = [
+        signal._replace(limit=1.001 * refused.value.needed.get(signal.name, signal.limit))
+        for signal in limited
+    ]
+    assert least_peak(model, small, would_do, 40).tolerance > 0
+
+
+def test_the_shortest_response_is_deadbeat(slide):
+    """With one control and as many samples as states there is one response: poles at zero."""
+    found = least_peak(slide, slide.state_signals(["x"], [1, 0]), [], 2)
+    reach = np.concatenate([slide.B, slide.A @ slide.B], axis=1)
+    K = np.array([[0, 1]]) @ np.linalg.inv(reach) @ slide.A @ slide.A  # Ackermann
+    closed = slide.A - slide.B @ K
+    by_hand = sum(abs((np.linalg.matrix_power(closed, j) @ slide.E)[0, 0]) for j in range(2))
+    assert found.tolerance == pytest.approx(by_hand, rel=1e-9)
+
+
+def test_no_other_policy_is_better_and_longer_ones_are_not_worse(slide):
+    small, limited = slide.state_signals(["x"], [1, 0]), slide.control_signals(0.42)
+    found = [least_peak(slide, small, limited, N) for N in (3, 4, 24)]
+    assert found[0].tolerance >= found[1].tolerance * (1 - 1e-9)
+    assert found[1].tolerance >= found[2].tolerance * (1 - 1e-9)
+    generator, compared = np.random.default_rng(0), 0
+    best = found[2].response.control
+    for size in np.geomspace(1e-4, 0.1, 300):
+        other = brought_to_rest(
+            slide, 0.999 * best + size * generator.normal(size=best.shape) / 24, np.zeros((0, 2))
+        )
+        if other.peak(limited[0]) <= 0.42:
+            compared += 1
+            assert other.peak(small[0]) >= found[2].tolerance * (1 - 1e-9)
+    assert compared > 20
+
+
+def test_increments_are_limited_too(slide):
+    wide = slide.with_last_control()
+    small = wide.state_signals(["x"], [1, 0, 0])
+    free = least_peak(wide, small, wide.increment_signals(np.inf), 12)
+    held = least_peak(wide, small, wide.increment_signals(0.3), 12)
+    changes = np.diff(held.response.control[:, 0, 0], prepend=0.0)  # X_N = 0 ends with u = 0
+    assert np.abs(changes).sum() == pytest.approx(held.peaks["increment"], rel=1e-9)
+    assert held.peaks["increment"] <= 0.3 * (1 + 1e-9) < free.peaks["increment"]
+    assert held.tolerance > free.tolerance and held.limiting == ("increment",)
+
+
+def test_offset_free_responses_forget_a_constant_load(slide):
+    small = slide.state_signals(["x"], [1, 0])
+    plain = least_peak(slide, small, [], 10)
+    found = least_peak(slide, small, [], 10, vanishing=[1, 0])
+    assert abs(found.response.state[:, 0].sum()) < 1e-15
+    assert found.tolerance >= plain.tolerance * (1 - 1e-9)
+
+
+def test_scale_changes_nothing(slide):
+    """Micrometres and metres: the solver's tolerances are absolute, ours are not."""
+    tiny = slide._replace(E=1e-9 * slide.E)
+    small = slide.state_signals(["x"], [1, 0])
+    whole = least_peak(slide, small, slide.control_signals(0.5), 10).tolerance
+    part = least_peak(tiny, small, slide.control_signals(0.5e-9), 10).tolerance
+    assert part == pytest.approx(1e-9 * whole, rel=1e-8)
+
+
+def test_a_state_out_of_reach_is_said(slide):
+    stuck = slide._replace(B=np.zeros((2, 1)))
+    with pytest.raises(NoResponse, match="no response of 5 samples comes to rest"):
+        least_peak(stuck, stuck.state_signals(["x"], [1, 0]), stuck.control_signals(1.0), 5)
+
+
+def test_bad_input_is_named(slide):
+    x = slide.state_signals(["x"], [1, 0])
+    with pytest.raises(ValueError, match="small: needs at least one"):
+        least_peak(slide, [], x, 5)
+    with pytest.raises(ValueError, match="length: needs at least one sample"):
+        least_peak(slide, x, [], 0)
+    with pytest.raises(ValueError, match="every name may be there once"):
+        least_peak(slide, x, x, 5)
+    with pytest.raises(ValueError, match="control: needs a limit above zero"):
+        least_peak(slide, x, slide.control_signals(0.0), 5)
+    with pytest.raises(ValueError, match="x: needs rows of shape"):
+        least_peak(slide, [x[0]._replace(state=np.ones(3))], [], 5)
+    with pytest.raises(ValueError, match="vanishing: needs finite numbers"):
+        least_peak(slide, x, [], 5, vanishing=[1, 0, 0])
