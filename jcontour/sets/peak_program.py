@@ -9,6 +9,7 @@ from scipy.optimize import OptimizeResult, linprog
 from jcontour.sets.disturbed_model import DisturbedModel, Signal
 
 TOLERANCE = 1e-10  # of HiGHS, absolute, on variables of size one: the default 1e-7 costs 4 digits
+HEADROOM = 1e-9  # of a limit, left free: rounding may not carry a peak above its limit
 ACTIVE = 1e-7  # share of a limit in the optimum from which it counts as one that limits
 
 
@@ -119,7 +120,8 @@ class PeakProgram:
 
     def _peaks(self, scales: np.ndarray, size: float) -> tuple[sparse.csr_array, np.ndarray]:
         """Absolute values from above; their sums under the optimum, then under the limits."""
-        units = [size] * len(self.small) + [signal.limit for signal in self.bounded]
+        units = [size] * len(self.small)
+        units += [(1 - HEADROOM) * signal.limit for signal in self.bounded]
         signals = [*self.small, *self.bounded]
         rows, values = [], []
         for place, (signal, unit) in enumerate(zip(signals, units, strict=True)):

@@ -1,0 +1,179 @@
+"""Proof that no controller keeps a tolerance: a linear program, and multipliers that check it.
+
+    x(k+1) = A x(k) + B u(k) + E w(k),   |w_i| <= 1
+A controller chooses u(k) before it knows w(k). If it keeps |c x| <= limit for every w, then
+    |c (x(k+1) - E w(k))| <= limit - |c E|_1
+at every sample, for the w that does act. Along a known reference and under one chosen sequence w
+these are linear rows of (x, u, tolerance). Their least tolerance is a lower bound for every
+controller, linear or not, with or without preview, and for every start.
+
+The bound is not taken from the solver. With any multipliers y of the equations and z >= 0 of the
+rows, the least of the Lagrangian over the box of the variables is a bound: it is added up here.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
+
+GAP = 1e-6  # relative, between the solver's optimum and what its multipliers prove
+
+
+class Certificate(NamedTuple):
+    """Least tolerance of any controller.
+
+    Attributes:
+        bound: proven by the multipliers.
+        optimum: of the linear program; the bound is at most this.
+    """
+
+    bound: float
+    optimum: float
+
+
+def least_tolerance_of_any(
+    model: DisturbedModel,
+    wanted: Signal,
+    limited: Sequence[Signal],
+    reference: Numbers,
+    disturbance: Numbers,
+    offsets: Numbers | None = None,
+) -> Certificate:
+    """Lower bound on the largest |wanted - reference| of any controller.
+
+    Args:
+        model: A, B, E.
+        wanted: the signal that follows the reference; its limit is the largest tolerance asked
+            about.
+        limited: signals with finite limits, among them every control alone: they bound the proof.
+        reference: values r_0..r_T (T+1,) that `wanted` should have.
+        disturbance: w_0..w_{T-1} (T, q), each entry at most one.
+        offsets: middle of the limits of every signal in `limited`, zero when not given.
+
+    Raises:
+        ValueError: shapes do not fit, a limit is infinite, a disturbance is outside its box, limits
+            leave nothing at all, or the multipliers prove less than the solver claims.
+    """
+    target, acting = np.asarray(reference, float), np.asarray(disturbance, float)
+    _check(model, wanted, limited, target, acting)
+    middles = np.zeros(len(limited)) if offsets is None else np.asarray(offsets, float)
+    T, n, p = len(acting), model.states, model.inputs
+    equations = sparse.csr_array(
+        sparse.hstack(
+            [
+                sparse.kron(sparse.eye(T, T + 1, 1), np.eye(n))
+                - sparse.kron(sparse.eye(T, T + 1), model.A),
+                -sparse.kron(sparse.eye(T), model.B),
+                sparse.csr_array((T * n, 1)),
+            ]
+        )
+    )
+    values = (acting @ model.E.T).ravel()
+    program = _Rows(model, acting)
+    for signal, middle in zip(limited, middles, strict=True):
+        program.limit(signal, middle)
+    program.follow(wanted, target)
+    rows, bounds = program.stacked()
+    box = _box(model, limited, middles, T)
+    cost = np.zeros((T + 1) * n + T * p + 1)
+    cost[-1] = 1.0
+    low, high = np.append(box[0], 0.0), np.append(box[1], wanted.limit)
+    found = linprog(
+        cost, rows, bounds, equations, values, bounds=np.stack([low, high], axis=1), method="highs"
+    )
+    if found.status != 0:
+        raise ValueError(
+            f"limits: nothing keeps them within a tolerance of {wanted.limit:.6g}, "
+            "whatever the controller"
+        )
+    y, z = found.eqlin.marginals, np.minimum(found.ineqlin.marginals, 0.0)
+    rest = cost - equations.T @ y - rows.T @ z
+    proven = float(y @ values + z @ bounds + np.minimum(rest * low, rest * high).sum())
+    if proven < found.fun - GAP * max(abs(found.fun), np.finfo(float).tiny):
+        raise ValueError(
+            f"certificate: the multipliers prove {proven:.6g}, the solver claims {found.fun:.6g}"
+        )
+    return Certificate(proven, float(found.fun))
+
+
+class _Rows:
+    """Rows of the program over x_0..x_T, u_0..u_{T-1} and the tolerance."""
+
+    def __init__(self, model: DisturbedModel, acting: Float[np.ndarray, "T q"]):
+        self.model, self.acting, self.T = model, acting, len(acting)
+        self._rows: list = []
+        self._bounds: list[np.ndarray] = []
+
+    def limit(self, signal: Signal, middle: float) -> None:
+        """|c x + d u - middle| <= limit at every sample; states before the disturbance acts."""
+        if not signal.state.any():
+            return  # a control alone: in the box of the variables
+        loss, acted = self._disturbed(signal)
+        room = signal.limit - loss
+        for sign in (1.0, -1.0):
+            self._add(sign * signal.state, sign * signal.control, 0.0)
+            self._bounds.append(room + sign * (middle + acted))
+
+    def follow(self, signal: Signal, target: Float[np.ndarray, " t"]) -> None:
+        """|c x - reference| <= tolerance at every sample."""
+        loss, acted = self._disturbed(signal)
+        for sign in (1.0, -1.0):
+            self._add(sign * signal.state, sign * signal.control, -1.0)
+            self._bounds.append(sign * (target + acted) - loss)
+
+    def stacked(self) -> tuple[sparse.csr_array, np.ndarray]:
+        return sparse.csr_array(sparse.vstack(self._rows)), np.concatenate(self._bounds)
+
+    def _disturbed(self, signal: Signal) -> tuple[np.ndarray, np.ndarray]:
+        """Room that a disturbance unknown takes, and what the one that acts adds; none at first."""
+        effect = signal.state @ self.model.E
+        loss = np.full(self.T + 1, np.abs(effect).sum())
+        loss[0] = 0.0
+        return loss, np.concatenate([[0.0], self.acting @ effect])
+
+    def _add(self, state: np.ndarray, control: np.ndarray, tolerance: float) -> None:
+        states = sparse.kron(sparse.eye(self.T + 1), state)
+        controls = sparse.kron(sparse.eye(self.T + 1, self.T), control)
+        last = sparse.csr_array(np.full((self.T + 1, 1), tolerance))
+        self._rows.append(sparse.hstack([states, controls, last]))
+
+
+def _box(
+    model: DisturbedModel, limited: Sequence[Signal], middles: np.ndarray, T: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds of x_0..x_T and u_0..u_{T-1} that signals of one coordinate give."""
+    n = model.states
+    low = np.full(n + model.inputs, -np.inf)
+    high = -low
+    for signal, middle in zip(limited, middles, strict=True):
+        row = np.concatenate([signal.state, signal.control])
+        (places,) = np.nonzero(row)
+        if places.size == 1:
+            (place,) = places
+            ends = np.sort((middle + np.array([-1, 1]) * signal.limit) / row[place])
+            low[place], high[place] = max(low[place], ends[0]), min(high[place], ends[1])
+    if np.isinf(np.concatenate([low, high])).any():
+        raise ValueError("limited: the proof needs a limit on every state and on every control")
+    pairs = [(np.tile(end[:n], T + 1), np.tile(end[n:], T)) for end in (low, high)]
+    return np.concatenate(pairs[0]), np.concatenate(pairs[1])
+
+
+def _check(model, wanted, limited, target, acting) -> None:
+    if acting.ndim != 2 or acting.shape[1] != model.disturbances or len(acting) == 0:
+        raise ValueError(
+            f"disturbance: needs shape (T, {model.disturbances}), received {acting.shape}"
+        )
+    if target.shape != (len(acting) + 1,):
+        raise ValueError(
+            f"reference: needs one value more than the disturbance, {len(acting) + 1}, "
+            f"received {target.shape}"
+        )
+    if np.abs(acting).max() > 1:
+        raise ValueError("disturbance: needs entries of at most one, the size is in E")
+    if not all(np.isfinite(signal.limit) for signal in [wanted, *limited]):
+        raise ValueError("limits: the proof needs finite ones")
