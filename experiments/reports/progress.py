@@ -1,4 +1,4 @@
-"""The progress bar of a tuning run, with the current worst error."""
+"""The progress bar of a tuning run, with the best that was found so far."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,8 +7,10 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from tuning.history import FEASIBLE, rank, sound
 from tuning.tune import Effort, TuneState
 
+COMPILING = "compiling"
 PACE = 0.85  # part of a descent that is left after a step: nobody knows how many it takes
 
 
@@ -16,18 +18,31 @@ PACE = 0.85  # part of a descent that is left after a step: nobody knows how man
 def progress_of(
     console: Console, settings: Effort, error: str
 ) -> Iterator[Callable[[TuneState], None]]:
-    """A bar to tell the state of a run to, step by step."""
+    """A bar to tell the state of a run to, step by step.
+
+    What stays of it in the end says how many points were tried, and no error: that of the result is
+    in the tables.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
     )
+    last = TuneState()
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task("compiling", total=1.0)
-        yield lambda state: bar.update(
-            task, completed=progress(state, settings), description=_words(state, settings, error)
-        )
+        task = bar.add_task(COMPILING, total=1.0)
+
+        def show(state: TuneState) -> None:
+            nonlocal last
+            last = state
+            words = progress_words(state, settings, error)
+            bar.update(task, completed=progress(state, settings), description=words)
+
+        try:
+            yield show
+        finally:
+            bar.update(task, description=_tried(last))
 
 
 def progress(state: TuneState, settings: Effort) -> float:
@@ -40,13 +55,25 @@ def progress(state: TuneState, settings: Effort) -> float:
     return (max(state.start, 0) + scattered + 1 - PACE**steps) / parts
 
 
-def _words(state: TuneState, settings: Effort, error: str) -> str:
-    row = state.history[-1] if state.history else None
-    descents = f"descent {max(state.start, 0) + 1} of {settings.starts}"
-    phase = "random points" if row is not None and row.start < 0 else descents
-    worst = (
-        "diverged"
-        if row is None or row.diverged
-        else f"{1e6 * float(np.max(getattr(row.outcome.metrics, f'rms_{error}_error'))):.3f} um"
-    )
-    return f"{phase}: worst RMS {error} error now {worst}"
+def progress_words(state: TuneState, settings: Effort, error: str) -> str:
+    """Where a run is, how many points were tried, and the best of them."""
+    if not state.history:
+        return COMPILING
+    random = state.history[-1].start < 0
+    descent = f"descent {max(state.start, 0) + 1} of {settings.starts}"
+    return f"{'random points' if random else descent}: {_tried(state)}, {_best(state, error)}"
+
+
+def _tried(state: TuneState) -> str:
+    count = len(state.history)
+    return f"{count} point{'' if count == 1 else 's'} tried"
+
+
+def _best(state: TuneState, error: str) -> str:
+    rows = sound(state.history)
+    if not rows:
+        return "all diverge"
+    best = min(rows, key=rank)
+    worst = float(np.max(getattr(best.outcome.metrics, f"rms_{error}_error")))
+    beyond = "" if best.violation <= FEASIBLE else ", beyond a limit"
+    return f"best so far {1e6 * worst:.4g} um{beyond}"
