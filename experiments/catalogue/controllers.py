@@ -50,6 +50,10 @@ def _on_gantry(line: str, alias: str, suits: Requirement = GANTRY) -> Controller
     return ControllerEntry(line, suits, gantry_designs, alias)
 
 
+def _learning(entry: ControllerEntry) -> ControllerEntry:
+    return entry._replace(learns=True)
+
+
 def _traverser(machine: "Machine", contour: "Contour", flags: "Trace") -> "Traverser":
     from experiments.designs.constrained import traverser
 
@@ -83,12 +87,18 @@ CONTROLLERS = {
     "optimal-feedforward": _linear_cascade(
         "l1-optimal feedforward with preview (Alter & Tsao) in front of the cascade"
     ),
-    "repetitive": _linear_cascade(
-        "the cascade, and what repeats with a known period learned (Tomizuka, Tsao & Chew)"
+    "repetitive": _learning(
+        _linear_cascade(
+            "the cascade, and what repeats with a known period learned (Tomizuka, Tsao & Chew)"
+        )
     ),
-    "run-out": _linear_cascade("the cascade, and sinusoids of a known frequency that cancel"),
-    "adaptive-zpetc": _linear_cascade(
-        "a position loop behind zero phase tracking that learns the loop (Smith & Lee)"
+    "run-out": _learning(
+        _linear_cascade("the cascade, and sinusoids of a known frequency that cancel")
+    ),
+    "adaptive-zpetc": _learning(
+        _linear_cascade(
+            "a position loop behind zero phase tracking that learns the loop (Smith & Lee)"
+        )
     ),
     "cascade": _on_axis("P position loop around a PI velocity loop"),
     "cascade-feedforward": _on_axis(
@@ -141,13 +151,18 @@ CONTROLLERS = {
         "contouring LQ on three motors, behind an observer that predicts and finds the load",
         "offset-free-lq",
     ),
-    "gantry-synchronised": _on_gantry(
-        "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)", "synchronised"
+    "gantry-synchronised": _learning(
+        _on_gantry(
+            "adaptive feedforward of each motor, both Y drives kept together (Tomizuka)",
+            "synchronised",
+        )
     ),
-    "gantry-self-tuning": _on_gantry(
-        "a servo of each motor that learns its input gain (Astrom & Wittenmark)",
-        "self-tuning",
-        GANTRY_WITHOUT_FRICTION,
+    "gantry-self-tuning": _learning(
+        _on_gantry(
+            "a servo of each motor that learns its input gain (Astrom & Wittenmark)",
+            "self-tuning",
+            GANTRY_WITHOUT_FRICTION,
+        )
     ),
     "gantry-zpetc": _on_gantry(
         "zero phase error tracking in front of the cascades, model of the beam's centre", "zpetc"
@@ -161,5 +176,7 @@ CONTROLLERS = {
     "task-frame": _on_axes("P-PI cascades, position gains along the path and across it"),
     "precompensation": _on_axes("P-PI cascades behind cross-coupled pre-compensation"),
     "command-shaping": _on_axes("P-PI cascades behind cross-coupled position command shaping"),
-    "synchronised": _on_axes("adaptive feedforward of two axes kept together (Tomizuka)"),
+    "synchronised": _learning(
+        _on_axes("adaptive feedforward of two axes kept together (Tomizuka)")
+    ),
 }

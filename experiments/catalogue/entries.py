@@ -4,6 +4,7 @@ Its maker is imported when the thing is made.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:  # a question about a name imports none of these
@@ -61,6 +62,7 @@ class ControllerEntry(NamedTuple):
         alias: shorter name that also stands for it on the machines that it suits.
         smooth: differentiable where it is used.
         stable: the closed loop settles.
+        learns: it changes while it runs.
     """
 
     line: str
@@ -69,10 +71,12 @@ class ControllerEntry(NamedTuple):
     alias: str | None = None
     smooth: bool = True
     stable: bool = True
+    learns: bool = False
 
     def make(self, name: str, machine: "Machine", flags: "Controlled") -> "Design":
         """Design of this name for the machine."""
-        return self.designs()[name](name, self.line, machine, flags)
+        found = self.designs()[name](name, self.line, machine, flags)
+        return replace(found, learns=self.learns)
 
 
 class ConstrainedEntry(NamedTuple):

@@ -23,6 +23,9 @@ COLUMNS = (
 )
 
 
+BEGINS = "*"  # marks the Ms of a controller that learns
+
+
 def command(flags: Rank) -> int:
     """Tune, rank, store and print; exit code."""
     with opened(flags, "rank", ranking_of) as (folder, ranking):
@@ -51,7 +54,7 @@ def _row(row: Ranked, first: Ranked) -> list[str]:
         _micrometres(row.held_out),
         _ratio(row.held_out, first.held_out),
         _micrometres(row.training),
-        tables.digits(row.peak_sensitivity),
+        tables.digits(row.peak_sensitivity) + (BEGINS if row.learns else ""),
         str(row.evaluations),
         _ratio(row.seconds, first.seconds),
         _state(row),
@@ -80,6 +83,12 @@ def next_steps(result: RankedResult) -> list[str]:
     if not placed:
         return ["Next: no controller keeps every limit; allow more, as --max-sensitivity 3."]
     lines = ["Computing: processor time of the same runs, over that of the first row."]
+    if any(row.learns for row in result.rows if row.failure is None):
+        lines.insert(
+            0,
+            f"Ms with {BEGINS}: of the loop that the controller begins with. It learns while it "
+            "runs, and no margin is known of what it learns.",
+        )
     if any(not row.stationary for row in placed):
         lines.append("A search that has not ended may find more with --evaluations.")
     best = placed[0].candidate

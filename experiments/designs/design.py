@@ -5,7 +5,7 @@ A design also stores the files of a tuned controller.
 
 import abc
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -36,6 +36,7 @@ class Design(abc.ABC):
         space: one parameter for each, see `tuning.parameters`.
         preview: samples of the future it needs.
         fed: what it is fed, the sensors or the whole state.
+        learns: it changes while it runs; its margins are those of the loop that it begins with.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Design(abc.ABC):
     space: Any
     preview: int
     fed: Fed
+    learns: bool = field(default=False, kw_only=True)
 
     limitable = False  # whether `constrained` has an answer
     # samples that a tuned tool may be behind, where no flag limits it: a loop of 20 1/s at 1 ms

@@ -68,6 +68,7 @@ class LQDesign(Design):
         given: weights that the user has set.
         chosen_delay: the user has set the delay.
         limitable: there is a constrained MPC of the same cost.
+        at_first_loop: it starts at its first loop.
     """
 
     machine: LinearMachine
@@ -79,6 +80,7 @@ class LQDesign(Design):
     given: Mapping[str, float]
     chosen_delay: bool
     limitable: bool = False
+    at_first_loop: bool = False
 
     @cached_property
     def model(self) -> LinearPlant:
@@ -150,12 +152,14 @@ class LQDesign(Design):
         if self.fed == "state":
             return self
         late = self.late if self.chosen_delay else self.machine.middle_delay
+        if self.at_first_loop and late == self.late:
+            return self
         return replace(self, late=late).begun()
 
     def begun(self) -> "LQDesign":
         """The same with the weights of its first loop, but for those that the user has set."""
         found = first_loop(self.machine, self.build, self.start, self.preview, self.fed)
-        return replace(self, start=found._replace(**self.given))
+        return replace(self, start=found._replace(**self.given), at_first_loop=True)
 
     def units(self) -> dict[str, str]:
         """Those of the weights that are one number."""

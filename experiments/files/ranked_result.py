@@ -36,6 +36,7 @@ class Ranked:
         training_errors: likewise.
         peak_sensitivity: largest Ms at the probes of the training contours, over the family; None
             where a frozen loop is unstable, or none is looked at.
+        learns: the controller changes while it runs; Ms is that of the loop that it begins with.
         feasible: whether every limit of the tuner holds.
         stationary: whether the search had ended.
         evaluations: points that were evaluated.
@@ -51,6 +52,7 @@ class Ranked:
     held_out_errors: dict[str, float] | None = None
     training_errors: dict[str, float] | None = None
     peak_sensitivity: float | None = None
+    learns: bool = False
     feasible: bool = False
     stationary: bool = False
     evaluations: int = 0

@@ -5,8 +5,8 @@ is tuned, so that an interrupted ranking goes on where it was.
 """
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -45,11 +45,26 @@ class Ranking:
         flags: as they are given.
         machine: what the controllers are for.
         candidates: in the order in which they are tuned.
+        designs: of those whose numbers are as given; a first loop takes a while to find.
+        begun: the first run that can be, made already.
     """
 
     flags: Rank
     machine: Machine
     candidates: tuple[Candidate, ...]
+    designs: Mapping[Candidate, Design] = field(default_factory=dict)
+    begun: Mapping[Candidate, TuningRun] = field(default_factory=dict)
+
+    def run_of(self, candidate: Candidate) -> TuningRun:
+        """Tuning run of one controller.
+
+        Raises:
+            ValueError: as `tuning_run`.
+        """
+        made = self.begun.get(candidate)
+        if made is not None:
+            return made
+        return tuning_run(self.flags_of(candidate), self.designs.get(candidate))
 
     def flags_of(self, candidate: Candidate) -> Tune:
         """Flags of the tuning run of one controller."""
@@ -73,29 +88,30 @@ def ranking_of(flags: Rank) -> Ranking:
     machine = machine_named(flags.plant)
     for part in flags.parts:  # a fault in one is told before any first loop is searched
         job_named(part, Pace.of(flags, machine))
-    candidates = _candidates(flags, machine)
+    candidates, designs = _candidates(flags, machine)
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    found = Ranking(flags, machine, tuple(candidates))
-    _check_one(found)
-    return found
+    return _with_one(Ranking(flags, machine, tuple(candidates), designs))
 
 
-def _check_one(ranking: Ranking) -> None:
-    """Raise what every controller raises: then parts, limits or names are wrong."""
+def _with_one(ranking: Ranking) -> Ranking:
+    """The ranking with the run of the first controller that can be tuned.
+
+    Raises:
+        ValueError: what the first one raises where none can be: parts, limits or names are wrong.
+    """
     reasons = []
     for candidate in ranking.candidates:
         try:
-            tuning_run(ranking.flags_of(candidate))
-            return
+            return replace(ranking, begun={candidate: ranking.run_of(candidate)})
         except ValueError as error:
             reasons.append(error)
     raise reasons[0]
 
 
-def _candidates(flags: Rank, machine: Machine) -> list[Candidate]:
-    """Every controller, with every choice of numbers that it reads."""
-    found = []
+def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
+    """Every controller, with every choice of numbers that it reads, and designs made on the way."""
+    found, designs = [], {}
     for name in flags.controllers or controllers_for(machine):
         asked = replace(flags, controller=name)
         try:
@@ -105,11 +121,12 @@ def _candidates(flags: Rank, machine: Machine) -> list[Candidate]:
             continue
         if design.fed == "state" and not flags.controllers:
             continue  # it sees more than the others
+        designs[_plain_candidate(flags, name)] = design
         found += [
             Candidate(controller=name, preview=preview, terminal=terminal, model_delay=delay)
             for preview, terminal, delay in product(*_choices(flags, design))
         ]
-    return found
+    return found, designs
 
 
 def _plain_candidate(flags: Rank, name: str) -> Candidate:
@@ -169,7 +186,7 @@ def _row(ranking: Ranking, candidate: Candidate, place: Path, console: Console) 
     """One controller, tuned and tried; a controller that cannot be is a row with the reason."""
     label = label_of(candidate, ranking.flags)
     try:
-        run = tuning_run(ranking.flags_of(candidate))
+        run = ranking.run_of(candidate)
         run = replace(run, settings=replace(EFFORT, seed=ranking.flags.seed))
         with progress_of(console, run.settings, run.machine.error) as show:
             if run.flags.objective == "regret":
@@ -211,6 +228,7 @@ def _tried(run: TuningRun, tuned: Tuned, row: Ranked) -> Ranked:
         held_out=_typical(held_out),
         training=_typical(training),
         peak_sensitivity=peak if np.isfinite(peak) else None,
+        learns=run.design.learns,
         feasible=bool(tuned.feasible),
         stationary=bool(tuned.stationary),
         evaluations=len(tuned.history),

@@ -105,18 +105,22 @@ class TuningRun:
         return len(self.learned) != sum(self.scenarios.training)
 
 
-def tuning_run(flags: Tune) -> TuningRun:
+def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     """The run that the flags describe.
+
+    Args:
+        flags: of the run.
+        made: design of these flags, where it is known; a first loop takes a while to find.
 
     Raises:
         ValueError: a flag, a file or their combination is wrong.
     """
     asked = loop_limits(flags)
-    machine = machine_named(flags.plant)
+    machine = machine_named(flags.plant) if made is None else made.machine
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
     training, held_out = _jobs(flags, machine, pace)
-    before = design_for(machine, flags)
+    before = design_for(machine, flags) if made is None else made
     # so do references before the first loop is searched: a preview longer than a run
     learned = tuple(one for job in training for one in representatives(job, machine.model.dt))
     runs = [job.reference(machine.model.dt, before.preview) for job in learned]

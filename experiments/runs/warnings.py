@@ -45,6 +45,11 @@ def run_warnings(
     """All warnings, one line each; `replays` are those of start and tuned weights."""
     found = replays["tuned"]
     lines = search_warnings(tuned)
+    if run.design.learns:
+        lines.append(
+            "the controller learns while it runs: its margins are those of the loop that it begins "
+            "with"
+        )
     lines += margin_warnings(margins, run.machine.unknown_delay)
     lines += limit_warnings(found, run.scenarios, run.machine)
     return lines + lag_warnings(replays, run.scenarios)

@@ -32,7 +32,15 @@ RESULT = RankedResult(
     evaluations=40,
     rows=[
         row("good", 2e-6, training=1e-6, evaluations=41, seconds=0.5, stationary=True),
-        row("other", 3e-6, training=4e-6, evaluations=12, seconds=1.0),
+        row(
+            "other",
+            3e-6,
+            training=4e-6,
+            evaluations=12,
+            seconds=1.0,
+            peak_sensitivity=1.8,
+            learns=True,
+        ),
         row("failed", None, failure="a plant of the family diverges on cam"),
     ],
 )
@@ -95,12 +103,13 @@ def test_the_table_compares_with_the_best_and_names_failures(capsys):
     printed = capsys.readouterr().out
     rows = {line.split()[0]: line.split()[1:] for line in printed.splitlines() if line.split()}
     assert rows["good"] == ["2", "1.00", "1", "-", "41", "1.00", "ended"]
-    assert rows["other"] == ["3", "1.50", "4", "-", "12", "2.00", "not", "ended"]
+    assert rows["other"] == ["3", "1.50", "4", "1.8*", "12", "2.00", "not", "ended"]
     assert "failed: no place, a plant of the family diverges on cam" in printed
 
 
 def test_what_to_do_next():
-    _, unended, following = next_steps(RESULT)
+    begins, _, unended, following = next_steps(RESULT)
+    assert begins.startswith("Ms with *: of the loop that the controller begins with.")
     assert "--evaluations" in unended
     assert following.startswith("Next: jcontour tune --controller good --preview 5 ")
     nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])

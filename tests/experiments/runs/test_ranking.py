@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.catalogue.choices import design_for, machine_named
+from experiments.designs import lq
 from experiments.files.ranked_result import Candidate, Ranked
-from experiments.options import Rank
+from experiments.options import Rank, Simulate
 from experiments.reports.tables import console_of
 from experiments.runs import ranking
 from experiments.runs.ranking import ranked, ranking_of
+from experiments.runs.tuning import tuning_run
 
 
 @pytest.mark.slow
@@ -40,6 +43,35 @@ def test_choices_are_tried_beside_each_other_where_a_controller_has_them():
     assert [one[:2] for one in found[4:]] == [(riccati, 3), (riccati, 5)]
     label = ranking.label_of(ranking_of(flags).candidates[1], flags)
     assert label == "contouring-lq, preview 3, riccati"
+
+
+@pytest.mark.slow
+def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file, monkeypatch):
+    searched, search = [], lq.first_loop
+    monkeypatch.setattr(lq, "first_loop", lambda *args: searched.append(1) or search(*args))
+    flags = Rank(
+        parts=(str(part_file),), plant=str(machine_file), preview=4, controllers=("contouring-lq",)
+    )
+    asked = ranking_of(flags)
+    (candidate,) = asked.candidates
+    run = asked.run_of(candidate)
+    assert len(searched) == 1
+    alone = tuning_run(asked.flags_of(candidate))
+    assert run.start == alone.start and run.limits == alone.limits
+    assert len(searched) == 2
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "learns"),
+    [
+        ("gantry", "gantry-self-tuning", True),
+        ("gantry", "gantry-synchronised", True),
+        ("gantry", "gantry-cascade", False),
+        ("flexible-axes", "synchronised", True),
+    ],
+)
+def test_controllers_that_learn_are_known(plant, name, learns):
+    assert design_for(machine_named(plant), Simulate(controller=name)).learns is learns
 
 
 @pytest.mark.slow
