@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from experiments.files.axis_file import ENCODER_RESOLUTION, AxisFile
+from experiments.machines.count_noise import rounding_noise
 from experiments.machines.families import Member, MotorMeasuredMachine, late
 from experiments.machines.machine import Fed, MachineLimits, Usual
 from jcontour.plant import Plant
@@ -23,6 +25,7 @@ from jcontour.plants.flexible_axis.axis import (
 )
 from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.friction import Friction
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders
 from jcontour.sensors import Sensors, motors
 
@@ -83,7 +86,11 @@ class FlexibleMachine(MotorMeasuredMachine):
         return ALONE if len(self.axes) == 1 else SIDE_BY_SIDE
 
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """Smooth twins: dry friction turns within a millimetre per second, encoders are exact."""
+        """Smooth twins, their encoders read with the noise that counts make.
+
+        Dry friction turns within a millimetre per second. Without noise a loop that amplifies it
+        would pass for a good one.
+        """
         substeps = math.ceil(self.model.dt / TWIN_SUBSTEP - 1e-9)
         family = [
             self._late(
@@ -91,7 +98,10 @@ class FlexibleMachine(MotorMeasuredMachine):
             )
             for one in self.members
         ]
-        return [FineEncoders(plant, motors(len(self.axes))) for plant in family]
+        noise = self._rounding_noise()
+        return [
+            FineEncoders(Disturbed(plant, noise=noise), motors(len(self.axes))) for plant in family
+        ]
 
     def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
         """Axes with stick and slip, behind encoders that count.
@@ -122,6 +132,11 @@ class FlexibleMachine(MotorMeasuredMachine):
             f"motor and end effector {masses}, {time}",
             "Measured": f"motors' positions by {encoders}, speeds by difference; no end effector",
         }
+
+    def _rounding_noise(self) -> Float[Array, "T q"]:
+        """Noise of the motors' positions; speeds are made of the positions."""
+        positions = rounding_noise(len(self.axes), self.encoder_resolution)
+        return jnp.concatenate([positions, jnp.zeros_like(positions)], axis=1)
 
     def _varied(self, member: Member) -> AxisParameters:
         return scaled(self.parameters, member.stiffness, member.mass)

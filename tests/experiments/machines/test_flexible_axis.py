@@ -1,6 +1,7 @@
 """Flexible axes as machines: their family, what they measure, and the motions they make."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -32,12 +33,12 @@ def test_family_is_off_by_a_fifth_and_late(machine):
     assert len(smooth) == len(true) == len(machine.family_names) == 6
     ratios = [
         (
-            float(late.plant.plant.parameters.stiffness[0]) / 2908.0,
-            float(late.plant.plant.parameters.motor_mass[0]) / 39.62,
-            float(late.plant.plant.parameters.tool_mass[0]) / 0.38,
-            int(late.plant.samples),
+            float(late.plant.parameters.stiffness[0]) / 2908.0,
+            float(late.plant.parameters.motor_mass[0]) / 39.62,
+            float(late.plant.parameters.tool_mass[0]) / 0.38,
+            int(late.samples),
         )
-        for late in smooth
+        for late in (behind_encoders.plant.plant for behind_encoders in smooth)
     ]
     wanted = [
         (1, 1, 1, 0),
@@ -56,16 +57,41 @@ def test_family_is_off_by_a_fifth_and_late(machine):
 def test_motors_are_measured_and_tools_are_felt():
     pair = biaxial_machine()
     position = jnp.array([0.01, -0.02])
-    for plant in (pair.true_family()[0], pair.smooth_family()[0], pair.nominal()):
+    for plant, off in (
+        (pair.true_family()[0], 1e-12),
+        (pair.smooth_family()[0], 0.5e-6),  # it has noise of half a count
+        (pair.nominal(), 1e-12),
+    ):
         start = plant.initial_state(position, jnp.array([1e-4, 0.0]))
         measured = np.concatenate(
             [np.ravel(leaf) for leaf in jax.tree.leaves(plant.measure(start))]
         )
-        np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=1e-12)
+        np.testing.assert_allclose(measured, [0.01, -0.02, 0.1, 0.0], atol=off)
         np.testing.assert_allclose(plant.output(start), position, atol=1e-12)
     assert isinstance(pair.nominal().plant, LinearPlant)
     with pytest.raises(ValueError, match="measures its motors"):
         pair.nominal("state")
+
+
+@pytest.mark.slow
+def test_smooth_encoders_have_the_noise_of_counts():
+    """Variance is that of rounding, a twelfth of a count squared; speeds are differences."""
+    pair = replace(biaxial_machine(), encoder_resolution=4e-6)
+    plant, rows, place = pair.smooth_family()[0], 400, jnp.array([0.01, -0.02])
+    start = plant.initial_state(place, jnp.zeros(2))
+    _, (read, true) = jax.lax.scan(
+        lambda state, _: (
+            plant.step(state, jnp.zeros(2)),
+            (plant.measure(state), plant.plant.plant.measure(state[0][0])),
+        ),
+        start,
+        length=rows,
+    )
+    noise = np.asarray(read[0] - true[0])
+    assert np.abs(noise).max() <= 2e-6
+    np.testing.assert_allclose(noise.var(axis=0), (4e-6) ** 2 / 12, rtol=0.2)
+    differences = np.diff(np.asarray(read[0]), axis=0) / plant.dt
+    np.testing.assert_allclose(read[1][1:], differences, rtol=0, atol=1e-12)
 
 
 def test_biaxial_axes_differ():
