@@ -67,7 +67,7 @@ class GantryMachine(MotorMeasuredMachine):
     def usual(self) -> Usual:
         """Contours at several positions along the beam."""
         return Usual(
-            "gantry-scheduled-lq",
+            "gantry-offset-free-lq",
             training=("ring-left", "ring-centre", "cushion-right"),
             held_out=("eight-right", "oval-centre", "cushion-left"),
             beside_own=("oval-centre",),

@@ -33,7 +33,7 @@ def test_a_machines_own_controller_goes_first(machine):
         design_for(machine, Simulate(controller="gantry-scheduled-lq")).name
         == "gantry-scheduled-lq"
     )
-    assert design_for(machine, Simulate()).name == "gantry-scheduled-lq"
+    assert design_for(machine, Simulate()).name == "gantry-offset-free-lq"
 
 
 @pytest.mark.slow
@@ -148,7 +148,7 @@ def test_other_machines_are_refused(machine):
     ):
         design_for(bridgeport_machine(), Simulate(controller="gantry-cascade"))
     with pytest.raises(
-        ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-scheduled-lq"
+        ValueError, match="cascade-notch needs a flexible axis; gantry takes gantry-offset-free-lq"
     ):
         design_for(machine, Simulate(controller="cascade-notch"))
 
@@ -159,7 +159,7 @@ def test_on_a_machine_with_friction_the_cascade_is_fed_it_and_the_rest_is_the_ga
     design = design_for(rubbing, Simulate(controller="cascade"))
     assert design.name == "gantry-friction-cascade"
     assert design_for(rubbing, Simulate(controller="contouring-lq")).name == "gantry-contouring-lq"
-    assert design_for(rubbing, Simulate()).name == "gantry-scheduled-lq"
+    assert design_for(rubbing, Simulate()).name == "gantry-offset-free-lq"
     np.testing.assert_allclose(design.start["coulomb"], [14.0 / 60, 22.0 / 60], rtol=1e-12)
     reference = job_named("ring-left", Pace(rubbing, None, None)).reference(rubbing.model.dt, 1)
     gains = ({**design.start, "coulomb": dry} for dry in (jnp.array([0.2, 0.3]), jnp.zeros(2)))
@@ -175,7 +175,7 @@ def test_a_machine_without_friction_is_told_so(machine):
     with pytest.raises(
         ValueError,
         match="gantry-friction-cascade needs a gantry with dry friction; "
-        "gantry takes gantry-scheduled-lq",
+        "gantry takes gantry-offset-free-lq",
     ):
         design_for(machine, Simulate(controller="gantry-friction-cascade"))
 
