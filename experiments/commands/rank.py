@@ -8,7 +8,7 @@ from experiments.options import Rank
 from experiments.reports import tables
 from experiments.reports.figures.png import save_figure
 from experiments.reports.figures.ranking import ranking_figure
-from experiments.runs.lifecycle import finished, opened
+from experiments.runs.lifecycle import finished, opened, same_task
 from experiments.runs.ranking import ranked, ranking_of
 
 COLUMNS = (
@@ -32,7 +32,7 @@ def command(flags: Rank) -> int:
         result = ranked(ranking, folder, tables.console_of(quiet=flags.json))
         save_figure(ranking_figure(result), folder / "ranking.png")
         write_result(folder, result)
-    return finished(folder, result, flags, show, next_steps(result))
+    return finished(folder, result, flags, show, next_steps(result, same_task(folder, "rank")))
 
 
 def show(result: RankedResult, console: Console) -> None:
@@ -75,8 +75,8 @@ def _ratio(value: float | None, of: float | None) -> str:
     return "-" if value is None or not of else f"{value / of:.2f}"
 
 
-def next_steps(result: RankedResult) -> list[str]:
-    """What the words of the table mean, and what to do next."""
+def next_steps(result: RankedResult, task: str) -> list[str]:
+    """What the words of the table mean, and what to do next with the same parts and machine."""
     placed = [row for row in result.rows if row.failure is None and row.feasible]
     if not placed and all(row.failure for row in result.rows):
         return ["Next: no controller could be tried; the lines above say why."]
@@ -95,5 +95,5 @@ def next_steps(result: RankedResult) -> list[str]:
     words = f"--controller {best.controller} --preview {best.preview} --terminal {best.terminal}"
     if best.model_delay is not None:
         words += f" --model-delay {best.model_delay}"
-    lines.append(f"Next: jcontour tune {words} with the same parts and machine.")
+    lines.append(f"Next: jcontour tune{task} {words}")
     return lines

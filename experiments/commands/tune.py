@@ -23,7 +23,7 @@ from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.runs.contour_summary import contour_read
-from experiments.runs.lifecycle import finished, opened
+from experiments.runs.lifecycle import finished, opened, same_task
 from experiments.runs.regret import with_regret
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.searching import NothingSound, Searched, searched
@@ -181,6 +181,7 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
     if found.limitable:
         steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
-    steps.append("jcontour rank    (the same machine and parts under simpler loops, as P-PI)")
+    task = same_task(folder, "tune")
+    steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
     load = [f"Load: {name}: {words}" for name, words in found.files.items()]
     return [*load, f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

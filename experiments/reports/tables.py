@@ -91,7 +91,7 @@ def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     """Summary of a contour as it was read, in one line."""
     box = ", ".join(
-        f"{axis} {1e3 * low:.5g} ... {1e3 * high:.5g}"
+        f"{axis} {_millimetres(low)} ... {_millimetres(high)}"
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
@@ -99,6 +99,10 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     if read.ignored:
         line += f"; ignored: {' '.join(read.ignored)}"
     return line
+
+
+def _millimetres(value: float) -> str:
+    return f"{round(1e3 * value, 4) + 0.0:.5g}"  # to 0.1 um; what is less is rounding
 
 
 def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:

@@ -1,5 +1,6 @@
 """First and last lines of every command: a run folder is made or found again; a result is told."""
 
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
@@ -12,7 +13,7 @@ from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results import to_json
 from experiments.reports import tables
-from experiments.shared_options import Spreading
+from experiments.shared_options import MachineFlags, Spreading
 
 F = TypeVar("F", bound=Spreading)
 Asked = TypeVar("Asked")
@@ -47,6 +48,17 @@ def created(flags: Any, command: str) -> Path:
     """
     folder = flags.out or run_folder.default_folder(command)
     return run_folder.create(folder, command, replace(flags, json=False, out=None), inputs(flags))
+
+
+def same_task(folder: Path, command: str) -> str:
+    """Parts, machine and pace of a stored run as words of a command line, with a space before."""
+    flags = run_folder.opened(folder, command)["flags"]
+    words = [*flags["parts"]]
+    for one in fields(MachineFlags):
+        value = flags[one.name]
+        if one.name != "json" and value != one.default:
+            words += [f"--{one.name.replace('_', '-')}", str(value)]
+    return "".join(f" {shlex.quote(word)}" for word in words)
 
 
 def inputs(flags: Any) -> list[Path]:

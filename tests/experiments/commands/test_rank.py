@@ -108,11 +108,11 @@ def test_the_table_compares_with_the_best_and_names_failures(capsys):
 
 
 def test_what_to_do_next():
-    begins, _, unended, following = next_steps(RESULT)
+    begins, _, unended, following = next_steps(RESULT, " part.ngc")
     assert begins.startswith("Ms with *: of the loop that the controller begins with.")
     assert "--evaluations" in unended
-    assert following.startswith("Next: jcontour tune --controller good --preview 5 ")
+    assert following.startswith("Next: jcontour tune part.ngc --controller good --preview 5 ")
     nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
-    assert "no controller could be tried" in next_steps(nothing)[0]
+    assert "no controller could be tried" in next_steps(nothing, "")[0]
     beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
-    assert "no controller keeps every limit" in next_steps(beyond)[0]
+    assert "no controller keeps every limit" in next_steps(beyond, "")[0]

@@ -1,0 +1,17 @@
+"""Lines that several commands print."""
+
+from experiments.files.run_metrics import ContourRead
+from experiments.reports.tables import read_line
+
+
+def test_what_rounding_leaves_of_zero_is_zero():
+    read = ContourRead(
+        pieces=1,
+        length=0.1,
+        duration=2.0,
+        low=(4.1e-9, -1e-18),
+        high=(0.1, 0.0462604),
+        ignored=(),
+    )
+    line = read_line("task", read, ("X", "Y"))
+    assert line == "task: 1 move, 100 mm in 2 s, X 0 ... 100, Y 0 ... 46.26 mm"
