@@ -31,6 +31,9 @@ class Tune(Aimed):
     contours: str | None = None
     """Training set of random contours instead, as random:64, in the size and feed of the parts.
     As many others are held out. --seed draws other ones."""
+    max_error_ratio: float | None = None
+    """Limit on the worst error of every training contour, over that of the start weights.
+    1 lets none become worse, 0.95 asks for 5 % on each of them."""
     scatter: int = 6  # looked at before descending; more when the seconds do not count
     """Random weights looked at before descending."""
     starts: int = 2  # the given weights and the best of the scattered ones

@@ -142,7 +142,8 @@ def _limits(problem: Problem) -> Limits:
         return limits
     named = zip(limits.names, limits.bounds, strict=True) if isinstance(limits, AtMost) else ()
     known = {name: float(bound) for name, bound in named}
-    return AtMost(**known, spectral_radius=STABLE)
+    before = limits.before if isinstance(limits, AtMost) else None
+    return AtMost(before, **known, spectral_radius=STABLE)
 
 
 def _joined(old: Array, new: Array) -> Array:

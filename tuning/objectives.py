@@ -42,6 +42,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "spectral_radius": "spectral_radius",
 }
 LATE = "late_radius"
+RATIO = "error_ratio"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
 
 
@@ -118,6 +119,18 @@ class Regret(eqx.Module):
         return jnp.ravel(errors / self.best[:, None])[None]
 
 
+class Before(eqx.Module):
+    """Errors before the tuning, which a limit on `error_ratio` compares with.
+
+    Attributes:
+        errors: the family's worst RMS error of every contour [m]; infinite where nothing is asked.
+        error: which RMS error counts.
+    """
+
+    errors: Float[Array, " c"]
+    error: Literal["contour", "tracking"] = eqx.field(static=True, default="contour")
+
+
 class Entry(NamedTuple):
     """One entry of the limits.
 
@@ -146,21 +159,28 @@ class AtMost(eqx.Module):
 
     Names are those of `Metrics`, `peak_sensitivity`, `peak_complementary_sensitivity` and
     `spectral_radius` of the loops, `late_radius` for the largest spectral radius with more delay,
-    and `speed_use`, `acceleration_use`, `control_use`, `increment_use`: 1 is all that the machine
-    has.
+    `error_ratio` for the RMS error over that of `before`, and `speed_use`, `acceleration_use`,
+    `control_use`, `increment_use`: 1 is all that the machine has.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
+    Args:
+        before: errors that `error_ratio` compares with.
+        limits: bound by name.
+
     Raises:
-        ValueError: an unknown name, a limit that is not positive, or a peak sensitivity that is not
-            above 1, which no loop reaches.
+        ValueError: an unknown name, a limit that is not positive, a peak sensitivity that is not
+            above 1, which no loop reaches, or an error ratio and nothing to compare with.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
     bounds: Float[Array, " k"]
+    before: Before | None
 
-    def __init__(self, **limits: float):
+    def __init__(self, before: Before | None = None, /, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += [*LOOP_LIMITS, LATE, *USE_LIMITS]
+        known += [*LOOP_LIMITS, LATE, RATIO, *USE_LIMITS]
+        if RATIO in limits and before is None:
+            raise ValueError(f"{RATIO}: needs the errors before the tuning, received none")
         for name, limit in limits.items():
             if name not in known:
                 raise ValueError(
@@ -171,6 +191,7 @@ class AtMost(eqx.Module):
             if name == "peak_sensitivity" and not limit > 1:
                 raise ValueError(f"{name}: a limit needs to be above 1, received {limit}")
         self.names, self.bounds = tuple(limits), jnp.asarray(list(limits.values()), float)
+        self.before = before
 
     def __call__(self, outcome: Outcome) -> Float[Array, " c"]:
         """ln(value / limit), one entry per limit, row and plant.
@@ -179,7 +200,7 @@ class AtMost(eqx.Module):
             ValueError: the loops are limited, and the outcome has none.
         """
         parts = [
-            jnp.ravel(logarithm(_values(outcome, name) / bound))
+            jnp.ravel(logarithm(self._values(outcome, name) / bound))
             for name, bound in zip(self.names, self.bounds, strict=True)
         ]
         return jnp.concatenate(parts) if parts else no_limits(outcome)
@@ -189,8 +210,22 @@ class AtMost(eqx.Module):
         return [
             Entry(name, row, plant)
             for name in self.names
-            for row, plant in np.ndindex(*_values(outcome, name).shape)
+            for row, plant in np.ndindex(*self._values(outcome, name).shape)
         ]
+
+    def of_contour(self, index: int) -> "AtMost":
+        """The same limits for a problem of one of the contours."""
+        if self.before is None:
+            return self
+        one = eqx.tree_at(lambda b: b.errors, self.before, self.before.errors[index : index + 1])
+        return eqx.tree_at(lambda limits: limits.before, self, one)
+
+    def _values(self, outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plants"]:
+        if name != RATIO:
+            return _values(outcome, name)
+        assert self.before is not None  # `__init__` asks for it
+        errors = getattr(outcome.metrics, f"rms_{self.before.error}_error")
+        return errors / self.before.errors[:, None]
 
 
 def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plants"]:

@@ -16,7 +16,7 @@ from experiments.files.tuned_result import (
     rms_error,
 )
 from experiments.reports.tables import digits, peak_line, plain_table, position, say
-from tuning.objectives import LATE
+from tuning.objectives import LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
 STEP = 1.1  # of a limit, whose worth is told
@@ -173,7 +173,8 @@ def sentence(result: TunedResult) -> str:
         known = [ratio for ratio in ratios if ratio is not None]
         if known:
             typical = math.exp(sum(math.log(ratio) for ratio in known) / len(known))
-            parts.append(f"x {typical:.2f} on {len(known)} {words} contours")
+            many = "contour" if len(known) == 1 else "contours"
+            parts.append(f"x {typical:.2f} on {len(known)} {words} {many}")
     what = f"Worst RMS {result.error} error of the family, geometric mean"
     return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
 
@@ -199,6 +200,8 @@ def limit_words(name: str, bound: float) -> str:
     """A limit of the tuner in words; `..._use` stands for a limit that the machine states."""
     if name == LATE:
         return "delay margin of every plant"
+    if name == RATIO:
+        return f"error of every training contour <= {bound:.6g} of its start"
     if name.endswith("_use"):
         return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
     limited = name.replace("_", " ")

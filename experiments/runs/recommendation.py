@@ -13,7 +13,7 @@ from experiments.files.tuned_result import (
 )
 from tuning.tune import Price, Tuned
 
-WORSE = 1.01  # ratio to the start: less is within what the rounding of encoders does
+WORSE = 1.01  # ratio to the start: less is no change
 CHEAP = 1e-3  # price below which a limit does not stop anything
 
 
@@ -25,6 +25,7 @@ def reasons_against(
     exceeded: Sequence[str],
     error: str,
     delay: int = 0,
+    finest: float = 0.0,
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -36,13 +37,29 @@ def reasons_against(
         exceeded: limits of the machine that a run exceeds, one line each.
         error: the error that counts, "contour" or "tracking".
         delay: margin that is asked for [samples].
+        finest: difference of errors that the encoders can tell [m].
     """
     return [
         *_unstable(contours, margins, robust),
         *_late(margins, delay),
         *_infeasible(tuned),
         *exceeded,
-        *_worse(contours, error),
+        *_worse(contours, error, finest),
+    ]
+
+
+def hardly_worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
+    """A line of contours that became worse by no more than the encoders can tell [m]."""
+    ratios = {
+        one.name: ratio
+        for one in contours
+        if (ratio := _ratio(one, error)) > WORSE and _increase(one, error) <= finest
+    }
+    if not ratios:
+        return []
+    return [
+        f"worse than the start by less than the rounding of the encoders, {1e6 * finest:.2g} um: "
+        f"{_named(ratios)}"
     ]
 
 
@@ -104,22 +121,34 @@ def _infeasible(tuned: Tuned) -> list[str]:
     return lines
 
 
-def _worse(contours: Sequence[TunedContour], error: str) -> list[str]:
+def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
     """Contours that the tuned weights make worse, those that were held out first."""
     lines = []
     for training, words in ((False, "held-out"), (True, "training")):
         ratios = {
             one.name: ratio
             for one in contours
-            if one.training is training and (ratio := _ratio(one, error)) > WORSE
+            if one.training is training
+            and (ratio := _ratio(one, error)) > WORSE
+            and _increase(one, error) > finest
         }
         if ratios:
-            worse = ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
             lines.append(
-                f"worse than the start on {words} contours: {worse}; train on contours like "
-                "them, or so that none pays for the others, --objective regret"
+                f"worse than the start on {words} contours: {_named(ratios)}; train on contours "
+                "like them, or so that none pays for the others, --max-error-ratio 1 or "
+                "--objective regret"
             )
     return lines
+
+
+def _named(ratios: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} x {ratio:.2f}" for name, ratio in ratios.items())
+
+
+def _increase(contour: TunedContour, error: str) -> float:
+    """Growth of the family's worst error [m]."""
+    start, tuned = contour.metrics["start"].worst, contour.metrics["tuned"].worst
+    return rms_error(tuned, error) - rms_error(start, error)
 
 
 def _ratio(contour: TunedContour, error: str) -> float:

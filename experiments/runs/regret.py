@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.files import run_folder
 from experiments.runs.tuning import OBJECTIVES, TuningRun, probed_loops
-from tuning.objectives import Regret
+from tuning.objectives import AtMost, Regret
 from tuning.problem import Problem
 from tuning.tune import TuneState, tune
 
@@ -44,5 +44,8 @@ def _alone(run: TuningRun, index: int) -> Problem:
     problem = run.problem
     references = jax.tree.map(lambda leaf: leaf[index : index + 1], problem.references)
     objective = OBJECTIVES["typical", run.machine.error]
-    alone = replace(problem, references=references, objective=objective)
+    limits = problem.limits
+    if isinstance(limits, AtMost):
+        limits = limits.of_contour(index)
+    alone = replace(problem, references=references, objective=objective, limits=limits)
     return replace(alone, loops=probed_loops(run.flags, alone))

@@ -27,7 +27,9 @@ from jcontour.simulation.limit_use import AxisLimits
 from jcontour.simulation.metrics import Metrics
 from tuning.loops import ProbedLoops
 from tuning.objectives import (
+    RATIO,
     AtMost,
+    Before,
     Objective,
     mean_contour_error,
     mean_tracking_error,
@@ -115,7 +117,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     Raises:
         ValueError: a flag, a file or their combination is wrong.
     """
-    asked = loop_limits(flags)
+    asked = _ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
@@ -146,7 +148,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     limits |= asked | {f"{name}_use": RESERVED for name in _named(stated)}
     problem = replace(
         problem,
-        limits=AtMost(**limits),
+        limits=AtMost(_before(flags, before, problem), **limits),
         loops=probed_loops(flags, problem),
         axis_limits=stated if _named(stated) else None,
     )
@@ -247,6 +249,36 @@ def probed_loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
     if not loop_limits(flags):
         return None
     return ProbedLoops.of(problem.plants, problem.references, WINDOWS, flags.min_delay_margin)
+
+
+def _ratio_limit(flags: Tune) -> dict[str, float]:
+    """Bound on the errors over those of the start, where the flags ask for it.
+
+    Raises:
+        ValueError: it is not finite and above zero.
+    """
+    ratio = flags.max_error_ratio
+    if ratio is None:
+        return {}
+    if not (np.isfinite(ratio) and ratio > 0):
+        raise ValueError(
+            f"max-error-ratio: a limit needs to be finite and above zero, received {ratio}"
+        )
+    return {RATIO: ratio}
+
+
+def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:
+    """The family's worst error of every contour under the start weights, where a limit asks.
+
+    Of a contour that they do not follow nothing is asked.
+    """
+    if flags.max_error_ratio is None:
+        return None
+    metrics = start_metrics(replace(problem, build=before.build), before.start)
+    error = "contour" if problem.references.position.shape[-1] > 1 else "tracking"
+    worst = np.max(getattr(metrics, f"rms_{error}_error"), axis=1)
+    lost = np.any(metrics.diverged, axis=1)
+    return Before(jnp.asarray(np.where(lost, np.inf, worst)), error)
 
 
 def start_metrics(problem: Problem, start: Weights) -> Metrics:

@@ -24,7 +24,7 @@ from experiments.reports.figures.sensitivity import FamilyCurves
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.family_loops import family_curves, family_peaks
 from experiments.runs.path_margins import path_margins
-from experiments.runs.recommendation import active_limits, reasons_against
+from experiments.runs.recommendation import active_limits, hardly_worse, reasons_against
 from experiments.runs.robustness import robust_test
 from experiments.runs.searching import Searched
 from experiments.runs.standstill import standstill
@@ -102,7 +102,9 @@ def tuned_result(
     error = run.machine.error
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
     delay = run.flags.min_delay_margin
-    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error, delay)
+    finest = (run.machine.resolution or 0.0) / np.sqrt(12)  # noise of a rounded position
+    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error, delay, finest)
+    warnings = run_warnings(run, tuned, margins, replays) + hardly_worse(contours, error, finest)
     weights = plain_weights(tuned.weights)
     return TunedResult(
         machine=machine_summary(run.machine),
@@ -129,7 +131,7 @@ def tuned_result(
         plants=list(run.scenarios.plants),
         margins=margins,
         start_margins=trials["start"].margins,
-        warnings=run_warnings(run, tuned, margins, replays),
+        warnings=warnings,
         contours=contours,
         gap=gap(run, tuned, found),
         training_samples=run.training_samples,

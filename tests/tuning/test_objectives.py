@@ -6,6 +6,7 @@ import pytest
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,
+    Before,
     Entry,
     Regret,
     mean_contour_error,
@@ -113,6 +114,32 @@ def test_loops_with_more_delay_are_limited_for_every_probe_and_plant():
     assert limits.entries(Outcome(metrics(), late=late))[1] == Entry("late_radius", 0, 1)
     with pytest.raises(ValueError, match="late_radius: needs a problem that looks at loops"):
         limits(Outcome(metrics()))
+
+
+def test_errors_are_limited_by_those_before_the_tuning():
+    """A contour that nothing is asked of, infinite before, has no slope and no excess."""
+    errors = jnp.asarray(ERRORS)
+    before = Before(jnp.asarray([2e-6, np.inf]))
+    limits = AtMost(before, error_ratio=0.5)
+    found = limits(outcome(rms_contour_error=errors)).reshape(ERRORS.shape)
+    np.testing.assert_allclose(found[0], np.log(ERRORS[0] / 1e-6), rtol=1e-12)
+    assert (found[1] < -60).all()
+    slope = jax.jacfwd(lambda e: limits(outcome(rms_contour_error=e)))(errors)
+    np.testing.assert_allclose(slope[0, 0, 0], 1 / ERRORS[0, 0], rtol=1e-12)
+    assert np.isfinite(slope).all() and not slope[ERRORS.shape[1] :].any()
+
+
+def test_of_one_contour_the_ratio_is_to_its_own_error():
+    before = Before(jnp.asarray([2e-6, 3e-6]), "tracking")
+    alone = AtMost(before, error_ratio=1.0, rms_control=1.0).of_contour(1)
+    found = alone(Outcome(metrics(rms_tracking_error=jnp.full((1, 2), 6e-6))))
+    np.testing.assert_allclose(found[:2], np.log(2.0), rtol=1e-12)
+    assert AtMost(rms_control=1.0).of_contour(0).before is None
+
+
+def test_a_ratio_needs_the_errors_before():
+    with pytest.raises(ValueError, match="error_ratio: needs the errors before the tuning"):
+        AtMost(error_ratio=1.0)
 
 
 def test_limits_on_loops_need_loops():

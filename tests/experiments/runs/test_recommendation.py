@@ -7,7 +7,7 @@ import pytest
 
 from experiments.files.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.tuned_result import PathMargins, RobustTest, TunedContour
-from experiments.runs.recommendation import active_limits, reasons_against
+from experiments.runs.recommendation import active_limits, hardly_worse, reasons_against
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.tune import Price, Tuned
 
@@ -95,8 +95,16 @@ def test_held_out_contours_that_became_worse_are_named_before_training_ones():
 
 
 def test_less_than_a_per_cent_is_not_worse():
-    """The rounding of encoders does as much."""
     assert reasons(contours=[*GOOD, contour("cam", True, 1e-6, 1.009e-6)]) == []
+
+
+def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
+    worse = [contour("cam", True, 3e-6, 3.1e-6), contour("ellipse", False, 2e-6, 3e-6)]
+    (line,) = reasons(contours=[*GOOD, *worse], finest=0.2e-6)
+    assert "ellipse x 1.50" in line and "cam" not in line
+    (told,) = hardly_worse([*GOOD, *worse], "contour", 0.2e-6)
+    assert told.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
+    assert hardly_worse([*GOOD, *worse], "contour", 0.0) == []
 
 
 def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():

@@ -15,7 +15,8 @@ from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning import tuning_run
 from experiments.runs.tuning_results import shown_contours
 from jcontour.analysis.sensitivity import late_radius
-from jcontour.simulation.evaluation import member
+from jcontour.simulation.evaluation import evaluate, member, stack_plants
+from tuning.objectives import AtMost
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
 from tuning.tune import TuneState, advance
@@ -51,6 +52,32 @@ def test_state_comes_back_to_the_last_bit_at_every_step(job, tmp_path):
         assert before <= progress(stored, job.settings) <= 1.0
         before = progress(stored, job.settings)
     assert stored.done and list(tmp_path.iterdir()) == [tmp_path / "state.npz"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("objective", ["typical", "regret"])
+def test_errors_are_limited_by_those_of_the_start_on_the_smooth_machine(
+    machine_file, part_file, objective
+):
+    flags = Tune(
+        parts=(str(part_file), "circle"), plant=str(machine_file), preview=4, objective=objective
+    )
+    run = tuning_run(replace(flags, max_error_ratio=0.9))
+    assert run.limits == {**tuning_run(flags).limits, "error_ratio": 0.9}
+    family = stack_plants(run.machine.smooth_family())
+    before = run.before.build(run.before.start)
+    metrics = evaluate(before, family, run.problem.references)
+    limits = run.problem.limits
+    assert isinstance(limits, AtMost) and limits.before is not None
+    worst = np.max(metrics.rms_contour_error, axis=1)
+    np.testing.assert_allclose(limits.before.errors, worst, rtol=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf])
+def test_a_bad_ratio_is_told(machine_file, part_file, ratio):
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), max_error_ratio=ratio)
+    with pytest.raises(ValueError, match="max-error-ratio: a limit needs to be finite"):
+        tuning_run(flags)
 
 
 @pytest.mark.slow
