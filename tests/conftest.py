@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 from functools import cache
 
 # One thread for each worker, said before NumPy is loaded: those of two workers on two cores wait
@@ -29,6 +30,8 @@ IGNORED_WARNINGS = (
 
 
 def pytest_configure(config):
+    # commands that the tests stop with Ctrl-C heed it, though the tests run in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     _keep_compiled_programs(config)
     jax.config.update("jax_num_cpu_devices", 2)
     # neither types nor ranks are promoted without a word: all works for whom says so
