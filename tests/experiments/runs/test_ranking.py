@@ -27,6 +27,9 @@ def test_every_controller_that_reads_the_sensors_is_tried():
         "linear-cascade-feedforward",
         "zpetc",
         "optimal-feedforward",
+        "repetitive",
+        "run-out",
+        "adaptive-zpetc",
     ]
 
 
