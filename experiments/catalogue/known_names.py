@@ -99,16 +99,17 @@ def _check_lines(path: Path, any_feed: bool) -> None:
         ToolpathError: a line that cannot be read or traced.
     """
     from jcontour.geometry.csv_points import csv_points
-    from jcontour.geometry.gcode import interpreted
+    from jcontour.geometry.gcode.programs import files_beside, interpreted
     from jcontour.geometry.toolpath_rules import ToolpathError
-    from jcontour.geometry.toolpath_text import lines_of, read_text
+    from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
+    feed = 1.0 if any_feed else None
     try:
-        lines = lines_of(read_text(path))[:FIRST_LINES]
         if path.suffix.lower() == ".csv":
-            csv_points(lines)
+            csv_points(lines_of(read_text(path))[:FIRST_LINES])
         else:
-            interpreted(lines, axes=3, feed=1.0 if any_feed else None)
+            lines = lines_of(read_program(path))
+            interpreted(lines, 3, feed, files_beside(path), most_lines=FIRST_LINES)
     except ToolpathError as error:
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None

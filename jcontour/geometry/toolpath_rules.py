@@ -7,7 +7,8 @@ INCH = 25.4e-3  # [m]
 SHORTEST = 1e-9
 FARTHEST = 100.0  # [m] of any coordinate; a machine that large is not meant
 FASTEST = 100.0  # [m/s]
-MOST_MOVES = 100_000  # each is a sample at least, and kilobytes while its box is measured
+SLOWEST = 1e-6  # [m/s] of a programmed feed: a millimetre in a quarter of an hour
+MOST_MOVES = 500_000  # each is a sample at least
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"  # regular expression of a decimal number
 
 

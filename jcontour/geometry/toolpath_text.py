@@ -15,22 +15,40 @@ def read_text(path: str | PathLike[str]) -> str:
     Raises:
         ToolpathError: the file is missing, larger than 64 MiB or not UTF-8.
     """
-    path = Path(path)
-    if not path.is_file():
-        fault = "not a file" if path.exists() else "no such file"
-        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
-    if path.stat().st_size > MOST_BYTES:
-        raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ToolpathError(f"{path}: {error.strerror}") from None
+    content = _content(Path(path))
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         byte = content[error.start]
         raise ToolpathError(f"line {line}: byte 0x{byte:02x} is not UTF-8 text") from None
+
+
+def read_program(path: str | PathLike[str]) -> str:
+    """Text of a program, in UTF-8 or else in one byte a letter (Latin-1), as old posts write it.
+
+    Words are ASCII, so that the two differ in comments only.
+
+    Raises:
+        ToolpathError: the file is missing or larger than 64 MiB.
+    """
+    content = _content(Path(path))
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _content(path: Path) -> bytes:
+    if not path.is_file():
+        fault = "not a file" if path.exists() else "no such file"
+        raise ToolpathError(f"{shown(str(path), 200)}: {fault}")
+    if path.stat().st_size > MOST_BYTES:
+        raise ToolpathError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ToolpathError(f"{path}: {error.strerror}") from None
 
 
 def lines_of(text: str) -> list[str]:

@@ -1,25 +1,34 @@
 """Toolpath files: G-code and CSV points become a `Contour`, with the feed of every piece.
 
-The G-code read here (RS-274 as mills speak it; numbers in mm until G20 says inches, everything is
-metres inside):
+The G-code read here is RS-274/NGC as LinuxCNC defines it (its documentation, "G-Code"), as far as
+mills, routers, lasers and plasma cutters of three axes use it. Everything is metres inside.
 
     motion     G0 rapid, G1 line, G2 / G3 arc clockwise / counter-clockwise, seen from the tip of
                the plane's normal
-    arcs       centre by I J K (from the start of the arc) or radius R (R < 0: the long way round);
-               G17 XY, G18 ZX, G19 YZ; motion along the normal makes a helix;
-               I J K without an end point is a full circle
-    modes      G20 G21 inch and mm; G90 G91 absolute and incremental end points; F feed per minute
-    ignored    G40 G49 G54 G61 G64 (with P) G91.1 G94; M0 M1 M3 M4 M5 M6 M7 M8 M9; S, T, N
-    ends       G80 ends the motion mode; M2 M30 end the program
-    layout     (comments), ; comments, % lines; a line that begins with / is skipped, as with the
-               block-delete switch on
+    arcs       centre by I J K (from the start of the arc; G90.1: in the program's coordinates) or
+               radius R (R < 0: the long way round); P turns; G17 XY, G18 ZX, G19 YZ; motion along
+               the normal makes a helix; I J K without an end point is a full circle
+    cycles     G73 G74 G81 to G86 G88 G89 as moves, with G98 G99, R, Q and L
+    places     G28 G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20, G52, G92 and its kin, G43.1
+    modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
+               minute (G94) or one over the minutes of a move (G93); @ ^ polar end points
+    values     numbers, #1, #<name>, [expressions], functions
+    flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
+               subprograms in files NAME.ngc beside the program
+    told       in `ignored`, as they move nothing here: G4, G40, G43, G61, G64, G96, G97, all other
+               M codes, and D, E, H, S, T; tools have no length
+    ends       M2, M30, M99 in the program itself, the second %
+    layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
+               that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) is
+               an error
 
-Anything else is an error with its line number, for instance dwells (G4), G53, other offsets,
-cycles, G90.1 and G93: they move the tool or the clock. The machine starts at X0 Y0 Z0 in mm,
+Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
+splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,
 absolute, XY plane, with neither a feed nor a motion mode.
 """
 
 from os import PathLike
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -28,10 +37,11 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode import Move, interpreted
+from jcontour.geometry.gcode.move import Move
+from jcontour.geometry.gcode.programs import Library, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
-from jcontour.geometry.toolpath_text import lines_of, read_text
+from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
 Axes = Literal["XY", "XYZ"]
 
@@ -58,18 +68,21 @@ def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None 
     """Toolpath of a G-code file; see `parse_gcode`.
 
     Raises:
-        ToolpathError: what `parse_gcode` says, or the file is missing, too long or not UTF-8.
+        ToolpathError: what `parse_gcode` says, or the file is missing or too long.
     """
-    return parse_gcode(read_text(path), axes, feed)
+    return parse_gcode(read_program(path), axes, feed, files_beside(Path(path)))
 
 
-def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Toolpath:
+def parse_gcode(
+    text: str, axes: Axes = "XY", feed: float | None = None, library: Library = no_files
+) -> Toolpath:
     """Toolpath of a G-code program; the module's docstring says what it may contain.
 
-    An arc whose end lies beside its circle is accepted where Grbl accepts it: when the radii at
-    start and end differ by at most 5 um, or by at most 0.1 % and 0.5 mm. Its centre is then moved
-    so that it meets both ends; beyond half a turn it becomes two arcs, to stay near the circle. An
-    R arc too short for its end by no more than that is a half circle.
+    An arc whose end lies beside its circle is accepted where LinuxCNC accepts it: when the radii at
+    start and end differ by at most 28.3 um (71.8 um in inches), or by at most 0.1 % and a hundred
+    times that. Its centre is then moved so that it meets both ends; beyond half a turn it becomes
+    two arcs, to stay near the circle. An R too short for its end by at most 5 um, or 0.1 % and
+    0.5 mm, is a half circle.
 
     >>> program = '''
     ...     G21 G90 G0 X0 Y0
@@ -85,8 +98,10 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
     Args:
         text: the program.
         axes: "XYZ", or "XY" for its projection: moves along Z alone vanish, the others last as long
-            as they did (their feed is that of the projection), arcs in other planes are errors.
+            as they did (their feed is that of the projection), arcs in other planes become lines
+            to and fro; a helix in another plane is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
+        library: lines of the files that subprograms are in, by name.
 
     Raises:
         ToolpathError: "line 12: ..." for whatever cannot be read or traced; no cutting move; a feed
@@ -98,7 +113,7 @@ def parse_gcode(text: str, axes: Axes = "XY", feed: float | None = None) -> Tool
         raise ToolpathError(
             f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}"
         )
-    interpreter = interpreted(lines_of(text), len(axes), feed)
+    interpreter = interpreted(lines_of(text), len(axes), feed, library)
     moves = interpreter.moves
     cutting = [i for i, move in enumerate(moves) if not move.rapid]
     if not cutting:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from jcontour.geometry.gcode import interpreted
+from jcontour.geometry.gcode.programs import interpreted
 from jcontour.geometry.toolpath_text import lines_of
 from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, read_gcode
 
@@ -68,15 +68,20 @@ def test_files_that_cannot_be_read(traced, tmp_path):
         read_gcode("null\0byte")
     with pytest.raises(ToolpathError, match="not a file"):
         read_gcode(tmp_path)
-    (tmp_path / "latin.ngc").write_bytes(b"G1 X1 F100\n(\xe9)\n")
-    with pytest.raises(ToolpathError, match="line 2: byte 0xe9 is not UTF-8"):
+    (tmp_path / "latin.ngc").write_bytes(b"G1 X1 F100\n(caf\xe9)\n")  # not UTF-8, in a comment
+    traced.assert_valid(read_gcode(tmp_path / "latin.ngc"))
+    (tmp_path / "latin.ngc").write_bytes(b"G1 X1 F100\nX\xe9\n")
+    with pytest.raises(ToolpathError, match=r"line 2: cannot read 'X\\xe9'"):
         read_gcode(tmp_path / "latin.ngc")
+    (tmp_path / "latin.csv").write_bytes(b"0,0\n1,\xe9\n")
+    with pytest.raises(ToolpathError, match="line 2: byte 0xe9 is not UTF-8"):
+        read_csv(tmp_path / "latin.csv")
     (tmp_path / "mark.ngc").write_bytes(b"\xef\xbb\xbfG1 X1 F100\n")
     traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
 
 
 def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
-    monkeypatch.setattr("jcontour.geometry.gcode.MOST_MOVES", 3)
+    monkeypatch.setattr("jcontour.geometry.gcode.tracer.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
         parse_gcode("F1 G1 X1\nX2\nX3\nX4\nX5")
     monkeypatch.setattr("jcontour.geometry.toolpath_text.MOST_BYTES", 2**20)

@@ -1,0 +1,1 @@
+"""Programs in G-code (RS-274/NGC): words, expressions, O-words, and the moves they make."""

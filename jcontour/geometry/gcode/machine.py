@@ -1,0 +1,383 @@
+"""A machine control that carries out words line by line: modal state, and the moves it has made."""
+
+import math
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass, field
+
+from jcontour.geometry.arcs import (
+    ARC_SLACK,
+    ARC_SLACK_INCH,
+    arcs_between,
+    centre_from_radius,
+)
+from jcontour.geometry.gcode import codes, cycles
+from jcontour.geometry.gcode.expressions import whole
+from jcontour.geometry.gcode.line_words import LineWords, sorted_words
+from jcontour.geometry.gcode.modes import PLANES, Modes
+from jcontour.geometry.gcode.move import Move, Point
+from jcontour.geometry.gcode.offsets import SYSTEMS, ZERO, Offsets, replaced
+from jcontour.geometry.gcode.targets import target
+from jcontour.geometry.gcode.tracer import Tracer, check_near
+from jcontour.geometry.toolpath_rules import (
+    FASTEST,
+    INCH,
+    SHORTEST,
+    SLOWEST,
+    ToolpathError,
+)
+
+AXES = {"X": 0, "Y": 1, "Z": 2}
+CENTRES = {"I": 0, "J": 1, "K": 2}
+MOVING = frozenset("XYZIJKR@^")
+LENGTHS = frozenset("XYZIJKR@Q")
+TOLD = frozenset("ABCDEHSTUVW")  # letters without meaning for the path
+TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
+MOST_TURNS = 10_000  # of an arc, and holes of a cycle
+
+
+@dataclass
+class Machine:
+    """The modal state of a machine control, and the moves it has made.
+
+    Attributes:
+        tracer: where the machine is, and the moves it has made.
+        first_feed: in force at the beginning [m/s]; None where the program has to give one.
+    """
+
+    tracer: Tracer
+    first_feed: float | None
+    modes: Modes = field(default_factory=Modes)
+    offsets: Offsets = field(default_factory=Offsets)
+    motion: int | None = None  # code in force, in tenths
+    homes: dict[int, Point] = field(default_factory=lambda: {280: ZERO, 300: ZERO})
+    tool: int = 0  # in the spindle
+    next_tool: int = 0
+    ended: bool = False
+    ignored: set[str] = field(default_factory=set)  # words without meaning for the path
+    sticky: dict[str, float] = field(default_factory=dict)  # Z, R and Q of the cycle in force [m]
+    level_before_cycles: float | None = None
+
+    @property
+    def moves(self) -> list[Move]:
+        """Moves made so far."""
+        return self.tracer.moves
+
+    def __post_init__(self) -> None:
+        self.modes.feed = self.first_feed
+
+    def execute(self, words: Iterable[tuple[str, float]]) -> LineWords:
+        """Carry out the words of a line; return them sorted.
+
+        Raises:
+            ToolpathError: what cannot be traced.
+        """
+        found = sorted_words(words, self.motion)
+        values = found.values
+        if found.codes or found.m_codes or found.without_motion:
+            self._switch(found)
+        if "F" in values:
+            self._set_feed(values["F"])
+        if not values.keys() <= MOVING:
+            self._tell(values)
+        if not codes.FLOW.isdisjoint(found.m_codes):
+            return found
+        once = found.codes.get("once")
+        if once is not None and once != 530:
+            self._do_once(once, values)
+        if once not in codes.TAKING_AXES and once != 40:
+            if not MOVING.isdisjoint(values) and not self._only_said(found):
+                self._move(values, on_machine=once == 530)
+        if not codes.END.isdisjoint(found.m_codes):
+            self.ended = True
+        return found
+
+    def _switch(self, found: LineWords) -> None:
+        self._tell_codes(found)
+        switched = found.codes
+        if "feed" in switched:
+            inverse = switched["feed"] == 930
+            if inverse != self.modes.inverse_time:
+                self.modes.feed = self.first_feed
+            self.modes.inverse_time = inverse
+        if "T" in found.values:
+            self.next_tool = int(found.values["T"])
+        if 6 in found.m_codes:
+            self.tool = self.next_tool
+        self.modes.switch(switched)
+        if "system" in switched:
+            code = switched["system"]
+            self.offsets.system = (code - 530) // 10 if code <= 590 else code - 584
+        length = switched.get("tool length")
+        if length == 431:
+            self.offsets.tool = replaced(ZERO, self._by_axis(found.values))
+            for letter in AXES:
+                found.values.pop(letter, None)
+        elif length is not None:
+            self.offsets.tool = ZERO
+        if "motion" in switched:
+            code = switched["motion"]
+            self.motion = None if code == codes.NO_MOTION else code
+            if code not in codes.CYCLES:
+                self.level_before_cycles = None
+                self.sticky = {}
+
+    def _tell_codes(self, found: LineWords) -> None:
+        self.ignored |= {f"G{code / 10:g}" for code in found.without_motion}
+        self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
+        if found.codes.get("tool length") == 430:
+            self.ignored.add("G43")
+        if found.codes.get("once") == 40:
+            self.ignored.add("G4")
+        if found.without_motion or not codes.FLOW.issuperset(found.m_codes):
+            self.ignored |= found.values.keys() & TOLD_WITH_CODES
+
+    def _only_said(self, found: LineWords) -> bool:
+        """Whether R belongs to a code that moves nothing, as in `M19 R90`."""
+        alone = MOVING.intersection(found.values) == {"R"} and "motion" not in found.codes
+        said = alone and bool(found.without_motion or found.m_codes)
+        if said:
+            self.ignored.add("R")
+        return said
+
+    def _tell(self, values: dict[str, float]) -> None:
+        self.ignored |= values.keys() & TOLD
+
+    def _set_feed(self, word: float) -> None:
+        if self.modes.inverse_time:
+            if not word > 0:
+                raise ToolpathError(f"G93 needs F above 0, received F{word:g}")
+            return
+        feed = word * self.modes.unit / 60.0
+        if not (feed == 0 or SLOWEST <= feed <= FASTEST):
+            raise ToolpathError(
+                f"the feed needs to be above 0, {SLOWEST:g} to {FASTEST:g} m/s, received F{word:g}"
+            )
+        self.modes.feed = feed
+
+    def _do_once(self, code: int, values: dict[str, float]) -> None:
+        if code == 40:
+            self._dwell(values)
+        elif code == 100:
+            self._set_up(values)
+        elif code in (280, 300):
+            self._go_home(code, values)
+        elif code in (281, 301):
+            self.homes[code - 1] = self.tracer.at
+        elif code == 520:
+            self.offsets.shift_by(self._by_axis(values))
+        elif code == 920:
+            self.offsets.shift_to(self._by_axis(values), self.tracer.at)
+        elif code == 923:
+            self.offsets.shift_again()
+        else:
+            self.offsets.unshift(for_good=code == 921)
+
+    def _dwell(self, values: dict[str, float]) -> None:
+        """A dwell moves nothing; axis words beside P are a move, X without P is the time."""
+        moves = "P" in values and not MOVING.isdisjoint(values)
+        if moves:
+            self._move(values, on_machine=False)
+
+    def _set_up(self, values: dict[str, float]) -> None:
+        """G10 L2 and L20 place a work system; other L set up tools, which have no length here."""
+        kind = values.get("L")
+        if kind not in (2, 20):
+            self.ignored.add("G10")
+            return
+        system = whole(values.get("P", 0.0), "P of G10") or self.offsets.system
+        if not 1 <= system <= SYSTEMS:
+            raise ToolpathError(f"G10 needs P0 to P{SYSTEMS}, received P{system}")
+        lengths = self._by_axis(values)
+        if kind == 20:
+            self.offsets.set_here(system, lengths, self.tracer.at)
+            return
+        angle = math.radians(values["R"]) if "R" in values else None
+        self.offsets.set_origin(system, lengths, angle)
+
+    def _go_home(self, code: int, values: dict[str, float]) -> None:
+        """G28 and G30: at traverse by way of a point, where one is given, to a place kept."""
+        home, given = self.homes[code], AXES.keys() & values.keys()
+        if given:
+            self._trace_line(self.offsets.on_machine(self._target(values)), rapid=True)
+            home = replaced(self.tracer.at, {AXES[letter]: home[AXES[letter]] for letter in given})
+        self._trace_line(home, rapid=True)
+
+    def _by_axis(self, values: dict[str, float]) -> dict[int, float]:
+        unit = self.modes.unit
+        lengths = {i: values[letter] * unit for letter, i in AXES.items() if letter in values}
+        check_near(lengths.values())
+        return lengths
+
+    def _move(self, values: dict[str, float], on_machine: bool) -> None:
+        if self.motion is None:
+            raise ToolpathError(
+                "axis words without a motion mode (G0, G1, G2 or G3, a cycle) before them"
+            )
+        if on_machine:
+            self._move_on_machine(values)
+        elif self.motion in codes.CYCLES:
+            self._drill(values)
+        elif self.motion > 10:
+            self._arc(values)
+        else:
+            if not values.keys().isdisjoint("IJKR"):
+                raise ToolpathError(
+                    f"I, J, K and R belong to arcs (G2, G3), not to G{self.motion // 10}"
+                )
+            self._trace_line(self._on_machine(self._target(values)), self.motion == 0, values)
+
+    def _move_on_machine(self, values: dict[str, float]) -> None:
+        if self.motion not in (0, 10):
+            raise ToolpathError("G53 needs G0 or G1")
+        end = replaced(self.tracer.at, self._by_axis(values))
+        self._trace_line(end, self.motion == 0, values)
+
+    def _here(self) -> Point:
+        """Coordinates in the program of where the machine is."""
+        return self.tracer.at if self.offsets.none else self.offsets.in_program(self.tracer.at)
+
+    def _on_machine(self, point: Point) -> Point:
+        return point if self.offsets.none else self.offsets.on_machine(point)
+
+    def _target(self, values: dict[str, float]) -> Point:
+        """End point in the program [m]."""
+        return target(values, self._here(), self.modes)
+
+    def _arc(self, values: dict[str, float]) -> None:
+        first, second, normal = PLANES[self.modes.plane]
+        centres = [letter for letter in CENTRES if letter in values]
+        if bool(centres) == ("R" in values):
+            raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
+        if values.get("IJK"[normal]):
+            raise ToolpathError(f"{'IJK'[normal]} is not in the plane of G{self.modes.plane // 10}")
+        here, there = self._here(), self._target(values)
+        start, end = complex(here[first], here[second]), complex(there[first], there[second])
+        counter_clockwise = self.motion == 30
+        if "R" in values:
+            radius = values["R"] * self.modes.unit
+            check_near([radius])
+            centre = centre_from_radius(start, end, radius, counter_clockwise)
+        else:
+            centre = self._centre(values, start)
+        slack = ARC_SLACK_INCH if self.modes.unit == INCH else ARC_SLACK
+        arcs = list(arcs_between(start, end, centre, counter_clockwise, slack))
+        turns = whole(values.get("P", 1.0), "P of an arc")
+        if not 1 <= turns <= MOST_TURNS:
+            raise ToolpathError(f"P of an arc needs to be 1 to {MOST_TURNS}, received {turns}")
+        if turns > 1:
+            whole_turn = math.copysign(math.tau, arcs[0][2])
+            arcs = [(start, arcs[0][1], whole_turn)] * (turns - 1) + arcs
+        self._trace_arcs(arcs, here, there[normal], values)
+
+    def _centre(self, values: dict[str, float], start: complex) -> complex:
+        first, second, _ = PLANES[self.modes.plane]
+        unit = self.modes.unit
+        letters = "IJK"[first], "IJK"[second]
+        if self.modes.absolute_centres and not values.keys() >= set(letters):
+            raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
+        offset = complex(*(values.get(letter, 0.0) * unit for letter in letters))
+        check_near([offset.real, offset.imag])
+        return offset if self.modes.absolute_centres else start + offset
+
+    def _trace_arcs(
+        self,
+        arcs: list[tuple[complex, complex, float]],
+        here: Point,
+        last_level: float,
+        values: dict[str, float],
+    ) -> None:
+        plane = self.modes.plane
+        _, _, normal = PLANES[plane]
+        if normal < 2 and self.offsets.angle:
+            raise ToolpathError(f"an arc in the plane of G{plane // 10} in a rotated work system")
+        rise = last_level - here[normal]
+        turned = sum(abs(angle) for _, _, angle in arcs)
+        slope = rise / turned if abs(rise) >= SHORTEST else 0.0
+        lengths = [math.hypot(abs(end - centre), slope) * abs(angle) for end, centre, angle in arcs]
+        feed = self._feed(sum(lengths), values)
+        level = here[normal]
+        for end, centre, angle in arcs:
+            middle = self._on_machine(_in_space(plane, centre, level))
+            level += slope * abs(angle)
+            end_point = self._on_machine(_in_space(plane, end, level))
+            shadow = normal < 2 and self.tracer.axes == 2
+            add = self.tracer.add_shadow if shadow else self.tracer.add
+            add(end_point, middle, angle, feed, plane)
+
+    def _drill(self, values: dict[str, float]) -> None:
+        """A canned cycle at every hole that the line says."""
+        code = self.motion or 0
+        normal = PLANES[self.modes.plane][2]
+        unit, incremental = self.modes.unit, self.modes.incremental
+        if self.modes.inverse_time:
+            raise ToolpathError("a canned cycle in inverse time (G93)")
+        lengths = {letter: values[letter] * unit for letter in LENGTHS & values.keys()}
+        check_near(lengths.values())
+        depth_letter = "XYZ"[normal]
+        for letter in (depth_letter, "R", "Q"):
+            if letter in lengths:
+                self.sticky[letter] = lengths[letter]
+        here = self._here()
+        if self.level_before_cycles is None:
+            self.level_before_cycles = here[normal]
+        before = self.level_before_cycles
+        hole = cycles.hole_at(self.sticky, depth_letter, before, incremental, self.modes.to_r_plane)
+        holes = whole(values.get("L", 1.0), "L of a cycle")
+        if not 1 <= holes <= MOST_TURNS:
+            raise ToolpathError(f"L of a cycle needs to be 1 to {MOST_TURNS}, received {holes}")
+        if here[normal] < hole.retract:
+            self._go_to_level(hole.retract, rapid=True)
+        above = here[normal] > hole.retract + SHORTEST
+        for index in range(holes):
+            place = self._target({k: v for k, v in values.items() if k != depth_letter})
+            level = here[normal] if above and index == 0 else hole.clear
+            place = replaced(place, {normal: level})
+            self._trace_line(self._on_machine(place), rapid=True)
+            self._go_to_level(hole.retract, rapid=True)
+            for step in cycles.steps(code, hole):
+                self._go_to_level(step.level, step.rapid)
+
+    def _go_to_level(self, level: float, rapid: bool) -> None:
+        point = list(self._here())
+        point[PLANES[self.modes.plane][2]] = level
+        self._trace_line(self._on_machine((point[0], point[1], point[2])), rapid)
+
+    def _feed(self, length: float, values: dict[str, float]) -> float:
+        """Speed of a cutting move of a length [m/s]."""
+        if not self.modes.inverse_time:
+            feed = self.modes.feed
+            if feed is None:
+                raise ToolpathError("a cutting move without a feed (F) before it")
+            if not feed > 0:
+                raise ToolpathError("a cutting move at a feed of 0: it needs to be above 0")
+            return feed
+        if "F" not in values:
+            raise ToolpathError("a cutting move in inverse time (G93) needs F in its line")
+        feed = length * values["F"] / 60.0
+        if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
+            raise ToolpathError(
+                f"the feed needs to be {SLOWEST:g} to {FASTEST:g} m/s; "
+                f"F{values['F']:g} in inverse time makes it {feed:.3g}"
+            )
+        return feed
+
+    def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
+        feed = math.nan if rapid else self._feed(math.dist(self.tracer.at, end), values or {})
+        self.tracer.add_line(end, feed, self.modes.plane)
+
+    def kept_modes(self) -> tuple[Modes, int]:
+        """Copy of the modes and the work system in force (M70)."""
+        return copy(self.modes), self.offsets.system
+
+    def restore(self, kept: tuple[Modes, int]) -> None:
+        """Put modes and a work system in force again (M72)."""
+        modes, self.offsets.system = kept
+        self.modes = copy(modes)
+
+
+def _in_space(plane: int, point: complex, level: float) -> Point:
+    """Point in space from its place in a plane and its level along the plane's normal."""
+    first, second, normal = PLANES[plane]
+    coordinates = {first: point.real, second: point.imag, normal: level}
+    return coordinates[0], coordinates[1], coordinates[2]

@@ -1,0 +1,79 @@
+"""Parameters that the machine sets: its position, its offsets and its modes."""
+
+from jcontour.geometry.gcode.machine import Machine
+from jcontour.geometry.toolpath_rules import INCH, MM
+
+AXES = 3
+VERSION, RELEASE = 2.0, 9.0  # of LinuxCNC, whose language this is
+
+
+def machine_values(machine: Machine, key: int | str, call_level: int) -> float | None:
+    """Value of a parameter that the machine sets; None for all others.
+
+    Lengths are in the unit in force, those that a control keeps (5161 to 5390) in millimetres.
+    """
+    if isinstance(key, int):
+        return _numbered(machine, key)
+    if key.startswith("_"):
+        return _named(machine, key, call_level)
+    return None
+
+
+def _numbered(machine: Machine, key: int) -> float | None:
+    unit, offsets = machine.modes.unit, machine.offsets
+    at_axis = {
+        5021: (machine.tracer.at, unit),
+        5081: (offsets.tool, unit),
+        5161: (machine.homes[280], MM),
+        5181: (machine.homes[300], MM),
+        5211: (offsets.shift, MM),
+        5420: (machine.offsets.in_program(machine.tracer.at), unit),
+    }
+    for first, (point, length) in at_axis.items():
+        if first <= key < first + AXES:
+            return point[key - first] / length
+    if key == 5220:
+        return float(offsets.system)
+    if key == 5400:
+        return float(machine.tool)
+    system, axis = divmod(key - 5221, 20)
+    if 0 <= system < len(offsets.origins) and axis < AXES:
+        return offsets.origins[system][axis] / MM
+    return None
+
+
+def _named(machine: Machine, key: str, call_level: int) -> float | None:
+    modes, unit = machine.modes, machine.modes.unit
+    here = machine.offsets.in_program(machine.tracer.at)
+    system = machine.offsets.system
+    values = {
+        "_x": here[0] / unit,
+        "_y": here[1] / unit,
+        "_z": here[2] / unit,
+        "_abs_x": machine.tracer.at[0] / unit,
+        "_abs_y": machine.tracer.at[1] / unit,
+        "_abs_z": machine.tracer.at[2] / unit,
+        "_feed": (modes.feed or 0.0) * 60.0 / unit,
+        "_metric": float(unit == MM),
+        "_imperial": float(unit == INCH),
+        "_absolute": float(not modes.incremental),
+        "_incremental": float(modes.incremental),
+        "_ijk_absolute_mode": float(modes.absolute_centres),
+        "_inverse_time": float(modes.inverse_time),
+        "_units_per_minute": float(not modes.inverse_time),
+        "_units_per_rev": 0.0,
+        "_plane": float(modes.plane),
+        "_motion_mode": 800.0 if machine.motion is None else float(machine.motion),
+        "_ccomp": 400.0,
+        "_coord_system": 530.0 + 10 * system if system <= 6 else 584.0 + system,
+        "_retract_r_plane": float(modes.to_r_plane),
+        "_retract_old_z": float(not modes.to_r_plane),
+        "_current_tool": float(machine.tool),
+        "_selected_tool": float(machine.next_tool),
+        "_call_level": float(call_level),
+        "_line": float(machine.tracer.line),
+        "_task": 0.0,  # nothing real is moved, as in a preview
+        "_vmajor": VERSION,
+        "_vminor": RELEASE,
+    }
+    return values.get(key)

@@ -1,0 +1,29 @@
+"""One move of the tool: a line, an arc or a helix."""
+
+from typing import NamedTuple
+
+Point = tuple[float, float, float]  # [m]
+
+
+class Move(NamedTuple):
+    """A line, or an arc or helix where `angle` is not zero.
+
+    Attributes:
+        start: first point [m].
+        end: last point [m].
+        centre: of the arc, in the plane of its start [m].
+        angle: turned [rad], positive counter-clockwise around the plane's normal.
+        normal: axis number of the plane's normal.
+        feed: speed along the move [m/s], NaN for a rapid move.
+        rapid: whether it is one (G0).
+        line: of the program, from 1.
+    """
+
+    start: Point
+    end: Point
+    centre: Point
+    angle: float
+    normal: int
+    feed: float
+    rapid: bool
+    line: int

@@ -1,0 +1,353 @@
+"""Programs carried out from line to line: modal words, loops, branches and subprograms."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from jcontour.geometry.gcode import codes
+from jcontour.geometry.gcode.blocks import NOTHING, Block, OWord, read_block
+from jcontour.geometry.gcode.expressions import evaluated, whole
+from jcontour.geometry.gcode.flow import Structure, structure
+from jcontour.geometry.gcode.machine import Machine
+from jcontour.geometry.gcode.machine_values import machine_values
+from jcontour.geometry.gcode.modes import Modes
+from jcontour.geometry.gcode.parameters import Locals, Parameters
+from jcontour.geometry.gcode.tracer import Tracer
+from jcontour.geometry.toolpath_rules import ToolpathError, shown
+from jcontour.geometry.toolpath_text import lines_of, read_program
+
+MOST_REPEATED = 500_000  # lines carried out again; each takes microseconds
+DEEPEST_CALL = 10  # of subprograms in subprograms, as LinuxCNC allows
+MOST_ARGUMENTS = 30
+FILE_NAME = re.compile(r"[a-z0-9_-]+")
+MOST_REPEATS = 1_000_000
+
+Library = Callable[[str], Sequence[str] | None]  # lines of a subprogram's file, None without one
+
+
+def no_files(name: str) -> None:
+    """Library without any subprograms."""
+
+
+def files_beside(program: Path) -> Library:
+    """Library of the files beside a program: NAME.ngc holds the subprogram NAME.
+
+    Their names are of small letters, digits, - and _, as LinuxCNC asks: none leads elsewhere.
+    """
+
+    def lines(name: str) -> list[str] | None:
+        if not FILE_NAME.fullmatch(name):
+            return None
+        path = program.with_name(f"{name}.ngc")
+        return lines_of(read_program(path)) if path.is_file() else None
+
+    return lines
+
+
+@dataclass
+class Source:
+    """Text of a program, read as it is carried out."""
+
+    lines: Sequence[str]
+    name: str = ""  # of the file of a subprogram; empty for the program itself
+    reached: int = -1  # the farthest line that was carried out
+    blocks: dict[int, Block] = field(default_factory=dict)  # of lines that may come again
+    _structure: Structure | None = None
+
+    @property
+    def structure(self) -> Structure:
+        """Where its O-words lead."""
+        if self._structure is None:
+            self._structure = structure(self.lines)
+        return self._structure
+
+
+@dataclass
+class Frame:
+    """A program or subprogram under way."""
+
+    source: Source
+    next: int = 0
+    kept: Locals | None = None  # parameters of the caller
+    begin: int = 0  # where M98 with L repeats it
+    laps: int = 1  # of M98 still to be done, this one included
+    by_m98: bool = False
+    loops: dict[int, int] = field(default_factory=dict)  # rounds left of repeats, by first line
+    branched: set[int] = field(default_factory=set)  # branches whose turn was skipped to
+    modes: tuple[Modes, int] | None = None  # and work system, that M70 or M73 kept
+    restores: bool = False  # whether they come back at the end (M73)
+
+
+@dataclass
+class Program:
+    """A program under way on a machine.
+
+    Attributes:
+        machine: what carries out its words.
+        library: files of subprograms.
+        parameters: of the program.
+        frames: the program, and the subprograms it is in.
+        repeated: lines that were carried out again.
+    """
+
+    machine: Machine
+    library: Library
+    parameters: Parameters
+    frames: list[Frame]
+    repeated: int = 0
+    marked: bool = False  # by a first %
+    begun: bool = False  # whether a line that says something has come
+
+    def run(self, most_lines: int | None = None) -> None:
+        """Carry out lines up to the end of the program, or so many.
+
+        Raises:
+            ToolpathError: "line 12: ..." for whatever cannot be read or traced.
+        """
+        count = 0
+        while not self.machine.ended and (most_lines is None or count < most_lines):
+            frame = self.frames[-1]
+            if frame.next >= len(frame.source.lines):
+                if len(self.frames) > 1:
+                    raise ToolpathError(f"{self._place(frame)}the file ends in a subprogram")
+                return
+            try:
+                self._carry_out(frame)
+            except ToolpathError as error:
+                raise ToolpathError(f"{self._place(frame)}{error}") from None
+            count += 1
+
+    def _place(self, frame: Frame) -> str:
+        file = f"{frame.source.name} " if frame.source.name else ""
+        return f"{file}line {frame.next if frame.next else 1}: "
+
+    def _carry_out(self, frame: Frame) -> None:
+        index = frame.next
+        frame.next += 1
+        source = frame.source
+        if len(self.frames) == 1:
+            self.machine.tracer.line = index + 1
+        block = source.blocks.get(index)
+        if block is None:
+            block = self._block(source, index)
+        if index > source.reached:
+            source.reached = index
+        else:
+            self.repeated += 1
+            source.blocks[index] = block
+            if self.repeated > MOST_REPEATED:
+                raise ToolpathError(
+                    f"more than {MOST_REPEATED} lines carried out again: a loop that does not end?"
+                )
+        if block is NOTHING:
+            return
+        self.begun = True
+        if block.abort is not None:
+            raise ToolpathError(f"the program aborts: {shown(block.abort, 80)}")
+        if block.flow is not None:
+            self._flow(frame, index, block.flow)
+        else:
+            self._execute(frame, block)
+
+    def _block(self, source: Source, index: int) -> Block:
+        line = source.lines[index]
+        if "%" in line and line.lstrip().startswith("%"):
+            self._percent(line)
+            return NOTHING
+        return read_block(line)
+
+    def _percent(self, line: str) -> None:
+        """The first % opens a program, the next one ends it."""
+        if self.begun or self.marked:
+            self.machine.ended = True
+        self.marked = True
+
+    def _execute(self, frame: Frame, block: Block) -> None:
+        parameters = self.parameters
+        words = [
+            (letter, value if isinstance(value, int | float) else evaluated(value, parameters))
+            for letter, value in block.words
+        ]
+        if block.settings:
+            self._set(block)
+        if words:
+            found = self.machine.execute(words)
+            for code in found.m_codes:
+                self._m_code(frame, code, found.values)
+
+    def _set(self, block: Block) -> None:
+        """Set the parameters of a line, once all values are known."""
+        parameters = self.parameters
+        found = [(key(parameters), evaluated(value, parameters)) for key, value in block.settings]
+        for key, value in found:
+            parameters.set(key, value)
+
+    def _m_code(self, frame: Frame, code: int, values: dict[str, float]) -> None:
+        if code == codes.CALL:
+            self._call_numbered(values)
+        elif code == codes.RETURN:
+            self._return_numbered(frame)
+        elif code in (codes.SAVE, codes.SAVE_IN_SUBPROGRAM):
+            frame.modes = self.machine.kept_modes()
+            frame.restores = code == codes.SAVE_IN_SUBPROGRAM and len(self.frames) > 1
+        elif code == codes.RESTORE and frame.modes is not None:
+            self.machine.restore(frame.modes)
+        elif code == codes.INVALIDATE:
+            frame.modes = None
+
+    def _flow(self, frame: Frame, index: int, word: OWord) -> None:
+        places, keyword = frame.source.structure, word.keyword
+        if index in places.faults:
+            raise ToolpathError(places.faults[index])
+        if keyword == "call":
+            self._call(word)
+        elif keyword == "sub":
+            frame.next = places.following[index] + 1
+        elif keyword in ("endsub", "return"):
+            self._return(frame, word)
+        elif keyword in ("if", "elseif", "else"):
+            self._branch(frame, index, word)
+        elif keyword in ("break", "continue"):
+            begin = places.beginning[index]
+            frame.next = places.ending[begin]
+            if keyword == "break":
+                frame.next += 1
+                frame.loops.pop(begin, None)
+        elif keyword in ("while", "repeat"):
+            self._test_loop(frame, index, word)
+        elif keyword in ("endwhile", "endrepeat"):
+            frame.next = places.beginning[index]
+
+    def _branch(self, frame: Frame, index: int, word: OWord) -> None:
+        places = frame.source.structure
+        if word.keyword != "if" and index not in frame.branched:
+            frame.next = places.ending[index] + 1  # from the end of the branch before
+            return
+        frame.branched.discard(index)
+        if word.keyword == "else" or self._value(word):
+            return
+        following = places.following[index]
+        frame.next = following
+        if following != places.ending[index]:
+            frame.branched.add(following)
+
+    def _test_loop(self, frame: Frame, index: int, word: OWord) -> None:
+        places = frame.source.structure
+        if index in places.beginning:  # the end of a do
+            if self._value(word):
+                frame.next = places.beginning[index] + 1
+            return
+        if word.keyword == "while":
+            if not self._value(word):
+                frame.next = places.ending[index] + 1
+            return
+        if index not in frame.loops:
+            rounds = self._value(word)
+            frame.loops[index] = whole(rounds, "the number of rounds") if rounds > 0 else 0
+        if frame.loops[index] <= 0:
+            del frame.loops[index]
+            frame.next = places.ending[index] + 1
+        else:
+            frame.loops[index] -= 1
+
+    def _value(self, word: OWord) -> float:
+        return evaluated(word.values[0], self.parameters)
+
+    def _call(self, word: OWord) -> None:
+        if len(word.values) > MOST_ARGUMENTS:
+            raise ToolpathError(f"more than {MOST_ARGUMENTS} arguments of a subprogram")
+        label = word.label(self.parameters)
+        arguments = [evaluated(value, self.parameters) for value in word.values]
+        source, begin = self._found(label)
+        self._enter(Frame(source, begin + 1, self.parameters.enter(arguments)))
+
+    def _found(self, label: str) -> tuple[Source, int]:
+        """Source and first line of a subprogram: here, in the program itself, or in a file."""
+        for frame in (self.frames[-1], self.frames[0]):
+            place = frame.source.structure.subprograms.get(label)
+            if place is not None:
+                return frame.source, place[0]
+        name = label.strip("<>")
+        for frame in self.frames:
+            if frame.source.name == f"{name}.ngc":
+                return frame.source, frame.source.structure.subprograms[label][0]
+        lines = self.library(name)
+        if lines is None:
+            raise ToolpathError(f"there is no subprogram o{shown(label)[1:-1]}")
+        source = Source(lines, name=f"{name}.ngc")
+        place = source.structure.subprograms.get(label)
+        if place is None:
+            raise ToolpathError(f"{name}.ngc: there is no subprogram o{label} in it")
+        return source, place[0]
+
+    def _enter(self, frame: Frame) -> None:
+        if len(self.frames) > DEEPEST_CALL:
+            raise ToolpathError(f"subprograms call each other more than {DEEPEST_CALL} deep")
+        self.frames.append(frame)
+
+    def _return(self, frame: Frame, word: OWord) -> None:
+        if len(self.frames) == 1 or frame.by_m98:
+            raise ToolpathError(f"{word.keyword} outside a subprogram")
+        if word.values:
+            self.parameters.return_value(self._value(word))
+        if frame.kept is not None:
+            self.parameters.leave(frame.kept)
+        self._leave(frame)
+
+    def _leave(self, frame: Frame) -> None:
+        self.frames.pop()
+        if frame.restores and frame.modes is not None:
+            self.machine.restore(frame.modes)
+
+    def _call_numbered(self, values: dict[str, float]) -> None:
+        if "P" not in values:
+            raise ToolpathError("M98 needs P")
+        label = str(whole(values["P"], "P of M98"))
+        laps = whole(values.get("L", 1.0), "L of M98")
+        if not 0 <= laps <= MOST_REPEATS:
+            raise ToolpathError(f"L of M98 needs to be 0 to {MOST_REPEATS}, received {laps}")
+        source, begin = self._found(label)
+        if laps:
+            self._enter(Frame(source, begin + 1, begin=begin + 1, laps=laps, by_m98=True))
+
+    def _return_numbered(self, frame: Frame) -> None:
+        """M99 ends a subprogram, or one lap of a program that would begin anew for ever."""
+        if len(self.frames) == 1:
+            self.machine.ended = True
+        elif frame.laps > 1:
+            frame.laps -= 1
+            frame.next = frame.begin
+        else:
+            self._leave(frame)
+
+
+def interpreted(
+    lines: Sequence[str],
+    axes: int,
+    feed: float | None,
+    library: Library = no_files,
+    most_lines: int | None = None,
+) -> Machine:
+    """Machine that has carried out the lines of a program, up to its end (M2, M30, %).
+
+    >>> program = interpreted(["G1 X1 F600", "X2", "M30", "not read"], axes=2, feed=None)
+    >>> len(program.moves)
+    2
+
+    Args:
+        lines: of the program.
+        axes: 3, or 2 for the projection to X and Y.
+        feed: in force at the beginning [m/s]; None where the program has to give one.
+        library: lines of the files that subprograms are in.
+        most_lines: so many are carried out at most; None for all.
+
+    Raises:
+        ToolpathError: "line 12: ..." for whatever cannot be read or traced.
+    """
+    machine = Machine(Tracer(axes), first_feed=feed)
+    parameters = Parameters()
+    program = Program(machine, library, parameters, [Frame(Source(lines))])
+    parameters.said_by_machine = lambda key: machine_values(machine, key, len(program.frames) - 1)
+    program.run(most_lines)
+    return machine

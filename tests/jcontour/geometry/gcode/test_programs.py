@@ -1,0 +1,181 @@
+"""Programs of `tests/data/programs` beside their moves worked out by hand; faults in one line."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jcontour.geometry.gcode.programs import files_beside, interpreted
+from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpath_text import lines_of
+
+PROGRAMS = Path(__file__).parents[3] / "data" / "programs"
+MM = 1e-3
+PER_MINUTE = MM / 60
+
+# end points [mm] in order, "r" before those of rapid moves
+MOVES = {
+    "expressions": "8,1,0 3.5,-2,0 45,5,0 3,1,0 1,1,0 4,0,0 0,1,0 -1,3,.5",
+    # a square's sides from (0, 0), then #1 of the caller and the values returned
+    "subprograms": "3,0,0 3,3,0 55,3,0 57,3,0 r20,3,0 21,3,0 21,4,0 r-5,4,0",
+    "loops": "1,0,0 3,0,0 3,2,0 3,0,0 3,0,-1 3,0,-2",
+    "numbered": "r1,0,0 r1,1,0 r1,2,0 r2,2,0 r2,3,0 r3,3,0 r0,0,0",
+    "offsets": "r11,21,0 r101,1,0 r106,1,0 r105,1,0 r106,1,0 r100,3,0 r7,8,0 r8,10,0 r0,2,0 "
+    "r-1,2,0 r50,50,0 r-1,2,0 r50,2,0 r50,5,0 r50,2,0",
+    "cycles": "r0,0,10 r1,0,10 r1,0,1 1,0,-2 r1,0,1 r2,0,1 2,0,-2 r2,0,1 r3,0,10 "
+    "r3,0,1 3,0,-2 r3,0,10 r0,0,10 r0,5,10 r0,5,1 0,5,-1 r0,5,1 r0,5,-.746 0,5,-2 r0,5,1 r0,5,3 "
+    "r1,5,3 r1,5,1 1,5,-1 r1,5,1 r2,5,1 2,5,-1 r2,5,1 r2,5,5 "
+    "r0,0,5 r0,0,2 0,0,-1 0,0,2 r0,0,5 r1,0,5 r1,0,2 1,0,-1 1,0,5",
+    "arcs": "r10,0,0 0,10,0 -10,0,0 -10,0,0 -10,0,-2 -10,0,-4 0,0,-4 0,0,-4",
+    "inverse_time": "10,0,0 10,30,0 30,30,0 0,30,0",
+    "safe_start": "r0,0,15 r1.5,-.5,15 1.5,-.5,-1 1.5,2,-1 3,2,-1",
+    "polar": "0,10,0 -10,0,0 -15,0,0 0,15,0",
+}
+ANGLES = {  # turned [quarter turns], counter-clockwise around the plane's normal
+    "arcs": [0, 1, 1, -4, -4, -4, 2, -4],
+    "inverse_time": [0, 0, -2, 0],
+}
+FEEDS = {  # [mm/min] of cutting moves
+    "inverse_time": [600, 900, math.pi * 10 * 6, 600],
+    "safe_start": [100, 250, 250],
+}
+TOLD = {
+    "safe_start": {"E", "G4", "G40", "G43", "G50", "G64", "G69", "H"}
+    | {"M104", "M3", "M5", "M6", "M8", "M9", "P", "S", "T"},
+    "numbered": set(),
+}
+
+
+def run(name):
+    path = PROGRAMS / f"{name}.ngc"
+    return interpreted(lines_of(path.read_text()), 3, None, files_beside(path))
+
+
+def test_every_program_has_its_moves():
+    assert {path.stem for path in PROGRAMS.glob("*.ngc")} == MOVES.keys()
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_moves(name):
+    machine = run(name)
+    expected = MOVES[name].split()
+    ends = [[float(number) for number in end.lstrip("r").split(",")] for end in expected]
+    np.testing.assert_allclose([move.end for move in machine.moves], np.array(ends) * MM, atol=1e-9)
+    assert [move.rapid for move in machine.moves] == [end.startswith("r") for end in expected]
+    starts = [(0.0, 0.0, 0.0), *(move.end for move in machine.moves[:-1])]
+    assert [move.start for move in machine.moves] == starts
+    turned = np.array([move.angle for move in machine.moves]) / (0.5 * math.pi)
+    np.testing.assert_allclose(turned, ANGLES.get(name, [0] * len(ends)), atol=1e-12)
+    if name in FEEDS:
+        feeds = [move.feed for move in machine.moves if not move.rapid]
+        np.testing.assert_allclose(feeds, np.array(FEEDS[name]) * PER_MINUTE, rtol=1e-12)
+    if name in TOLD:
+        assert machine.ignored == TOLD[name]
+
+
+def test_centres_of_arcs():
+    centres = [move.centre for move in run("arcs").moves if move.angle]
+    expected = [(0, 0, 0), (0, 0, 0), (-5, 0, 0), (-5, 0, 0), (-5, 0, -2), (-5, 0, -4), (0, 0, -2)]
+    np.testing.assert_allclose(centres, np.array(expected) * MM, atol=1e-15)
+
+
+def moves(program, axes=3):
+    return interpreted(program.split("\n"), axes, None).moves
+
+
+def test_an_arc_in_another_plane_seen_by_two_axes():
+    """Of a whole circle X sees two strokes in the time of the whole, of a quarter a part of one."""
+    circle = moves("F600 G18 G2 K10", axes=2)
+    np.testing.assert_allclose(
+        [move.end[:2] for move in circle], np.array([(10, 0), (-10, 0), (0, 0)]) * MM, atol=1e-12
+    )
+    times = [math.dist(move.start, move.end) / move.feed for move in circle]
+    np.testing.assert_allclose(times, np.array([0.5, 1, 0.5]) * math.pi, rtol=1e-12)
+    bow = moves("F600 G19 G0 Y10\nG3 Y0 Z10 J-10", axes=2)[1:]
+    np.testing.assert_allclose([move.end[:2] for move in bow], [(0, 0)], atol=1e-12)
+    assert moves("F600 G18 G2 X0 Z20 K10 Y0", axes=3)[0].angle == -math.pi
+
+
+def test_files_beside_the_program(tmp_path):
+    (tmp_path / "side.ngc").write_text("o<side> sub\nG1 X#1 F60\no<side> endsub\nM2\n")
+    (tmp_path / "empty.ngc").write_text("G1 X1\n")
+    library = files_beside(tmp_path / "part.ngc")
+    machine = interpreted(["o<SIDE> call [7]", "o<side> call [8]"], 3, None, library)
+    assert [move.end[0] for move in machine.moves] == [7 * MM, 8 * MM]
+    assert [move.line for move in machine.moves] == [1, 2]
+    (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG41\no<wrong> endsub\n")
+    for call, message in (
+        ("o<wrong> call", r"wrong\.ngc line 3: 'G41' is not supported"),
+        ("o<../side> call", r"line 1: there is no subprogram"),
+        ("o<empty> call", r"line 1: empty\.ngc: there is no subprogram o<empty> in it"),
+        ("o<none> call", r"line 1: there is no subprogram o<none>"),
+    ):
+        with pytest.raises(ToolpathError, match=message):
+            interpreted([call], 3, None, library)
+
+
+@pytest.mark.parametrize(
+    ("program", "message"),
+    [
+        ("o1 while [1]\no1 endwhile", r"line [12]: .* lines carried out again: a loop that does"),
+        ("o1 do\n#1 = [#1 + 1]\no1 while [1]", r"line \d: .* lines carried out again"),
+        ("F1 G1 G91\no1 while [1]\nX1\nX-1\no1 endwhile", r"line \d: more than"),
+        ("M98 P1 L1000000\nM2\nO1\n(nothing)\nM99", r"line \d: .* lines carried out again"),
+        ("o1 repeat [1e9]\no1 endrepeat", r"line 1: needs ']' before 'e9\]'"),
+        ("o1 repeat [999999999]\no1 endrepeat", r"line 1: .* lines carried out again"),
+        ("o1 sub\no1 call\no1 endsub\no1 call", r"line 2: subprograms call .* more than 10 deep"),
+        ("o1 if [1]\nG0 X1", r"line 1: o1 if has no end"),
+        ("o1 endif", r"line 1: o1 endif without o1 if"),
+        ("o1 if [0]\no1 else\no1 else\no1 endif", r"line 3: o1 else without o1 if"),
+        ("o1 while [0]\no2 endwhile", r"line 1: o1 while has no end"),
+        ("o1 break", r"line 1: o1 break outside a loop"),
+        ("o1 endsub", r"line 1: o1 endsub without o1 sub"),
+        ("o1 sub\no2 sub\no2 endsub\no1 endsub", r"line 1: subprogram o2 begins inside o1"),
+        ("o1 return", r"line 1: return outside a subprogram"),
+        ("o1 sub\nG0 X1", r"line 1: o1 sub has no end"),
+        ("o1 call", r"line 1: there is no subprogram o1"),
+        ("o1 if\no1 endif", r"line 1: O-word 'if' with 0 values"),
+        ("o1 jump", r"line 1: cannot read 'jump'"),
+        ("o", r"line 1: an O-word needs a number or a name"),
+        ("(ABORT, wrong tool)", r"line 1: the program aborts: 'wrong tool'"),
+        ("#<x> = #<y>", r"line 1: parameter '#<y>' is read before it is set"),
+        ("#5220 = 1", r"line 1: parameter #5220 is read-only"),
+        ("#6000 = 1", r"line 1: parameter #6000: the number needs to be 1 to 5601"),
+        ("#1.5 = 1", r"line 1: the number of a parameter needs to be whole"),
+        ("#1 = [1 / 0]", r"line 1: a division by zero"),
+        ("#1 = sqrt[-1]", r"line 1: a function has no value"),
+        ("#1 = [-8 ** 0.5]", r"line 1: a negative number to a power"),
+        ("#1 = [9 ** 999]", r"line 1: a result is too large"),
+        ("#1 = [1 mod 0]", r"line 1: a function has no value"),
+        ("#1 = " + "[" * 300 + "1", r"line 1: an expression is nested more than 50"),
+        ("#1 = " + "-" * 300 + "1", r"line 1: "),
+        ("#1 = [1" + "+1" * 300 + "]", r"line 1: more than 200 operations"),
+        ("#1 = [2", r"line 1: needs ']' before ''"),
+        ("G81 X1 Z-1 F1", r"line 1: a canned cycle needs R"),
+        ("G81 X1 R1 F1", r"line 1: a canned cycle needs Z"),
+        ("G81 X1 Z1 R0 F1", r"line 1: R of a canned cycle lies below"),
+        ("G83 X1 Z-1 R1 F1", r"line 1: G83 needs a depth Q above 0"),
+        ("G83 X1 Z-1 R1 Q0.00001 F1", r"line 1: G83: more than 10000 pecks"),
+        ("G81 X1 Z-1 R1 F1 L0", r"line 1: L of a cycle needs to be 1"),
+        ("G93 G1 X1", r"line 1: a cutting move in inverse time \(G93\) needs F"),
+        ("G93 G1 X1 F0.00001", r"line 1: the feed needs to be 1e-06"),
+        ("F1 G90.1 G2 X2 I1", r"line 1: a centre under G90.1 needs I and J"),
+        ("F1 G2 X2 I1 P0", r"line 1: P of an arc needs to be 1"),
+        ("G53 G2 X1 I1 F1", r"line 1: G53 needs G0 or G1"),
+        ("G10 L2 P12 X1", r"line 1: G10 needs P0 to P9"),
+        ("F1 G10 L2 R30\nG18 G2 X2 I1", r"line 2: an arc in the plane of G18 in a rotated"),
+    ],
+)
+def test_faults_are_told_in_one_line(program, message, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.gcode.programs.MOST_REPEATED", 2000)
+    with pytest.raises(ToolpathError) as caught:
+        moves(program)
+    assert re.match(message, str(caught.value)), str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_first_lines_only():
+    endless = ["o1 while [1]", "G91 G0 X1", "o1 endwhile"]
+    assert len(interpreted(endless, 3, None, most_lines=10).moves) == 3
