@@ -11,6 +11,10 @@ that the descent follows a narrow curved valley; then the trust region shrinks. 
 raised by the quadratic program, and falls where the limits hold and their prices are small. The
 curvature H of the Lagrangian comes from its gradients (BFGS, damped as Powell does).
 
+Where no step inside the trust region removes most of h, the largest limit alone is made small, as a
+minimax with a curvature of its own. A penalty that outweighs f there would outweigh H, too, and the
+descent would zigzag.
+
 The end of a descent is stationary when the model, with its curvature forgotten once, promises less
 than the tolerance.
 
@@ -25,7 +29,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.qp.problem import Unsolved
-from tuning.quadratic_step import Model, Step, quadratic_step
+from tuning.quadratic_step import LEFT, Model, Step, least_excess, quadratic_step
 
 FIRST_MOVE, LARGEST_MOVE = 1.0, 5.0  # in z: a factor of 2.7, of 150, in a weight
 SMALLEST_MOVE = 1e-7
@@ -39,6 +43,7 @@ LEAST_GAIN = 1e-2  # part of the promised gain that a step must reach
 POOR, GOOD = 0.25, 0.75  # parts of it that shrink and widen the trust region
 LOST = 1.0  # rise of f beyond which a point tells nothing about the curvature
 WASTED = 1e-3  # of its excess: a descent that cannot remove more is where its limits are nearest
+NEAREST = 1e-4  # likewise where the limits alone are made small, along a valley perhaps
 
 Evaluate = Callable[[Float[np.ndarray, " d"]], Model | None]  # None for a point that diverges
 
@@ -54,7 +59,10 @@ class Descent(NamedTuple):
         penalty: of an excess.
         shares: of the errors, in the last quadratic program; so are the prices of the limits.
         prices: d f / d ln(bound) = -price.
+        spare: curvature of the limits alone, while they are what is made small.
         guessed: whether H is a guess still.
+        spare_guessed: whether the other one is.
+        restoring: whether the limits alone were made small in the last iteration.
         confirming: whether H was forgotten since the last gain.
         steps: iterations made.
         done: whether it has ended.
@@ -68,7 +76,10 @@ class Descent(NamedTuple):
     penalty: float
     shares: Float[np.ndarray, "g v"]
     prices: Float[np.ndarray, " c"]
+    spare: Float[np.ndarray, "d d"]
     guessed: bool = True
+    spare_guessed: bool = True
+    restoring: bool = False
     confirming: bool = False
     steps: int = 0
     done: bool = False
@@ -85,6 +96,7 @@ def begin(z: Float[np.ndarray, " d"], model: Model) -> Descent:
         penalty=LEAST_PENALTY,
         shares=np.zeros_like(model.errors),
         prices=np.zeros_like(model.limits),
+        spare=FLAT * np.eye(z.size),
     )
 
 
@@ -102,10 +114,68 @@ def descend(
         box: smallest and largest z.
         tolerance: promised gain in f at which it ends.
     """
-    descent = descent._replace(steps=descent.steps + 1)
-    here, curvature = descent.model, descent.curvature
     low = np.maximum(box[0] - descent.z, -descent.move)
     high = np.minimum(box[1] - descent.z, descent.move)
+    if _within_reach(descent.model, low, high):
+        return _iterated(descent._replace(restoring=False), evaluate, (low, high), tolerance)
+    return _restored(descent, evaluate, (low, high))
+
+
+def _within_reach(here: Model, low, high) -> bool:
+    """Whether some step removes most of the excess."""
+    try:
+        return least_excess(here, low, high) <= LEFT * here.excess
+    except Unsolved:  # nothing is known: the steps below say so once more
+        return True
+
+
+def _restored(descent: Descent, evaluate: Evaluate, box) -> Descent:
+    """One iteration that makes the largest limit small, whatever becomes of the objective.
+
+    A penalty would have to be so large that the curvature of the limits is lost beside it.
+    """
+    found = {descent.z.tobytes(): descent.model}
+    slopes = descent.model.limit_slopes[np.argmax(descent.model.limits)]
+    size = float(np.max(np.abs(slopes), initial=1e-9))  # one that holds may be far steeper
+
+    def limits_alone(z) -> Model | None:
+        model = evaluate(z)
+        if model is None:
+            return None
+        found[z.tobytes()] = model
+        return _limits_alone(model, size)
+
+    inner = descent._replace(
+        model=_limits_alone(descent.model, size),
+        curvature=descent.spare if descent.spare_guessed else descent.spare / size,
+        guessed=descent.spare_guessed,
+        restoring=True,
+    )
+    after = _iterated(inner, limits_alone, box, NEAREST * descent.model.excess / size)
+    return after._replace(
+        model=found[after.z.tobytes()],
+        curvature=descent.curvature,
+        guessed=descent.guessed,
+        spare=after.curvature if after.guessed else after.curvature * size,
+        spare_guessed=after.guessed,
+        shares=descent.shares,
+        prices=descent.prices,
+        penalty=descent.penalty,
+        stationary=False,
+    )
+
+
+def _limits_alone(model: Model, size: float) -> Model:
+    """The limits over a size in the place of the errors."""
+    limits, slopes = model.limits / size, model.limit_slopes / size
+    return Model(limits[None], limits[:0], slopes[None], slopes[:0])
+
+
+def _iterated(descent: Descent, evaluate: Evaluate, box, tolerance: float) -> Descent:
+    """One iteration with an exact penalty on what the model has of limits."""
+    descent = descent._replace(steps=descent.steps + 1)
+    here, curvature = descent.model, descent.curvature
+    low, high = box
     try:
         step = quadratic_step(here, curvature, low, high, descent.penalty)
     except Unsolved:
@@ -210,7 +280,7 @@ def _forgetful(descent: Descent, stationary: bool = False) -> Descent:
     stationary = descent.stationary or (stationary and descent.move >= COLLAPSED)
     if descent.confirming:
         return descent._replace(done=True, stationary=stationary)
-    within = descent.model.excess <= MET
+    within = descent.model.excess <= MET and not descent.restoring
     return descent._replace(
         curvature=FLAT * np.eye(descent.z.size),
         guessed=True,

@@ -114,7 +114,7 @@ def quadratic_step(
     step = _priced(model, curvature, low, high, penalty)
     if step.excess <= NO_EXCESS:
         return step
-    least = _least_excess(model, low, high)
+    least = least_excess(model, low, high)
     enough = least + min(LEFT, 10 * model.excess) * (model.excess - least)
     while step.excess > enough + 2 * NO_EXCESS and penalty < HIGHEST:
         penalty *= HIGHER
@@ -150,8 +150,18 @@ def _priced(model: Model, curvature, low, high, penalty: float) -> Step:
     return Step(d, float(gain), there.excess, shares, prices, penalty)
 
 
-def _least_excess(model: Model, low, high) -> float:
-    """Smallest s >= 0 with c + C d <= s between the bounds; solved for s over the excess at z."""
+def least_excess(
+    model: Model, low: Float[np.ndarray, " d"], high: Float[np.ndarray, " d"]
+) -> float:
+    """Smallest s >= 0 with c + C d <= s between the bounds; solved for s over the excess at z.
+
+    >>> line = Model(np.zeros((1, 1)), np.array([2.0]), np.zeros((1, 1, 1)), np.array([[1.0]]))
+    >>> float(round(least_excess(line, np.array([-0.5]), np.array([0.5])), 9))
+    1.5
+
+    Raises:
+        Unsolved: no QP solver finds an answer.
+    """
     excess, n = model.excess, low.size
     if excess <= NO_EXCESS:
         return 0.0

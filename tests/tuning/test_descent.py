@@ -122,6 +122,31 @@ def test_a_narrow_curved_valley(first):
     assert descent.model.excess < 1e-6
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_beyond_a_curved_valley_are_met(scale, seed):
+    """Ten weights: the limit holds near the end of Rosenbrock's chained valley, at ones."""
+
+    def limit(z):
+        chained = 100 * (z[1:] - z[:-1] ** 2) ** 2 + (1 - z[:-1]) ** 2
+        return scale * jnp.log((1e-2 + jnp.sum(chained)) / 1.0)[None]
+
+    first = np.random.default_rng(seed).uniform(-2, 2, 10)
+    descent, count = ended(lambda z: 10 * jnp.sum(z), limit, first, tolerance=1e-4, steps=300)
+    assert descent.model.excess <= 1e-6 * scale and count <= 300
+
+
+def test_a_flat_limit_is_met_beside_a_steep_one_that_holds():
+    """A limit that tells little far away, beside one a million times as steep."""
+
+    def limits(z):
+        return jnp.array([1e-3 * jnp.tanh(z[0] - 1) + 5e-4, 1e3 * (z[1] - 10)])
+
+    descent, count = ended(lambda z: -z[0] - z[1], limits, (6.0, 0.0), tolerance=1e-6)
+    assert descent.stationary and count <= 60
+    np.testing.assert_allclose(descent.z, [1 - np.arctanh(0.5), 10.0], atol=1e-4)
+
+
 def test_limits_that_nothing_meets_end_where_they_are_nearest():
     descent, count = ended(lambda z: z[0], lambda z: jnp.array([(z[0] - 2) ** 2 + 0.5]), (-3.0,))
     assert descent.done and not descent.stationary and count <= 100
