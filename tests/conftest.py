@@ -13,12 +13,23 @@ from experiments.cli import choose_compiler
 
 choose_compiler()  # as the commands do, before JAX is loaded
 
+from typing import Any
+
+import equinox as eqx
 import hypothesis
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.controller import Controller
+from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.objectives import mean_contour_error, no_limits
+from tuning.parameters import Positive
+from tuning.problem import Problem
 
 CACHE_FOLDER = "JAX_COMPILATION_CACHE_DIR"
 IGNORED_WARNINGS = (
@@ -139,3 +150,42 @@ def closed_loop():
     The controller has its start weights; the reference is short and in motion.
     """
     return _closed_loop
+
+
+class Proportional(Controller):
+    """u = gains (y_d - x) for integrators; diverges where a gain exceeds 2."""
+
+    gains: Any
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return None, self.gains * (plan - measurement)
+
+
+def build(weights):
+    return Proportional(jnp.stack([weights["x"], weights["y"]]))
+
+
+@pytest.fixture(scope="session")
+def proportional_problem():
+    """Two gains on two integrators around a circle: (limits, objective) -> Problem.
+
+    It compiles in a second.
+    """
+    plant = LinearPlant(np.eye(2), np.diag([1.0, 0.7]), np.eye(2), 1e-3)
+    plants = stack_plants([plant, LinearPlant(np.eye(2), np.diag([0.9, 0.8]), np.eye(2), 1e-3)])
+    references = stack_references(
+        [along(circle(1e-3), 1e-4 * np.arange(20), 1e-3, 0, at_rest=False)]
+    )
+
+    def problem(limits=no_limits, objective=mean_contour_error, loops=None):
+        space = {"x": Positive(), "y": Positive()}
+        return Problem(build, plants, references, objective, space, limits, loops=loops)
+
+    return problem

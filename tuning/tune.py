@@ -21,12 +21,13 @@ from tuning.descent import Descent, begin, descend
 from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
-from tuning.point import Point, evaluate_point
+from tuning.point import Point, evaluate_point, evaluate_values
 from tuning.problem import Problem
 from tuning.quadratic_step import Model
 from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
 IN_ONE_STEP = 2  # evaluations, at most
+MANY = 16  # scattered points for which a program of the values alone is worth compiling
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
 
 
@@ -42,8 +43,8 @@ class Effort:
         scatter: points evaluated after the first descent, a Sobol sequence around its best point.
         steps: of one descent; each evaluates one or two points.
         tolerance: relative gain of the objective that ends a descent when nothing promises more.
-        spread: half width in ln(weight) of the box that the scattered points fill; every other one
-            lies in a box of twice that.
+        spread: half width in ln(weight) of the box of the scattered points for up to two weights;
+            with more it falls as the root of their number. Half of them fill a box of twice that.
         seed: of the Sobol sequence.
         every_start: whether every start is descended from; else a descent that ends stationary
             within the limits is the last one.
@@ -61,6 +62,11 @@ class Effort:
     seed: int = 0
     every_start: bool = True
     evaluations: int = 10_000  # starts and steps end a run before
+
+    @property
+    def values_alone(self) -> bool:
+        """Whether scattered points are evaluated without slopes: many at a third of the cost."""
+        return self.scatter >= MANY
 
     def __post_init__(self):
         """Check the ranges."""
@@ -221,7 +227,8 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     scattered = sum(row.start < 0 for row in state.history)
     if scattered < effort.scatter and (effort.starts > 1 or descent is None):
         z = _scattered_point(problem, start, effort, state, scattered)
-        return replace(state, history=[*state.history, _row(-1, z, _point(problem, start, z))])
+        evaluate = evaluate_values if effort.values_alone else evaluate_point
+        return replace(state, history=[*state.history, _row(-1, z, evaluate(problem, start, z))])
     ended, index = _ended(state), state.start + 1
     z = next_start(ended.history, np.sum(ended.prices, axis=1)) if index < effort.starts else None
     if z is None:
@@ -366,7 +373,9 @@ def _scattered_point(problem, start, effort: Effort, state: TuneState, index: in
     centre = min(begun, key=rank).z if begun else first
     count = 2 ** int(np.ceil(np.log2(effort.scatter)))
     *place, far = Sobol(first.size + 1, rng=effort.seed).random(count)[index]
-    spread = effort.spread * (2 if far > 0.5 else 1)  # half of the points look twice as far
+    # as far away on average as with two weights, whatever their number
+    spread = effort.spread * min(1.0, np.sqrt(2 / first.size))
+    spread *= 2 if far > 0.5 else 1  # half of the points look twice as far
     z = centre + spread * (2 * np.array(place) - 1)
     return np.clip(z, first - reach, first + reach)
 

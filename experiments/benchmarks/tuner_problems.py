@@ -11,7 +11,7 @@ from experiments.options import Tune
 from experiments.runs.tuning import tuning_run
 from tuning.history import FEASIBLE
 from tuning.parameters import Weights
-from tuning.point import evaluate_values, objective_value
+from tuning.point import evaluate_values
 from tuning.problem import Problem
 
 STATE = "contouring-lq-state"
@@ -70,11 +70,11 @@ def measure_of(problem: Problem, start: Weights) -> Callable[[Float[np.ndarray, 
     """Function from coordinates to merit and objective."""
 
     def measure(z: Float[np.ndarray, " d"]) -> Tried:
-        judged, lost = evaluate_values(problem, start, z)
-        if lost:
-            return Tried(LOST + _departed(np.asarray(judged.departures)), np.inf)
-        objective = objective_value(np.exp(judged.errors))
-        violation = float(np.max(judged.limits, initial=-np.inf))
+        point = evaluate_values(problem, start, z)
+        if point.diverged:
+            return Tried(LOST + _departed(point.departures), np.inf)
+        objective = point.objective
+        violation = float(np.max(point.limits, initial=-np.inf))
         merit = np.log(objective) + DEAR * max(0.0, violation)
         return Tried(float(merit), objective if violation <= FEASIBLE else np.inf)
 

@@ -53,14 +53,16 @@ def test_values_alone_are_those_that_come_with_slopes(proportional_problem, loop
     problem = proportional_problem(AtMost(**names), loops=loop_peaks if looked_at else None)
     for gain in (0.5, 5.0, 1e40):
         z = np.log([gain, 0.8])
-        (errors, limits, departures), diverged = evaluate_values(problem, START, z)
-        point = evaluate_point(problem, START, z)
-        assert diverged == point.diverged == (gain > 1)
+        alone, point = evaluate_values(problem, START, z), evaluate_point(problem, START, z)
+        assert alone.diverged == point.diverged == (gain > 1)
+        assert alone.slopes.errors.shape == (*point.errors.shape, 0)
         if gain < 1e9:
-            np.testing.assert_allclose(departures, point.departures, rtol=1e-9)
-        if not diverged:
-            np.testing.assert_allclose(errors, point.errors, rtol=1e-12)
-            np.testing.assert_allclose(limits, point.limits, rtol=1e-9)
+            np.testing.assert_allclose(alone.departures, point.departures, rtol=1e-9)
+        if not alone.diverged:
+            np.testing.assert_allclose(alone.errors, point.errors, rtol=1e-12)
+            np.testing.assert_allclose(alone.limits, point.limits, rtol=1e-9)
+            error = alone.outcome.metrics.rms_contour_error
+            np.testing.assert_allclose(error, point.outcome.metrics.rms_contour_error, rtol=1e-12)
 
 
 def test_errors_of_zero_have_slopes(proportional_problem):

@@ -2,6 +2,7 @@ import json
 import pickle
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -25,9 +26,10 @@ from tuning.objectives import (
     worst_contour_error,
 )
 from tuning.outcome import Outcome
-from tuning.parameters import Chart, LQSpace
+from tuning.parameters import Chart, LQSpace, Positive
+from tuning.point import evaluate_point
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, THOROUGH, TuneState, advance, result, tune
+from tuning.tune import FEASIBLE, THOROUGH, TuneState, _scattered_point, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
@@ -230,6 +232,38 @@ def test_near_and_far_points_are_scattered_to_all_sides(limited):
     assert 8 <= np.sum(far) <= 16  # a quarter of the points of the wide box lie in the narrow one
     for quadrant in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         assert np.any(far & np.all(away * quadrant > 0, axis=1))
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_many_weights_are_scattered_as_far_as_two(count):
+    def distance(weights):
+        posed = SimpleNamespace(space=[Positive()] * weights)
+        effort = replace(THOROUGH, scatter=256, spread=1.0)
+        points = [
+            _scattered_point(posed, [1.0] * weights, effort, TuneState(), k) for k in range(256)
+        ]
+        return np.sqrt(np.mean(np.sum(np.square(points), axis=1)))
+
+    assert distance(count) == pytest.approx(distance(2), rel=0.05)
+
+
+@pytest.mark.parametrize(("scatter", "with_slopes"), [(15, 15), (16, 0)])
+def test_many_scattered_points_are_evaluated_without_slopes(
+    limited, monkeypatch, scatter, with_slopes
+):
+    asked = []
+
+    def evaluate(problem, start, z):
+        asked.append(z)
+        return evaluate_point(problem, start, z)
+
+    monkeypatch.setattr("tuning.tune.evaluate_point", evaluate)
+    history = tune(limited, START, replace(THOROUGH, starts=2, scatter=scatter, steps=1)).history
+    first = next(k for k, row in enumerate(history) if row.start < 0)
+    scattered = history[first : first + scatter]
+    assert all(row.start < 0 for row in scattered)
+    descended = sum(row.start >= 0 for row in history)
+    assert len(asked) == descended + with_slopes
 
 
 @pytest.mark.parametrize(
