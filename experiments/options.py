@@ -286,6 +286,8 @@ class Bench(Common):
     Gantry: machines at once, 1000 when not given."""
     seeds: int = 20  # quartiles of fewer say little
     """Tuners: random starts of every search."""
+    searches: tuple[str, ...] = ()
+    """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
     """Tuners: evaluations of every search; one with slopes counts three."""
     keep: Path | None = None

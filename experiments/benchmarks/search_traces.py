@@ -9,7 +9,7 @@ import numpy as np
 from experiments.files.results import from_json, to_json
 from experiments.files.run_folder import read_json, write_json
 
-BETTER = 0.99  # of the best value known: whoever stopped there has stopped too early
+BETTER = 0.99  # of the best value known: a search that ended there has ended too early
 
 
 @dataclass(frozen=True)
@@ -27,29 +27,43 @@ class Trace:
         best: the value.
         seconds: of processor time until then.
         total: evaluations of the whole search.
+        enough: value at which it ended at once.
     """
 
     spent: list[float]
     best: list[float]
     seconds: list[float]
     total: float
+    enough: float = 0.0
 
     @classmethod
     def of(
-        cls, values: Sequence[float], spent: Sequence[float], seconds: Sequence[float]
+        cls,
+        values: Sequence[float],
+        spent: Sequence[float],
+        seconds: Sequence[float],
+        enough: float = 0.0,
     ) -> "Trace":
         """From every value; infinite for a point beyond a limit."""
         if not len(values):
-            return cls([], [], [], 0.0)
+            return cls([], [], [], 0.0, enough)
         best = np.minimum.accumulate(np.asarray(values, float))
         better = best < np.append(np.inf, best[:-1])
         kept = [np.asarray(one, float)[better].tolist() for one in (spent, best, seconds)]
-        return cls(*kept, float(spent[-1]))
+        return cls(*kept, float(spent[-1]), enough)
 
     @property
     def least(self) -> float:
         """The best value; infinite where there is none."""
         return self.best[-1] if self.best else np.inf
+
+    def too_early(self, known: float) -> bool:
+        """Whether it ended at a value that was good then, and is not beside the best known now.
+
+        >>> Trace([1.0], [5.0], [0.1], 1.0, enough=5.1).too_early(4.0)
+        True
+        """
+        return self.least <= self.enough and known < BETTER * self.least
 
     def at(self, counts: np.ndarray) -> np.ndarray:
         """Best value within so many evaluations; infinite before the first."""
@@ -87,24 +101,22 @@ class ProblemTraces:
         if np.isnan(self.known):
             self.known = np.inf
 
-    def add(self, traces: dict[str, Trace]) -> bool:
-        """One more seed; whether all seeds count.
+    def lacks(self, method: str, seed: int) -> bool:
+        """Whether a search has not begun at a seed yet, or ended too early."""
+        several = self.traces.get(method, [])
+        return seed >= len(several) or several[seed].too_early(self.known)
 
-        Where a value is much better than the best known, the searches before have stopped too
-        early: they are dropped, and this seed is, too.
+    def put(self, method: str, seed: int, trace: Trace) -> None:
+        """One more trace, or another in its place.
+
+        Raises:
+            ValueError: the search has not begun at all seeds before.
         """
-        least = min(trace.least for trace in traces.values())
-        if least < BETTER * self.known:
-            self.known, self.traces = least, {}
-            return False
-        for method, trace in traces.items():
-            self.traces.setdefault(method, []).append(trace)
-        return True
-
-    @property
-    def seeds(self) -> int:
-        """Seeds that all searches have begun at."""
-        return min((len(several) for several in self.traces.values()), default=0)
+        several = self.traces.setdefault(method, [])
+        if seed > len(several):
+            raise ValueError(f"seed: {method} has {len(several)} of them, received {seed}")
+        several[seed : seed + 1] = [trace]
+        self.known = min(self.known, trace.least)
 
 
 @dataclass

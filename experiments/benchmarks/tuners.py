@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
+from itertools import product
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -27,7 +28,7 @@ from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_point, evaluate_values
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, TuneState, advance
+from tuning.tune import THOROUGH, Effort, TuneState, advance
 
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as
@@ -36,8 +37,6 @@ AWAY = 3.0  # half width of the box of first points
 CLOSE = 1.02  # of the best value known
 LARGEST_GRID = 2  # weights beyond which a grid is not tried
 ENOUGH = 1.001  # of the best value known: a search that comes there ends
-DROPPED = ", better than all before: they begin again"
-UNKNOWN = ProblemTraces(0, np.inf, (0.0, 0.0), (0.0, 0.0))
 REPEATED = 5  # evaluations that are timed
 EVALUATIONS = evaluate_values, evaluate_point
 COUNTS = np.unique(np.geomspace(1, 10_000, 200).astype(int))  # evaluations at which curves are kept
@@ -104,15 +103,16 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
             "uv run --group bench jcontour bench tuners"
         )
     record = Record.read(flags.keep, flags.evaluations)
-    prepared: dict[str, Prepared] = {}
-    for seed in range(flags.seeds):  # outermost: an end at any time leaves whole seeds
-        for name in PROBLEMS:
-            while record.problems.get(name, UNKNOWN).seeds <= seed:
-                one = prepared.setdefault(name, _prepared(name, record))
-                seeds = one.found.seeds
-                counted = one.found.add(_searched(one, seeds, record.budget))
-                record.write(flags.keep)
-                tell(f"{name}: start {seeds + 1} of {flags.seeds}{'' if counted else DROPPED}")
+    methods = _searches(flags)
+    prepared = {name: _prepared(name, record) for name in PROBLEMS if name not in record.problems}
+    while left := _left(record, methods, flags.seeds):
+        for seed, name, method in left:
+            if name not in prepared:
+                prepared[name] = _prepared(name, record)
+            one = prepared[name]
+            one.found.put(method, seed, _searched(one, method, seed, record.budget))
+            record.write(flags.keep)
+            tell(f"start {seed + 1} of {flags.seeds}: {name}: {method}")
     rows, curves = [], {}
     for name, one in record.problems.items():
         several, curves[name] = _summed_up(name, one, record.budget)
@@ -122,6 +122,30 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> TunersBench:
     found = record.problems.items()
     costs = [Cost(name, one.compiling, one.evaluating) for name, one in found]
     return TunersBench(record.budget, rows, costs)
+
+
+def _searches(flags: Bench) -> tuple[str, ...]:
+    """Names of the searches that are asked for.
+
+    Raises:
+        ValueError: there is none of that name.
+    """
+    known = (OURS, *METHODS)
+    for name in flags.searches:
+        if name not in known:
+            raise ValueError(f"searches: needs names of {', '.join(known)}, received {name}")
+    return flags.searches or known
+
+
+def _left(record: Record, methods: tuple[str, ...], seeds: int) -> list[tuple[int, str, str]]:
+    """Seed, problem and search of what is still to do; an end at any time leaves whole seeds."""
+    every = product(range(seeds), PROBLEMS, methods)
+    return [one for one in every if _lacking(record.problems[one[1]], one[2], one[0])]
+
+
+def _lacking(found: ProblemTraces, method: str, seed: int) -> bool:
+    fits = method != "grid" or found.weights <= LARGEST_GRID
+    return fits and found.lacks(method, seed)
 
 
 @dataclass(frozen=True)
@@ -163,17 +187,15 @@ def _cost(evaluate: Callable[[], object]) -> tuple[float, float]:
     return max(0.0, compiled - clock - each), each
 
 
-def _searched(one: Prepared, seed: int, budget: int) -> dict[str, Trace]:
-    """Traces of all searches from one start."""
+def _searched(one: Prepared, method: str, seed: int, budget: int) -> Trace:
+    """Trace of a search from one start."""
     begin = one.first + np.random.default_rng(seed).uniform(-AWAY, AWAY, one.first.size)
-    enough = ENOUGH * one.found.known
-    traces = {OURS: _ours(one.problem, one.start, begin, seed, budget, enough)}
+    enough = ENOUGH * one.found.known if np.isfinite(one.found.known) else 0.0
+    if method == OURS:
+        return _ours(one.problem, one.start, begin, seed, budget, enough)
     measure = measure_of(one.problem, one.start)
     box = np.stack([one.first - REACH, one.first + REACH])
-    for method in METHODS:
-        if method != "grid" or begin.size <= LARGEST_GRID:
-            traces[method] = _theirs(measure, METHODS[method], begin, box, seed, budget, enough)
-    return traces
+    return _theirs(measure, METHODS[method], begin, box, seed, budget, enough)
 
 
 def _ours(problem: Problem, start, begin, seed: int, budget: int, enough: float) -> Trace:
@@ -190,12 +212,17 @@ def _ours(problem: Problem, start, begin, seed: int, budget: int, enough: float)
         alone = max(0, looks_at(problem) - looks - len(rows))  # at loops without runs
         before = (spent[-1] if spent else 0.0) + WITH_SLOPES * alone
         values += [_value(row) for row in rows]
-        spent += [before + WITH_SLOPES * (k + 1) for k in range(len(rows))]
+        spent += (before + np.cumsum([_cost_of(row, effort) for row in rows])).tolist()
         seconds += [time.process_time() - clock] * len(rows)
         if min(values, default=np.inf) <= enough:
             break
     within = sum(one <= budget for one in spent)
-    return Trace.of(values[:within], spent[:within], seconds[:within])
+    return Trace.of(values[:within], spent[:within], seconds[:within], enough)
+
+
+def _cost_of(row: Evaluated, effort: Effort) -> int:
+    scattered = row.start < 0
+    return 1 if scattered and effort.values_alone else WITH_SLOPES
 
 
 def _value(row: Evaluated) -> float:
@@ -219,7 +246,7 @@ def _theirs(measure, method, begin, box, seed: int, budget: int, enough: float) 
         method(counted, begin, box, seed)
     except Spent:
         pass
-    return Trace.of(values, np.arange(1.0, len(values) + 1).tolist(), seconds)
+    return Trace.of(values, np.arange(1.0, len(values) + 1).tolist(), seconds, enough)
 
 
 def _summed_up(

@@ -1,4 +1,4 @@
-"""What searches found is kept in a file, and starts that stopped too early are dropped."""
+"""What searches found is kept in a file, and searches that ended too early begin again."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,9 @@ import pytest
 from experiments.benchmarks.search_traces import ProblemTraces, Record, Trace
 
 
-def trace(values, each=1):
+def trace(values, each=1, enough=0.0):
     counts = each * np.arange(1.0, len(values) + 1)
-    return Trace.of(values, counts, 0.1 * counts)
+    return Trace.of(values, counts, 0.1 * counts, enough)
 
 
 def test_a_trace_holds_the_best_so_far():
@@ -27,12 +27,21 @@ def test_a_search_that_finds_nothing_has_no_value(values):
     assert one.at(np.array([1, 9])).tolist() == [np.inf, np.inf]
 
 
-def test_searches_that_stopped_above_a_better_value_are_dropped():
+def test_searches_that_ended_above_a_better_value_begin_again():
     found = ProblemTraces(2, 5.0, (0.0, 0.0), (0.0, 0.0))
-    assert found.add({"a": trace([6.0, 4.99]), "b": trace([7.0])}) and found.seeds == 1
-    assert not found.add({"a": trace([4.0]), "b": trace([7.0])})
-    assert (found.known, found.seeds) == (4.0, 0)
-    assert found.add({"a": trace([4.0]), "b": trace([7.0])}) and found.seeds == 1
+    assert found.lacks("a", 0)
+    found.put("a", 0, trace([6.0, 4.99], enough=5.005))
+    found.put("b", 0, trace([7.0], enough=5.005))  # it used all its evaluations
+    assert found.known == 4.99 and not found.lacks("a", 0) and not found.lacks("b", 0)
+    found.put("b", 1, trace([4.0], enough=4.995))
+    assert found.known == 4.0 and found.lacks("a", 0) and not found.lacks("b", 0)
+    found.put("a", 0, trace([4.5], enough=4.004))
+    assert not found.lacks("a", 0) and found.lacks("a", 1) and len(found.traces["a"]) == 1
+
+
+def test_seeds_are_not_left_out():
+    with pytest.raises(ValueError, match="seed: a has 0 of them, received 1"):
+        ProblemTraces(2, 5.0, (0.0, 0.0), (0.0, 0.0)).put("a", 1, trace([4.0]))
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path):
@@ -40,7 +49,8 @@ def test_a_record_is_read_as_it_was_written(tmp_path):
     record = Record.read(path, 10)
     assert record == Record(10)
     record.problems["p"] = ProblemTraces(2, 5.0, (1.0, 2.5), (0.1, 0.3))
-    record.problems["p"].add({"a": trace([6.0, 5.0]), "b": trace([np.inf])})
+    record.problems["p"].put("a", 0, trace([6.0, 5.0], enough=5.005))
+    record.problems["p"].put("b", 0, trace([np.inf]))
     record.problems["nowhere"] = ProblemTraces(3, np.inf, (1.0, 2.5), (0.1, 0.3))
     record.write(path)
     assert Record.read(path, 10) == record

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -15,16 +13,10 @@ from experiments.benchmarks.search_traces import ProblemTraces, Trace
 from experiments.benchmarks.tuners import Cost, TunersBench, measured, show
 from experiments.options import Bench
 from experiments.reports.tables import console_of
-from jcontour.controller import Controller
-from jcontour.geometry.contours import circle
-from jcontour.linear.plant import LinearPlant
-from jcontour.motion.references import along
-from jcontour.simulation.evaluation import stack_plants, stack_references
 from tuning.history import Evaluated
 from tuning.loops import Looked, Loops
-from tuning.objectives import AtMost, mean_contour_error
+from tuning.objectives import AtMost
 from tuning.parameters import Positive
-from tuning.problem import Problem
 
 
 def trace(values, each=1):
@@ -55,36 +47,11 @@ def test_nobody_arrives_where_nothing_is_within_the_limits():
     assert (row.reached, row.evaluations, curves) == (0, (None, None, None), {})
 
 
-class Proportional(Controller):
-    """u = gains (y_d - x) for integrators."""
-
-    gains: jax.Array
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        return None, self.gains * (plan - measurement)
-
-
 @pytest.fixture
-def small(monkeypatch):
+def small(monkeypatch, proportional_problem):
     """Two gains on a circle, the only problem."""
-    plant = LinearPlant(np.eye(2), np.diag([1.0, 0.7]), np.eye(2), 1e-3)
-    reference = along(circle(1e-3), 1e-4 * np.arange(20), 1e-3, 0, at_rest=False)
+    problem = proportional_problem(AtMost(rms_increment=2e-5, rms_tracking_error=5e-4))
     start = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
-    problem = Problem(
-        lambda weights: Proportional(jnp.stack([weights["x"], weights["y"]])),
-        stack_plants([plant]),
-        stack_references([reference]),
-        mean_contour_error,
-        {"x": Positive(), "y": Positive()},
-        AtMost(rms_increment=2e-5, rms_tracking_error=5e-4),
-    )
     monkeypatch.setattr(tuners, "PROBLEMS", ("gains",))
     monkeypatch.setattr(tuners, "problem_of", lambda name: (problem, start))
 
@@ -94,16 +61,19 @@ def test_a_run_goes_on_from_its_file(small, tmp_path):
     flags = Bench(what="tuners", seeds=1, evaluations=60, keep=tmp_path / "kept.json")
     told = []
     first = measured(flags, told.append)
-    assert told == ["gains: start 1 of 1"]
+    assert told == [f"start 1 of 1: gains: {name}" for name in ("jcontour", *METHODS)]
     assert {row.method for row in first.rows} == {"jcontour", *METHODS}
     assert all(row.weights == 2 and row.seeds == 1 for row in first.rows)
     ours = first.rows[0]
     assert ours.method == "jcontour" and ours.reached == 1
     (needed,) = set(ours.evaluations)
     assert needed % 3 == 0 and needed <= 60
-    assert measured(flags, told.append) == first and len(told) == 1
-    both = measured(replace(flags, seeds=2), told.append)
-    assert told[1:] == ["gains: start 2 of 2"] and both.rows[0].seeds == 2
+    assert measured(flags, told.append) == first and len(told) == 1 + len(METHODS)
+    more = measured(replace(flags, seeds=2, searches=("Sobol",)), told.append)
+    assert told[1 + len(METHODS) :] == ["start 2 of 2: gains: Sobol"]
+    assert {row.method: row.seeds for row in more.rows} == dict.fromkeys(
+        ("jcontour", *METHODS), 1
+    ) | {"Sobol": 2}
 
 
 def test_looks_without_a_run_count_too(monkeypatch):
@@ -122,6 +92,18 @@ def test_looks_without_a_run_count_too(monkeypatch):
     assert (found.spent, found.best) == ([9.0, 12.0, 15.0], [5.0, 4.0, 3.0])
 
 
+def test_scattered_points_without_slopes_count_once(monkeypatch):
+    def advance(problem, weights, effort, state):
+        start = -1 if state.history else 0
+        row = Evaluated(start, np.zeros(1), 5.0 - len(state.history), -1.0, None, False)
+        return replace(state, history=[*state.history, row])
+
+    monkeypatch.setattr(tuners, "advance", advance)
+    problem = Posed(None, {"x": Positive()})
+    found = tuners._ours(problem, {"x": jnp.asarray(1.0)}, np.zeros(1), 0, 6, 0.0)
+    assert (found.spent, found.best) == ([3.0, 4.0, 5.0, 6.0], [5.0, 4.0, 3.0, 2.0])
+
+
 class Silent(Loops):
     """Loops that show nothing."""
 
@@ -136,7 +118,7 @@ class Silent(Loops):
 class Posed:
     """A problem as far as its loops and its space."""
 
-    loops: Loops
+    loops: Loops | None
     space: dict
 
 
@@ -154,6 +136,11 @@ def test_missing_libraries_are_named_with_what_installs_them(monkeypatch):
     monkeypatch.setattr(tuners, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match="uv run --group bench jcontour bench tuners"):
         measured(Bench(what="tuners"), print)
+
+
+def test_unknown_searches_are_named():
+    with pytest.raises(ValueError, match="searches: needs names of jcontour, .*, received TPS"):
+        measured(Bench(what="tuners", searches=("TPS",)), print)
 
 
 @pytest.mark.parametrize("flag", ["seeds", "evaluations"])
