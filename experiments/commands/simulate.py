@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.contours import CONTOURS
 from experiments.designs.design import Design, plain_weights
 from experiments.files.results import from_json, write_result
 from experiments.files.run_metrics import RunMetrics
 from experiments.files.simulated_result import SimulatedResult, VideoResult
 from experiments.jobs.job import Pace
+from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
@@ -26,6 +28,8 @@ from experiments.video.film import Film, FilmMaker, VideoError, lines
 
 def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
+    if flags.list_moves:
+        return _list_moves(flags)
     found, folder, line = run(flags)
     video = found.video or VideoResult()
     told = lines(vars(video), folder) if video.file else []
@@ -33,6 +37,20 @@ def command(flags: Simulate) -> int:
     if video.failure:
         raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
     return code
+
+
+def _list_moves(flags: Simulate) -> int:
+    """Print what was understood of the program; it is projected where the machine has two axes."""
+    if flags.contour is None or flags.contour in CONTOURS:
+        raise ValueError(
+            "list-moves: needs a program in G-code, as in `jcontour simulate part.ngc`"
+        )
+    machine = machine_named(flags.plant)
+    for line in listed_moves(
+        Path(flags.contour), min(machine.model.axes, 3), Pace.of(flags, machine).feed
+    ):
+        print(line)
+    return 0
 
 
 def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:

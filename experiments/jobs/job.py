@@ -23,6 +23,7 @@ MM_PER_MIN = 1e-3 / 60
 ACCELERATION = 2.0
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
+MOST_SAMPLES = 20_000_000  # of a run: each has hundreds of bytes
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
@@ -215,9 +216,11 @@ def _read(path: Path, pace: Pace) -> Job:
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
+    speeds = np.where(rapid, rapid_speed, feed)
+    _check_duration(float(np.sum(np.asarray(contour.extent) / speeds)), machine.model.dt)
     arc = trapezoidal(
         contour,
-        np.where(rapid, rapid_speed, feed),
+        speeds,
         machine.model.dt,
         pace.acceleration_or_default,
         speed,
@@ -226,6 +229,15 @@ def _read(path: Path, pace: Pace) -> Job:
     scored = ~rapid[_piece_at(contour, arc)]
     feed_law = f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min"
     return Job(path.stem, contour, arc, scored, True, feed_law, program)
+
+
+def _check_duration(least: float, dt: float) -> None:
+    """Refuse what takes so long [s] that its samples do not fit in memory."""
+    if least / dt > MOST_SAMPLES:
+        raise ToolpathError(
+            f"takes {least:.3g} s at least, more than {MOST_SAMPLES:,} samples of {dt:g} s: "
+            "give a higher feed"
+        )
 
 
 def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
