@@ -42,7 +42,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/tuned_result.py": "experiments/commands/test_tune.py",
     "experiments/runs/contour_summary.py": "experiments/commands/test_tune.py",
     "experiments/runs/runs_drawn.py": "experiments/commands/test_tune.py",
-    "experiments/runs/lifecycle.py": "experiments/commands/test_tune.py",
     # what the commands drive, through the catalogue
     "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_gantry.py",
     "experiments/benchmarks/lq_results.py": "experiments/benchmarks/test_lq.py",

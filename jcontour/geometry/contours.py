@@ -31,6 +31,7 @@ FIT_TOLERANCE = 1e-10  # [m] a tenth of a nanometre, far below any encoder
 MEETING = 1e-9  # of the contour's size: ends closer than this meet
 BOX_SAMPLES = 9  # points of a piece that measure the bounding box
 TURN_SAMPLES = 257  # points of a piece that turns: the box is good to 1e-4 for a whole turn too
+PIECES_AT_ONCE = 10_000  # each is kilobytes while its box is measured
 SLIGHT_TURN = 0.2  # [rad] up to which the few samples suffice
 
 
@@ -313,14 +314,24 @@ def from_pieces(pieces: Piece, fit_error: float = 0.0, newton_steps: int = 0) ->
         )
     pieces = pieces._replace(start=np.append(0.0, np.cumsum(pieces.extent)[:-1]))
     turning = jax.tree.map(lambda rows: rows[pieces.rate * pieces.extent > SLIGHT_TURN], pieces)
-    points = np.concatenate([_samples(pieces, BOX_SAMPLES), _samples(turning, TURN_SAMPLES)])
-    size = np.linalg.norm(np.ptp(points, axis=0))
+    corners = np.concatenate([_corners(pieces, BOX_SAMPLES), _corners(turning, TURN_SAMPLES)])
+    size = np.linalg.norm(np.ptp(corners, axis=0))
     start, end = _ends(pieces)
     closed = np.linalg.norm(end - start) <= MEETING * size
     mask = np.ones(pieces.rate.size, bool)
     arrays = (*pieces, mask, closed, size, np.float64(fit_error))  # in the order of the fields
     placed = jax.device_put(arrays)  # jnp.asarray would compile a copy for every shape
     return Contour(*placed, newton_steps=newton_steps, turns=bool(pieces.rate.any()))
+
+
+def _corners(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
+    """Lowest and highest coordinates of samples, of so many pieces at a time as fit in memory."""
+    found = [np.zeros((0, pieces.polynomial.shape[-1]))]
+    for first in range(0, pieces.extent.size, PIECES_AT_ONCE):
+        some = slice(first, first + PIECES_AT_ONCE)
+        points = _samples(jax.tree.map(lambda rows, some=some: rows[some], pieces), count)
+        found.append(np.stack([points.min(axis=0), points.max(axis=0)]))
+    return np.concatenate(found)
 
 
 def _samples(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
