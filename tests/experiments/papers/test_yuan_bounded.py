@@ -1,0 +1,106 @@
+"""Yuan's chapter 4: computations against reference numbers, verdicts against made-up results."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.files.results import from_json, to_json
+from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_bounded.claims import claims
+from experiments.papers.yuan_bounded.experiment import Settings, run
+from experiments.papers.yuan_bounded.figures import draw, errors
+from experiments.papers.yuan_bounded.result import (
+    PREVIEWED,
+    UNKNOWN,
+    CertificateRow,
+    LeastRow,
+    LoopRow,
+    Result,
+)
+from experiments.papers.yuan_bounded.runs import axis, certificate, disturbed, least_row, limits
+
+DATA = Path(__file__).parents[2] / "data" / "guarantees"
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    return json.loads((DATA / "axis.json").read_text())
+
+
+def test_the_axis_is_that_of_the_reference(numbers):
+    np.testing.assert_allclose(axis().A, numbers["A"], atol=1e-12)
+    np.testing.assert_allclose(np.asarray(axis().B)[:, 0], numbers["B"], atol=1e-15)
+    unknown = disturbed(5e-3, previewed=False).E
+    np.testing.assert_allclose(unknown, np.stack([numbers["E"], numbers["G"]], axis=1), atol=1e-15)
+    bounds = limits(previewed=False)
+    assert float(bounds.control) == pytest.approx(numbers["bounds"]["u_tilde"], rel=1e-9)
+    assert bounds.signals[0].limit == pytest.approx(numbers["bounds"]["v_error"])
+
+
+def test_forty_samples_are_too_few_against_an_unknown_reference(numbers):
+    row = least_row(UNKNOWN, 40)
+    assert row.tolerance_mm is None and "control" in row.limiting
+    wanted = [case for case in numbers["cases"] if case["N"] == 40 and case["previewed"]]
+    found = least_row(PREVIEWED, 40)
+    assert found.tolerance_mm == pytest.approx(1e3 * wanted[0]["least_tolerance_m"], rel=1e-4)
+
+
+@pytest.mark.slow
+def test_the_certificate_is_the_reference():
+    wanted = json.loads((DATA / "single_axis.json").read_text())["eps_min_m"]
+    for (size, speed), value in zip(((0.005, 0.1), (0.0025, 0.1)), wanted.values(), strict=False):
+        found = certificate(size, speed)
+        assert found.bound_mm == pytest.approx(1e3 * value, rel=1e-6)
+
+
+def made_up():
+    """A printed set that is empty, tolerances below 4.5 mm, loops within what they promise."""
+    error = np.array([0.5, -1.0])
+    loops = (
+        LoopRow(UNKNOWN, 60, 1.4, 1.0, 8.6, 0.1, 0.15, 2, error),
+        LoopRow(PREVIEWED, 40, 0.09, 0.08, 9.0, 0.2, 0.25, 2, error / 20),
+    )
+    least = (
+        LeastRow(UNKNOWN, 40, None, ("control",)),
+        LeastRow(UNKNOWN, 60, 1.39, ("control",)),
+        LeastRow(PREVIEWED, 40, 0.058, ("control",)),
+    )
+    return Result("", {}, 1.001, (CertificateRow(5.0, 0.1, 4.856),), least, loops)
+
+
+def test_verdicts_follow_the_numbers():
+    def verdicts(result):
+        return [claim.verdict for claim in claims(result)]
+
+    whole = made_up()
+    assert verdicts(whole) == [NO, NO, PARTLY, YES, PARTLY, Verdict.EXPERIMENTAL]
+    assert verdicts(replace(whole, observer_radius=0.99))[0] == YES
+    possible = (CertificateRow(5.0, 0.1, 4.4),)
+    assert verdicts(replace(whole, certificates=possible))[1] == YES
+    wide = (*whole.least[:2], LeastRow(PREVIEWED, 40, 5.0, ()))
+    assert verdicts(replace(whole, least=wide))[2] == NO
+    out = (whole.loops[0], replace(whole.loops[1], largest_mm=0.1))
+    assert verdicts(replace(whole, loops=out))[3] == NO
+    strong = (replace(whole.loops[0], largest_current=9.1), whole.loops[1])
+    assert verdicts(replace(whole, loops=strong))[4] == NO
+
+
+def test_results_are_stored_and_drawn(tmp_path):
+    result = replace(made_up(), claims=claims(made_up()))
+    same = from_json(to_json(result), Result)
+    assert same.least == result.least and same.loops[0].promised_mm == 1.4
+    assert [path.suffix for path in draw(result, tmp_path)] == [".png"]
+    panel = errors(result).axes[1]
+    assert panel.lines[0].get_ydata() == pytest.approx([0.025, -0.05])
+    assert {abs(line.get_ydata()[0]) for line in panel.lines[1:]} == {0.09}
+
+
+@pytest.mark.slow
+def test_the_chapter_in_its_quick_form(tmp_path):
+    result = run(Settings(quick=True), tmp_path)
+    assert [claim.verdict for claim in result.claims[:5]] == [NO, NO, PARTLY, YES, PARTLY]
+    assert all(0.75 * row.promised_mm < row.largest_mm for row in result.loops)
