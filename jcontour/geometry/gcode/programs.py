@@ -17,7 +17,8 @@ from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
-MOST_REPEATED = 500_000  # lines carried out again; each takes microseconds
+MOST_REPEATED = 500_000  # lines carried out again; each takes ten microseconds
+MOST_STANDING = 100_000  # of them without a move
 DEEPEST_CALL = 10  # of subprograms in subprograms, as LinuxCNC allows
 MOST_ARGUMENTS = 30
 FILE_NAME = re.compile(r"[a-z0-9_-]+")
@@ -96,6 +97,8 @@ class Program:
     parameters: Parameters
     frames: list[Frame]
     repeated: int = 0
+    moves_before: int = 0  # at the last line carried out again that came after a move
+    repeated_before: int = 0
     marked: bool = False  # by a first %
     begun: bool = False  # whether a line that says something has come
 
@@ -134,12 +137,8 @@ class Program:
         if index > source.reached:
             source.reached = index
         else:
-            self.repeated += 1
             source.blocks[index] = block
-            if self.repeated > MOST_REPEATED:
-                raise ToolpathError(
-                    f"more than {MOST_REPEATED} lines carried out again: a loop that does not end?"
-                )
+            self._count_again()
         if block is NOTHING:
             return
         self.begun = True
@@ -149,6 +148,19 @@ class Program:
             self._flow(frame, index, block.flow)
         else:
             self._execute(frame, block)
+
+    def _count_again(self) -> None:
+        """Count a line that was carried out before, and end a loop that does not."""
+        self.repeated += 1
+        moves = len(self.machine.moves)
+        if moves > self.moves_before:
+            self.moves_before, self.repeated_before = moves, self.repeated
+        standing = self.repeated - self.repeated_before
+        if self.repeated > MOST_REPEATED or standing > MOST_STANDING:
+            raise ToolpathError(
+                f"{self.repeated} lines carried out again, {standing} of them without a move: "
+                "a loop that does not end?"
+            )
 
     def _block(self, source: Source, index: int) -> Block:
         line = source.lines[index]

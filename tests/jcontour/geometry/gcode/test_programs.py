@@ -119,9 +119,9 @@ def test_files_beside_the_program(tmp_path):
 @pytest.mark.parametrize(
     ("program", "message"),
     [
-        ("o1 while [1]\no1 endwhile", r"line [12]: .* lines carried out again: a loop that does"),
+        ("o1 while [1]\no1 endwhile", r"line [12]: .* a loop that does not end"),
         ("o1 do\n#1 = [#1 + 1]\no1 while [1]", r"line \d: .* lines carried out again"),
-        ("F1 G1 G91\no1 while [1]\nX1\nX-1\no1 endwhile", r"line \d: more than"),
+        ("F1 G1 G91\no1 while [1]\nX1\nX-1\no1 endwhile", r"line \d: .* lines carried out again"),
         ("M98 P1 L1000000\nM2\nO1\n(nothing)\nM99", r"line \d: .* lines carried out again"),
         ("o1 repeat [1e9]\no1 endrepeat", r"line 1: needs ']' before 'e9\]'"),
         ("o1 repeat [999999999]\no1 endrepeat", r"line 1: .* lines carried out again"),
@@ -174,6 +174,13 @@ def test_faults_are_told_in_one_line(program, message, monkeypatch):
         moves(program)
     assert re.match(message, str(caught.value)), str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_loop_that_stands_still_ends_sooner(monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.gcode.programs.MOST_STANDING", 100)
+    assert len(moves("G91 F1\no1 repeat [500]\nG1 X1\no1 endrepeat")) == 500
+    with pytest.raises(ToolpathError, match=r"101 lines carried out again, 101 of them without"):
+        moves("G91 F1\no1 repeat [500]\nG4 P1\no1 endrepeat")
 
 
 def test_first_lines_only():
