@@ -4,11 +4,12 @@ The regulator is fast, and the bandwidth w of the observer alone decides the mar
 recovery (Doyle & Stein, IEEE Trans. Automatic Control 26, 1981). Weights follow from the gain |G|
 of the machine, its smallest singular value at a frequency in rad per sample:
 
-    (alpha + beta) / rho = 1 / |G(1)|^2      the regulator crosses over at 1 rad per sample
+    (alpha + beta) / rho = 1 / |G(r)|^2      the regulator crosses over at r rad per sample
     drift / rounding = w / |G(w)|            the observer's disturbance loop crosses over at w
     control noise / rounding = 0.3 / |G(w)|  its state estimate is not much faster
 
-Of a series of w the fastest is taken whose peak sensitivity stays below 2, on straight lines along
+r is 1, or less where a few counts of the encoder would take the controls to their limit. Of a
+series of w the fastest is taken whose peak sensitivity stays below 2, on straight lines along
 an axis and across all of them, for the whole family.
 """
 
@@ -31,7 +32,10 @@ from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants, stack_references
 
-REGULATOR = 1.0  # [rad per sample] settles within a few samples, and corners do not kick
+# [rad per sample] from fast to slow: the first settles within a few samples, and corners do not
+# kick
+REGULATORS = np.geomspace(1.0, 0.05, 30)
+COUNTS = 20.0  # that a position is off, for which the control may be at its limit (Bryson's rule)
 CONTOUR_RATIO = 1.0  # beta / alpha
 STATES = 0.3  # noise of the controls, over that which would cross over at w by itself
 SENSITIVITY = 2.0  # peak that a first loop may have: 6 dB, the usual bound
@@ -60,7 +64,7 @@ def first_loop(
 
 
 def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> LoopWeights:
-    regulator = bandwidth if start.control_noise is None else REGULATOR
+    regulator = bandwidth if start.control_noise is None else _regulator(machine)
     alpha = float(start.rho) / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
     found = start._replace(alpha=alpha, beta=CONTOUR_RATIO * alpha)
     if start.control_noise is None:
@@ -69,6 +73,15 @@ def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> Lo
     if start.drift is None:
         return found._replace(control_noise=noise)
     return found._replace(control_noise=STATES * noise, drift=bandwidth * noise)
+
+
+def _regulator(machine: LinearMachine) -> float:
+    """Fastest regulator [rad per sample] whose controls bear some counts within their limit."""
+    if machine.limits.control is None:
+        return float(REGULATORS[0])
+    error = COUNTS * machine.encoder_resolution
+    kept = [r for r in REGULATORS if error / _gain(machine, r) <= machine.largest_control]
+    return float(kept[0] if kept else REGULATORS[-1])
 
 
 def _gain(machine: LinearMachine, bandwidth: float) -> float:

@@ -48,6 +48,7 @@ class LinearMachine(Machine):
         published: weights of its publication by name; None where nothing is published.
         with_friction: the machine that a controller of a given period [s] meets on the host, where
             that is another than the model.
+        contours: what the commands run on it.
     """
 
     known_delay: int
@@ -57,6 +58,7 @@ class LinearMachine(Machine):
     control_noise: float
     published: Mapping[str, float] | None = None
     with_friction: Callable[[float | None], Hosted] | None = None
+    contours: Usual = USUAL
 
     @property
     def nonsmooth_effects(self) -> str:
@@ -71,7 +73,7 @@ class LinearMachine(Machine):
     @property
     def usual(self) -> Usual:
         """Contouring on short parts."""
-        return USUAL
+        return self.contours
 
     @property
     def members(self) -> list[tuple[str, np.ndarray, int]]:

@@ -2,11 +2,15 @@
 
 import numpy as np
 
-from experiments.machines.linear import LinearMachine
+from experiments.machines.linear import USUAL, LinearMachine
 from experiments.machines.machine import Hosted, MachineLimits, whole_samples
 from jcontour.plants.xy_table import FrictionXYTable, xy_table
 
 SAMPLE = 1e-3  # [s] at which the machine is looked at
+# its motors do not turn a corner at full feed
+CONTOURS = USUAL._replace(
+    training=("cam", "circle", "ellipse"), held_out=("bracket", "lemniscate"), front=("ellipse",)
+)
 PERIOD = 4e-3  # [s] of Lam's controllers
 LARGEST_CURRENT = 0.5  # [A] section 5
 MISMATCH = 0.1  # of the torque constants, as in the mismatched machine of `reproduce lam`
@@ -27,6 +31,7 @@ def xy_table_machine() -> LinearMachine:
         encoder_resolution=RESOLUTION,
         control_noise=0.01 * LARGEST_CURRENT,
         with_friction=hosted,
+        contours=CONTOURS,
     )
 
 

@@ -1,5 +1,6 @@
 """The first loop of a machine keeps its margin, and no faster one of the series does."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +79,22 @@ def test_the_gain_of_an_integrator():
     )
     for w in (1e-3, 0.3, np.pi):
         assert module._gain(machine, w) == pytest.approx(2e-3 / (2 * np.sin(w / 2)), rel=1e-9)
+
+
+def integrators(limit, resolution=1e-6):
+    machine = linear_machine(
+        LinearPlant(np.eye(2), np.diag([2e-3, 3e-3]), np.eye(2), 1e-3), "integrators"
+    )
+    limits = machine.limits._replace(control=np.full(2, limit))
+    return replace(machine, limits=limits, encoder_resolution=resolution)
+
+
+def test_a_few_counts_do_not_take_the_controls_to_their_limit():
+    """e / |G(r)| <= u: for the integrators 20 counts cost 20e-6 / 2e-3 * 2 sin(r / 2)."""
+    assert module._regulator(linear_machine(integrators(1.0).model, "none stated")) == 1.0
+    assert module._regulator(integrators(1.0)) == 1.0
+    limit = 0.5 * 20e-6 / 2e-3
+    found = module._regulator(integrators(limit))
+    exact = 2 * np.arcsin(0.25)
+    assert exact * module.REGULATORS[1] < found <= exact
+    assert module._regulator(integrators(1e-9)) == module.REGULATORS[-1]
