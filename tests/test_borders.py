@@ -31,6 +31,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
 FLOORS = {  # top to bottom: a room imports its own floor and those below
     "jcontour": (
         ("mpc", "export"),
+        ("guarantees",),
         ("analysis", "host", "controllers"),
         ("simulation", "riccati"),
         ("plants", "kernels", "sets", "controller"),

@@ -1,0 +1,1 @@
+"""Guarantees: the largest errors that a loop can have, proven."""

@@ -1,0 +1,198 @@
+"""Distance to the true path, as a bound: where the tool may be, against the geometry itself.
+
+At sample k the tool is at y + a n + b t: y without disturbance, n normal and t tangent to the path
+at the point nearest to y, |a| <= nu and |b| <= tau. The distance to a path changes by at most what
+the tool moves, so
+    dist <= nu + max over |s| <= tau of dist(y + s t, path)
+Beside a line it is also at most the largest distance of the corners (+-nu, +-tau) from that line.
+The maximum is taken over short intervals of s. With feet p(a), p(b) of both ends on one piece,
+every point between is within max(dist_a, dist_b) of the chord between the feet, and the path within
+max|p''| (b - a)^2 / 8 of it. Across a corner an interval of length h adds half of h.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.motion.references import Reference
+from jcontour.simulation.metrics import SEARCH_REACH, contour_error
+
+INTERVALS = 64  # along the tangent; across a corner they add 1/64 of tau
+
+
+class Frames(NamedTuple):
+    """Frames at the points of the path nearest to the undisturbed run.
+
+    Attributes:
+        tangent: unit vectors along the motion.
+        normals: orthonormal, one fewer than axes.
+        error: distance of the undisturbed run from the path [m].
+        lag: its distance from the sample of the reference [m].
+    """
+
+    tangent: Float[np.ndarray, "T m"]
+    normals: Float[np.ndarray, "T m-1 m"]
+    error: Float[np.ndarray, " T"]
+    lag: Float[np.ndarray, " T"]
+
+
+def frames_along(reference: Reference, output: Float[Array | np.ndarray, "T m"]) -> Frames:
+    """Frames of a run.
+
+    Raises:
+        ValueError: the run left its contour by more than the contour's size.
+    """
+    away = np.asarray(output) - np.asarray(reference.position)[: reference.steps]
+    lag = np.linalg.norm(away, axis=1)
+    if not np.all(lag <= float(reference.contour.size)):
+        raise ValueError("the undisturbed run leaves its contour: there is nothing to bound")
+    arc = reference.arc[: reference.steps]
+    nearest = reference.contour.nearest(jnp.asarray(output), arc, SEARCH_REACH * lag)
+    tangent = np.asarray(reference.contour.tangent(nearest))
+    error = np.linalg.norm(np.asarray(contour_error(jnp.asarray(output), reference)), axis=1)
+    return Frames(tangent, _normals(tangent), error, lag)
+
+
+def _normals(tangent: np.ndarray) -> np.ndarray:
+    """Orthonormal complement of unit vectors (T, m), as rows (T, m-1, m)."""
+    axes = tangent.shape[1]
+    if axes == 2:
+        return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)[:, None]
+    _, _, rows = np.linalg.svd(tangent[:, None, :])
+    return rows[:, 1:]
+
+
+def distance_bounds(
+    reference: Reference,
+    output: Float[Array | np.ndarray, "T m"],
+    frames: Frames,
+    across: Float[np.ndarray, " T"],
+    along: Float[np.ndarray, " T"],
+    intervals: int = INTERVALS,
+) -> Float[np.ndarray, " T"]:
+    """Largest distance to the path at every sample [m].
+
+    Args:
+        reference: with the true geometry.
+        output: y of the undisturbed run [m].
+        frames: at that run.
+        across: nu, largest deviation in the normal plane [m].
+        along: tau, largest deviation along the tangent [m].
+        intervals: of s.
+    """
+    contour, steps = reference.contour, reference.steps
+    s = np.linspace(-1.0, 1.0, intervals + 1) * along[:, None]
+    points = np.asarray(output)[:, None] + s[..., None] * frames.tangent[:, None]
+    lag = np.linalg.norm(points - np.asarray(reference.position)[:steps, None], axis=2)
+    around = jnp.asarray(reference.arc)[:steps, None]
+    arcs = contour.nearest(points, around, SEARCH_REACH * lag)
+    apart = np.linalg.norm(points - np.asarray(contour.position(arcs)), axis=2)
+    most = _between(contour, np.asarray(arcs), apart, 2 * along / intervals)
+    return np.minimum(across + most, _beside_lines(contour, arcs, output, frames, across, along))
+
+
+def _beside_lines(
+    contour: Contour,
+    arcs: np.ndarray,
+    output: Array | np.ndarray,
+    frames: Frames,
+    across: np.ndarray,
+    along: np.ndarray,
+) -> np.ndarray:
+    """Largest distance to one line of a plane path (T,); infinite beside other pieces.
+
+    It is convex, so that one of the four corners of where the tool may be is farthest.
+    """
+    bent = _largest_second_derivative(contour)
+    piece = _piece_at(contour, arcs[:, arcs.shape[1] // 2])
+    if contour.axes != 2:
+        return np.full(piece.size, np.inf)
+    signs = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    moved = signs[:, :1, None] * across[:, None] * frames.normals[:, 0]
+    moved = moved + signs[:, 1:, None] * along[:, None] * frames.tangent
+    start, direction = np.moveaxis(np.asarray(contour.polynomial)[piece, :2], 1, 0)
+    away = np.asarray(output) + moved - start
+    s = np.clip(np.sum(away * direction, axis=2), 0.0, np.asarray(contour.extent)[piece])
+    farthest = np.linalg.norm(away - s[..., None] * direction, axis=2).max(axis=0)
+    return np.where(bent[piece] == 0, farthest, np.inf)
+
+
+def _between(
+    contour: Contour, arcs: np.ndarray, apart: np.ndarray, length: np.ndarray
+) -> np.ndarray:
+    """Largest distance over all intervals (T,): from that of their ends, and their length."""
+    piece = _piece_at(contour, arcs)
+    first, last = apart[:, :-1], apart[:, 1:]
+    moved = np.diff(arcs, axis=1)
+    bent = _largest_second_derivative(contour)[piece[:, :-1]] * moved**2 / 8
+    on_one = np.maximum(first, last) + bent
+    anywhere = (first + last + length[:, None]) / 2
+    same = piece[:, :-1] == piece[:, 1:]
+    return np.where(same, np.minimum(on_one, anywhere), anywhere).max(axis=1)
+
+
+def _piece_at(contour: Contour, arcs: np.ndarray) -> np.ndarray:
+    starts = np.asarray(contour.start)[np.asarray(contour.mask)]
+    return np.clip(np.searchsorted(starts, arcs, side="right") - 1, 0, starts.size - 1)
+
+
+def _largest_second_derivative(contour: Contour) -> np.ndarray:
+    """Bound of |p''(s)| on every piece (P,) [1/m]."""
+    powers = np.arange(contour.polynomial.shape[1])
+    extent = np.asarray(contour.extent)[:, None]
+    sizes = np.linalg.norm(np.asarray(contour.polynomial), axis=2)
+    second = powers * (powers - 1) * sizes * extent ** np.maximum(powers - 2, 0)
+    waves = np.linalg.norm(np.asarray(contour.cosine), axis=1)
+    waves = waves + np.linalg.norm(np.asarray(contour.sine), axis=1)
+    return second.sum(axis=1) + np.asarray(contour.rate) ** 2 * waves
+
+
+def circle_bound(
+    centre: Float[np.ndarray, " 2"],
+    radius: float,
+    output: Float[np.ndarray, " 2"],
+    generators: Float[np.ndarray, "2 g"],
+) -> tuple[float, float]:
+    """Largest distances outside and inside of a circle over a zonotope of positions, exact [m].
+
+    The tool may be anywhere in y + sum_i [-1, 1] g_i. Outside, the distance from the centre is
+    convex, and largest at a vertex. Inside, it is least at the nearest point of the zonotope.
+
+    >>> outside, inside = circle_bound(np.zeros(2), 2.0, np.array([2.0, 0.0]), 0.5 * np.eye(2))
+    >>> round(inside, 12)
+    0.5
+
+    Args:
+        centre: of the circle [m].
+        radius: of the circle [m].
+        output: y [m].
+        generators: g_i, a column for each disturbance [m].
+    """
+    corners = output - centre + _vertices(generators)
+    outside = np.linalg.norm(corners, axis=1).max() - radius
+    return float(outside), float(radius - _least_norm(corners))
+
+
+def _vertices(generators: np.ndarray) -> np.ndarray:
+    """Vertices of a planar zonogon around zero (2 g, 2), counter-clockwise."""
+    upward = (generators[1] > 0) | ((generators[1] == 0) & (generators[0] > 0))
+    turned = np.where(upward, generators, -generators)
+    order = np.argsort(np.arctan2(turned[1], turned[0]))
+    edges = 2 * turned[:, order].T
+    lower = np.concatenate([np.zeros((1, 2)), np.cumsum(edges, axis=0)]) - turned.sum(axis=1)
+    return np.concatenate([lower, -lower])
+
+
+def _least_norm(corners: np.ndarray) -> float:
+    """Distance of zero from a convex polygon, zero inside."""
+    after = np.roll(corners, -1, axis=0)
+    edge = after - corners
+    square = np.maximum(np.sum(edge**2, axis=1), np.finfo(float).tiny)
+    part = np.clip(-np.sum(corners * edge, axis=1) / square, 0.0, 1.0)
+    turn = corners[:, 0] * edge[:, 1] - corners[:, 1] * edge[:, 0]
+    if np.all(turn >= 0) and np.sum(turn) > 0:
+        return 0.0
+    return float(np.linalg.norm(corners + part[:, None] * edge, axis=1).min())

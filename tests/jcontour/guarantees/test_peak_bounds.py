@@ -1,0 +1,106 @@
+"""Peak bounds: against forward propagation, every corner of the box, and the reference numbers."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from jcontour.guarantees.attacks import worst_attack
+from jcontour.guarantees.disturbed_loop import disturbed_loop
+from jcontour.guarantees.peak_bounds import peak_bounds, state_tubes
+from jcontour.simulation.closed_loop import simulate
+
+SIZE = np.array([0.3, 1.0, 2.0])
+
+
+def forward_bounds(loop, rows, size):
+    """The sums by propagation of every disturbance forward."""
+    M, E = np.asarray(loop.M), np.asarray(loop.E)
+    found, effects = np.zeros(rows.shape[:2]), np.zeros((E.shape[1], 0))
+    for k in range(len(M)):
+        found[k] = np.abs(rows[k] @ effects).sum(axis=1)
+        effects = np.concatenate([M[k] @ effects, E[k] * size], axis=1)
+    return found
+
+
+def test_bounds_are_those_of_forward_propagation(random_loop):
+    loop = random_loop(1, 40)
+    rows = np.asarray(loop.C)
+    found = peak_bounds(loop, rows, SIZE)
+    assert found.bound == pytest.approx(forward_bounds(loop, rows, SIZE), rel=1e-12)
+    assert not found.remainder.any()
+
+
+def test_the_bound_is_the_largest_of_all_corners(random_loop, pushed):
+    loop = random_loop(2, 4, states=2)
+    rows = np.asarray(loop.C)
+    corners = np.array(list(product((-1.0, 1.0), repeat=9))).reshape(-1, 3, 3)
+    last = [pushed(loop, np.concatenate([w * SIZE, np.zeros((1, 3))]))[3] for w in corners]
+    largest = np.abs(np.array(last) @ rows[3].T).max(axis=0)
+    assert peak_bounds(loop, rows, SIZE).bound[3] == pytest.approx(largest, rel=1e-13)
+
+
+def test_a_direct_effect_adds_its_own_share(random_loop):
+    loop = random_loop(3, 12)
+    rows = np.asarray(loop.C)
+    direct = np.random.default_rng(0).standard_normal((12, 2, 3))
+    found = peak_bounds(loop, rows, SIZE, direct).bound - peak_bounds(loop, rows, SIZE).bound
+    assert found == pytest.approx(np.abs(direct) @ SIZE, rel=1e-10)
+
+
+@pytest.mark.parametrize("block", [1, 3, 7, 20])
+def test_blocks_bound_from_above_and_say_by_how_much(random_loop, block):
+    loop = random_loop(4, 40)
+    rows = np.asarray(loop.C)
+    exact = forward_bounds(loop, rows, SIZE)
+    found = peak_bounds(loop, rows, SIZE, block=block)
+    assert np.all(found.bound >= exact * (1 - 1e-13))
+    assert np.all(found.bound - found.remainder <= exact * (1 + 1e-13))
+    assert found.remainder[: 2 * block].max() == 0.0
+
+
+def test_states_at_the_begin_of_blocks_stay_in_their_tube(random_loop, pushed):
+    loop = random_loop(5, 30)
+    tubes = state_tubes(loop, SIZE, 6)
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        w = SIZE * np.sign(random.standard_normal((30, 3)))
+        assert np.all(np.abs(pushed(loop, w)[::6]) <= tubes * (1 + 1e-12))
+
+
+def test_bad_input_is_told(random_loop):
+    loop = random_loop(6, 5)
+    with pytest.raises(ValueError, match="block: needs at least one sample, received 0"):
+        peak_bounds(loop, np.asarray(loop.C), SIZE, block=0)
+    with pytest.raises(ValueError, match="rows, size: the loop needs shapes"):
+        peak_bounds(loop, np.asarray(loop.C), SIZE[:2])
+
+
+def normal_rows(circle, loop):
+    """Rows of the normal error, and that error without disturbance."""
+    tangent = np.asarray(circle.reference.tangent[: circle.reference.steps])
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    off = loop.output - circle.reference.position[: circle.reference.steps]
+    return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * np.asarray(off), axis=1)
+
+
+@pytest.mark.parametrize("index", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
+def test_the_reference_circle(reference_circle, index):
+    row = reference_circle.rows[index]
+    controller, box = reference_circle.of(row)
+    loop = disturbed_loop(reference_circle.plant, controller, reference_circle.reference)
+    rows, nominal = normal_rows(reference_circle, loop)
+    bound = peak_bounds(loop, rows[:, None], box.size).bound[:, 0]
+    total = np.abs(nominal) + bound
+    assert bound[504:].max() == pytest.approx(row["disturbance_bound_m"], rel=1e-8)
+    assert np.abs(nominal)[504:].max() == pytest.approx(row["nominal_m"], rel=1e-8)
+    assert total[504:].max() == pytest.approx(row["certified_m"], rel=1e-8)
+    for sample, value in row["bound_at"]:
+        assert bound[sample] == pytest.approx(value, rel=1e-8)
+    for sample, value in row["nominal_at"]:
+        assert nominal[sample] == pytest.approx(value, abs=1e-8 * row["nominal_m"])
+    worst = 504 + int(np.argmax(total[504:]))
+    attack = worst_attack(loop, rows[worst], worst, box, nominal[worst])
+    run = simulate(attack.on(reference_circle.plant), controller, reference_circle.reference)
+    _, reached = normal_rows(reference_circle, loop._replace(output=run.output))
+    assert abs(reached[worst]) == pytest.approx(total[worst], rel=1e-9)
