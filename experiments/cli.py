@@ -23,6 +23,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Rank: ("rank", "experiments.commands.rank"),
     options.Sweep: ("sweep", "experiments.commands.sweep"),
     options.Verify: ("verify", "experiments.commands.verify"),
+    options.Certify: ("certify", "experiments.commands.certify"),
     options.Trace: ("trace", "experiments.commands.trace"),
     options.Learn: ("learn", "experiments.commands.learn"),
     options.Identify: ("identify", "experiments.commands.identify"),

@@ -178,6 +178,24 @@ class Verify(Common):
 
 
 @dataclass(frozen=True)
+class Certify(Common):
+    """Prove the largest contour error that a loop can have under bounded disturbances.
+
+    Beside it stands the error that an attack within the bounds really reaches.
+    """
+
+    run: Positional[Path] = Path()
+    """Run folder of `jcontour tune` or `jcontour simulate`, of a linear machine."""
+    force: float | None = None
+    """Largest disturbance on every control at every sample: friction, cutting [control unit].
+    When not given, the control noise that the machine states for its observer."""
+    encoder_um: float | None = None
+    """Largest error of every measured position [um]; half a count when not given."""
+    out: Path | None = None
+    """Run folder; runs/certify-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class Trace(Common):
     """Trace a contour with model predictive contouring control, which chooses its own speed."""
 

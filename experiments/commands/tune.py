@@ -181,6 +181,8 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
     steps = [f"jcontour compare {folder} OTHER    (which of two runs is better where)"]
     if found.limitable:
         steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
+    if found.terminal is not None:
+        steps.append(f"jcontour certify {folder}    (the largest error it can have, proven)")
     task = same_task(folder, "tune")
     steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
     load = [f"Load: {name}: {words}" for name, words in found.files.items()]

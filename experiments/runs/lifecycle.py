@@ -16,6 +16,7 @@ from experiments.reports import tables
 from experiments.shared_options import MachineFlags, Spreading
 
 F = TypeVar("F", bound=Spreading)
+Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")
 Result = TypeVar("Result")
 
@@ -90,10 +91,18 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
         if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
             flag = one.name.replace("_", "-")
             raise ValueError(f"resume: the run keeps its own settings; leave out --{flag}")
+    return folder, stored_flags(folder, command, type(flags), **now, resume=None)
+
+
+def stored_flags(folder: Path, command: str, kind: type[Kept], **now: Any) -> Kept:
+    """Flags of a stored run, with the folder's copies of its input files.
+
+    Raises:
+        ValueError: the folder does not hold a run of this command.
+    """
     stored = run_folder.opened(folder, command)
     try:
-        known = _with_copies(stored, folder)
-        return folder, type(flags)(**{**known, **now, "out": None, "resume": None})
+        return kind(**{**_with_copies(stored, folder), **now, "out": None})
     except (TypeError, KeyError):
         raise run_folder.RunError(
             f"{folder}: its settings are not those of this version's {command}"
@@ -114,9 +123,11 @@ def _with_copies(stored: dict[str, Any], folder: Path) -> dict[str, Any]:
             return copies.get(name, name)
         return f"{copies.get(str(own.path), own.path)}:{own.name}"
 
-    controller = known["controller"] and copied(known["controller"])
-    parts = tuple(copied(name) for name in known["parts"])
-    return {**known, "plant": copied(known["plant"]), "controller": controller, "parts": parts}
+    named = [name for name in ("plant", "controller", "contour") if known.get(name)]
+    known |= {name: copied(known[name]) for name in named}
+    if "parts" in known:
+        known["parts"] = tuple(copied(name) for name in known["parts"])
+    return known
 
 
 def finished(

@@ -1,0 +1,57 @@
+"""Result of `jcontour certify`: what `result.json` of its run folder holds."""
+
+from dataclasses import dataclass
+
+from experiments.files.run_metrics import MachineSummary, PeakPlace
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedRow:
+    """One contour on one plant of the family, SI units.
+
+    Attributes:
+        bound: largest error that the disturbances within the bounds can make, proven.
+        nominal: largest error without disturbance.
+        reached: largest error under the attack, encoder error chosen by it.
+        counted: the same where encoders count and the attack chooses the force alone; None where
+            nothing is counted.
+        control: largest size of each control, proven.
+        place: where the largest bound is.
+    """
+
+    contour: str
+    plant: str
+    bound: float
+    nominal: float
+    reached: float
+    counted: float | None
+    control: tuple[float, ...]
+    place: PeakPlace
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedResult:
+    """Largest errors of a stored loop under bounded disturbances.
+
+    Attributes:
+        certified: folder of the run whose loop it is.
+        error: the error that counts, "contour" or "tracking".
+        force: bound on what adds to each control [control unit].
+        encoder: bound on the error of each measured number [m].
+        control_limit: of each control; None where the machine states none.
+        rows: one per contour and plant.
+    """
+
+    certified: str
+    machine: MachineSummary
+    controller: str
+    error: str
+    force: float
+    encoder: float
+    control_limit: tuple[float, ...] | None
+    rows: list[CertifiedRow]
+
+    @property
+    def worst(self) -> CertifiedRow:
+        """Row of the largest bound."""
+        return max(self.rows, key=lambda row: row.bound)

@@ -1,0 +1,51 @@
+"""Tables that `jcontour certify` prints."""
+
+from rich.console import Console
+
+from experiments.files.certified_result import CertifiedResult, CertifiedRow
+from experiments.reports.tables import digits, peak_line, plain_table, say
+
+HEADINGS = (
+    "contour",
+    "plant",
+    "largest error\nproven um",
+    "reached\nunder attack um",
+    "reached by force\nwith counts um",
+    "undisturbed\num",
+    "largest\ncontrol",
+)
+
+
+def show_certified(result: CertifiedResult, console: Console) -> None:
+    """The table, what it is proven for, and where the largest bound is."""
+    title = f"Largest {result.error} error of {result.controller} on {result.machine.name}"
+    rows = [_cells(row) for row in result.rows]
+    console.print(plain_table(title, HEADINGS, rows, text_columns=2))
+    say(console, *sentences(result))
+
+
+def sentences(result: CertifiedResult) -> list[str]:
+    """Assumptions, then the worst row in words."""
+    worst, unit = result.worst, result.machine.control_unit
+    place = peak_line(worst.place, result.error, result.machine.axes)
+    largest = max(max(row.control) for row in result.rows)
+    limits = result.control_limit
+    controls = f"No control exceeds {digits(largest)} {unit}"
+    if limits is not None:
+        least = min(limits)
+        within = "within" if largest <= least else "MORE THAN"
+        controls += f", {within} the machine's {digits(least)}"
+    return [
+        f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
+        f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
+        "and for each plant of the table, started on the path. Not for plants between them.",
+        f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
+        f"{place}.",
+        f"{controls}.",
+    ]
+
+
+def _cells(row: CertifiedRow) -> list[str]:
+    sizes = [row.bound, row.reached, row.counted, row.nominal]
+    errors = [digits(None if size is None else 1e6 * size) for size in sizes]
+    return [row.contour, row.plant, *errors, digits(max(row.control))]

@@ -1,0 +1,65 @@
+"""Loops of stored runs: machine, controller and contours of a run of `tune` or `simulate`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.designs.design import with_values
+from experiments.files import run_folder
+from experiments.jobs.job import Pace, Task
+from experiments.machines.machine import Fed, Machine
+from experiments.options import Simulate, Tune
+from experiments.runs.lifecycle import resumed, stored_flags
+from experiments.runs.tuning import tuning_run
+from jcontour.controller import Controller
+
+
+@dataclass(frozen=True)
+class StoredLoop:
+    """A controller with its weights on a machine, and what it was run on.
+
+    Attributes:
+        name: of the controller.
+        fed: the machine's sensors or its state.
+        jobs: contours that it was simulated on, or trained on.
+    """
+
+    machine: Machine
+    name: str
+    controller: Controller
+    fed: Fed
+    jobs: tuple[Task, ...]
+
+
+def stored_loop(folder: Path) -> StoredLoop:
+    """Loop of a run folder, with the folder's own copies of its files.
+
+    Raises:
+        ValueError: the folder holds no finished run of `tune` or `simulate`.
+    """
+    command = run_folder.read_json(folder, run_folder.SETTINGS).get("command")
+    if command == "tune":
+        return _tuned(folder)
+    if command == "simulate":
+        return _simulated(folder)
+    raise run_folder.RunError(
+        f"{folder}: holds a run of {command!r}; a loop is stored by 'tune' and 'simulate'"
+    )
+
+
+def _tuned(folder: Path) -> StoredLoop:
+    _, flags = resumed(Tune(resume=folder), "tune")
+    named = run_folder.read_json(folder, run_folder.RESULT)["weights"]
+    run = tuning_run(flags)
+    weights = with_values(run.start, {name: w for name, w in named.items() if w is not None})
+    design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
+    return StoredLoop(run.machine, design.name, run.controller(weights), design.fed, jobs)
+
+
+def _simulated(folder: Path) -> StoredLoop:
+    flags = stored_flags(folder, "simulate", Simulate)
+    machine = machine_named(flags.plant)
+    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    design = design_for(machine, flags)
+    controller = design.build(design.start)
+    return StoredLoop(machine, design.name, controller, design.fed, (job,))

@@ -1,0 +1,52 @@
+"""Words of a certificate."""
+
+from dataclasses import replace
+
+from rich.console import Console
+
+from experiments.files.certified_result import CertifiedResult, CertifiedRow
+from experiments.files.run_metrics import MachineSummary, PeakPlace
+from experiments.reports.certified_tables import sentences, show_certified
+
+ROW = CertifiedRow(
+    contour="circle",
+    plant="late",
+    bound=8e-6,
+    nominal=1e-6,
+    reached=6e-6,
+    counted=5e-6,
+    control=(1.0, 2.5),
+    place=PeakPlace("late", 8e-6, 0.1, (1e-3, 2e-3)),
+)
+RESULT = CertifiedResult(
+    certified="runs/one",
+    machine=MachineSummary("table", "A", ("X", "Y"), "quantised encoders"),
+    controller="contouring-lq",
+    error="contour",
+    force=0.1,
+    encoder=4e-7,
+    control_limit=(10.0, 3.0),
+    rows=[ROW],
+)
+
+
+def test_assumptions_attack_place_and_controls_are_said():
+    text = "\n".join(sentences(RESULT))
+    assert "force of up to 0.1 A on each control" in text
+    assert "encoder error of up to 0.4 um" in text
+    assert "An attack reaches 75 % of the largest bound" in text
+    assert "largest contour error 8 um at X 1, Y 2 mm" in text
+    assert "No control exceeds 2.5 A, within the machine's 3." in text
+
+
+def test_a_control_beyond_its_limit_is_said():
+    high = replace(RESULT, rows=[replace(ROW, control=(4.0, 1.0))])
+    assert sentences(high)[-1] == "No control exceeds 4 A, MORE THAN the machine's 3."
+    assert sentences(replace(RESULT, control_limit=None))[-1] == "No control exceeds 2.5 A."
+
+
+def test_the_table_has_every_error_in_um():
+    console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    show_certified(RESULT, console)
+    line = next(one for one in console.export_text().splitlines() if "late" in one)
+    assert line.split() == ["circle", "late", "8", "6", "5", "1", "2.5"]
