@@ -88,9 +88,9 @@ def distance_bounds(
     points = np.asarray(output)[:, None] + s[..., None] * frames.tangent[:, None]
     lag = np.linalg.norm(points - np.asarray(reference.position)[:steps, None], axis=2)
     around = jnp.asarray(reference.arc)[:steps, None]
-    arcs = contour.nearest(points, around, SEARCH_REACH * lag)
+    arcs = np.asarray(contour.nearest(points, around, SEARCH_REACH * lag))
     apart = np.linalg.norm(points - np.asarray(contour.position(arcs)), axis=2)
-    most = _between(contour, np.asarray(arcs), apart, 2 * along / intervals)
+    most = _between(contour, arcs, apart, 2 * along / intervals)
     return np.minimum(across + most, _beside_lines(contour, arcs, output, frames, across, along))
 
 

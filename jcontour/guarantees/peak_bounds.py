@@ -20,8 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jcontour.guarantees.disturbed_loop import DisturbedLoop
+from jcontour.linear.plant import spectral_radius
 
-FIRST_BLOCK = 128  # samples: most loops of drives have forgotten by then
+SHORTEST_BLOCK = 32  # samples
 REMAINDER = 1e-10  # of the largest bound, that the state at a block's begin may add
 
 
@@ -66,12 +67,22 @@ def peak_bounds(
         if block < 1:
             raise ValueError(f"block: needs at least one sample, received {block}")
         return _blocked(loop, rows, size, direct, min(block, T))
-    block = FIRST_BLOCK
+    block = _first_block(loop)
     while True:
         found = _blocked(loop, rows, size, direct, min(block, T))
         if block >= T or found.remainder.max() <= REMAINDER * found.bound.max():
             return found
         block *= 2
+
+
+def _first_block(loop: DisturbedLoop) -> int:
+    """Samples after which the slowest frozen loop has forgotten: a power of two, one program each.
+
+    Loops that change faster may need more.
+    """
+    radius = float(np.clip(spectral_radius(loop.M).max(), 1e-3, 1 - 1e-9))
+    forgotten = max(np.log(REMAINDER) / np.log(radius), SHORTEST_BLOCK)
+    return 2 ** int(np.ceil(np.log2(forgotten)))
 
 
 def state_tubes(

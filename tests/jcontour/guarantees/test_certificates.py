@@ -71,7 +71,7 @@ def test_whole_counts_are_inside_a_box_of_half_a_count(two_axes):
         counting = Disturbed(Quantised(plant, 8e-7), force=jnp.asarray(attack.force))
         reached.append(errors(counting, controller, reference)[0])
     assert np.all(np.array(reached) <= found.bound)
-    assert max(error[found.worst] for error in reached) > 0.5 * found.largest
+    assert max(error[found.worst] for error in reached) > 0.4 * found.largest
 
 
 @pytest.mark.slow

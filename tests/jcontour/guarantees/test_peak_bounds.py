@@ -2,12 +2,14 @@
 
 from itertools import product
 
+import jax
 import numpy as np
 import pytest
 
 from jcontour.guarantees.attacks import worst_attack
 from jcontour.guarantees.disturbed_loop import disturbed_loop
 from jcontour.guarantees.peak_bounds import peak_bounds, state_tubes
+from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.simulation.closed_loop import simulate
 
 SIZE = np.array([0.3, 1.0, 2.0])
@@ -81,7 +83,7 @@ def normal_rows(circle, loop):
     tangent = np.asarray(circle.reference.tangent[: circle.reference.steps])
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     off = loop.output - circle.reference.position[: circle.reference.steps]
-    return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * np.asarray(off), axis=1)
+    return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * np.asarray(off), axis=-1)
 
 
 @pytest.mark.parametrize("index", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
@@ -104,3 +106,39 @@ def test_the_reference_circle(reference_circle, index):
     run = simulate(attack.on(reference_circle.plant), controller, reference_circle.reference)
     _, reached = normal_rows(reference_circle, loop._replace(output=run.output))
     assert abs(reached[worst]) == pytest.approx(total[worst], rel=1e-9)
+
+
+def noises(random, laps, steps):
+    """Signs of four kinds (laps, T, d): even, bang-bang, telegraph, slow square waves."""
+    even = random.uniform(-1, 1, (laps, steps, 4))
+    flips = random.random((laps, steps, 4)) < random.uniform(0.01, 0.5, (laps, 1, 1))
+    telegraph = np.where(np.cumsum(flips, axis=1) % 2 == 0, 1.0, -1.0)
+    kinds = [even, np.sign(even), telegraph, np.sign(np.sin(0.3 * np.cumsum(np.abs(even), 1)))]
+    return np.choose((np.arange(laps) % 4)[:, None, None], kinds)
+
+
+@pytest.mark.slow
+def test_no_lap_of_a_hundred_thousand_exceeds_the_bound(reference_circle):
+    row, laps = reference_circle.rows[0], 1000
+    controller, box = reference_circle.of(row)
+    plant, reference = reference_circle.plant, reference_circle.reference
+    loop = disturbed_loop(plant, controller, reference)
+    rows, nominal = normal_rows(reference_circle, loop)
+    total = np.abs(nominal) + peak_bounds(loop, rows[:, None], box.size).bound[:, 0]
+    random, largest = np.random.default_rng(11), 0.0
+    worst = worst_attack(loop, rows[664], 664, box, nominal[664])
+    adverse = np.concatenate([worst.force, worst.noise], axis=1)
+
+    @jax.jit
+    @jax.vmap
+    def outputs(w):
+        disturbed = Disturbed(plant, force=w[:, :2], noise=w[:, 2:])
+        return simulate(disturbed, controller, reference).output
+
+    for _ in range(100):
+        w = noises(random, laps, reference.steps) * box.size
+        flipped = random.random((laps // 10, *adverse.shape)) < 0.01
+        w[: laps // 10] = np.where(flipped, -adverse, adverse)
+        _, error = normal_rows(reference_circle, loop._replace(output=outputs(w)))
+        largest = max(largest, np.max(np.abs(error) / total))
+    assert 0.95 < largest <= 1 + 1e-9
