@@ -61,6 +61,9 @@ def test_the_examples_of_the_library_guide_run(capsys):
     assert len(ahead) == 4
     laps = [float(line.split()[2]) for line in lines if line.startswith("lap ")]
     assert len(laps) == 5 and laps == sorted(laps, reverse=True) and laps[4] < 0.02 * laps[0]
+    (bounded,) = [line.split() for line in lines if line.startswith("proven ")]
+    assert 0.99 * float(bounded[1]) < float(bounded[4]) <= float(bounded[1])
+    lines = [line for line in lines if not line.startswith("proven ")]
     (promised,) = [line for line in lines if " at most " in line]
     assert 0.2 < float(promised.split()[4]) < 0.5  # [um], of a load of 0.02
     lines = [line for line in lines if not line.startswith("lap ") and line != promised]

@@ -82,8 +82,9 @@ def normal_rows(circle, loop):
     """Rows of the normal error, and that error without disturbance."""
     tangent = np.asarray(circle.reference.tangent[: circle.reference.steps])
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    off = loop.output - circle.reference.position[: circle.reference.steps]
-    return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * np.asarray(off), axis=-1)
+    wanted = np.asarray(circle.reference.position[: circle.reference.steps])
+    off = np.asarray(loop.output) - wanted
+    return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * off, axis=-1)
 
 
 @pytest.mark.parametrize("index", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
@@ -140,5 +141,5 @@ def test_no_lap_of_a_hundred_thousand_exceeds_the_bound(reference_circle):
         flipped = random.random((laps // 10, *adverse.shape)) < 0.01
         w[: laps // 10] = np.where(flipped, -adverse, adverse)
         _, error = normal_rows(reference_circle, loop._replace(output=outputs(w)))
-        largest = max(largest, np.max(np.abs(error) / total))
+        largest = max(largest, np.max(np.abs(error[:, 1:]) / total[1:]))
     assert 0.95 < largest <= 1 + 1e-9
