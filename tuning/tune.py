@@ -368,7 +368,8 @@ def _scattered_point(problem, start, effort: Effort, state: TuneState, index: in
     """A point around the best of the first descent, in the box that weights may not leave."""
     from scipy.stats.qmc import Sobol  # takes longer to import than the rest of the tuner
 
-    first, reach = _first(problem, start), Chart(problem.space, start).reach()
+    chart = Chart(problem.space, start)
+    first, reach = np.asarray(chart.coordinates()), chart.reach()
     begun = [row for row in sound(state.history) if row.start == 0]
     centre = min(begun, key=rank).z if begun else first
     count = 2 ** int(np.ceil(np.log2(effort.scatter)))
