@@ -24,7 +24,7 @@ OF_EACH_KIND = (
     "cascade",
     "contouring-lq",
     "cross-coupled",
-    "gantry-scheduled-lq",
+    "gantry-cascade",
     "synchronised",
     "time-delay",
     "zpetc",

@@ -137,6 +137,7 @@ def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
     )
 
 
+@pytest.mark.slow
 def test_folder_of_another_run(capsys, tmp_path, machine_file, part_file):
     taken = tmp_path / "run"
     taken.mkdir()

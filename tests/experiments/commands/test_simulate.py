@@ -22,6 +22,7 @@ def run(tmp_path_factory, machine_file, part_file):
     return simulated(tmp_path_factory.mktemp("simulated") / "run", machine_file, part_file)
 
 
+@pytest.mark.slow
 def test_the_result_and_its_signals_agree(run):
     result = read_result(run, SimulatedResult)
     signals = load_dataset(run / "rollouts.nc").isel(design=0, contour=0)
