@@ -46,8 +46,10 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import member
-from tuning.parameters import Fixed, Positive
+from tuning.parameters import Fixed, Interval, Positive
 
+# times its start, up and down: the third power of the bandwidth of what finds the disturbance
+DRIFT_RANGE = 1e3
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
 # model, weights, preview -> controller that is fed the state
 MakeController = Callable[[LinearPlant, LQWeights, int], Controller]
@@ -332,8 +334,22 @@ def _design(
         chosen,
     )
     if machine.published is None:
-        return found.begun()
-    return replace(found, start=start._replace(**{**_known(machine.published, start), **given}))
+        return _bounded(found.begun())
+    known = {**_known(machine.published, start), **given}
+    return _bounded(replace(found, start=start._replace(**known)))
+
+
+def _bounded(found: LQDesign) -> LQDesign:
+    """The design with a drift that stays near its start.
+
+    Where a family has no disturbance to find, tuning would buy margin by looking for none, until
+    the observer's gain for it is zero and the disturbance is no longer observed.
+    """
+    drift = found.start.drift
+    if drift is None:
+        return found
+    near = Interval(float(drift) / DRIFT_RANGE, float(drift) * DRIFT_RANGE)
+    return replace(found, space=found.space._replace(drift=near))
 
 
 def _given(flags: Controlled, start: LoopWeights) -> dict[str, float]:
