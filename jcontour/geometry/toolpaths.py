@@ -38,7 +38,7 @@ from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
 from jcontour.geometry.gcode.move import Move
-from jcontour.geometry.gcode.programs import Library, files_beside, interpreted, no_files
+from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
@@ -74,7 +74,7 @@ def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None 
 
 
 def parse_gcode(
-    text: str, axes: Axes = "XY", feed: float | None = None, library: Library = no_files
+    text: str, axes: Axes = "XY", feed: float | None = None, files: ProgramFiles = no_files
 ) -> Toolpath:
     """Toolpath of a G-code program; the module's docstring says what it may contain.
 
@@ -101,7 +101,7 @@ def parse_gcode(
             as they did (their feed is that of the projection), arcs in other planes become lines
             to and fro; a helix in another plane is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
-        library: lines of the files that subprograms are in, by name.
+        files: lines of the files that subprograms are in, by name.
 
     Raises:
         ToolpathError: "line 12: ..." for whatever cannot be read or traced; no cutting move; a feed
@@ -113,7 +113,7 @@ def parse_gcode(
         raise ToolpathError(
             f"feed: needs to be above 0 and at most {FASTEST:g} m/s, received {feed}"
         )
-    interpreter = interpreted(lines_of(text), len(axes), feed, library)
+    interpreter = interpreted(lines_of(text), len(axes), feed, files)
     moves = interpreter.moves
     cutting = [i for i, move in enumerate(moves) if not move.rapid]
     if not cutting:

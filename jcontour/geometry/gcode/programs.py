@@ -24,15 +24,17 @@ MOST_ARGUMENTS = 30
 FILE_NAME = re.compile(r"[a-z0-9_-]+")
 MOST_REPEATS = 1_000_000
 
-Library = Callable[[str], Sequence[str] | None]  # lines of a subprogram's file, None without one
+ProgramFiles = Callable[
+    [str], Sequence[str] | None
+]  # lines of a subprogram's file, None without one
 
 
 def no_files(name: str) -> None:
-    """Library without any subprograms."""
+    """No files of subprograms."""
 
 
-def files_beside(program: Path) -> Library:
-    """Library of the files beside a program: NAME.ngc holds the subprogram NAME.
+def files_beside(program: Path) -> ProgramFiles:
+    """Files beside a program: NAME.ngc holds the subprogram NAME.
 
     Their names are of small letters, digits, - and _, as LinuxCNC asks: none leads elsewhere.
     """
@@ -86,14 +88,14 @@ class Program:
 
     Attributes:
         machine: what carries out its words.
-        library: files of subprograms.
+        files: files of subprograms.
         parameters: of the program.
         frames: the program, and the subprograms it is in.
         repeated: lines that were carried out again.
     """
 
     machine: Machine
-    library: Library
+    files: ProgramFiles
     parameters: Parameters
     frames: list[Frame]
     repeated: int = 0
@@ -284,7 +286,7 @@ class Program:
         for frame in self.frames:
             if frame.source.name == f"{name}.ngc":
                 return frame.source, frame.source.structure.subprograms[label][0]
-        lines = self.library(name)
+        lines = self.files(name)
         if lines is None:
             raise ToolpathError(f"there is no subprogram o{shown(label)[1:-1]}")
         source = Source(lines, name=f"{name}.ngc")
@@ -338,7 +340,7 @@ def interpreted(
     lines: Sequence[str],
     axes: int,
     feed: float | None,
-    library: Library = no_files,
+    files: ProgramFiles = no_files,
     most_lines: int | None = None,
 ) -> Machine:
     """Machine that has carried out the lines of a program, up to its end (M2, M30, %).
@@ -351,7 +353,7 @@ def interpreted(
         lines: of the program.
         axes: 3, or 2 for the projection to X and Y.
         feed: in force at the beginning [m/s]; None where the program has to give one.
-        library: lines of the files that subprograms are in.
+        files: lines of the files that subprograms are in.
         most_lines: so many are carried out at most; None for all.
 
     Raises:
@@ -359,7 +361,7 @@ def interpreted(
     """
     machine = Machine(Tracer(axes), first_feed=feed)
     parameters = Parameters()
-    program = Program(machine, library, parameters, [Frame(Source(lines))])
+    program = Program(machine, files, parameters, [Frame(Source(lines))])
     parameters.said_by_machine = lambda key: machine_values(machine, key, len(program.frames) - 1)
     program.run(most_lines)
     return machine
