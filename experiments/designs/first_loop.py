@@ -14,6 +14,7 @@ an axis and across all of them, for the whole family.
 """
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -31,6 +32,7 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.parameters import Positive
 
 # [rad per sample] from fast to slow: the first settles within a few samples, and corners do not
 # kick
@@ -61,6 +63,16 @@ def first_loop(
     )
     kept = np.flatnonzero(peaks <= SENSITIVITY)
     return series[kept[0] if kept.size else int(np.argmin(peaks))]
+
+
+class Drift(Positive):
+    """Drift that an observer takes, at most a thousand times more or less than at the start.
+
+    That is a factor of ten in the bandwidth of what finds the load. Where a family has no load to
+    find, tuning would buy margin by looking for none, until the load is no longer observed.
+    """
+
+    reach: ClassVar[float] = float(np.log(1e3))
 
 
 def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> LoopWeights:

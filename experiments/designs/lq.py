@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.designs.design import Design, by_name, changed
-from experiments.designs.first_loop import first_loop
+from experiments.designs.first_loop import Drift, first_loop
 from experiments.designs.loop_weights import LoopSpace, LoopWeights
 from experiments.files import run_folder
 from experiments.files.netcdf import save_gains
@@ -46,10 +46,8 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import member
-from tuning.parameters import Fixed, Interval, Positive
+from tuning.parameters import Fixed, Positive
 
-# times its start, up and down: the third power of the bandwidth of what finds the disturbance
-DRIFT_RANGE = 1e3
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
 # model, weights, preview -> controller that is fed the state
 MakeController = Callable[[LinearPlant, LQWeights, int], Controller]
@@ -314,7 +312,7 @@ def _design(
         start = start._replace(control_noise=machine.control_noise)
         space = space._replace(control_noise=Positive())
         if observer == "offset-free":
-            start, space = start._replace(drift=1.0), space._replace(drift=Positive())
+            start, space = start._replace(drift=1.0), space._replace(drift=Drift())
     given = _given(flags, start)
     late = _model_delay(machine, flags, fed)
     chosen = flags.model_delay is not None
@@ -334,22 +332,8 @@ def _design(
         chosen,
     )
     if machine.published is None:
-        return _bounded(found.begun())
-    known = {**_known(machine.published, start), **given}
-    return _bounded(replace(found, start=start._replace(**known)))
-
-
-def _bounded(found: LQDesign) -> LQDesign:
-    """The design with a drift that stays near its start.
-
-    Where a family has no disturbance to find, tuning would buy margin by looking for none, until
-    the observer's gain for it is zero and the disturbance is no longer observed.
-    """
-    drift = found.start.drift
-    if drift is None:
-        return found
-    near = Interval(float(drift) / DRIFT_RANGE, float(drift) * DRIFT_RANGE)
-    return replace(found, space=found.space._replace(drift=near))
+        return found.begun()
+    return replace(found, start=start._replace(**{**_known(machine.published, start), **given}))
 
 
 def _given(flags: Controlled, start: LoopWeights) -> dict[str, float]:

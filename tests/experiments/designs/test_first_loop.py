@@ -8,7 +8,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs import first_loop as module
-from experiments.designs.first_loop import BANDWIDTHS, SENSITIVITY
+from experiments.designs.first_loop import BANDWIDTHS, SENSITIVITY, Drift
 from experiments.machines.from_file import linear_machine
 from experiments.options import Simulate
 from jcontour.linear.plant import LinearPlant
@@ -98,3 +98,10 @@ def test_a_few_counts_do_not_take_the_controls_to_their_limit():
     exact = 2 * np.arcsin(0.25)
     assert exact * module.REGULATORS[1] < found <= exact
     assert module._regulator(integrators(1e-9)) == module.REGULATORS[-1]
+
+
+def test_a_drift_may_change_a_thousand_times():
+    drift = Drift()
+    start = drift.coordinate(2e-4)
+    ends = [float(drift.weight(start + way * drift.reach)) for way in (-1, 1)]
+    np.testing.assert_allclose(ends, [2e-7, 0.2])
