@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.designs.first_loop import STATES
+from experiments.designs.first_loop import STATES, Drift
 from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.designs.gantry import lq_weights, quadratic
 from experiments.machines.gantry import GantryMachine
@@ -20,7 +20,6 @@ from jcontour.controllers.lq.contouring_lq import ContouringLQ, RiccatiTerminal
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, offset_free_gain
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
-from tuning.parameters import Interval
 
 MOTORS = 3
 # [rad per sample] of the load's estimate: the regulator is faster, so that the observer alone
@@ -30,9 +29,6 @@ BANDWIDTH = 0.033
 # [A^2/m^2] of lag and of contour error beside an ampere: a regulator with more of the first is
 # faster, and leaves the observer more of the margin
 ALPHA, BETA = 7e8, 2e8
-# of the drift, up and down, the third power of its bandwidth: where there is no load to find,
-# tuning would buy margin by looking for none
-RANGE = 1e3
 
 
 def offset_free_design(
@@ -62,14 +58,12 @@ def _gains(machine: GantryMachine) -> dict[str, Gain]:
     As in the first loops of linear machines, drift / rounding = w / |G(w)| at the bandwidth w.
     """
     noise = rounding(machine) / _gain(machine, BANDWIDTH)  # crosses over there by itself
-    drift = BANDWIDTH * noise
-    found = Interval(drift / RANGE, drift * RANGE)
     return {
         **quadratic(machine),
         "alpha": Gain(ALPHA, "A^2/m^2"),
         "beta": Gain(BETA, "A^2/m^2"),
         "control_noise": Gain(STATES * noise, "A"),
-        "drift": Gain(drift, "A per sample", found),
+        "drift": Gain(BANDWIDTH * noise, "A per sample", Drift()),
     }
 
 
