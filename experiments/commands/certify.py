@@ -14,14 +14,14 @@ from experiments.reports import tables
 from experiments.reports.certified_tables import show_certified
 from experiments.reports.figures.certificate import CertifiedErrors, certificate_figure
 from experiments.reports.figures.png import save_figure
-from experiments.runs.certifying import (
+from experiments.runs.checks.certifying import (
     CertifiedRun,
     bounds_of,
     certified_runs,
     linear_machine,
 )
+from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished
-from experiments.runs.stored_loops import StoredLoop, stored_loop
 from experiments.runs.tuning_results import machine_summary
 
 ATTACK = "attack.nc"

@@ -21,15 +21,15 @@ from experiments.files.tuned_result import (
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Machine
 from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.runs.checks.path_margins import path_margins
+from experiments.runs.checks.recommendation import active_limits, hardly_worse, reasons_against
+from experiments.runs.checks.robustness import robust_test
+from experiments.runs.checks.standstill import standstill
+from experiments.runs.checks.warnings import exceeded_limits, run_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.family_loops import family_curves, family_peaks
-from experiments.runs.path_margins import path_margins
-from experiments.runs.recommendation import active_limits, hardly_worse, reasons_against
-from experiments.runs.robustness import robust_test
 from experiments.runs.searching import Searched
-from experiments.runs.standstill import standstill
 from experiments.runs.tuning import TuningRun
-from experiments.runs.warnings import exceeded_limits, run_warnings
 from jcontour.analysis.sensitivity import LoopPeaks
 from jcontour.controller import Controller
 from jcontour.simulation.evaluation import stack_plants

@@ -12,7 +12,7 @@ from experiments.files.run_metrics import PeakPlace
 from experiments.jobs.job import Task
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
-from experiments.runs.stored_loops import StoredLoop
+from experiments.runs.checks.stored_loops import StoredLoop
 from jcontour.controller import Controller
 from jcontour.guarantees.attacks import Attack
 from jcontour.guarantees.certificates import Certificate, certificate

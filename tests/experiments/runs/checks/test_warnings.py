@@ -7,7 +7,7 @@ import pytest
 
 from experiments.files.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
-from experiments.runs.warnings import (
+from experiments.runs.checks.warnings import (
     exceeded_limits,
     lag_warnings,
     limit_warnings,

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.files.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.tuned_result import PathMargins, RobustTest, TunedContour
-from experiments.runs.recommendation import active_limits, hardly_worse, reasons_against
+from experiments.runs.checks.recommendation import active_limits, hardly_worse, reasons_against
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.tune import Price, Tuned
 

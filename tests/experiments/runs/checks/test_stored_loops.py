@@ -5,7 +5,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.files.run_folder import RunError
-from experiments.runs.stored_loops import stored_loop
+from experiments.runs.checks.stored_loops import stored_loop
 
 
 @pytest.mark.slow
