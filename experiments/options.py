@@ -196,6 +196,29 @@ class Certify(Common):
 
 
 @dataclass(frozen=True)
+class Export(Common):
+    """Write the controller of a run as code for a drive, with its plan, and check it.
+
+    C99 when no language is named.
+    """
+
+    run: Positional[Path] = Path()
+    """Run folder of `jcontour tune` or `jcontour simulate`."""
+    c: bool = False
+    """C99 without allocation or libraries, and a program that replays the run."""
+    st: bool = False
+    """IEC 61131-3 structured text: a function block."""
+    python: bool = False
+    """One file of plain NumPy that does the same."""
+    along: str | None = None
+    """Contour of the run that the plan is made for; its first one when not given."""
+    single: bool = False  # positions in metres need double
+    """Numbers in single precision, for drives without double."""
+    out: Path | None = None
+    """Run folder; runs/export-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class Trace(Common):
     """Trace a contour with model predictive contouring control, which chooses its own speed."""
 

@@ -18,7 +18,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from jcontour.analysis.frozen_loops import blocks, frozen_loop, unlimited
-from jcontour.controller import Controller, Plan
+from jcontour.controller import Controller, Memory, Plan
 from jcontour.guarantees.affine import NotAffine, check_affine
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference
@@ -127,34 +127,39 @@ def check_linear(plant: Plant, controller: Controller, plan: Plan, reference: Re
     """Raise NotAffine, with the part that is to blame, unless both steps are affine."""
     state, memory = start_state(plant, reference), controller.initial_memory(reference)
     row, measurement = jax.tree.map(lambda leaf: leaf[0], plan), plant.measure(state)
+    check_linear_controller(controller, row, memory, measurement)
     _, shape = jax.eval_shape(controller.step, memory, row, measurement)
     control = np.zeros(shape.shape, shape.dtype)
-
-    def controlled(plan, moving, fixed):
-        memory, measurement = eqx.combine(moving, fixed)
-        return controller.step(memory, plan, measurement)
 
     def driven(_, moving, fixed):
         state, control = eqx.combine(moving, fixed)
         return plant.step(state, control), plant.output(state), plant.measure(state)
 
-    for part, step, inputs in (
-        (controller, controlled, (memory, measurement)),
-        (plant, driven, (state, control)),
-    ):
-        moving, fixed = eqx.partition(inputs, eqx.is_inexact_array)
-        _check(part, partial(_floating, step, fixed), row, moving)
+    _check(plant, driven, row, (state, control))
+
+
+def check_linear_controller(
+    controller: Controller, plan: Plan, memory: Memory, measurement: Any
+) -> None:
+    """Raise NotAffine unless the step is affine in memory and measurement; `plan` is one row."""
+
+    def controlled(plan, moving, fixed):
+        memory, measurement = eqx.combine(moving, fixed)
+        return controller.step(memory, plan, measurement)
+
+    _check(controller, controlled, plan, (memory, measurement))
 
 
 def _floating(step: Any, fixed: Any, plan: Plan, moving: Any) -> Any:
     return eqx.filter(step(plan, moving, fixed), eqx.is_inexact_array)
 
 
-def _check(part: Plant | Controller, step: Any, plan: Plan, moving: Any) -> None:
+def _check(part: Plant | Controller, step: Any, plan: Plan, inputs: Any) -> None:
+    moving, fixed = eqx.partition(inputs, eqx.is_inexact_array)
     try:
-        check_affine(step, plan, moving)
+        check_affine(partial(_floating, step, fixed), plan, moving)
     except NotAffine as error:
-        raise NotAffine(f"{type(part).__name__}: it has no exact bound, {error}") from None
+        raise NotAffine(f"{type(part).__name__}: {error}") from None
 
 
 @eqx.filter_jit

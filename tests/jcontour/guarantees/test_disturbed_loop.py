@@ -70,7 +70,7 @@ def test_the_matrices_predict_a_disturbed_run(two_axes, name):
 
 
 def test_a_controller_that_is_not_linear_is_told(two_axes):
-    with pytest.raises(NotAffine, match="OnPosition: it has no exact bound, its step is not linea"):
+    with pytest.raises(NotAffine, match="OnPosition: its step is not linea"):
         disturbed_loop(Encoders(two_axes), OnPosition(law="cubic"), run_on(two_axes))
 
 

@@ -1,0 +1,135 @@
+"""A drive's law as one file of plain NumPy: the same sums in the same order as the C code."""
+
+from collections.abc import Sequence
+from string import Template
+
+import numpy as np
+
+from jcontour.export.code_text import literal, plain
+from jcontour.export.drive_law import DriveLaw, DrivePlan
+
+
+def numpy_source(law: DriveLaw, plan: DrivePlan, notes: Sequence[str]) -> str:
+    """Text of `controller.py`; it reads `plan.csv`, and replays `replay.csv` when it is run."""
+    matrices = [("START", law.start)]
+    if law.correction is not None:
+        matrices += [("L", law.correction.L), ("C", law.correction.C)]
+    matrices += [(name, getattr(law, name)) for name in ("A", "B", "E")]
+    limited = np.isfinite(law.limit).any()
+    if limited:
+        matrices.append(("LIMIT", law.limit))
+    return _SOURCE.substitute(
+        notes="\n".join(plain(line).replace('"""', "'''").replace("\\", "/") for line in notes),
+        period=literal(law.dt),
+        measured=law.measured,
+        tables="\n".join(_constant(name, one) for name, one in matrices if one is not None),
+        sizes=_sizes(law, plan),
+        body="\n".join(f"    {line}".rstrip() for line in _body(law, plan, bool(limited))),
+    )
+
+
+def _sizes(law: DriveLaw, plan: DrivePlan) -> str:
+    """Shapes of the parts of a line of the plan, in its order."""
+    n, p, q = law.states, law.inputs, law.measured
+    there: dict[str, tuple[int, ...]] = {"f": (p,)}
+    if plan.w is not None:
+        there["w"] = (n,)
+    if plan.F is not None:
+        there["F"] = (p, n)
+    if plan.D is not None:
+        there["D"] = (p, q)
+    return repr(there)
+
+
+def _body(law: DriveLaw, plan: DrivePlan, limited: bool) -> list[str]:
+    lines = []
+    if law.correction is not None:
+        lines += [
+            "# correction: x += L (y - C x)",
+            "x = added(x, L, added(y, -C, x))",
+        ]
+    lines += ["# control: u = f - F x - D y", 'u = plan["f"]']
+    lines += ['u = added(u, -plan["F"], x)'] if plan.F is not None else []
+    lines += ['u = added(u, -plan["D"], y)'] if plan.D is not None else []
+    lines += ["u = np.clip(u, -LIMIT, LIMIT)"] if limited else []
+    lines += ["# memory of the next sample"]
+    lines += ['after = plan["w"]' if plan.w is not None else "after = np.zeros(len(x))"]
+    for name, signal in (("A", "x"), ("B", "u"), ("E", "y")):
+        if getattr(law, name) is not None:
+            lines.append(f"after = added(after, {name}, {signal})")
+    return [*lines, "return after, u"]
+
+
+def _constant(name: str, matrix: np.ndarray) -> str:
+    if matrix.ndim == 1:
+        return f"{name} = np.array([{_words(matrix)}])"
+    rows = "\n".join(f"    [{_words(row)}]," for row in matrix)
+    return f"{name} = np.array([\n{rows}\n])"
+
+
+def _words(row: np.ndarray) -> str:
+    return ", ".join(literal(value) if np.isfinite(value) else "np.inf" for value in row)
+
+
+_SOURCE = Template('''\
+"""
+$notes
+
+Every sample: memory, u = step(memory, plan[k], y). `python controller.py` replays replay.csv.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+PERIOD = $period  # s between two samples
+MEASURED = $measured  # numbers in y
+$tables
+PLAN = $sizes  # a line of plan.csv
+
+
+def added(total, matrix, vector):
+    """total + matrix vector, from the first column to the last, as in C."""
+    for column, number in zip(matrix.T, vector):
+        total = total + column * number
+    return total
+
+
+def step(memory, plan, y):
+    """Memory of the next sample, and the controls of this one."""
+    x = memory
+$body
+
+
+def read_plan(path):
+    """The plan: a dict of arrays for every sample."""
+    rows = []
+    for line in np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2):
+        row, first = {}, 0
+        for name, shape in PLAN.items():
+            last = first + int(np.prod(shape))
+            row[name], first = line[first:last].reshape(shape), last
+        rows.append(row)
+    return rows
+
+
+def replay(plan, measurements):
+    """Controls of a whole run."""
+    memory, controls = START, []
+    for row, y in zip(plan, measurements):
+        memory, u = step(memory, row, y)
+        controls.append(u)
+    return np.array(controls)
+
+
+if __name__ == "__main__":
+    here = Path(__file__).parent
+    rows = np.loadtxt(here / "replay.csv", delimiter=",", skiprows=1, ndmin=2)
+    plan = read_plan(here / "plan.csv")
+    before = time.perf_counter()
+    controls = replay(plan, rows[:, :MEASURED])
+    step_time = (time.perf_counter() - before) / len(rows)
+    apart = np.abs(controls - rows[:, MEASURED:]).max()
+    print(f"{len(rows)} samples, largest difference {apart:.3g}, {1e9 * step_time:.1f} ns a step")
+''')

@@ -1,0 +1,79 @@
+"""`export` from the command line."""
+
+import json
+import shutil
+
+import pytest
+
+from experiments.cli import main
+from experiments.files.exported_result import ExportedResult
+from experiments.files.results import read_result
+
+
+def simulated(folder, machine_file, part_file, *flags):
+    words = ["--plant", str(machine_file), "--preview", "4", "--json", "--out", str(folder)]
+    assert main(["simulate", str(part_file), *words, *flags]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_a_simulated_run_becomes_code_that_gives_its_controls(
+    tmp_path, machine_file, part_file, capsys
+):
+    run = simulated(tmp_path / "run", machine_file, part_file)
+    capsys.readouterr()
+    out = tmp_path / "exported"
+    assert main(["export", str(run), "--c", "--st", "--python", "--json", "--out", str(out)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    found = read_result(out, ExportedResult)
+    assert told["states"] == found.states == 6  # two axes of two states, a load on each control
+    assert found.difference < 1e-12 * found.largest_control
+    assert [one.compiler.split()[0] for one in found.compiled] == [
+        name for name in ("gcc", "clang") if shutil.which(name)
+    ]
+    assert all(one.difference < 1e-12 * found.largest_control for one in found.compiled)
+    assert {path.name for path in out.iterdir()} == {*found.files, "result.json", "settings.json"}
+    head = (out / "controller.h").read_text()
+    assert "Family: nominal; gains 1.1, 0.9;" in head and "Margins: not known" in head
+    assert "LREAL" in (out / "controller.st").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["preview-lq", "contouring-lq-state", "linear-cascade"])
+def test_other_controllers_have_a_linear_form(tmp_path, machine_file, part_file, name, capsys):
+    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", name)
+    out = tmp_path / "exported"
+    assert main(["export", str(run), "--single", "--out", str(out)]) == 0
+    told = capsys.readouterr().out
+    found = read_result(out, ExportedResult)
+    assert found.precision == "single" and found.gain_sets >= 1
+    assert "Next: compile controller.c" in told and "no warning" in told
+    assert "typedef float real;" in (out / "controller.h").read_text()
+
+
+@pytest.mark.slow
+def test_a_tuned_run_has_its_margins_in_the_head(tmp_path, machine_file, part_file):
+    run, out = tmp_path / "tuned", tmp_path / "exported"
+    effort = "--scatter 0 --starts 1 --steps 1 --preview 4".split()
+    flags = ["--plant", str(machine_file), "--json", "--out", str(run)]
+    assert main(["tune", str(part_file), *flags, *effort]) == 0
+    assert main(["export", str(run), "--out", str(out)]) == 0
+    head = (out / "controller.h").read_text()
+    assert "Margins: gain" in head and " in the family." in head
+
+
+@pytest.mark.slow
+def test_what_cannot_be_exported_is_told_in_a_line(tmp_path, machine_file, part_file, capsys):
+    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", "adaptive-zpetc")
+    assert main(["export", str(run), "--out", str(tmp_path / "none")]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "adaptive-zpetc has no linear form" in told
+    assert not (tmp_path / "none").exists()
+    assert main(["export", str(run), "--along", "moon"]) == 2
+    assert "along: the run has part; received 'moon'" in capsys.readouterr().err
+
+
+def test_a_run_without_a_controller_is_told(tmp_path, capsys):
+    (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
+    assert main(["export", str(tmp_path)]) == 2
+    assert "a loop is stored by 'tune' and 'simulate'" in capsys.readouterr().err

@@ -1,0 +1,53 @@
+"""A law with every term, and one with as few as there can be."""
+
+import numpy as np
+import pytest
+
+from jcontour.export.drive_law import Correction, DriveLaw, drive_plan, replayed
+
+
+def random_law(seed, n, q, p, full):
+    """A stable law and a plan of 40 samples, of two gain sets."""
+    random = np.random.default_rng(seed)
+
+    def matrix(*shape):
+        return random.normal(size=shape)
+
+    A = 0.2 * matrix(n, n)
+    correction = Correction(0.1 * matrix(n, q), matrix(q, n)) if full else None
+    law = DriveLaw(
+        dt=1e-3,
+        start=matrix(n),
+        names=tuple(f"state {k}" for k in range(n)),
+        measured=q,
+        inputs=p,
+        correction=correction,
+        A=A if n else None,
+        B=0.1 * matrix(n, p) if full else None,
+        E=matrix(n, q) if n else None,
+        limit=np.array([0.5] + [np.inf] * (p - 1)) if full else np.full(p, np.inf),
+    )
+    F, D = matrix(2, p, n), matrix(2, p, q) if full or not n else np.zeros((2, p, q))
+    used = np.array([0, 1, 0, 0] * 10)
+    w = matrix(40, n) if full else np.zeros((40, n))
+    return law, drive_plan(F[used], D[used], matrix(40, p), w)
+
+
+LAWS = {
+    "every term": (0, 3, 2, 2, True),
+    "no memory": (1, 0, 2, 1, False),
+    "few": (2, 2, 1, 1, False),
+}
+
+
+@pytest.fixture(params=LAWS)
+def law_and_plan(request):
+    return random_law(*LAWS[request.param])
+
+
+@pytest.fixture
+def recorded(law_and_plan):
+    """Measurements of a run and its controls."""
+    law, plan = law_and_plan
+    y = np.random.default_rng(9).normal(size=(plan.steps, law.measured))
+    return y, replayed(law, plan, y)

@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from jcontour.export.drive_law import drive_plan
+
+
+def test_the_law_is_what_its_equations_say(law_and_plan, recorded):
+    """One sum for each entry, written out."""
+    law, plan = law_and_plan
+    y, u = recorded
+    n, x = law.states, list(law.start)
+
+    def entry(matrix, i, vector):
+        return 0.0 if matrix is None else sum(a * b for a, b in zip(matrix[i], vector, strict=True))
+
+    for k in range(plan.steps):
+        if law.correction is not None:
+            miss = [y[k][i] - entry(law.correction.C, i, x) for i in range(law.measured)]
+            x = [x[i] + entry(law.correction.L, i, miss) for i in range(n)]
+        F, D = (None if one is None else one[plan.used[k]] for one in (plan.F, plan.D))
+        free = [plan.f[k][i] - entry(F, i, x) - entry(D, i, y[k]) for i in range(law.inputs)]
+        control = [min(max(v, -most), most) for v, most in zip(free, law.limit, strict=True)]
+        assert control == pytest.approx(list(u[k]), abs=1e-12)
+        w = [0.0] * n if plan.w is None else plan.w[k]
+        x = [
+            w[i] + entry(law.A, i, x) + entry(law.B, i, control) + entry(law.E, i, y[k])
+            for i in range(n)
+        ]
+
+
+def test_equal_gains_are_stored_once_in_the_order_of_the_path():
+    F = np.array([3.0, 1.0, 3.0, 2.0, 1.0])[:, None, None]
+    plan = drive_plan(F, np.zeros((5, 1, 1)), np.zeros((5, 1)), np.zeros((5, 1)))
+    assert plan.F is not None and plan.F.ravel().tolist() == [3.0, 1.0, 2.0]
+    assert plan.used.tolist() == [0, 1, 0, 2, 1]
+    assert plan.D is None and plan.w is None and plan.steps == 5
+    assert plan.numbers == 5 + 3 + 5
