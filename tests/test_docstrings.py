@@ -8,6 +8,14 @@ import jax
 import pytest
 
 ROOT = Path(__file__).parents[1]
+LONG = (  # a second or more each, most of it compiling
+    "jcontour.analysis.stability",
+    "jcontour.controllers.lq.contouring_lq",
+    "jcontour.guarantees.certificates",
+    "jcontour.plants.three_link",
+    "jcontour.simulation.evaluation",
+    "tuning.tune",
+)
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 
@@ -17,7 +25,8 @@ def with_examples():
         for path in sorted((ROOT / package).rglob("*.py")):
             if ">>>" in path.read_text():
                 parts = path.relative_to(ROOT).with_suffix("").parts
-                yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+                name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+                yield pytest.param(name, marks=[pytest.mark.slow] * (name in LONG))
 
 
 @pytest.mark.parametrize("name", list(with_examples()))

@@ -51,6 +51,7 @@ def test_the_own_controller_of_the_readme_runs(capsys):
     assert -2 < float(slope) < 0  # more feedforward lowers it
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_library_guide_run(capsys):
     run_blocks("jcontour/README.md")
     lines = capsys.readouterr().out.splitlines()

@@ -99,6 +99,7 @@ def test_an_unstable_loop_between_the_probes_is_found_and_made_stable():
     assert probes(problem) > FEW
 
 
+@pytest.mark.slow
 def test_a_loop_beyond_its_limit_between_the_probes_is_found_and_kept():
     gains, problem = searched(problem_of(AtMost(peak_sensitivity=2.0), looks=True))
     assert gains[0] == pytest.approx(1.0, rel=1e-4)  # Ms = 2 where the gain is not doubled

@@ -51,7 +51,9 @@ def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
         ("gantry", "cascade", "gantry-cascade"),
         ("gantry-friction", "cascade", "gantry-friction-cascade"),
         ("gantry-friction", "gantry-cascade", "gantry-cascade"),
-        ("gantry-friction", "scheduled-lq", "gantry-scheduled-lq"),
+        pytest.param(
+            "gantry-friction", "scheduled-lq", "gantry-scheduled-lq", marks=pytest.mark.slow
+        ),
         ("flexible-axis", "cascade", "cascade"),
     ],
 )

@@ -231,6 +231,7 @@ def test_a_resumed_run_reads_its_own_copies(files, tmp_path):
     assert (run / "inputs/1/mine.py").read_bytes() == mine.read_bytes()
 
 
+@pytest.mark.slow
 def test_the_controller_of_the_readme_runs_as_it_says(capsys, monkeypatch, tmp_path):
     example = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
     (tmp_path / "mine.py").write_text(example)

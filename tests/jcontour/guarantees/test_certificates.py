@@ -45,6 +45,7 @@ def errors(plant, controller, reference):
 BOX = Box.of(0.05, 4e-7, inputs=2, measured=2)
 
 
+@pytest.mark.slow
 def test_no_lap_around_a_square_exceeds_its_certificate(two_axes):
     plant, controller = Encoders(two_axes), offset_free(two_axes, limit=100.0)
     reference = around_the_square(two_axes.dt)

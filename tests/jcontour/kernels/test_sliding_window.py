@@ -119,6 +119,7 @@ def test_single_precision(problems):
     problems.close((F, f), (expected.F, expected.f), 1e-4)
 
 
+@pytest.mark.slow
 def test_derivatives_equal_those_of_the_readable_sweep(problems):
     plant = problems.machine((2, 2), 2, 2)
     Q, y_d, _, R, terminal = problems.data(plant, 9, 6)
