@@ -30,6 +30,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Identify: ("identify", "experiments.commands.identify"),
     options.Bench: ("bench", "experiments.commands.bench"),
     options.Compare: ("compare", "experiments.commands.compare"),
+    options.Report: ("report", "experiments.commands.report"),
     options.Listing: ("list", "experiments.commands.names"),
     options.Reproduce: ("reproduce", "experiments.commands.reproduce"),
 }

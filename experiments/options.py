@@ -80,6 +80,16 @@ class Compare(Common):
 
 
 @dataclass(frozen=True)
+class Report(Common):
+    """Write one page of stored runs for a browser: everything inside, nothing loaded."""
+
+    runs: Positional[tuple[Path, ...]] = ()
+    """Run folders of `jcontour tune`, `simulate` or `front`."""
+    out: Path | None = None
+    """The page; report.html in the first folder when not given."""
+
+
+@dataclass(frozen=True)
 class Listing(Common):
     """List the plants, controllers, contours and experiments that have names."""
 

@@ -21,6 +21,7 @@ from experiments.reports.figures.sensitivity import sensitivity_figure
 from experiments.reports.figures.tuning import FIGURES, Search
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
+from experiments.reports.sensitivity_curves import save_sensitivity
 from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened, same_task
@@ -155,6 +156,7 @@ def store_runs(
     run.design.save(run.controller(tuned.weights), run.scenarios, folder)
     draw(run, replays, folder)
     curves = {name: trial.curves for name, trial in trials.items()}
+    save_sensitivity(curves, run.scenarios.plants, folder)
     bound = run.limits.get("peak_sensitivity")
     save_figure(sensitivity_figure(curves, bound), folder / "sensitivity.png")
 

@@ -13,6 +13,8 @@ from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results import to_json
 from experiments.reports import tables
+from experiments.reports.page.html_page import FILE, write_page
+from experiments.reports.page.page_data import COMMANDS
 from experiments.shared_options import MachineFlags, Spreading
 
 F = TypeVar("F", bound=Spreading)
@@ -139,9 +141,10 @@ def finished(
 ) -> int:
     """Tell a result that is stored, and exit code 0.
 
-    With `--json` one JSON object; else what `show` prints, the figures in the folder, the lines
-    `then` (what to do next) and the folder.
+    With `--json` one JSON object; else what `show` prints, the figures in the folder, the page of
+    the run where its command has one, the lines `then` (what to do next) and the folder.
     """
+    page = _page(folder)
     if flags.json:
         print(run_folder.json_text({"run": str(folder), **to_json(result)}))
         return 0
@@ -149,5 +152,15 @@ def finished(
     show(result, console)
     drawn = sorted(path.name for path in folder.glob("*.png"))
     lines = [f"Drawn: {', '.join(drawn)}"] if drawn else []
-    tables.say(console, *lines, *then, f"Run folder: {folder}")
+    tables.say(console, *lines, *page, *then, f"Run folder: {folder}")
     return 0
+
+
+def _page(folder: Path) -> list[str]:
+    """Write the page of a run; a line that says so."""
+    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") not in COMMANDS:
+        return []
+    try:
+        return [f"Page: {write_page([folder], folder / FILE)}"]
+    except run_folder.RunError as error:  # the run itself is good
+        return [f"Page: none ({error})"]

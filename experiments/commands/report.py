@@ -1,0 +1,33 @@
+"""`jcontour report RUN [RUN ...]`: one page of stored runs, to look at in any browser."""
+
+from pathlib import Path
+
+from experiments.files import run_folder
+from experiments.options import Report
+from experiments.reports.page.html_page import FILE, write_page
+from experiments.reports.tables import console_of, say
+
+
+def command(flags: Report) -> int:
+    """The whole command: write the page, exit code.
+
+    Raises:
+        ValueError: no run is named, or one of them has no page.
+    """
+    if not flags.runs:
+        raise ValueError("report: needs a run folder, as in `jcontour report runs/tune-...`")
+    page = write_page(flags.runs, flags.out or flags.runs[0] / FILE)
+    if flags.json:
+        print(run_folder.json_text({"page": str(page), "bytes": page.stat().st_size}))
+        return 0
+    size = f"{1e-6 * page.stat().st_size:.2g} MB"
+    say(
+        console_of(),
+        f"Page: {page}, {size}, of {_count(flags.runs)}.",
+        "Next: open it in a browser; it needs no network, and prints as it is seen.",
+    )
+    return 0
+
+
+def _count(runs: tuple[Path, ...]) -> str:
+    return "one run" if len(runs) == 1 else f"{len(runs)} runs"

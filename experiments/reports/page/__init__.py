@@ -1,0 +1,1 @@
+"""One HTML page of stored runs: everything inside, nothing loaded, nothing computed again."""

@@ -1,0 +1,410 @@
+"use strict";
+// The page: choices, the views of one run, one cursor for all of them.
+
+const RUNS = JSON.parse(document.getElementById("data").textContent);
+const $ = (id) => document.getElementById(id);
+const START = { start: COLOURS[0], tuned: COLOURS[1] };
+const state = { run: 0, contour: 0, plant: 0, along: "time", factor: 1, zoom: 1, cursor: 0,
+  shown: new Set(), point: 0 };
+let views = {}; // id -> the frame drawn last, to find what is under the pointer
+
+const run = () => RUNS[state.run];
+const contour = () => run().contours[state.contour];
+const colour = (design) => START[run().designs[design]] || COLOURS[(design + 1) % COLOURS.length];
+
+function numbers(packed) {
+  const bytes = Uint8Array.from(atob(packed.f32), (letter) => letter.charCodeAt(0));
+  return new Float32Array(bytes.buffer);
+}
+
+// Arrays of a contour, read when it is first shown.
+function signals(one) {
+  if (!one.read) {
+    one.read = {};
+    for (const [name, value] of Object.entries(one)) {
+      if (value && value.f32 !== undefined) one.read[name] = numbers(value);
+    }
+  }
+  return one.read;
+}
+
+// What was read or computed once for the contour that is shown.
+function kept(name, make) {
+  const one = contour();
+  one.kept_values ||= new Map();
+  if (!one.kept_values.has(name)) one.kept_values.set(name, make());
+  return one.kept_values.get(name);
+}
+
+// Column of a signal of one run: (design, plant, sample, column), row by row.
+function column(name, design, plant, index, columns) {
+  return kept(`${name} ${design} ${plant} ${index}`, () => {
+    const one = contour(), all = signals(one)[name];
+    const first = (design * run().plants.length + plant) * one.kept * columns + index;
+    return Float32Array.from({ length: one.kept }, (_, k) => all[first + k * columns]);
+  });
+}
+
+function errorSize(design, plant) {
+  return kept(`size ${design} ${plant}`, () => {
+    const axes = run().axes.length;
+    const parts = run().axes.map((_, axis) => column("error", design, plant, axis, axes));
+    return Float32Array.from(parts[0], (_, k) => Math.hypot(...parts.map((part) => part[k])));
+  });
+}
+
+// Where the tool should be, along one axis [mm].
+function wantedAlong(axis) {
+  return kept(`wanted ${axis}`, () => {
+    const all = signals(contour()).reference, axes = run().axes.length;
+    return Float32Array.from({ length: contour().kept }, (_, row) => all[row * axes + axis]);
+  });
+}
+
+function plantsShown() {
+  return state.plant < 0 ? run().plants.map((_, k) => k) : [state.plant];
+}
+
+// Every line to draw: all plants thin where the family is shown, the nominal one thick.
+function runsShown() {
+  const found = [];
+  for (const design of state.shown) {
+    for (const plant of plantsShown()) {
+      found.push({ design, plant, colour: colour(design), thick: state.plant >= 0 || plant === 0 });
+    }
+  }
+  return found.sort((a, b) => Number(a.thick) - Number(b.thick));
+}
+
+const abscissa = () => signals(contour())[state.along];
+
+// --- views over time or path
+
+function overTime(id, values) {
+  const lines = runsShown().map((one) => ({ ...one, parts: values(one.design, one.plant) }));
+  const x = abscissa();
+  const plot = frame($(id), [x[0], x[x.length - 1]], range(lines.flatMap((one) => one.parts)));
+  views[id] = plot;
+  if (!plot) return;
+  for (const one of lines) {
+    one.parts.forEach((part, k) => {
+      line(plot, x, part, one.colour, one.thick ? 1.3 : 0.8, one.thick ? 1 : 0.45, k ? [5, 3] : []);
+    });
+  }
+  line(plot, [x[state.cursor], x[state.cursor]], [plot.y0, plot.y1], ink("--soft"), 1);
+  plot.end();
+}
+
+function drawControl() {
+  const inputs = run().inputs;
+  overTime("control", (design, plant) =>
+    Array.from({ length: inputs }, (_, k) => column("control", design, plant, k, inputs)));
+}
+
+// --- the part, its error magnified
+
+function drawPart() {
+  const flat = run().axes.length === 1, read = signals(contour()), axes = run().axes.length;
+  const wanted = flat ? [read.time, wantedAlong(0)] : [wantedAlong(0), wantedAlong(1)];
+  const tools = runsShown().map((one) => {
+    const where = wanted.map((_, k) => {
+      const axis = flat ? 0 : k;
+      const tool = column("output", one.design, one.plant, axis, axes);
+      const error = column("error", one.design, one.plant, axis, axes); // um
+      return tool.map((value, row) => value + (state.factor - 1) * 1e-3 * error[row]);
+    });
+    return { ...one, where: flat ? [read.time, where[1]] : where };
+  });
+  let xs = range([wanted[0]]), ys = range([wanted[1]]);
+  if (state.zoom > 1) { // about the cursor
+    const about = wanted.map((part) => part[state.cursor]);
+    [xs, ys] = [xs, ys].map(([low, high], k) =>
+      [about[k] - (high - low) / 2 / state.zoom, about[k] + (high - low) / 2 / state.zoom]);
+  }
+  const plot = frame($("part"), xs, ys, { equal: !flat });
+  views.part = plot && { ...plot, wanted };
+  if (!plot) return;
+  line(plot, wanted[0], wanted[1], ink("--soft"), 1, 1, [4, 3]);
+  for (const one of tools) {
+    line(plot, one.where[0], one.where[1], one.colour, one.thick ? 1.5 : 0.8, one.thick ? 1 : 0.45);
+    if (one.thick) dot(plot, one.where[0][state.cursor], one.where[1][state.cursor], one.colour);
+  }
+  dot(plot, wanted[0][state.cursor], wanted[1][state.cursor], ink("--ink"), 6, true);
+  plot.end();
+}
+
+// --- sensitivity and front
+
+function drawSensitivity() {
+  const found = run().sensitivity;
+  $("sensitivity-figure").hidden = !found;
+  if (!found) return;
+  const x = found.frequency.map(Math.log10);
+  const designs = Object.entries(found.designs).map(([name, packed]) => ({
+    colour: START[name] || COLOURS[2], values: numbers(packed).map(Math.log10) }));
+  const plot = frame($("sensitivity"), [x[0], x[x.length - 1]],
+    range(designs.map((one) => one.values)), { logx: true, logy: true });
+  if (!plot) return;
+  for (const one of designs) {
+    const largest = new Float32Array(x.length).fill(-Infinity);
+    for (let first = 0; first < one.values.length; first += x.length) {
+      const row = one.values.subarray(first, first + x.length);
+      line(plot, x, row, one.colour, 0.7, 0.5);
+      row.forEach((value, k) => { if (value > largest[k]) largest[k] = value; });
+    }
+    line(plot, x, largest, one.colour, 1.8);
+  }
+  if (run().limit) line(plot, [x[0], x[x.length - 1]], Array(2).fill(Math.log10(run().limit)), ink("--ink"), 1, 1, [6, 4]);
+  plot.end();
+}
+
+function drawFront() {
+  const found = run().points;
+  $("front-figure").hidden = !found || !found.points.length;
+  if (!found || !found.points.length) return;
+  const x = found.points.map((one) => Math.log10(one.x)), y = found.points.map((one) => Math.log10(one.y));
+  const plot = frame($("front"), range([x]), range([y]), { logx: true, logy: true });
+  views.front = plot && { ...plot, xs: x, ys: y };
+  if (!plot) return;
+  found.points.forEach((one, k) => dot(plot, x[k], y[k], one.feasible ? COLOURS[1] : "#999", 3.5, !one.feasible));
+  dot(plot, x[state.point], y[state.point], COLOURS[0], 8, true);
+  plot.end();
+}
+
+function choosePoint(index) {
+  state.point = index;
+  $("point").value = String(index);
+  const one = run().points.points[index];
+  const weights = Object.entries(one.weights).map(([name, value]) => `${name}  ${[value].flat().map(number).join(" ")}`);
+  const told = [`error ${number(one.y)} um, ${run().points.x.split(" [")[0]} ${number(one.x)}${one.feasible ? "" : ", beyond a limit"}`];
+  $("point-weights").textContent = [...told, ...weights].join("\n");
+  const design = run().designs.indexOf(one.design);
+  if (design >= 0) {
+    state.shown = new Set([design]);
+    tickDesigns();
+  }
+  draw();
+}
+
+// --- text
+
+function fill(table, rows, head) {
+  table.replaceChildren();
+  rows.forEach((cells, index) => {
+    const row = table.insertRow();
+    cells.forEach((cell, k) => {
+      const box = document.createElement(head && index === 0 ? "th" : "td");
+      box.textContent = typeof cell === "number" ? number(cell) : cell;
+      if (typeof cell === "number") box.className = "number";
+      row.append(box);
+    });
+  });
+}
+
+function tellCursor() {
+  const read = signals(contour()), k = state.cursor, names = run().axes;
+  const place = names.map((name, axis) => `${name} ${number(read.reference[k * names.length + axis])}`).join(", ");
+  $("cursor-told").textContent = `${number(read.time[k])} s, ${number(read.arc[k])} mm along, ${place} mm`;
+  const rows = [["weights", "plant", "error um", "feed mm/min", `control ${run().control_unit}`]];
+  for (const one of runsShown()) {
+    const control = Array.from({ length: run().inputs }, (_, i) => number(column("control", one.design, one.plant, i, run().inputs)[k]));
+    rows.push([run().designs[one.design], run().plants[one.plant], errorSize(one.design, one.plant)[k],
+      column("feed", one.design, one.plant, 0, 1)[k], control.join(", ")]);
+  }
+  fill($("readout"), rows, true);
+}
+
+function tellMetrics() {
+  const one = contour(), unit = { rms_control: 1 };
+  const names = Object.keys(one.metrics);
+  const words = names.map((name) => name.replaceAll("_", " ") + (unit[name] ? ` [${run().control_unit}]` : " [um]"));
+  const rows = [["weights", "plant", ...words]];
+  run().designs.forEach((design, d) => run().plants.forEach((plant, p) => {
+    const values = names.map((name) => (one.metrics[name][d][p] ?? NaN) * (unit[name] || 1e6));
+    rows.push([design, one.diverged[d][p] ? `${plant} (diverged)` : plant, ...values]);
+  }));
+  fill($("metrics"), rows, true);
+}
+
+function tellAxes() {
+  const over = state.along === "time" ? "over time [s]" : "over path [mm]", names = run().axes;
+  const dashed = run().inputs > 1 ? ", the first solid" : "";
+  $("error-title").textContent = `Error [um] ${over}`;
+  $("control-title").textContent = `Control [${run().control_unit}] ${over}${dashed}`;
+  $("feed-title").textContent = `Feed [mm/min] ${over}`;
+  $("part-title").textContent = names.length === 1 ? `${names[0]} [mm] over time [s]` : `Part: ${names[1]} over ${names[0]} [mm]; dashed where the tool should be`;
+}
+
+function tellRun() {
+  const one = run();
+  $("title").textContent = `${one.controller}${one.machine ? ` on ${one.machine}` : ""}: ${one.command}, ${one.name}`;
+  $("repeat").textContent = one.repeat;
+  $("verdict").hidden = !one.verdict;
+  if (one.verdict) {
+    $("verdict").className = one.verdict.usable ? "" : "against";
+    $("verdict").textContent = one.verdict.usable ? "USE THESE VALUES" :
+      `DO NOT USE THESE VALUES: ${one.verdict.reasons.join("; ")}`;
+  }
+  $("lines").textContent = one.lines.join("\n");
+  $("lines-section").hidden = !one.lines.length;
+  fill($("settings"), [...Object.entries(one.settings), ...Object.entries(one.versions)]);
+  if (one.points) $("front-title").textContent = `Points: worst RMS ${one.error} error [um] over ${one.points.x}`;
+}
+
+// --- choices
+
+function options(select, words, chosen) {
+  select.replaceChildren(...words.map((word, k) => new Option(word, String(k))));
+  select.value = String(chosen);
+}
+
+function tickDesigns() {
+  $("designs").querySelectorAll("input").forEach((box, k) => { box.checked = state.shown.has(k); });
+}
+
+function chooseRun(index) {
+  Object.assign(state, { run: index, contour: 0, plant: 0, cursor: 0, point: 0 });
+  const one = run(), legend = $("designs").firstElementChild;
+  state.shown = new Set(one.command === "front" ? [0] : one.designs.keys());
+  options($("contour"), one.contours.map((each) => each.name + (each.training ? "" : one.command === "tune" ? " (held out)" : "")), 0);
+  options($("plant"), one.plants, 0);
+  if (one.plants.length > 1) $("plant").append(new Option("whole family", "-1"));
+  $("designs").replaceChildren(legend, ...one.designs.map((name, k) => {
+    const label = document.createElement("label"), box = document.createElement("input"), swatch = document.createElement("span");
+    Object.assign(box, { type: "checkbox", checked: state.shown.has(k) });
+    box.addEventListener("change", () => { state.shown[box.checked ? "add" : "delete"](k); draw(); });
+    swatch.className = "swatch";
+    swatch.style.background = colour(k);
+    label.append(box, " ", swatch, name);
+    return label;
+  }));
+  for (const id of ["part", "error", "control", "feed"]) $(id).parentElement.hidden = !one.contours.length;
+  $("choices").querySelectorAll("label:not(#run-label), fieldset").forEach((part) => { part.hidden = !one.contours.length; });
+  tellRun();
+  if (one.points && one.points.points.length) {
+    options($("point"), one.points.points.map((point) => `${number(point.x)}: ${number(point.y)} um`), 0);
+    choosePoint(bestPoint(one.points.points));
+  }
+  chooseContour(0);
+}
+
+// The lowest error within the limits.
+function bestPoint(points) {
+  let best = 0;
+  points.forEach((one, k) => {
+    const old = points[best];
+    if (one.feasible !== old.feasible ? one.feasible : one.y < old.y) best = k;
+  });
+  return best;
+}
+
+function chooseContour(index) {
+  state.contour = index;
+  if (run().contours.length) {
+    $("cursor").max = String(contour().kept - 1);
+    state.factor = fittingFactor();
+    $("factor").value = String(Math.round(20 * Math.log10(state.factor)));
+    moveCursor(loudest());
+    tellMetrics();
+    $("told").textContent = `${contour().samples} samples, ${contour().kept} of them drawn: no peak is left out.`;
+  } else {
+    $("told").textContent = "The run kept no signals (--rollouts none).";
+  }
+  draw();
+}
+
+function loudest() {
+  let best = 0, most = -1;
+  for (const design of state.shown) {
+    errorSize(design, 0).forEach((value, k) => { if (value > most) { most = value; best = k; } });
+  }
+  return best;
+}
+
+// A factor that draws the largest error a tenth as long as the part, as the slider has it.
+function fittingFactor() {
+  const wanted = signals(contour()).reference;
+  const size = range([wanted])[1] - range([wanted])[0];
+  let most = 0;
+  for (const design of state.shown) for (const value of errorSize(design, 0)) if (value > most) most = value;
+  const factor = most > 0 ? 0.1 * size / (1e-3 * most) : 1;
+  return 10 ** (Math.round(20 * Math.log10(Math.min(Math.max(factor, 1), 1e5))) / 20);
+}
+
+function moveCursor(index) {
+  state.cursor = Math.min(Math.max(index, 0), contour().kept - 1);
+  $("cursor").value = String(state.cursor);
+}
+
+let waiting = 0;
+function draw() { // once a frame, however often it is asked for
+  if (!waiting) waiting = requestAnimationFrame(drawNow);
+}
+
+function drawNow() {
+  waiting = 0;
+  $("factor-told").textContent = number(state.factor);
+  $("zoom-told").textContent = number(state.zoom);
+  drawFront();
+  drawSensitivity();
+  if (!run().contours.length) return;
+  drawPart();
+  overTime("error", (design, plant) => [errorSize(design, plant)]);
+  drawControl();
+  overTime("feed", (design, plant) => [column("feed", design, plant, 0, 1)]);
+  tellAxes();
+  tellCursor();
+}
+
+// --- pointer
+
+function nearest(xs, x) {
+  let best = 0;
+  for (let k = 1; k < xs.length; k++) if (Math.abs(xs[k] - x) < Math.abs(xs[best] - x)) best = k;
+  return best;
+}
+
+function nearestPoint(plot, xs, ys, event) {
+  let best = 0, least = Infinity;
+  for (let k = 0; k < xs.length; k++) {
+    const far = Math.hypot(plot.px(xs[k]) - event.offsetX, plot.py(ys[k]) - event.offsetY);
+    if (far < least) { least = far; best = k; }
+  }
+  return best;
+}
+
+for (const id of ["error", "control", "feed"]) {
+  const follow = (event) => {
+    const plot = views[id];
+    if (!plot || (event.type === "pointermove" && event.pointerType === "touch" && !event.buttons)) return;
+    moveCursor(nearest(abscissa(), plot.x0 + (event.offsetX - MARGIN.left) / plot.wide * (plot.x1 - plot.x0)));
+    draw();
+  };
+  $(id).addEventListener("pointermove", follow);
+  $(id).addEventListener("pointerdown", follow);
+}
+$("part").addEventListener("pointerdown", (event) => {
+  if (!views.part) return;
+  moveCursor(nearestPoint(views.part, views.part.wanted[0], views.part.wanted[1], event));
+  draw();
+});
+$("front").addEventListener("pointerdown", (event) => {
+  if (views.front) choosePoint(nearestPoint(views.front, views.front.xs, views.front.ys, event));
+});
+
+const whole = (id, choose) => $(id).addEventListener("change", () => { choose(Number($(id).value)); });
+whole("run", chooseRun);
+whole("contour", chooseContour);
+whole("point", choosePoint);
+whole("plant", (index) => { state.plant = index; draw(); });
+$("along").addEventListener("change", () => { state.along = $("along").value; draw(); });
+$("factor").addEventListener("input", () => { state.factor = 10 ** (Number($("factor").value) / 20); draw(); });
+$("zoom").addEventListener("input", () => { state.zoom = 10 ** (Number($("zoom").value) / 40); draw(); });
+$("cursor").addEventListener("input", () => { moveCursor(Number($("cursor").value)); draw(); });
+$("choices").addEventListener("submit", (event) => event.preventDefault());
+for (const event of ["resize", "beforeprint", "afterprint"]) window.addEventListener(event, drawNow);
+
+options($("run"), RUNS.map((one) => one.name), 0);
+$("run-label").hidden = RUNS.length < 2;
+chooseRun(0);
+drawNow();

@@ -1,0 +1,36 @@
+"""`report` from the command line."""
+
+import json
+
+import pytest
+
+from experiments.cli import main
+from experiments.reports.page.html_page import FILE
+
+
+def test_faults_are_told_in_a_line(tmp_path, capsys):
+    assert main(["report"]) == 2
+    assert "report: needs a run folder" in capsys.readouterr().err
+    assert main(["report", str(tmp_path)]) == 2
+    assert "is not a run folder" in capsys.readouterr().err
+    (tmp_path / "settings.json").write_text('{"command": "verify", "flags": {}}')
+    assert main(["report", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "pages are made of tune, simulate, front" in told
+    assert not list(tmp_path.glob("*.html"))
+
+
+@pytest.mark.slow
+def test_a_run_has_its_page_beside_it_and_two_runs_share_one(
+    tmp_path, machine_file, part_file, capsys
+):
+    runs = [tmp_path / "one", tmp_path / "two"]
+    for run, preview in zip(runs, ("4", "5"), strict=True):
+        flags = ["--plant", str(machine_file), "--preview", preview, "--out", str(run)]
+        assert main(["simulate", str(part_file), *flags]) == 0
+        assert f"Page: {run / FILE}" in capsys.readouterr().out
+        assert (run / FILE).stat().st_size < 1_000_000
+    out = tmp_path / "both.html"
+    assert main(["report", *map(str, runs), "--json", "--out", str(out)]) == 0
+    assert json.loads(capsys.readouterr().out) == {"page": str(out), "bytes": out.stat().st_size}
+    assert '"name":"one"' in out.read_text() and '"name":"two"' in out.read_text()
