@@ -28,6 +28,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Trace: ("trace", "experiments.commands.trace"),
     options.Learn: ("learn", "experiments.commands.learn"),
     options.Identify: ("identify", "experiments.commands.identify"),
+    options.Machine: ("machine", "experiments.commands.machine"),
     options.Bench: ("bench", "experiments.commands.bench"),
     options.Compare: ("compare", "experiments.commands.compare"),
     options.Report: ("report", "experiments.commands.report"),

@@ -37,6 +37,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",
     "experiments/files/exported_result.py": "experiments/commands/test_export.py",
     "experiments/reports/exported_tables.py": "experiments/commands/test_export.py",
+    "experiments/files/machine_result.py": "experiments/commands/test_machine.py",
     "experiments/files/learned_result.py": "experiments/commands/test_learn.py",
     "experiments/files/netcdf.py": "experiments/runs/test_tuning.py",
     "experiments/files/run_metrics.py": "experiments/commands/test_compare.py",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
 LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 

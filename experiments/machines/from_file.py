@@ -37,7 +37,7 @@ import numpy as np
 
 from experiments.files import checks
 from experiments.files.axis_file import axis_from, is_axis
-from experiments.files.checks import MachineError
+from experiments.files.checks import METRES, MachineError
 from experiments.machines.flexible_axis import flexible_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, MachineLimits
@@ -45,7 +45,6 @@ from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
 
-METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 MOST_BYTES = 16 * 2**20  # of a file, unpacked
 MOST_STATES, MOST_DELAY = 200, 50
 CONTROL_NOISE = 0.1  # [control unit] where no limit of the control says more

@@ -1,0 +1,195 @@
+"""Machine files from what engineers know: transfer functions, data sheets, step responses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from experiments.files.checks import METRES
+from experiments.files.step_file import read_step
+from experiments.options import Machine
+from jcontour.linear.continuous_axes import (
+    ContinuousAxis,
+    force_axis,
+    position_axis,
+    sampled_machine,
+    speed_axis,
+    with_resonance,
+)
+from tuning.identification.step_response import FittedStep, fit_step
+
+PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
+TRUSTED = 0.98  # of the variance of a step response: less is another kind of axis
+
+
+@dataclass(frozen=True)
+class BuiltMachine:
+    """A machine file and where its numbers come from.
+
+    Attributes:
+        fields: of the file.
+        words: about every axis, one line each.
+        warnings: what should be looked at.
+    """
+
+    fields: dict[str, Any]
+    words: list[str]
+    warnings: list[str]
+
+
+def built_machine(flags: Machine) -> BuiltMachine:
+    """Fields of the machine file that the flags describe.
+
+    Raises:
+        ValueError: a flag is missing, one too many, or its number is impossible.
+    """
+    names = list(flags.axes)
+    if len(set(names)) != len(names) or len(names) not in (2, 3):
+        raise ValueError(f"axes: needs two or three different names, received {' '.join(names)}")
+    warnings: list[str] = []
+    axes, words, dt = _stepped(flags, warnings) if flags.steps else _described(flags)
+    _check_period(axes, names, dt)
+    plant, shared = sampled_machine(axes, dt)
+    metre = METRES[flags.length_unit]
+    limits = {
+        name: value
+        for name, value in (
+            ("control", flags.max_control),
+            ("speed", flags.max_speed),
+            ("acceleration", flags.max_acceleration),
+        )
+        if value is not None
+    }
+    fields = {
+        "name": flags.name,
+        "length_unit": flags.length_unit,
+        "control_unit": flags.control_unit,
+        "axes": names,
+        "dt": dt,
+        "A": np.asarray(plant.A).tolist(),
+        "B": np.asarray(plant.B).tolist(),
+        "C": (np.asarray(plant.C) / metre).tolist(),
+        "limits": limits,
+        "known_delay": shared,
+        "uncertainty": {"gain": flags.gain_uncertainty, "delay": flags.delay_uncertainty},
+        "encoder_resolution": flags.encoder_um * METRES["um"] / metre,
+    }
+    return BuiltMachine(fields, words, warnings)
+
+
+def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
+    """Axes of a transfer function or a data sheet."""
+    count, numbers = len(flags.axes), {}
+    for name in PER_AXIS:
+        numbers[name] = _each(name, getattr(flags, name), count)
+    needed = {"speed": ("gain",), "position": ("gain", "time_constant_ms")}
+    for name in needed.get(flags.takes, ("gain", "mass_kg")):
+        if numbers[name] is None:
+            raise ValueError(
+                f"{_flag(name)}: missing; a drive that takes a {flags.takes} needs it "
+                "(or give --steps, a step response for each axis)"
+            )
+    per_metre = METRES[flags.length_unit] if flags.takes != "force" else 1.0  # a force is in N
+    axes, words = [], []
+    for k, name in enumerate(flags.axes):
+        one = {key: 0.0 if values is None else values[k] for key, values in numbers.items()}
+        axis = _axis(flags.takes, per_metre * one["gain"], one)
+        if one["resonance_hz"]:
+            axis = with_resonance(axis, 2 * np.pi * one["resonance_hz"], flags.damping)
+        axes.append(axis)
+        words.append(f"{name}: {_formula(flags, one)}")
+    return axes, words, 1e-3 * flags.period_ms
+
+
+def _axis(takes: str, gain: float, one: dict[str, float]) -> ContinuousAxis:
+    delay, constant = 1e-3 * one["delay_ms"], 1e-3 * one["time_constant_ms"]
+    if takes == "speed":
+        return speed_axis(gain, constant, delay)
+    if takes == "position":
+        return position_axis(gain, constant, delay)
+    return force_axis(gain, one["mass_kg"], one["viscous"], delay)
+
+
+def _formula(flags: Machine, one: dict[str, float]) -> str:
+    late = f" exp(-{one['delay_ms']:g} ms s)" if one["delay_ms"] else ""
+    constant = f"({one['time_constant_ms']:g} ms s + 1)" if one["time_constant_ms"] else ""
+    below = {
+        "speed": f"s {constant}".strip(),
+        "position": constant,
+        "force": f"({one['mass_kg']:g} kg s^2 + {one['viscous']:g} N s/m s)",
+    }[flags.takes]
+    soft = f", resonance at {one['resonance_hz']:g} Hz" if one["resonance_hz"] else ""
+    return f"{one['gain']:g}{late} / {below}{soft}"
+
+
+def _stepped(flags: Machine, warnings: list[str]) -> tuple[list[ContinuousAxis], list[str], float]:
+    """Axes of step responses, all sampled alike."""
+    if flags.takes == "force":
+        raise ValueError("takes: a step response is of a drive that takes a speed or a position")
+    given = [_flag(name) for name in PER_AXIS if getattr(flags, name)]
+    if given:
+        raise ValueError(f"{given[0]}: the step responses say it; leave it out")
+    if len(flags.steps) != len(flags.axes):
+        raise ValueError(
+            f"steps: needs a file for each of the {len(flags.axes)} axes, "
+            f"received {len(flags.steps)}"
+        )
+    records = [read_step(path, flags.length_unit) for path in flags.steps]
+    dt = records[0].dt
+    if any(abs(one.dt / dt - 1) > 1e-3 for one in records):
+        raise ValueError("steps: all axes need the same sample period")
+    axes, words = [], []
+    for name, path, one in zip(flags.axes, flags.steps, records, strict=True):
+        try:
+            found = fit_step(one.control, one.position, one.dt, flags.takes)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+        make = speed_axis if flags.takes == "speed" else position_axis
+        axes.append(make(found.gain, found.time_constant, found.delay))
+        words.append(f"{name}: {_fitted(found, flags)}")
+        if found.explained < TRUSTED:
+            warnings.append(
+                f"{path}: the model explains {100 * found.explained:.3g} % of the record; "
+                f"does the drive take a {flags.takes}, or are columns swapped?"
+            )
+    return axes, words, _round_period(dt)
+
+
+def _round_period(dt: float) -> float:
+    """The period without the rounding of printed times: to a nanosecond."""
+    return round(dt, 9)
+
+
+def _fitted(found: FittedStep, flags: Machine) -> str:
+    gain = found.gain / METRES[flags.length_unit]
+    return (
+        f"gain {gain:.4g}, time constant {1e3 * found.time_constant:.4g} ms, delay "
+        f"{1e3 * found.delay:.3g} ms; left unexplained {1e6 * found.residual:.3g} um RMS"
+    )
+
+
+def _each(name: str, values: Sequence[float], count: int) -> list[float] | None:
+    """One number for each axis, given once or each; None where none is given."""
+    if not values:
+        return None
+    if len(values) not in (1, count):
+        raise ValueError(f"{_flag(name)}: needs one number or {count}, received {len(values)}")
+    return list(values) * (count // len(values))
+
+
+def _check_period(axes: Sequence[ContinuousAxis], names: Sequence[str], dt: float) -> None:
+    """Raise ValueError where the fastest mode of an axis is too fast for the sample period."""
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {1e3 * dt:g}")
+    for name, axis in zip(names, axes, strict=True):
+        fastest = float(np.abs(np.linalg.eigvals(axis.A).imag).max())
+        if fastest * dt >= np.pi:
+            raise ValueError(
+                f"period-ms: the resonance of {name} at {fastest / (2 * np.pi):.4g} Hz needs more "
+                f"than two samples a period; {1e3 * dt:g} ms is too long"
+            )
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")

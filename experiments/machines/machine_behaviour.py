@@ -1,0 +1,138 @@
+"""What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.machines.machine import Machine
+from jcontour.linear.plant import LinearPlant
+
+GRAVITY = 9.81  # [m/s^2]
+QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
+FAST = 50.0  # [m/s] likewise
+STEPS, PEAK = 4000, 1.3  # samples that are looked at; a resonance rises this much
+
+
+@dataclass(frozen=True)
+class AxisBehaviour:
+    """One axis of the model under its own control alone.
+
+    Attributes:
+        name: of the axis.
+        gain: settled speed over control [m/s per control unit]; position over control [m per
+            control unit] where the axis settles; acceleration where it does not settle at all.
+        kind: what that is: "speed", "position" or "acceleration".
+        rise: time to 63 % of the settled value, the delay left out [s]; NaN where none settles.
+        delay: samples before anything moves.
+        acceleration: largest, per unit of control [m/s^2].
+        resonance: frequency of the highest peak above a smooth curve [Hz]; NaN without one.
+        time: of the step response [s].
+        step: position after a step of one unit [m].
+    """
+
+    name: str
+    gain: float
+    kind: str
+    rise: float
+    delay: int
+    acceleration: float
+    resonance: float
+    time: np.ndarray
+    step: np.ndarray
+
+
+def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
+    """Behaviour of every axis of the nominal model."""
+    return [_behaviour(machine.model, k, name) for k, name in enumerate(machine.axes)]
+
+
+def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
+    """What cannot be true of a machine, most likely a wrong unit."""
+    largest = machine.limits.control
+    if largest is None:
+        return ["limits.control is not given: what the machine reaches is not known"]
+    lines = []
+    for k, one in enumerate(found):
+        most = float(np.broadcast_to(largest, len(found))[k])
+        acceleration = most * one.acceleration
+        if acceleration > QUESTIONED:
+            lines.append(
+                f"{one.name}: the largest control gives {acceleration / GRAVITY:.3g} g; "
+                "is length_unit right?"
+            )
+        if one.kind == "speed" and most * one.gain > FAST:
+            lines.append(
+                f"{one.name}: the largest control gives {most * one.gain:.3g} m/s; "
+                "is length_unit right?"
+            )
+        speed = machine.limits.speed
+        if one.kind == "speed" and speed is not None:
+            allowed = float(np.broadcast_to(speed, len(found))[k])
+            if most * one.gain < allowed:
+                lines.append(
+                    f"{one.name}: the largest control gives {1e3 * most * one.gain:.4g} mm/s, "
+                    f"less than its limit of {1e3 * allowed:.4g} mm/s"
+                )
+    return lines
+
+
+def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray:
+    """Complex response from the axis's own control to its position, over frequency [Hz]."""
+    A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
+    z = np.exp(2j * np.pi * frequency * model.dt)
+    return np.array([_transfer(A, B[:, axis], C[axis], one) for one in z])
+
+
+def _transfer(A: np.ndarray, b: np.ndarray, c: np.ndarray, z: complex) -> complex:
+    return complex(c @ np.linalg.solve(z * np.eye(len(A)) - A, b))
+
+
+def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
+    dt = model.dt
+    step = _step(model, axis, STEPS)
+    speed = np.diff(step) / dt
+    moved = np.flatnonzero(np.abs(step) > 1e-9 * np.abs(step).max())
+    delay = int(moved[0]) - 1 if moved.size else STEPS
+    acceleration = float(np.abs(np.diff(speed, prepend=0.0)).max() / dt)
+    if _settled(step):
+        kind, signal = "position", step
+    elif _settled(speed):
+        kind, signal = "speed", speed
+    else:
+        kind, signal = "acceleration", np.diff(speed) / dt
+    gain = float(signal[-1])
+    above = np.flatnonzero(np.abs(signal) >= (1 - np.exp(-1)) * abs(gain))
+    rise = dt * max(float(above[0]) - delay, 0.0) if above.size else float("nan")
+    time = dt * np.arange(STEPS + 1)
+    where = _resonance(model, axis)
+    return AxisBehaviour(name, gain, kind, rise, delay, acceleration, where, time, step)
+
+
+def _settled(signal: np.ndarray) -> bool:
+    """Whether the last tenth stays within a hundredth of the last value."""
+    tail = signal[-len(signal) // 10 :]
+    return bool(np.ptp(tail) <= 0.01 * abs(tail[-1]))
+
+
+def _step(model: LinearPlant, axis: int, steps: int) -> np.ndarray:
+    A, b, c = np.asarray(model.A), np.asarray(model.B)[:, axis], np.asarray(model.C)[axis]
+    x, y = np.zeros(len(A)), np.empty(steps + 1)
+    for k in range(steps + 1):
+        y[k] = c @ x
+        x = A @ x + b
+    return y
+
+
+def _resonance(model: LinearPlant, axis: int) -> float:
+    """Frequency of a lightly damped mode that this control drives [Hz]; NaN without one."""
+    poles = np.linalg.eigvals(np.asarray(model.A))
+    turning = poles[(np.abs(poles.imag) > 1e-6) & (np.abs(poles) > 1e-6) & (poles.imag > 0)]
+    best, most = float("nan"), PEAK
+    for pole in turning:
+        hertz = float(np.angle(pole)) / (2 * np.pi * model.dt)
+        beside = np.array([0.8, 1.0, 1.25]) * hertz
+        low, peak, high = np.abs(response(model, axis, beside))
+        rises = peak / np.sqrt(low * high)
+        if rises > most:
+            best, most = hertz, float(rises)
+    return best

@@ -1,0 +1,64 @@
+"""`machine` from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from jcontour.linear.continuous_axes import sampled_machine, speed_axis
+
+
+@pytest.mark.slow
+def test_a_new_machine_is_written_checked_and_simulated(tmp_path, capsys):
+    path = tmp_path / "mill.json"
+    numbers = "--gain 1 --time-constant-ms 20 15 --delay-ms 1.5 --max-control 250".split()
+    assert main(["machine", *numbers, "--name", "mill", "--out", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert f"Written: {path}" in told and f"Next: jcontour tune --plant {path}" in told
+    assert path.with_suffix(".png").exists() and json.loads(path.read_text())["known_delay"] == 1
+    assert main(["machine", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["kind"] for one in found["axes"]] == ["speed", "speed"] and "warnings" not in found
+    flags = ["--plant", str(path), "--json", "--out", str(tmp_path / "run")]
+    assert main(["simulate", "circle", *flags]) == 0
+    assert not json.loads(capsys.readouterr().out)["plants"]["nominal"]["diverged"]
+
+
+def recorded(path, axis, dt=1e-3):
+    plant, _ = sampled_machine([axis], dt)
+    A, B, C = (np.asarray(one) for one in (plant.A, plant.B, plant.C))
+    x, lines = np.zeros(len(A)), ["time,control,position"]
+    for k in range(300):
+        u = 50.0 * (k > 20)
+        lines.append(f"{k * dt:.6f},{u},{1e3 * (C @ x).item():.3f}")  # micrometres of a mm
+        x = A @ x + B[:, 0] * u
+    path.write_text("\n".join(lines))
+    return str(path)
+
+
+def test_step_responses_become_a_machine(tmp_path, capsys):
+    files = [
+        recorded(tmp_path / "x.csv", speed_axis(1e-3, 0.02)),
+        recorded(tmp_path / "y.csv", speed_axis(2e-3, 0.01)),
+    ]
+    path = tmp_path / "mill.json"
+    words = ["--steps", *files, "--max-control", "100", "--json", "--out", str(path)]
+    assert main(["machine", *words]) == 0
+    x, y = json.loads(capsys.readouterr().out)["axes"]
+    assert x["gain"] == pytest.approx(1e-3, rel=2e-3) and y["gain"] == pytest.approx(2e-3, rel=2e-3)
+    assert [one["rise"] for one in (x, y)] == pytest.approx([0.02, 0.01], abs=1.1e-3)
+
+
+def test_faults_are_told_in_a_line_and_nothing_is_written(tmp_path, machine_file, capsys):
+    path = tmp_path / "mill.json"
+    for words, line in (
+        ([], "gain: missing; a drive that takes a speed needs it"),
+        (["--gain", "1", "--out", str(machine_file)], "exists; give another name"),
+        ([str(machine_file), "--gain", "1"], "gain: describes a new machine"),
+        ([str(tmp_path / "none.json")], "cannot be read"),
+    ):
+        assert main(["machine", *(words or ["--out", str(path)])]) == 2
+        told = capsys.readouterr().err
+        assert line in told and told.count("\n") == 1
+    assert not path.exists() and not list(tmp_path.glob("*.png"))

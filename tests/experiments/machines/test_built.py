@@ -1,0 +1,61 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.files.run_folder import json_text
+from experiments.machines.built import built_machine
+from experiments.machines.from_file import machine_from
+from experiments.options import Machine
+
+MILL = Machine(gain=(2.0,), time_constant_ms=(20.0, 10.0), delay_ms=(1.5,), max_control=100.0)
+
+
+def loaded(flags):
+    return machine_from(json_text(built_machine(flags).fields).encode())
+
+
+def test_a_speed_drive_is_its_transfer_function():
+    """At 3 Hz, where a held control is still a smooth one."""
+    machine = loaded(MILL)
+    A, B, C = (np.asarray(one) for one in (machine.model.A, machine.model.B, machine.model.C))
+    s = 2j * np.pi * 3
+    z = np.exp(s * 1e-3)
+    for axis, constant in enumerate((0.02, 0.01)):
+        found = C[axis] @ np.linalg.solve(z * np.eye(len(A)) - A, B[:, axis])
+        held = np.exp(-0.5e-3 * s)  # half a sample, of the hold
+        wanted = 2e-3 * np.exp(-1.5e-3 * s) / (s * (constant * s + 1)) * held
+        assert found == pytest.approx(wanted, rel=1e-3)
+    assert machine.limits.control is not None and machine.limits.control.tolist() == [100.0, 100.0]
+    assert machine.resolution == pytest.approx(1e-6)
+
+
+def test_a_data_sheet_is_newtons_law():
+    flags = Machine(takes="force", gain=(35.15,), mass_kg=(95.1089,), viscous=(203.5034,))
+    model = loaded(flags).model
+    e = np.exp(-203.5034 / 95.1089 * 1e-3)
+    assert model.A[1, 1] == pytest.approx(e, rel=1e-12)
+    assert model.B[1, 0] == pytest.approx(35.15 / 203.5034 * (1 - e), rel=1e-12)
+
+
+def test_three_axes_in_metres():
+    flags = Machine(axes=("X", "Y", "Z"), takes="position", gain=(1.0,), time_constant_ms=(5.0,))
+    machine = loaded(replace(flags, length_unit="m"))
+    assert machine.axes == ("X", "Y", "Z") and machine.model.axes == 3
+    assert machine.model.A[2, 2] == pytest.approx(np.exp(-0.2))
+
+
+def test_bad_flags_are_told():
+    for change, words in (
+        ({"axes": ("X",)}, "axes: needs two or three different names, received X"),
+        ({"axes": ("X", "X")}, "axes: needs two or three different names"),
+        ({"gain": ()}, "gain: missing; a drive that takes a speed needs it"),
+        ({"gain": (1.0, 2.0, 3.0)}, "gain: needs one number or 2, received 3"),
+        ({"gain": (0.0,)}, "gain: needs to be above zero"),
+        ({"takes": "force"}, "mass-kg: missing"),
+        ({"period_ms": 0.0}, "period-ms: needs to be above zero"),
+        ({"resonance_hz": (600.0,)}, "resonance of X at 599.7 Hz needs more than two samples"),
+        ({"steps": ("a.csv", "b.csv")}, "gain: the step responses say it; leave it out"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            built_machine(replace(MILL, **change))

@@ -1,0 +1,51 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.files.run_folder import json_text
+from experiments.machines.built import built_machine
+from experiments.machines.from_file import machine_from
+from experiments.machines.machine_behaviour import axis_behaviours, questions, response
+from experiments.options import Machine
+
+MILL = Machine(gain=(2.0,), time_constant_ms=(20.0,), delay_ms=(3.0,), max_control=100.0)
+
+
+def loaded(flags):
+    return machine_from(json_text(built_machine(flags).fields).encode())
+
+
+def test_a_speed_drive_shows_its_numbers():
+    x, y = axis_behaviours(loaded(replace(MILL, resonance_hz=(0.0, 60.0))))
+    assert x.kind == y.kind == "speed" and x.gain == pytest.approx(2e-3, rel=1e-6)
+    assert x.rise == pytest.approx(0.02, abs=1.1e-3)
+    assert x.delay == y.delay == 3
+    assert x.acceleration == pytest.approx(2e-3 / 0.02, rel=0.05)
+    assert np.isnan(x.resonance) and y.resonance == pytest.approx(60.0, rel=0.01)
+
+
+def test_other_drives_settle_elsewhere():
+    flags = replace(MILL, takes="position", gain=(2.0,))
+    assert axis_behaviours(loaded(flags))[0].kind == "position"
+    free = Machine(takes="force", gain=(10.0,), mass_kg=(5.0,))
+    one = axis_behaviours(loaded(free))[0]
+    assert one.kind == "acceleration" and one.gain == pytest.approx(2.0, rel=1e-6)
+
+
+def test_a_response_at_low_frequency_is_an_integrator():
+    machine = loaded(replace(MILL, delay_ms=(0.0,)))
+    found = response(machine.model, 1, np.array([0.01]))
+    assert abs(found[0]) == pytest.approx(2e-3 / (2 * np.pi * 0.01), rel=1e-3)
+
+
+def test_wrong_units_are_questioned():
+    sound = loaded(MILL)
+    assert questions(sound, axis_behaviours(sound)) == []
+    wrong = loaded(replace(MILL, length_unit="m", time_constant_ms=(15.0,)))
+    lines = questions(wrong, axis_behaviours(wrong))  # 200 m/s in 15 ms
+    assert "g; is length_unit right?" in lines[0] and "200 m/s" in lines[1]
+    slow = loaded(replace(MILL, max_speed=500.0))
+    assert "200 mm/s, less than its limit of 500 mm/s" in questions(slow, axis_behaviours(slow))[0]
+    unknown = loaded(replace(MILL, max_control=None))
+    assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]
