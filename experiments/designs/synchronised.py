@@ -14,12 +14,12 @@ from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.machine import Machine
 from experiments.shared_options import Controlled
-from jcontour.controllers.feedforward.adaptive_synchronisation import (
+from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
 )
-from jcontour.controllers.feedforward.speed_axes import SpeedAxes, speed_axes
-from jcontour.controllers.feedforward.synchronisation_limits import check_coupling, sampled_loop
+from jcontour.controllers.synchronisation.limits import check_coupling, sampled_loop
+from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors
 from jcontour.sensors import motors
 from jcontour.tracing import is_concrete

@@ -20,10 +20,6 @@ from jcontour.controllers.feedback.state_feedback import (
     quasi_steady_target,
 )
 from jcontour.controllers.feedback.time_delay import TimeDelayControl
-from jcontour.controllers.feedforward.adaptive_synchronisation import (
-    AdaptiveSynchronisation,
-    SynchronisedGains,
-)
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward
@@ -58,6 +54,10 @@ from jcontour.controllers.observers.kalman import (
     offset_free_gain,
 )
 from jcontour.controllers.observers.reduced_observer import ReducedObserver
+from jcontour.controllers.synchronisation.adaptive import (
+    AdaptiveSynchronisation,
+    SynchronisedGains,
+)
 from jcontour.controllers.wrappers.compensated import Compensated
 from jcontour.controllers.wrappers.filters import Biquad, Filtered, low_pass, notch
 from jcontour.controllers.wrappers.motor_kinematics import OfMotors

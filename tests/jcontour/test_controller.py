@@ -7,10 +7,6 @@ import pytest
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.self_tuning import SelfTuning
 from jcontour.controllers.feedback.time_delay import TimeDelayControl
-from jcontour.controllers.feedforward.adaptive_synchronisation import (
-    AdaptiveSynchronisation,
-    SynchronisedGains,
-)
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking
 from jcontour.controllers.feedforward.normalised_least_squares import NormalisedLeastSquares
 from jcontour.controllers.feedforward.preview_filter import PreviewFilter
@@ -18,6 +14,10 @@ from jcontour.controllers.feedforward.zpetc import ZeroPhaseTracking
 from jcontour.controllers.learning.cartesian import CartesianControl
 from jcontour.controllers.learning.repetitive import Repetitive, RepetitiveFilter
 from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
+from jcontour.controllers.synchronisation.adaptive import (
+    AdaptiveSynchronisation,
+    SynchronisedGains,
+)
 from jcontour.motion.references import from_samples
 from jcontour.plants.two_link_arm import TwoLinkArm
 from jcontour.sensors import motors

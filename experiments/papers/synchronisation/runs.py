@@ -13,23 +13,23 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.papers.synchronisation.result import CONTINUOUS, Bounds, Curve, Row
-from jcontour.controllers.feedforward.adaptive_synchronisation import (
+from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
 )
-from jcontour.controllers.feedforward.continuous_synchronisation import (
+from jcontour.controllers.synchronisation.continuous import (
     ContinuousGains,
     Motion,
     continuous_response,
 )
-from jcontour.controllers.feedforward.speed_axes import SpeedAxes, speed_axes
-from jcontour.controllers.feedforward.synchronisation_limits import (
+from jcontour.controllers.synchronisation.limits import (
     SampledLoop,
     continuous_bound,
     exact_bound,
     positive_real_bound,
     sampled_loop,
 )
+from jcontour.controllers.synchronisation.speed_axes import SpeedAxes, speed_axes
 from jcontour.motion.references import Reference, from_samples
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.wrappers.disturbances import Disturbed

@@ -1,4 +1,4 @@
-"""Reference numbers; READMEs in tests/data/adaptive and tests/data/feedforward explain them."""
+"""Reference numbers; the README in tests/data/feedforward explains them."""
 
 import json
 from pathlib import Path
@@ -6,38 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.continuous_synchronisation import Motion
 from jcontour.controllers.feedforward.model_matching import ModelMatching
 from jcontour.motion.references import from_samples
 from jcontour.plants.three_link import ThreeLink, manipulator_path
 
-DATA = Path(__file__).parents[3] / "data" / "adaptive" / "synchronisation.json"
-OPTIMAL = Path(__file__).parents[3] / "data" / "feedforward"
-
-
-@pytest.fixture(scope="session")
-def synchronisation_numbers():
-    """Contents of synchronisation.json."""
-    return json.loads(DATA.read_text())
-
-
-@pytest.fixture(scope="session")
-def stepped():
-    """Parameters -> a constant speed, and a load that steps on the second axis."""
-
-    def of(p):
-        def load(t):
-            return np.array([0.0, p["d2_step"] * (t >= p["t_step"])])
-
-        return Motion(lambda t: p["omega_d"], lambda t: 0.0, load, (p["t_step"],))
-
-    return of
+DATA = Path(__file__).parents[3] / "data" / "feedforward"
 
 
 @pytest.fixture(scope="session")
 def zpetc_numbers():
     """Contents of zpetc.json."""
-    return json.loads((OPTIMAL / "zpetc.json").read_text())
+    return json.loads((DATA / "zpetc.json").read_text())
 
 
 @pytest.fixture(scope="session")
@@ -57,7 +36,7 @@ def link():
 
 @pytest.fixture(scope="session")
 def alter_tsao():
-    return json.loads((OPTIMAL / "alter_tsao.json").read_text())
+    return json.loads((DATA / "alter_tsao.json").read_text())
 
 
 @pytest.fixture(scope="session")

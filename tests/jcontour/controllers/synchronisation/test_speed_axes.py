@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from jcontour.controllers.feedforward.speed_axes import speed_axes
+from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 
 @pytest.mark.parametrize("dt", [2e-3, 1e-2, 1.0])

@@ -20,8 +20,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import root_scalar
 
-from jcontour.controllers.feedforward.continuous_synchronisation import coupling_matrix
-from jcontour.controllers.feedforward.speed_axes import SpeedAxes
+from jcontour.controllers.synchronisation.continuous import coupling_matrix
+from jcontour.controllers.synchronisation.speed_axes import SpeedAxes
 from jcontour.linear.plant import spectral_radius
 
 FREQUENCIES = 721  # from zero to the Nyquist frequency, both included
@@ -52,7 +52,7 @@ def sampled_loop(
 
         K = (gamma/2) (2 speed^2 + v_c^2)                                              (18)
 
-    >>> from jcontour.controllers.feedforward.speed_axes import speed_axes
+    >>> from jcontour.controllers.synchronisation.speed_axes import speed_axes
     >>> loop = sampled_loop(speed_axes(10.0, [50.0, 50.0]), 0.3, 0.022, speed=1.0, dt=2e-3)
     >>> round(loop.adaptation, 6), round(exact_bound(loop), 4)
     (0.033, 29.531)

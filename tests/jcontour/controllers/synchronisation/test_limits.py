@@ -5,8 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.speed_axes import speed_axes
-from jcontour.controllers.feedforward.synchronisation_limits import (
+from jcontour.controllers.synchronisation.limits import (
     bound_of_equal_axes,
     check_coupling,
     continuous_bound,
@@ -17,6 +16,7 @@ from jcontour.controllers.feedforward.synchronisation_limits import (
     positive_real_margin,
     sampled_loop,
 )
+from jcontour.controllers.synchronisation.speed_axes import speed_axes
 
 NAMES = ("sync_nominal", "sync_low_kc")
 

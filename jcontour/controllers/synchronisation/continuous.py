@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.integrate import solve_ivp
 
-from jcontour.controllers.feedforward.speed_axes import SpeedAxes
+from jcontour.controllers.synchronisation.speed_axes import SpeedAxes
 
 ACCURACY = 1e-12  # relative and absolute, of the integrator: results are good to 1e-10
 
@@ -69,7 +69,7 @@ def continuous_response(
 ) -> Response:
     """Response from time zero, at the instants `times` [s].
 
-    >>> from jcontour.controllers.feedforward.speed_axes import speed_axes
+    >>> from jcontour.controllers.synchronisation.speed_axes import speed_axes
     >>> steady = Motion(lambda t: 1.0, lambda t: 0.0, lambda t: np.array([0.0, 1.0]))
     >>> gains = ContinuousGains(np.array([0.3, 0.3]), 11.0, 0.0)
     >>> run = continuous_response(speed_axes(10.0, [50.0, 50.0]), gains, steady, np.array([0.0]))

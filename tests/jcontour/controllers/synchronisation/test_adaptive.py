@@ -6,12 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.controllers.feedforward.adaptive_synchronisation import (
+from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
     coupled_errors,
 )
-from jcontour.controllers.feedforward.speed_axes import speed_axes
+from jcontour.controllers.synchronisation.speed_axes import speed_axes
 from jcontour.motion.references import from_samples
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.wrappers.disturbances import Disturbed

@@ -9,7 +9,7 @@ e_i = w_i - v_i, two of the axes are a pair, and beta couples them:
 with v_r the speed of the reference, and no change of theta before the first step. In the paper the
 speed commanded is w = v_r. Its extension to positions, which it calls straightforward, is here
 w = v_r + k_p (r - y); k_p = 0 is the paper. Its proof takes phi_1 = phi_2: axes that share one
-reference. beta has a bound: see `synchronisation_limits`.
+reference. beta has a bound: see `limits`.
 """
 
 from collections.abc import Sequence

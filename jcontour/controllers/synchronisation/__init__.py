@@ -1,0 +1,1 @@
+"""Axes that move together: adaptive, coupled, and how far the coupling may go."""
