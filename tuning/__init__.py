@@ -7,8 +7,9 @@ The tuner knows controllers and plants only by their contracts. All files are re
 from importlib import import_module
 from types import ModuleType
 
-_FILES = (
-    "descent",
+_PARTS = (
+    "descents",
+    "effort",
     "exchange",
     "history",
     "loops",
@@ -18,8 +19,6 @@ _FILES = (
     "pareto",
     "point",
     "problem",
-    "quadratic_step",
-    "stabilise",
     "sweep",
     "tune",
     "verify",
@@ -27,7 +26,7 @@ _FILES = (
 
 
 def __getattr__(name: str) -> ModuleType:
-    """A file of the tuner, on first use."""
-    if name in _FILES:
+    """A file or a room of the tuner, on first use."""
+    if name in _PARTS:
         return import_module(f"tuning.{name}")
     raise AttributeError(f"module 'tuning' has no attribute {name!r}")

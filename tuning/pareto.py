@@ -15,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated, sound
 from tuning.objectives import Limits
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, Effort, TuneState, advance
+from tuning.tune import TuneState, advance
 
 
 class FrontPoint(NamedTuple):

@@ -3,10 +3,12 @@
 A run is a sequence of `advance` calls on a `TuneState`. The state holds everything: a run that is
 saved after any call and loaded again ends with the same bits.
 
-First comes a descent (`descent`) from the given start; one that diverges is stabilised before
-(`stabilise`). Then points are scattered around the best one so far, and descents begin at the most
-promising of them whose loops behave unlike all that was seen: far from an optimum a weight may have
-no effect at all, and then no slope leads out. The best feasible point of all is the result.
+First comes a descent (`descents.descent`) from the given start; one that diverges is stabilised
+before (`descents.stabilise`), and one that ends beyond its limits is brought inside
+(`descents.landing`). Then points are scattered around the best one so far, and descents begin at
+the most promising of them whose loops behave unlike all that was seen: far from an optimum a weight
+may have no effect at all, and then no slope leads out. The best feasible point of all is the
+result.
 """
 
 from collections.abc import Callable
@@ -17,72 +19,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from tuning.descent import Descent, begin, descend
+from tuning.descents.descent import Descent, Evaluate, begin, descend
+from tuning.descents.landing import TRIES, landed, outside
+from tuning.descents.quadratic_step import Model
+from tuning.descents.stabilise import Measured, loop_radius, smooth_maximum, stabilised
+from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
 from tuning.outcome import Outcome
 from tuning.parameters import Chart, Weights
 from tuning.point import Point, evaluate_point, evaluate_values
 from tuning.problem import Problem
-from tuning.quadratic_step import Model
-from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
 IN_ONE_STEP = 2  # evaluations, at most
-MANY = 16  # scattered points for which a program of the values alone is worth compiling
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much a run may try: `QUICK`, `THOROUGH`, or numbers of your own.
-
-    >>> replace(QUICK, seed=1).steps
-    15
-
-    Attributes:
-        starts: descents, from the given weights first, then from promising scattered points.
-        scatter: points evaluated after the first descent, a Sobol sequence around its best point.
-        steps: of one descent; each evaluates one or two points.
-        tolerance: relative gain of the objective that ends a descent when nothing promises more.
-        spread: half width in ln(weight) of the box of the scattered points for up to two weights;
-            with more it falls as the root of their number. Half of them fill a box of twice that.
-        seed: of the Sobol sequence.
-        every_start: whether every start is descended from; else a descent that ends stationary
-            within the limits is the last one.
-        evaluations: of a run, at most; it ends with the best that was found until then.
-
-    Raises:
-        ValueError: a number is below its least sensible value.
-    """
-
-    starts: int
-    scatter: int
-    steps: int
-    tolerance: float
-    spread: float = 7.0  # three decades up and down
-    seed: int = 0
-    every_start: bool = True
-    evaluations: int = 10_000  # starts and steps end a run before
-
-    @property
-    def values_alone(self) -> bool:
-        """Whether scattered points are evaluated without slopes: many at a third of the cost."""
-        return self.scatter >= MANY
-
-    def __post_init__(self):
-        """Check the ranges."""
-        least = {"starts": 1, "scatter": 0, "spread": 0, "steps": 1, "seed": 0, "evaluations": 1}
-        for name, bound in least.items():
-            if getattr(self, name) < bound:
-                raise ValueError(f"{name}: needs at least {bound}, received {getattr(self, name)}")
-        if not self.tolerance > 0:
-            raise ValueError(f"tolerance: needs to be above zero, received {self.tolerance}")
-
-
-# a tenth of a per cent within a minute: less than a plant model is good for
-QUICK = Effort(starts=2, scatter=6, steps=15, tolerance=1e-3, every_start=False)
-# for publication; a descent rarely needs half of these steps, and most runs of two weights end
-# before so many evaluations
-THOROUGH = Effort(starts=10, scatter=32, steps=60, tolerance=1e-5, evaluations=400)
 
 
 @dataclass(frozen=True)
@@ -217,11 +166,13 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     if state.start < 0:
         z = state.begin if state.begin.size else _first(problem, start)
         return _begun(problem, start, state, 0, z)
-    descent = state.descent
-    if len(state.history) + IN_ONE_STEP > effort.evaluations:
-        return replace(_ended(state), done=True)
-    if descent is not None and not descent.done and descent.steps < effort.steps:
+    descent, left = state.descent, effort.evaluations - len(state.history)
+    if descent is not None and _going_on(descent, effort, left):
         return _iterated(problem, start, effort, state)
+    if descent is not None and left > 0 and outside(descent) and not descent.landed:
+        return _landed(problem, start, effort, state, left)
+    if left < IN_ONE_STEP:
+        return replace(_ended(state), done=True)
     if not effort.every_start and descent is not None and _good(descent):
         return replace(_ended(state), done=True)
     scattered = sum(row.start < 0 for row in state.history)
@@ -234,6 +185,12 @@ def advance(problem: Problem, start: Weights, effort: Effort, state: TuneState) 
     if z is None:
         return replace(ended, done=True)
     return _begun(problem, start, ended, index, z)
+
+
+def _going_on(descent: Descent, effort: Effort, left: int) -> bool:
+    """Whether a descent has another iteration, and evaluations to land after it."""
+    needed = IN_ONE_STEP + (TRIES if outside(descent) else 0)
+    return not descent.done and descent.steps < effort.steps and left >= needed
 
 
 def _good(descent: Descent) -> bool:
@@ -252,6 +209,24 @@ def _begun(problem, start, state: TuneState, index: int, z: np.ndarray) -> TuneS
 
 def _iterated(problem, start, effort: Effort, state: TuneState) -> TuneState:
     assert state.descent is not None
+    history, evaluate = _recorded(problem, start, state)
+    descent = descend(state.descent, evaluate, _box(problem, start), effort.tolerance)
+    met = _met(descent, state, effort.tolerance)
+    if met is not None and not descent.done:
+        descent = descent._replace(done=True, stationary=bool(state.stationary[met]))
+    return replace(state, history=history, descent=descent)
+
+
+def _landed(problem, start, effort: Effort, state: TuneState, left: int) -> TuneState:
+    assert state.descent is not None
+    history, evaluate = _recorded(problem, start, state)
+    box = _box(problem, start)
+    descent = landed(state.descent, evaluate, box, effort.tolerance, min(left, TRIES))
+    return replace(state, history=history, descent=descent)
+
+
+def _recorded(problem, start, state: TuneState) -> tuple[list[Evaluated], Evaluate]:
+    """A copy of the history, and what evaluates a point of the descent and puts it there."""
     history = list(state.history)
 
     def evaluate(z) -> Model | None:
@@ -259,12 +234,13 @@ def _iterated(problem, start, effort: Effort, state: TuneState) -> TuneState:
         history.append(_row(state.start, z, point))
         return None if point.diverged else _model(point)
 
+    return history, evaluate
+
+
+def _box(problem: Problem, start: Weights) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest coordinates."""
     first, reach = _first(problem, start), Chart(problem.space, start).reach()
-    descent = descend(state.descent, evaluate, (first - reach, first + reach), effort.tolerance)
-    met = _met(descent, state, effort.tolerance)
-    if met is not None and not descent.done:
-        descent = descent._replace(done=True, stationary=bool(state.stationary[met]))
-    return replace(state, history=history, descent=descent)
+    return first - reach, first + reach
 
 
 def _met(descent: Descent, state: TuneState, tolerance: float) -> int | None:
@@ -368,8 +344,7 @@ def _scattered_point(problem, start, effort: Effort, state: TuneState, index: in
     """A point around the best of the first descent, in the box that weights may not leave."""
     from scipy.stats.qmc import Sobol  # takes longer to import than the rest of the tuner
 
-    chart = Chart(problem.space, start)
-    first, reach = np.asarray(chart.coordinates()), chart.reach()
+    first = _first(problem, start)
     begun = [row for row in sound(state.history) if row.start == 0]
     centre = min(begun, key=rank).z if begun else first
     count = 2 ** int(np.ceil(np.log2(effort.scatter)))
@@ -378,7 +353,7 @@ def _scattered_point(problem, start, effort: Effort, state: TuneState, index: in
     spread = effort.spread * min(1.0, np.sqrt(2 / first.size))
     spread *= 2 if far > 0.5 else 1  # half of the points look twice as far
     z = centre + spread * (2 * np.array(place) - 1)
-    return np.clip(z, first - reach, first + reach)
+    return np.clip(z, *_box(problem, start))
 
 
 def _row(start: int, z: np.ndarray, point: Point) -> Evaluated:

@@ -24,11 +24,12 @@ from experiments.options import Bench
 from experiments.reports import tables
 from experiments.reports.figures.png import save_figure
 from experiments.reports.figures.tuners import Curve, tuners_figure
+from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated
 from tuning.parameters import Chart, Weights
 from tuning.point import evaluate_point, evaluate_values
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, Effort, TuneState, advance
+from tuning.tune import TuneState, advance
 
 OURS = "jcontour"
 WITH_SLOPES = 3  # evaluations that one with slopes counts as

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 from jcontour import contours, feed_laws, references, stack_plants, stack_references
 from jcontour.controller import Controller
 from jcontour.plants import Encoders, bridgeport
+from tuning.effort import Effort
 from tuning.objectives import AtMost, worst_contour_error
 from tuning.parameters import Positive
 from tuning.problem import Problem
-from tuning.tune import Effort, tune
+from tuning.tune import tune
 
 
 class Proportional(Controller):

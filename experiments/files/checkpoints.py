@@ -14,10 +14,10 @@ import numpy as np
 from experiments.files.run_folder import RunError, write
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
-from tuning.descent import begin
+from tuning.descents.descent import begin
+from tuning.descents.quadratic_step import Model
 from tuning.history import Evaluated
 from tuning.outcome import LoopPeaks, Outcome
-from tuning.quadratic_step import Model
 from tuning.tune import TuneState
 
 STATE = "state.npz"

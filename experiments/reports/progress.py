@@ -7,8 +7,9 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from tuning.effort import Effort
 from tuning.history import FEASIBLE, rank, sound
-from tuning.tune import Effort, TuneState
+from tuning.tune import TuneState
 
 COMPILING = "compiling"
 PACE = 0.85  # part of a descent that is left after a step: nobody knows how many it takes

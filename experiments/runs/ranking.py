@@ -29,7 +29,8 @@ from experiments.runs.regret import with_regret
 from experiments.runs.tuning import TuningRun, loop_limits, tuning_run
 from experiments.runs.tuning_results import machine_summary
 from experiments.shared_options import Aimed
-from tuning.tune import QUICK, Tuned, TuneState, advance, result
+from tuning.effort import QUICK
+from tuning.tune import Tuned, TuneState, advance, result
 
 # as much as the evaluations allow: several descents, each to its end
 EFFORT = replace(QUICK, starts=3, scatter=8, steps=40, tolerance=1e-4, every_start=True)

@@ -30,10 +30,11 @@ from experiments.runs.tuning import TuningRun, tuning_run
 from experiments.shared_options import Aimed
 from jcontour.analysis.probes import probe_windows
 from jcontour.simulation.metrics import Metrics
+from tuning.effort import QUICK
 from tuning.objectives import AtMost
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
 from tuning.problem import Problem
-from tuning.tune import QUICK, TuneState
+from tuning.tune import TuneState
 
 # a budget begins where the one before ended, which may be a local optimum: several others help
 EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4, every_start=True)

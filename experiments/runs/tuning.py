@@ -25,6 +25,7 @@ from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits
 from jcontour.simulation.metrics import Metrics
+from tuning.effort import Effort
 from tuning.loops import ProbedLoops
 from tuning.objectives import (
     RATIO,
@@ -40,7 +41,6 @@ from tuning.objectives import (
 )
 from tuning.parameters import Weights
 from tuning.problem import Problem
-from tuning.tune import Effort
 
 OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on the machine
     ("worst", "contour"): worst_contour_error,

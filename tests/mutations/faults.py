@@ -264,16 +264,16 @@ FAULTS = (
         "tests/tuning/test_point.py",
     ),
     Fault(
-        "tuning/quadratic_step.py",
+        "tuning/descents/quadratic_step.py",
         "room = np.repeat(np.max(model.errors, axis=1), v) - model.errors.ravel()",
         "room = np.repeat(np.max(model.errors, axis=1), v) + model.errors.ravel()",
-        "tests/tuning/test_quadratic_step.py",
+        "tests/tuning/descents/test_quadratic_step.py",
     ),
     Fault(
-        "tuning/descent.py",
+        "tuning/descents/descent.py",
         "return objective + step.prices @ model.limit_slopes",
         "return objective - step.prices @ model.limit_slopes",
-        "tests/tuning/test_descent.py",
+        "tests/tuning/descents/test_descent.py",
     ),
     Fault(
         "tuning/tune.py",

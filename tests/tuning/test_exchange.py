@@ -16,12 +16,13 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.effort import THOROUGH
 from tuning.exchange import STABLE, exchanged
 from tuning.loops import ProbedLoops
 from tuning.objectives import AtMost, mean_tracking_error, no_limits
 from tuning.parameters import Positive
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, tune
+from tuning.tune import tune
 
 STEPS, FEW, MANY = 64, 4, 64
 HIGH, SAMPLES = 2.2, (30, 31)  # of the gain: between the probes that a search begins with

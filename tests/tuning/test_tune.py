@@ -17,6 +17,8 @@ from jcontour.motion.references import along, from_samples
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.descents.landing import TRIES
+from tuning.effort import THOROUGH
 from tuning.history import rank
 from tuning.objectives import (
     AtMost,
@@ -29,7 +31,7 @@ from tuning.outcome import Outcome
 from tuning.parameters import Chart, LQSpace, Positive
 from tuning.point import evaluate_point
 from tuning.problem import Problem
-from tuning.tune import FEASIBLE, THOROUGH, TuneState, _scattered_point, advance, result, tune
+from tuning.tune import FEASIBLE, IN_ONE_STEP, TuneState, _scattered_point, advance, result, tune
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "mcnab" / "tuning.json").read_text())
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
@@ -168,7 +170,21 @@ def test_a_run_ends_at_its_last_evaluation(limited, states):
         tuned = tune(limited, START, replace(QUICK, evaluations=most))
         count = len(tuned.history)
         assert max(1, most - 1) <= count <= most
-        assert all(np.array_equal(a.z, b.z) for a, b in zip(tuned.history, whole, strict=False))
+        before_landing = tuned.history[: max(1, count - TRIES)]
+        pairs = zip(before_landing, whole, strict=False)
+        assert all(np.array_equal(a.z, b.z) for a, b in pairs)
+
+
+def test_a_descent_that_is_cut_short_outside_ends_inside(limited):
+    """From a start that asks for too much: one iteration leads near the limits, and no more."""
+    start = {name: jnp.asarray(0.9) for name in START}
+    hasty = replace(QUICK, starts=1, scatter=0, steps=1)
+    ended = run(limited, start, hasty)
+    before = next(one.descent for one in ended if one.descent is not None and one.descent.steps)
+    assert before.model.excess > 1e-5
+    tuned = result(limited, start, ended[-1])
+    assert tuned.feasible and len(tuned.history) <= 2 + IN_ONE_STEP + TRIES
+    assert same_bits(run(limited, start, hasty, save=True)[-1], ended[-1])
 
 
 FEW = replace(THOROUGH, starts=1, scatter=2, spread=0.1, steps=20)

@@ -25,10 +25,11 @@ from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import follow
 from jcontour.simulation.evaluation import one_by_one, stack_plants
 from jcontour.simulation.metrics import Metrics, score_signals
+from tuning.effort import THOROUGH
 from tuning.objectives import AtMost, mean_contour_error
 from tuning.parameters import Fixed, Interval, Parameter, Positive
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, Evaluated, Tuned, TuneState, advance, result
+from tuning.tune import Evaluated, Tuned, TuneState, advance, result
 
 ARRIVED = 50e-6  # [m] from the end: there the contour counts as done
 # limits of RMS current and of RMS increments, times what the thesis's gains with feedforward need

@@ -8,9 +8,10 @@ import pytest
 from rich.console import Console
 
 from experiments.reports.progress import progress_of, progress_words
+from tuning.effort import QUICK
 from tuning.history import Evaluated
 from tuning.outcome import Outcome
-from tuning.tune import QUICK, TuneState
+from tuning.tune import TuneState
 
 
 def point(error, violation=-1.0, diverged=False, start=0):

@@ -21,11 +21,12 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.effort import THOROUGH
 from tuning.exchange import STABLE, Exchanged
 from tuning.objectives import mean_tracking_error
 from tuning.parameters import Positive
 from tuning.problem import Problem
-from tuning.tune import THOROUGH, TuneState
+from tuning.tune import TuneState
 
 STEP, STEPS = 1e-4, 64  # [m] per sample
 HIGH, SAMPLES = 2.2, (27, 28)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
 
-from tuning.quadratic_step import Model, quadratic_step
+from tuning.descents.quadratic_step import Model, quadratic_step
 
 SEEDS = range(6)
 PENALTY = 1e-2  # the step raises it

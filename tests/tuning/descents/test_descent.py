@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.descent import begin, descend
-from tuning.quadratic_step import Model
+from tuning.descents.descent import begin, descend
+from tuning.descents.quadratic_step import Model
 
 WIDE = 25.0
 

@@ -2,7 +2,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.stabilise import Measured, loop_radius, smooth_maximum, stabilised
+from tuning.descents.stabilise import Measured, loop_radius, smooth_maximum, stabilised
 
 START = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
 Z = np.log([50.0, 20.0])

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.qp.problem import Unsolved
-from tuning.quadratic_step import LEFT, Model, Step, least_excess, quadratic_step
+from tuning.descents.quadratic_step import LEFT, Model, Step, least_excess, quadratic_step
 
 FIRST_MOVE, LARGEST_MOVE = 1.0, 5.0  # in z: a factor of 2.7, of 150, in a weight
 SMALLEST_MOVE = 1e-7
@@ -67,6 +67,7 @@ class Descent(NamedTuple):
         steps: iterations made.
         done: whether it has ended.
         stationary: whether the model promises nothing at the point.
+        landed: whether its end was brought inside the limits, or could not be (`landing`).
     """
 
     z: Float[np.ndarray, " d"]
@@ -84,6 +85,7 @@ class Descent(NamedTuple):
     steps: int = 0
     done: bool = False
     stationary: bool = False
+    landed: bool = False
 
 
 def begin(z: Float[np.ndarray, " d"], model: Model) -> Descent:
@@ -119,6 +121,24 @@ def descend(
     if _within_reach(descent.model, low, high):
         return _iterated(descent._replace(restoring=False), evaluate, (low, high), tolerance)
     return _restored(descent, evaluate, (low, high))
+
+
+def promises_nothing(descent: Descent, box, tolerance: float) -> bool:
+    """Whether the model at a point within its limits promises less than the tolerance.
+
+    The curvature is that of the descent, and flat: what either of them promises counts.
+    """
+    low = np.maximum(box[0] - descent.z, -FIRST_MOVE)
+    high = np.minimum(box[1] - descent.z, FIRST_MOVE)
+    flat = FLAT * np.eye(descent.z.size)
+    try:
+        steps = [
+            quadratic_step(descent.model, curvature, low, high, descent.penalty)
+            for curvature in (descent.curvature, flat)
+        ]
+    except Unsolved:
+        return False
+    return all(step.gain < tolerance for step in steps)
 
 
 def _within_reach(here: Model, low, high) -> bool:

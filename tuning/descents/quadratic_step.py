@@ -153,7 +153,7 @@ def _priced(model: Model, curvature, low, high, penalty: float) -> Step:
 def least_excess(
     model: Model, low: Float[np.ndarray, " d"], high: Float[np.ndarray, " d"]
 ) -> float:
-    """Smallest s >= 0 with c + C d <= s between the bounds; solved for s over the excess at z.
+    """Smallest s >= 0 with c + C d <= s between the bounds.
 
     >>> line = Model(np.zeros((1, 1)), np.array([2.0]), np.zeros((1, 1, 1)), np.array([[1.0]]))
     >>> float(round(least_excess(line, np.array([-0.5]), np.array([0.5])), 9))
@@ -162,9 +162,22 @@ def least_excess(
     Raises:
         Unsolved: no QP solver finds an answer.
     """
+    if model.excess <= NO_EXCESS:
+        return 0.0
+    return min(model.excess, model.moved(least_excess_step(model, low, high)).excess)
+
+
+def least_excess_step(
+    model: Model, low: Float[np.ndarray, " d"], high: Float[np.ndarray, " d"]
+) -> Float[np.ndarray, " d"]:
+    """The shortest step to the least excess between the bounds; s is solved for over that at z.
+
+    Raises:
+        Unsolved: no QP solver finds an answer.
+    """
     excess, n = model.excess, low.size
     if excess <= NO_EXCESS:
-        return 0.0
+        return np.zeros(n)
     answer = _solved(
         np.diag(np.concatenate([np.full(n, STILL), [1.0]])),
         np.concatenate([np.zeros(n), [1.0]]),
@@ -173,8 +186,7 @@ def least_excess(
         np.concatenate([low, [0.0]]),
         np.concatenate([high, [2.0]]),
     )
-    d = np.clip(answer.z[:n], low, high)
-    return min(excess, model.moved(d).excess)
+    return np.clip(answer.z[:n], low, high)
 
 
 def _solved(H, g, C, upper_rows, low, high) -> Solution:
