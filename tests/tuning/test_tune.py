@@ -282,22 +282,6 @@ def test_many_scattered_points_are_evaluated_without_slopes(
     assert len(asked) == descended + with_slopes
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"starts": 0},
-        {"scatter": -1},
-        {"steps": 0},
-        {"seed": -1},
-        {"tolerance": 0.0},
-        {"evaluations": 0},
-    ],
-)
-def test_bad_settings_are_named(bad):
-    with pytest.raises(ValueError, match=next(iter(bad))):
-        replace(THOROUGH, **bad)
-
-
 def test_a_start_outside_the_space_is_refused(limited):
     with pytest.raises(ValueError, match="outside of Positive"):
         tune(limited, {"x": jnp.asarray(0.0), "y": jnp.asarray(0.3)}, QUICK)
