@@ -22,7 +22,12 @@ from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Machine
 from experiments.reports.figures.sensitivity import FamilyCurves
 from experiments.runs.checks.path_margins import path_margins
-from experiments.runs.checks.recommendation import active_limits, hardly_worse, reasons_against
+from experiments.runs.checks.recommendation import (
+    active_limits,
+    exceeded_most,
+    hardly_worse,
+    reasons_against,
+)
 from experiments.runs.checks.robustness import robust_test
 from experiments.runs.checks.standstill import standstill
 from experiments.runs.checks.warnings import exceeded_limits, run_warnings
@@ -103,7 +108,10 @@ def tuned_result(
     exceeded = exceeded_limits(found, run.scenarios, run.machine)
     delay = run.flags.min_delay_margin
     finest = (run.machine.resolution or 0.0) / np.sqrt(12)  # noise of a rounded position
-    reasons = reasons_against(tuned, contours, margins, robust, exceeded, error, delay, finest)
+    limit = exceeded_most(run.problem, tuned)
+    reasons = reasons_against(
+        tuned, contours, margins, robust, exceeded, error, delay, finest, limit
+    )
     warnings = run_warnings(run, tuned, margins, replays) + hardly_worse(contours, error, finest)
     weights = plain_weights(tuned.weights)
     return TunedResult(

@@ -11,9 +11,16 @@ from experiments.files.tuned_result import (
     TunedContour,
     rms_error,
 )
+from experiments.runs.tuning import LIMITS
+from tuning.objectives import LATE, RATIO, USE_LIMITS
+from tuning.problem import Problem
 from tuning.tune import Price, Tuned
 
 WORSE = 1.01  # ratio to the start: less is no change
+ASKED = {"increment": "change of its control"}  # limit that is called otherwise
+FLAGS = {  # limit on metrics: flag that allows more
+    metric: f"--{name.replace('_', '-')}" for name, (metric, _) in LIMITS.items()
+}
 CHEAP = 1e-3  # price below which a limit does not stop anything
 
 
@@ -26,6 +33,7 @@ def reasons_against(
     error: str,
     delay: int = 0,
     finest: float = 0.0,
+    limit: str = "",
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -38,14 +46,23 @@ def reasons_against(
         error: the error that counts, "contour" or "tracking".
         delay: margin that is asked for [samples].
         finest: difference of errors that the encoders can tell [m].
+        limit: name of the one that the weights exceed most; empty where they exceed none.
     """
     return [
         *_unstable(contours, margins, robust),
         *_late(margins, delay),
-        *_infeasible(tuned),
+        *_infeasible(tuned, limit),
         *exceeded,
-        *_worse(contours, error, finest),
+        *(_worse(contours, error, finest) if tuned.feasible else []),
     ]
+
+
+def exceeded_most(problem: Problem, tuned: Tuned) -> str:
+    """Name of the limit that the weights exceed most; empty where they exceed none."""
+    if tuned.feasible:
+        return ""
+    entries = problem.limit_entries(tuned.outcome)
+    return entries[int(np.argmax(problem.limits(tuned.outcome)))].name
 
 
 def hardly_worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
@@ -105,20 +122,33 @@ def _late(margins: PathMargins, delay: int) -> list[str]:
     ]
 
 
-def _infeasible(tuned: Tuned) -> list[str]:
+def _infeasible(tuned: Tuned, limit: str) -> list[str]:
     if tuned.feasible:
         return []
     excess = 100 * np.expm1(tuned.violation)
-    lines = [f"no weights were found within every limit; these exceed one by {excess:.3g} %"]
-    loops = tuned.outcome.loops
-    if loops is not None:
-        least = float(np.max(loops.sensitivity))
-        lines.append(f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more")
-    if tuned.outcome.late is not None and np.max(tuned.outcome.late) >= 1:
-        lines.append(
-            "a loop does not bear the delay that --min-delay-margin asks for; ask for less"
-        )
-    return lines
+    name = limit.removesuffix("_use").replace("_", " ")
+    what = f"no weights were found within every limit; these exceed that on the {name}"
+    return [f"{what} by {excess:.3g} %", *_what_helps(tuned, limit)]
+
+
+def _what_helps(tuned: Tuned, limit: str) -> list[str]:
+    """What may be done about a limit that no weights keep."""
+    if limit in USE_LIMITS:
+        words = limit.removesuffix("_use")
+        return [
+            f"the motion asks for more {ASKED.get(words, words)} than the machine has; lower the "
+            "feed or the acceleration: --feed-mm-per-min, --acceleration"
+        ]
+    if limit == "peak_sensitivity" and tuned.outcome.loops is not None:
+        least = float(np.max(tuned.outcome.loops.sensitivity))
+        return [f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more"]
+    if limit == LATE:
+        return ["a loop does not bear the delay that --min-delay-margin asks for; ask for less"]
+    if limit == RATIO:
+        return ["a training contour stays worse than was asked for; --max-error-ratio allows more"]
+    if limit in FLAGS:
+        return [f"lower the feed, or allow more: {FLAGS[limit]}"]
+    return []
 
 
 def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:

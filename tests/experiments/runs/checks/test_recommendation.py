@@ -1,13 +1,21 @@
 """Reasons against loading tuned weights."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments.files.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.tuned_result import PathMargins, RobustTest, TunedContour
-from experiments.runs.checks.recommendation import active_limits, hardly_worse, reasons_against
+from experiments.runs.checks.recommendation import (
+    active_limits,
+    exceeded_most,
+    hardly_worse,
+    reasons_against,
+)
+from jcontour.simulation.limit_use import LimitUse
+from tuning.objectives import AtMost
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.tune import Price, Tuned
 
@@ -108,8 +116,43 @@ def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
 
 
 def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
-    first, second = reasons(tuned=found(False, math.log(1.3), 2.6))
-    assert "exceed one by 30 %" in first and "2.6" in second and "--max-sensitivity" in second
+    first, second = reasons(tuned=found(False, math.log(1.3), 2.6), limit="peak_sensitivity")
+    assert "peak sensitivity by 30 %" in first
+    assert "2.6" in second and "--max-sensitivity" in second
+
+
+@pytest.mark.parametrize(
+    "limit, flag",
+    [
+        ("acceleration_use", "more acceleration than the machine has; lower the feed"),
+        ("increment_use", "more change of its control than the machine has"),
+        ("late_radius", "--min-delay-margin"),
+        ("error_ratio", "--max-error-ratio"),
+        ("rms_tracking_error", "--max-tracking-error-um"),
+    ],
+)
+def test_only_the_limit_that_is_exceeded_is_spoken_of(limit, flag):
+    """Neither the sensitivity, nor contours that weights beyond a limit make worse."""
+    worse = [*GOOD, contour("cam", True, 1e-6, 9e-6)]
+    lines = reasons(tuned=found(False, math.log(1.3), 1.08), contours=worse, limit=limit)
+    assert len(lines) == 2 and flag in lines[1]
+    assert "max-sensitivity" not in " ".join(lines) and "--objective" not in " ".join(lines)
+
+
+def test_the_limit_that_is_exceeded_most_is_found(proportional):
+    problem, outcome = proportional
+    assert exceeded_most(problem, found()._replace(outcome=outcome)) == ""
+    assert exceeded_most(problem, found(False)._replace(outcome=outcome)) == "peak_sensitivity"
+
+
+@pytest.fixture
+def proportional():
+    """A problem of two limits; the loops are farther beyond theirs than the runs."""
+    loops = LoopPeaks(*(np.array([[1.5, value]]) for value in (4.0, 1.2, 0.9)))
+    limits = AtMost(acceleration_use=0.5, peak_sensitivity=2.0)
+    use = LimitUse(*(np.array([[0.6, 0.7]]) for _ in range(4)))
+    problem = SimpleNamespace(limits=limits, limit_entries=limits.entries)
+    return problem, Outcome(None, loops, use)  # pyright: ignore[reportArgumentType]
 
 
 def test_prices_of_one_limit_are_added_and_free_ones_left_out():
