@@ -27,7 +27,8 @@ class MachineFlags(Common):
     """Feed [mm/min] instead of the programmed one; 3000 where nothing is programmed."""
     acceleration: float | None = None
     """Path acceleration of the rest-to-rest feed law [m/s^2].
-    The machine's own limit, or 2, when not given."""
+    When not given, half of what the machine states, or 2: its tool takes more than it is asked
+    for."""
 
 
 @dataclass(frozen=True)

@@ -100,13 +100,13 @@ def _from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float, sam
 def _arc(contour: Contour, pace: Pace, feed: float) -> np.ndarray:
     limits, acceleration = pace.machine.limits, pace.acceleration_or_default
     dt = pace.machine.model.dt
-    return trapezoidal(contour, feed, dt, acceleration, limits.speed, limits.acceleration)
+    return trapezoidal(contour, feed, dt, acceleration, limits.speed, pace.axis_acceleration)
 
 
 def _at_constant_feed(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
     limits = pace.machine.limits
     if limits.speed is not None:
         feed = min(feed, float(limits.speed.min()))
-    if limits.acceleration is not None:
-        feed = min(feed, curve_feed(contour, float(limits.acceleration.min())))
+    if pace.axis_acceleration is not None:
+        feed = min(feed, curve_feed(contour, float(pace.axis_acceleration.min())))
     return shortened(at_constant_feed(name, contour, pace._replace(feed=feed)), samples)

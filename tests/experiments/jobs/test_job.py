@@ -1,10 +1,17 @@
-"""Programs that no run can hold."""
+"""The pace of a motion, and programs that no run can hold."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
+from experiments.catalogue.choices import machine_named
 from experiments.catalogue.machines import MACHINES
-from experiments.jobs.job import Pace, from_file
+from experiments.jobs import job
+from experiments.jobs.job import ACCELERATION, Pace, from_file
 from jcontour.geometry.toolpath_rules import ToolpathError
+
+EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
 
 
 def test_a_program_that_takes_for_ever(tmp_path):
@@ -13,3 +20,28 @@ def test_a_program_that_takes_for_ever(tmp_path):
     pace = Pace(MACHINES["bridgeport"](), None, None)
     with pytest.raises(ToolpathError, match=r"slow\.ngc: takes 5\.4e\+07 s at least, more than"):
         from_file(path, pace)
+
+
+def test_a_motion_leaves_half_of_the_acceleration_to_the_tool():
+    pace = Pace(machine_named(EXAMPLE), None, None)  # 3 and 2.5 m/s^2
+    assert pace.acceleration_or_default == 1.25
+    np.testing.assert_allclose(pace.axis_acceleration, [1.5, 1.25])
+
+
+def test_who_asks_for_an_acceleration_gets_all_of_the_machine():
+    pace = Pace(machine_named(EXAMPLE), None, 2.8)
+    assert pace.acceleration_or_default == 2.8
+    np.testing.assert_allclose(pace.axis_acceleration, [3.0, 2.5])
+
+
+def test_a_machine_that_states_no_acceleration_has_the_usual_one():
+    pace = Pace(MACHINES["bridgeport"](), None, None)
+    assert pace.acceleration_or_default == ACCELERATION and pace.axis_acceleration is None
+
+
+def test_a_part_is_run_within_half_of_the_acceleration(tmp_path):
+    path = tmp_path / "line.ngc"
+    path.write_text("G1 X20 F3000\n")
+    pace = Pace(machine_named(EXAMPLE), None, None)
+    needed = np.abs(np.diff(from_file(path, pace).arc, 2)) / pace.machine.model.dt**2
+    assert needed.max() == pytest.approx(1.25, rel=1e-6)
