@@ -4,11 +4,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from experiments.files.run_folder import write
 
 DOTS = 150  # per inch
+PACKED = {"compress_level": 1}  # a quarter larger than the smallest file, in half the time
 Data = TypeVar("Data")
 
 
@@ -20,5 +22,10 @@ def save_figures(
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Write one figure; the file appears whole."""
-    return write(path, lambda temporary: figure.savefig(temporary, dpi=DOTS))
+    """Write one figure; the file appears whole.
+
+    It is drawn once; `savefig` lays it out in a drawing of its own before.
+    """
+    figure.set_dpi(DOTS)
+    canvas = FigureCanvasAgg(figure)
+    return write(path, lambda temporary: canvas.print_png(temporary, pil_kwargs=PACKED))
