@@ -4,15 +4,18 @@ from pathlib import Path
 
 from rich.console import Console
 
+from experiments.designs.design import with_values
 from experiments.files.front_result import BudgetPoint, FrontResult, dataset_of
 from experiments.files.netcdf import save_dataset
 from experiments.files.results import write_result
+from experiments.jobs.replays import replay
 from experiments.options import Front
 from experiments.reports import tables
 from experiments.reports.figures.front import front
 from experiments.reports.figures.png import save_figure
+from experiments.reports.rollouts import save_rollouts
 from experiments.runs.lifecycle import finished, opened
-from experiments.runs.trade_off import search_of, traced
+from experiments.runs.trade_off import Search, search_of, traced
 
 NAMES = {"increment": "the control increment", "sensitivity": "the peak sensitivity Ms"}
 TUNED_BY = {"increment": "--max-rms-increment", "sensitivity": "--max-sensitivity"}
@@ -22,6 +25,7 @@ def command(flags: Front) -> int:
     """Trace, store and print a front; exit code."""
     with opened(flags, "front", search_of) as (folder, search):
         result = traced(search, folder, tables.console_of(quiet=flags.json))
+        _store_runs(result, search, folder)
         _store(result, search.run.design.units(), folder)
     return finished(folder, result, flags, show, next_steps(result))
 
@@ -30,6 +34,24 @@ def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> N
     save_dataset(dataset_of(result, weight_units), folder / "front.nc")
     save_figure(front(result), folder / "front.png")
     write_result(folder, result)
+
+
+def _store_runs(result: FrontResult, search: Search, folder: Path) -> None:
+    """Write the runs of every point on the machines as they are, by budget: the page shows them.
+
+    Weights with a number for each sample of the horizon are not kept in a point, nor are its runs.
+    """
+    run, points = search.run, result.points
+    if any(name not in point.weights for point in points for name in result.weights):
+        return
+    replays = {
+        tables.digits(point.budget): replay(
+            run.controller(with_values(run.start, point.weights)), run.scenarios
+        )
+        for point in points
+    }
+    title = f"jcontour front: runs of every budget of {NAMES[result.against]}"
+    save_rollouts("auto", replays, run.scenarios, run.machine, title, folder)
 
 
 def show(result: FrontResult, console: Console) -> None:

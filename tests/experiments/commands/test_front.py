@@ -11,6 +11,7 @@ from experiments.commands.front import next_steps, show
 from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
 from experiments.files.netcdf import load_dataset
 from experiments.files.results import from_json, read_result, to_json
+from experiments.reports.page.page_data import page_data
 from experiments.reports.tables import console_of
 from experiments.runs import trade_off
 
@@ -51,8 +52,19 @@ def test_every_file_is_there(traced):
         "budget-1",
         "front.nc",
         "front.png",
+        "report.html",
+        "rollouts.nc",
         "result.json",
     }
+
+
+@pytest.mark.slow
+def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
+    page, result = page_data(traced), read_result(traced, FrontResult)
+    points = page["points"]["points"]
+    assert [one["design"] for one in points] == page["designs"]
+    assert [one["y"] for one in points] == [1e6 * one.rms_contour_error for one in result.points]
+    assert page["contours"] and page["plants"][0] == "nominal"
 
 
 @pytest.mark.slow
