@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from experiments.shared_options import Aimed, Common, Controlled, Spreading, Terminal
+from experiments.shared_options import Aimed, Bounded, Common, Controlled, Spreading, Terminal
 
 Against = Literal["increment", "sensitivity"]
 Fallback = Literal["stop", "hold", "soft"]
@@ -190,7 +190,7 @@ class Verify(Common):
 
 
 @dataclass(frozen=True)
-class Certify(Common):
+class Certify(Bounded):
     """Prove the largest contour error that a loop can have under bounded disturbances.
 
     Beside it stands the error that an attack within the bounds really reaches.
@@ -198,11 +198,6 @@ class Certify(Common):
 
     run: Positional[Path] = Path()
     """Run folder of `jcontour tune` or `jcontour simulate`, of a linear machine."""
-    force: float | None = None
-    """Largest disturbance on every control at every sample: friction, cutting [control unit].
-    When not given, the control noise that the machine states for its observer."""
-    encoder_um: float | None = None
-    """Largest error of every measured position [um]; half a count when not given."""
     out: Path | None = None
     """Run folder; runs/certify-<time> when not given. It must not hold another run."""
 

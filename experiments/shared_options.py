@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 Terminal = Literal["output", "riccati"]
-Objective = Literal["typical", "worst", "mean", "regret"]
+Objective = Literal["typical", "worst", "mean", "regret", "certified"]
 
 
 @dataclass(frozen=True)
@@ -112,14 +112,26 @@ class Spreading(Storage):
 
 
 @dataclass(frozen=True)
-class Aimed(Spreading):
+class Bounded(Common):
+    """Bounds of what acts on a linear machine."""
+
+    force: float | None = None
+    """Largest disturbance on every control at every sample: friction, cutting [control unit].
+    When not given, the control noise that the machine states for its observer."""
+    encoder_um: float | None = None
+    """Largest error of every measured position [um]; half a count when not given."""
+
+
+@dataclass(frozen=True)
+class Aimed(Bounded, Spreading):
     """What is made small, on which plants, by which weights."""
 
     objective: Objective = "typical"  # a per cent of any contour counts alike
     """Objective, of RMS contour errors; on a single axis, of tracking errors.
     typical: the geometric mean over contours of the family's worst.
     worst: the largest error of all. mean: the mean over contours and plants.
-    regret: the largest ratio to the best that each contour allows alone, which is found first."""
+    regret: the largest ratio to the best that each contour allows alone, which is found first.
+    certified: typical, of the largest error under every force and encoder error within bounds."""
     nominal_only: bool = False  # the machine is not known better than its family
     """Tune on the nominal plant alone instead of its family; the family is still in the tables."""
     free: str | None = None

@@ -25,6 +25,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/catalogue/plants.py": "test_contracts.py",
     # commands, from the command line
     "experiments/commands/names.py": "experiments/test_cli.py",
+    "experiments/runs/checks/certifying.py": "experiments/commands/test_certify.py",
+    "experiments/runs/checks/certified_bound.py": "experiments/commands/test_certify.py",
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/options.py": "experiments/test_cli.py",
     "experiments/shared_options.py": "experiments/test_cli.py",

@@ -1,6 +1,6 @@
 """Objectives and limits.
 
-An objective is a function of Metrics with axes (contour, plant) whose values are made small.
+An objective is a function of the Outcome, with axes (contour, plant), whose values are made small.
 
 It returns rows of positive values v (g, v). A row counts by its largest value, the rows count by
 their geometric mean:
@@ -15,6 +15,7 @@ One row is a worst case. A row per contour lets no contour in micrometres drown 
 | mean | one | the mean error |
 | typical | one per contour | the geometric mean of the family's worst of every contour |
 | regret | one | the largest ratio to each contour's own best |
+| certified | one per contour | the same mean of the largest errors under bounded disturbances |
 
 Limits are a function of the Outcome. It returns a vector that must not be above zero,
 ln(value / limit), so that a per cent counts alike on every machine.
@@ -28,11 +29,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.outcome import Outcome
 
-Objective = Callable[[Metrics], Float[Array, "g v"]]
+Objective = Callable[[Outcome], Float[Array, "g v"]]
 Limits = Callable[[Outcome], Float[Array, " c"]]
 
 LEAST = 1e-30  # error [m], or ratio: nothing measurable is smaller, and ln 0 would have no slope
@@ -43,40 +45,50 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
 }
 LATE = "late_radius"
 RATIO = "error_ratio"
+CERTIFIED_USE = "certified_control_use"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
 
 
-def worst_contour_error(metrics: Metrics) -> Float[Array, "1 v"]:
+def worst_contour_error(outcome: Outcome) -> Float[Array, "1 v"]:
     """RMS contour error [m] of every contour c and plant p in one row: f = max over c, p of e."""
-    return jnp.ravel(metrics.rms_contour_error)[None]
+    return jnp.ravel(outcome.metrics.rms_contour_error)[None]
 
 
-def mean_contour_error(metrics: Metrics) -> Float[Array, "1 1"]:
+def mean_contour_error(outcome: Outcome) -> Float[Array, "1 1"]:
     """Mean over contours and plants of the RMS contour error [m]: f = mean over c, p of e."""
-    return jnp.mean(metrics.rms_contour_error)[None, None]
+    return jnp.mean(outcome.metrics.rms_contour_error)[None, None]
 
 
-def typical_contour_error(metrics: Metrics) -> Float[Array, "c p"]:
+def typical_contour_error(outcome: Outcome) -> Float[Array, "c p"]:
     """RMS contour error [m], a row per contour: f = (prod over c of max over p of e)^(1/C).
 
     A per cent of any contour counts alike, however large its error.
     """
-    return jnp.asarray(metrics.rms_contour_error)
+    return jnp.asarray(outcome.metrics.rms_contour_error)
 
 
-def worst_tracking_error(metrics: Metrics) -> Float[Array, "1 v"]:
+def worst_tracking_error(outcome: Outcome) -> Float[Array, "1 v"]:
     """RMS tracking error [m] of every contour c and plant p in one row: f = max over c, p of e."""
-    return jnp.ravel(metrics.rms_tracking_error)[None]
+    return jnp.ravel(outcome.metrics.rms_tracking_error)[None]
 
 
-def mean_tracking_error(metrics: Metrics) -> Float[Array, "1 1"]:
+def mean_tracking_error(outcome: Outcome) -> Float[Array, "1 1"]:
     """Mean over contours and plants of the RMS tracking error [m]: f = mean over c, p of e."""
-    return jnp.mean(metrics.rms_tracking_error)[None, None]
+    return jnp.mean(outcome.metrics.rms_tracking_error)[None, None]
 
 
-def typical_tracking_error(metrics: Metrics) -> Float[Array, "c p"]:
+def typical_tracking_error(outcome: Outcome) -> Float[Array, "c p"]:
     """RMS tracking error [m], a row per contour: f = (prod over c of max over p of e)^(1/C)."""
-    return jnp.asarray(metrics.rms_tracking_error)
+    return jnp.asarray(outcome.metrics.rms_tracking_error)
+
+
+def certified_error(outcome: Outcome) -> Float[Array, "c p"]:
+    """Certified error [m], a row per contour: f = (prod over c of max over p of v)^(1/C).
+
+    Raises:
+        ValueError: the problem states no disturbances.
+    """
+    return jnp.asarray(_certified(outcome, "certified").error)
 
 
 class Regret(eqx.Module):
@@ -108,9 +120,9 @@ class Regret(eqx.Module):
             )
         self.best, self.error = jnp.asarray(values), error
 
-    def __call__(self, metrics: Metrics) -> Float[Array, "1 v"]:
+    def __call__(self, outcome: Outcome) -> Float[Array, "1 v"]:
         """Ratios in one row."""
-        errors = getattr(metrics, f"rms_{self.error}_error")
+        errors = getattr(outcome.metrics, f"rms_{self.error}_error")
         if len(errors) != self.best.size:
             raise ValueError(
                 f"best: needs one error for each of {len(errors)} contours, "
@@ -160,7 +172,8 @@ class AtMost(eqx.Module):
     Names are those of `Metrics`, `peak_sensitivity`, `peak_complementary_sensitivity` and
     `spectral_radius` of the loops, `late_radius` for the largest spectral radius with more delay,
     `error_ratio` for the RMS error over that of `before`, and `speed_use`, `acceleration_use`,
-    `control_use`, `increment_use`: 1 is all that the machine has.
+    `control_use`, `increment_use`: 1 is all that the machine has; `certified_control_use` is that
+    of the largest control under bounded disturbances.
     The bounds are arrays, so that problems which differ in them only share one compiled program.
 
     Args:
@@ -178,7 +191,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, before: Before | None = None, /, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += [*LOOP_LIMITS, LATE, RATIO, *USE_LIMITS]
+        known += [*LOOP_LIMITS, LATE, RATIO, CERTIFIED_USE, *USE_LIMITS]
         if RATIO in limits and before is None:
             raise ValueError(f"{RATIO}: needs the errors before the tuning, received none")
         for name, limit in limits.items():
@@ -233,6 +246,8 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
         if outcome.use is None:
             raise ValueError(f"{name}: needs a problem with the limits of its machine")
         return getattr(outcome.use, USE_LIMITS[name])
+    if name == CERTIFIED_USE:
+        return jnp.asarray(_certified(outcome, name).control_use)
     if name == LATE:
         if outcome.late is None:
             raise ValueError(f"{name}: needs a problem that looks at loops with more delay")
@@ -242,6 +257,12 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
     if outcome.loops is None:
         raise ValueError(f"{name}: a limit on the loops needs a problem with windows")
     return getattr(outcome.loops, LOOP_LIMITS[name])
+
+
+def _certified(outcome: Outcome, name: str) -> PeakValues:
+    if outcome.certified is None:
+        raise ValueError(f"{name}: needs a problem that states its disturbances")
+    return outcome.certified
 
 
 def logarithm(value: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 
@@ -19,12 +20,15 @@ class Outcome(NamedTuple):
         use: of the machine's limits, axes (contour, plant); None for a problem without them.
         late: spectral radius of the loops with more delay, axes (probe, plant); None where the
             problem does not ask for it.
+        certified: largest errors and controls under bounded disturbances, axes (contour, plant);
+            None for a problem that states no disturbances.
     """
 
     metrics: Metrics
     loops: LoopPeaks | None = None
     use: LimitUse | None = None
     late: Float[Array, "K P"] | None = None
+    certified: PeakValues | None = None
 
     @property
     def diverged(self) -> Bool[Array, ""]:

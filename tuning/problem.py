@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 
 from jcontour.controller import Controller
+from jcontour.guarantees.disturbed_family import DisturbedFamily
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.evaluation import Batching, Score, evaluate
@@ -24,7 +25,7 @@ class Problem(eqx.Module):
         build: weights -> controller; traced, so that gradients flow through it.
         plants: the family, stacked; every member counts.
         references: the training contours, stacked.
-        objective: metrics (contour, plant) -> rows of values (g, v), see `objectives`.
+        objective: outcome (contour, plant) -> rows of values (g, v), see `objectives`.
         limits: outcome -> vector that must not be above zero.
         space: one parameter per weight, see `parameters`.
         window: samples a..b-1 that are scored; all when None.
@@ -33,6 +34,8 @@ class Problem(eqx.Module):
         loops: how the frozen loops are looked at, `ProbedLoops` for instance; they are not when
             None.
         axis_limits: limits of the machine, whose use is looked at; it is not when None.
+        disturbed: the family under bounded disturbances, whose largest errors are found; they are
+            not when None.
     """
 
     build: Callable[[Weights], Controller] = eqx.field(static=True)
@@ -45,6 +48,7 @@ class Problem(eqx.Module):
     batching: Batching | None = eqx.field(static=True, default=None)
     loops: Loops | None = None
     axis_limits: AxisLimits | None = None
+    disturbed: DisturbedFamily | None = None
 
     def metrics(self, weights: Weights) -> Metrics:
         """Metrics (contour, plant) of the controller that the weights build."""

@@ -9,17 +9,13 @@ from experiments.files import run_folder
 from experiments.files.certified_result import CertifiedResult
 from experiments.files.netcdf import save_dataset
 from experiments.files.results import write_result
+from experiments.machines.disturbance_bounds import bounds_of, linear_machine
 from experiments.options import Certify
 from experiments.reports import tables
 from experiments.reports.certified_tables import show_certified
 from experiments.reports.figures.certificate import CertifiedErrors, certificate_figure
 from experiments.reports.figures.png import save_figure
-from experiments.runs.checks.certifying import (
-    CertifiedRun,
-    bounds_of,
-    certified_runs,
-    linear_machine,
-)
+from experiments.runs.checks.certifying import CertifiedRun, certified_runs
 from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.tuning_results import machine_summary

@@ -23,6 +23,7 @@ from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.sensitivity_curves import save_sensitivity
 from experiments.reports.tuned_tables import limit_words, show_tuned
+from experiments.runs.checks.certified_bound import certified_bound
 from experiments.runs.contour_summary import contour_read
 from experiments.runs.lifecycle import finished, opened, same_task
 from experiments.runs.regret import with_regret
@@ -76,11 +77,13 @@ def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
         found = _descended(run, folder, console)
         run, tuned = found.run, found.tuned
         robust = beside.submit(robust_trial, run, tuned)
+        certified = beside.submit(certified_bound, run, run.controller(tuned.weights))
         trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
         in_engine = confirmed(run, tuned, trials["tuned"].replay)
         store_runs(run, tuned, trials, folder, console)
     seconds = time.perf_counter() - began
-    told = tuned_result(found, trials, robust.result(), in_engine, seconds)
+    proven = certified.result()
+    told = tuned_result(found, trials, robust.result(), in_engine, proven, seconds)
     store_result(run, told, tuned, folder)
     return told
 
@@ -101,7 +104,8 @@ def describe(run: TuningRun, console: Console) -> None:
     machine, flags, scenarios = run.machine, run.flags, run.scenarios
     bounds = [limit_words(name, value) for name, value in run.limits.items()]
     over = "the plant" if flags.nominal_only else "family"
-    objective = f"{flags.objective} RMS {machine.error} error over training contours and {over}"
+    kind = "largest" if flags.objective == "certified" else "RMS"
+    objective = f"{flags.objective} {kind} {machine.error} error over training contours and {over}"
     alone = " (tuned on the nominal plant alone)" if flags.nominal_only else ""
     training = [
         f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)

@@ -30,6 +30,28 @@ class CertifiedRow:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CertifiedBound:
+    """Largest error of tuned weights on what they were tuned on, proven, SI units.
+
+    Attributes:
+        force: bound on what adds to each control [control unit].
+        encoder: bound on the error of each measured number [m].
+        error: largest error that the disturbances within the bounds can make; None where there is
+            no proof, as the next two.
+        contour: where it is.
+        plant: of which.
+        refused: why there is no proof.
+    """
+
+    force: float
+    encoder: float
+    error: float | None = None
+    contour: str | None = None
+    plant: str | None = None
+    refused: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class CertifiedResult:
     """Largest errors of a stored loop under bounded disturbances.
 

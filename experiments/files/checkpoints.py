@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from experiments.files.run_folder import RunError, write
+from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.limit_use import LimitUse
 from jcontour.simulation.metrics import Metrics
 from tuning.descents.descent import begin
@@ -47,6 +48,10 @@ def save_state(folder: Path, state: TuneState) -> Path:
         arrays[f"use_{name}"] = np.asarray([getattr(row.outcome.use, name) for row in rows])
     if rows and rows[0].outcome.late is not None:
         arrays["late"] = np.asarray([row.outcome.late for row in rows])
+    certified = rows and rows[0].outcome.certified is not None
+    for name in PeakValues._fields if certified else ():
+        values = [getattr(row.outcome.certified, name) for row in rows]
+        arrays[f"certified_{name}"] = np.asarray(values)
     return write(folder / STATE, lambda temporary: np.savez(temporary, **arrays))
 
 
@@ -88,6 +93,8 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
     loops = [arrays[f"loops_{name}"] for name in LoopPeaks._fields] if looked else []
     limited = "use_speed" in arrays
     use = [arrays[f"use_{name}"] for name in LimitUse._fields] if limited else []
+    proven = "certified_error" in arrays
+    certified = [arrays[f"certified_{name}"] for name in PeakValues._fields] if proven else []
     history = []
     for k in range(len(columns["start"])):
         row = Evaluated(
@@ -100,6 +107,7 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
                 LoopPeaks(*(values[k] for values in loops)) if looked else None,
                 LimitUse(*(values[k] for values in use)) if limited else None,
                 arrays["late"][k] if "late" in arrays else None,
+                PeakValues(*(values[k] for values in certified)) if proven else None,
             ),
             bool(columns["diverged"][k]),
         )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+from experiments.files.certified_result import CertifiedBound
 from experiments.files.results import Weight, stored_as
 from experiments.files.run_metrics import (
     ContourRead,
@@ -178,6 +179,8 @@ class TunedResult:
         active: limits that stop further improvement, the dearest first.
         robust: random plants of the family; None where the family is a single plant.
         standstill: of the start weights and of the tuned ones; empty where nothing is counted.
+        certified: largest error under bounded disturbances; None for a machine that is not linear,
+            or in folders of older versions.
         gap: what smoothing hides.
         confirmed: the same runs in another engine, where there is one.
         seconds: that the run took.
@@ -215,6 +218,7 @@ class TunedResult:
     training_samples: int
     confirmed: list[EngineRow]
     seconds: float
+    certified: CertifiedBound | None = None
 
 
 @dataclass(frozen=True)

@@ -114,11 +114,16 @@ class LinearMachine(Machine):
 
         Without the noise a loop that amplifies it would pass for a good one.
         """
-        late = self._late_family()
+        exact = self.exact_family(fed)
         if fed == "state":
-            return late
+            return exact
         noise = rounding_noise(self.model.axes, self.encoder_resolution)
-        return [Disturbed(Encoders(plant), noise=noise) for plant in late]
+        return [Disturbed(plant, noise=noise) for plant in exact]
+
+    def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
+        """The members behind encoders that do not round, or their state measured."""
+        late = self._late_family()
+        return late if fed == "state" else [Encoders(plant) for plant in late]
 
     def _late_family(self) -> list[Delayed]:
         depth = max(self.delay, 1)

@@ -125,7 +125,7 @@ def values_block(result: TunedResult) -> list[str]:
         lines.append(f"  {name:<23}  {value:<24} start: {before}")
     if margins.lost_first is not None:
         lines.append(lost_first_line(margins.lost_first, result.machine.axes))
-    lines += robust_lines(result) + standstill_lines(result)
+    lines += robust_lines(result) + standstill_lines(result) + certified_lines(result)
     effects = result.machine.nonsmooth_effects
     if result.gap:
         lines.append(f"Gap of the machine with {effects} to the smooth one that was tuned")
@@ -163,6 +163,20 @@ def standstill_lines(result: TunedResult) -> list[str]:
     control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
     increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
     return [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
+
+
+def certified_lines(result: TunedResult) -> list[str]:
+    """The largest error that is possible under bounded disturbances, or why there is no proof."""
+    one = result.certified
+    if one is None:
+        return []
+    if one.error is None:
+        return [f"No proven bound of the {result.error} error: {one.refused}"]
+    force = f"force of up to {digits(one.force)} {result.machine.control_unit}"
+    return [
+        f"Proven for every {force} and encoder error of up to {digits(1e6 * one.encoder)} um: "
+        f"{result.error} error at most {digits(1e6 * one.error)} um ({one.contour}, {one.plant})"
+    ]
 
 
 def sentence(result: TunedResult) -> str:

@@ -14,6 +14,8 @@ from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.random_contours import contour_jobs
 from experiments.jobs.replays import Scenarios
 from experiments.jobs.representatives import representatives
+from experiments.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
+from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, Usual
 from experiments.options import Tune
 from experiments.runs.family_loops import WINDOWS
@@ -21,6 +23,8 @@ from experiments.runs.spreading import batching_of
 from experiments.shared_options import Limited
 from jcontour.analysis.stability import DELAY_SEARCH
 from jcontour.controller import Controller
+from jcontour.guarantees.disturbed_family import DisturbedFamily
+from jcontour.guarantees.disturbed_loop import check_linear
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits
@@ -28,10 +32,12 @@ from jcontour.simulation.metrics import Metrics
 from tuning.effort import Effort
 from tuning.loops import ProbedLoops
 from tuning.objectives import (
+    CERTIFIED_USE,
     RATIO,
     AtMost,
     Before,
     Objective,
+    certified_error,
     mean_contour_error,
     mean_tracking_error,
     typical_contour_error,
@@ -49,6 +55,8 @@ OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on t
     ("worst", "tracking"): worst_tracking_error,
     ("mean", "tracking"): mean_tracking_error,
     ("typical", "tracking"): typical_tracking_error,
+    ("certified", "contour"): certified_error,
+    ("certified", "tracking"): certified_error,
 }
 LIMITS = {  # flag -> metric, factor to SI
     "max_tracking_error_um": ("rms_tracking_error", 1e-6),
@@ -119,6 +127,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     """
     asked = _ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
+    bounds = _bounds(flags, machine)
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
     # parts come before the design: a fault in line 1 of a program is told at once
     training, held_out = _jobs(flags, machine, pace)
@@ -146,11 +155,14 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     limits |= _effort_limit(flags, usual, problem, design.start)
     stated = _stated_limits(machine)
     limits |= asked | {f"{name}_use": RESERVED for name in _named(stated)}
+    if flags.objective == "certified" and stated.control is not None:
+        limits[CERTIFIED_USE] = RESERVED
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
         loops=probed_loops(flags, problem),
         axis_limits=stated if _named(stated) else None,
+        disturbed=_disturbed(flags, machine, bounds, design, runs[0]),
     )
     return TuningRun(flags, machine, before, design, problem, settings, learned, scenarios, limits)
 
@@ -242,6 +254,37 @@ def _stated_limits(machine: Machine) -> AxisLimits:
 
 def _named(limits: AxisLimits) -> list[str]:
     return [name for name, value in limits._asdict().items() if value is not None]
+
+
+def _bounds(flags: Tune, machine: Machine) -> Bounds | None:
+    """Bounds of the disturbances; None on a machine that is not linear, where none are asked for.
+
+    Raises:
+        ValueError: they are asked for there, or one of them is wrong.
+    """
+    asked = flags.objective == "certified" or (flags.force, flags.encoder_um) != (None, None)
+    if not (asked or isinstance(machine, LinearMachine)):
+        return None
+    return bounds_of(linear_machine(machine), flags.force, flags.encoder_um)
+
+
+def _disturbed(
+    flags: Tune, machine: Machine, bounds: Bounds | None, design: Design, reference: Reference
+) -> DisturbedFamily | None:
+    """The family under bounded disturbances, where the objective is to be certified.
+
+    Raises:
+        ValueError: the controller is not linear.
+    """
+    if bounds is None or flags.objective != "certified":
+        return None
+    machine = linear_machine(machine)
+    family = machine.exact_family(design.fed)[: 1 if flags.nominal_only else None]
+    box = box_of(family[0], bounds, machine, design.fed)
+    check_linear(family[0], design.build(design.start), reference)
+    largest = machine.limits.control
+    limit = np.full(box.force.size, np.inf if largest is None else largest)
+    return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
 
 
 def probed_loops(flags: Limited, problem: Problem) -> ProbedLoops | None:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.design import plain_weights
+from experiments.files.certified_result import CertifiedBound
 from experiments.files.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from experiments.files.tuned_result import (
     EngineRow,
@@ -96,6 +97,7 @@ def tuned_result(
     trials: Mapping[str, Trial],
     robust: RobustTest | None,
     confirmed: list[EngineRow],
+    certified: CertifiedBound | None,
     seconds: float,
 ) -> TunedResult:
     """The whole result; `trials` are those of the start and of the tuned weights."""
@@ -145,6 +147,7 @@ def tuned_result(
         training_samples=run.training_samples,
         confirmed=confirmed,
         seconds=seconds,
+        certified=certified,
     )
 
 

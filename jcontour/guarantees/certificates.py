@@ -102,6 +102,25 @@ def certificate(
         ValueError: as `simulate`; the box does not fit; or the undisturbed run leaves its contour.
     """
     loop = disturbed_loop(plant, controller, reference)
+    return certificate_of(loop, plant, controller, reference, box)
+
+
+def certificate_of(
+    loop: DisturbedLoop, plant: Plant, controller: Controller, reference: Reference, box: Box
+) -> Certificate:
+    """Certificate of a linear loop whose matrices are known.
+
+    Args:
+        loop: of plant and controller along the reference, `disturbed_loop`.
+        plant: whose limits no control may reach.
+        controller: likewise.
+        reference: the run; its scored samples count.
+        box: of force and error of the measurement.
+
+    Raises:
+        NotAffine: a control may reach its limit.
+        ValueError: the box does not fit, or the undisturbed run leaves its contour.
+    """
     _check_box(loop, box)
     frames = frames_along(reference, loop.output)
     basis = np.concatenate([frames.normals, frames.tangent[:, None]], axis=1)

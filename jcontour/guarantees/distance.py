@@ -23,6 +23,10 @@ from jcontour.simulation.metrics import SEARCH_REACH, contour_error
 INTERVALS = 64  # along the tangent; across a corner they add 1/64 of tau
 
 
+class LeavesContour(ValueError):
+    """An undisturbed run that is away from its contour by more than the contour's size."""
+
+
 class Frames(NamedTuple):
     """Frames at the points of the path nearest to the undisturbed run.
 
@@ -43,12 +47,12 @@ def frames_along(reference: Reference, output: Float[Array | np.ndarray, "T m"])
     """Frames of a run.
 
     Raises:
-        ValueError: the run left its contour by more than the contour's size.
+        LeavesContour: the run is too far away.
     """
     away = np.asarray(output) - np.asarray(reference.position)[: reference.steps]
     lag = np.linalg.norm(away, axis=1)
     if not np.all(lag <= float(reference.contour.size)):
-        raise ValueError("the undisturbed run leaves its contour: there is nothing to bound")
+        raise LeavesContour("the undisturbed run leaves its contour: there is nothing to bound")
     arc = reference.arc[: reference.steps]
     nearest = reference.contour.nearest(jnp.asarray(output), arc, SEARCH_REACH * lag)
     tangent = np.asarray(reference.contour.tangent(nearest))

@@ -114,19 +114,27 @@ def disturbed_loop(plant: Plant, controller: Controller, reference: Reference) -
         UnstableLoop: the loop of some sample, held for ever, is not stable.
         ValueError: as `simulate`.
     """
-    check_run(plant, controller, reference)
+    check_linear(plant, controller, reference)
     plant, controller = unlimited(plant), unlimited(controller)
     plan = prepared(controller, reference)
-    check_linear(plant, controller, plan, reference)
-    loop = _along(plant, controller, reference, plan)
-    _check_stable(loop)
+    loop = eqx.filter_jit(loop_along)(plant, controller, plan, reference)
+    check_stable(loop)
     return loop
 
 
-def check_linear(plant: Plant, controller: Controller, plan: Plan, reference: Reference) -> None:
-    """Raise NotAffine, with the part that is to blame, unless both steps are affine."""
+def check_linear(plant: Plant, controller: Controller, reference: Reference) -> None:
+    """Raise unless both steps, without limits of the control, are affine; nothing is run.
+
+    Raises:
+        NotAffine: one is not; the part that is to blame is named.
+        ValueError: as `simulate`.
+    """
+    check_run(plant, controller, reference)
+    plant, controller = unlimited(plant), unlimited(controller)
+    plan = eqx.filter_eval_shape(controller.prepare, reference)
+    row = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), plan)
     state, memory = start_state(plant, reference), controller.initial_memory(reference)
-    row, measurement = jax.tree.map(lambda leaf: leaf[0], plan), plant.measure(state)
+    measurement = plant.measure(state)
     check_linear_controller(controller, row, memory, measurement)
     _, shape = jax.eval_shape(controller.step, memory, row, measurement)
     control = np.zeros(shape.shape, shape.dtype)
@@ -162,8 +170,10 @@ def _check(part: Plant | Controller, step: Any, plan: Plan, inputs: Any) -> None
         raise NotAffine(f"{type(part).__name__}: {error}") from None
 
 
-@eqx.filter_jit
-def _along(plant: Plant, controller: Controller, reference: Reference, plan: Plan) -> DisturbedLoop:
+def loop_along(
+    plant: Plant, controller: Controller, plan: Plan, reference: Reference
+) -> DisturbedLoop:
+    """Matrices of a loop without limits along its run; traceable, nothing is checked."""
     run = follow(plant, controller, plan, reference)
 
     def at(step):
@@ -185,7 +195,8 @@ def _output_slope(plant: Plant, state: Any) -> Float[Array, "m n"]:
     return jax.jacfwd(lambda row: plant.output(eqx.combine(shaped(row), fixed)))(flat)
 
 
-def _check_stable(loop: DisturbedLoop) -> None:
+def check_stable(loop: DisturbedLoop) -> None:
+    """Raise UnstableLoop where the loop of a sample, held for ever, is not stable."""
     M = np.asarray(loop.M)
     if not np.isfinite(M).all():
         raise UnstableLoop("the loop has no bound: its matrices are not finite")

@@ -3,12 +3,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
     AtMost,
     Before,
     Entry,
     Regret,
+    certified_error,
     mean_contour_error,
     mean_tracking_error,
     no_limits,
@@ -44,13 +46,13 @@ def outcome(**values):
     ],
 )
 def test_objectives_return_rows(error, mean, worst, typical):
-    there = metrics(**{f"rms_{error}_error": jnp.asarray(ERRORS)})
+    there = Outcome(metrics(**{f"rms_{error}_error": jnp.asarray(ERRORS)}))
     np.testing.assert_allclose(mean(there), [[2.5e-6]])
     np.testing.assert_allclose(worst(there), ERRORS.reshape(1, 4))
     np.testing.assert_allclose(typical(there), ERRORS)
     regret = Regret([0.5e-6, 1e-6], error)
     np.testing.assert_allclose(regret(there), [[2.0, 8.0, 3.0, 2.0]])
-    assert no_limits(Outcome(there)).shape == (0,)
+    assert no_limits(there).shape == (0,)
 
 
 @pytest.mark.parametrize("best", [[1e-6, 0.0], [1e-6, np.nan], [1e-6, np.inf], [-1.0, 1.0], 1e-6])
@@ -63,7 +65,7 @@ def test_regret_needs_a_best_for_every_contour():
     with pytest.raises(
         ValueError, match="best: needs one error for each of 2 contours, received 3"
     ):
-        Regret([1e-6, 1e-6, 1e-6])(metrics())
+        Regret([1e-6, 1e-6, 1e-6])(Outcome(metrics()))
 
 
 def test_limits_are_logarithms_for_every_contour_and_plant():
@@ -151,3 +153,16 @@ def test_limits_on_loops_need_loops():
 def test_unknown_names_are_told(name):
     with pytest.raises(ValueError, match=f"{name}: there is no such metric.*rms_contour_error"):
         AtMost(**{name: 1.0})
+
+
+def test_certified_errors_and_controls_need_disturbances():
+    proven = Outcome(
+        metrics(), certified=PeakValues(3 * ERRORS, np.array([[0.5, 2.0], [1.0, 0.8]]))
+    )
+    np.testing.assert_array_equal(certified_error(proven), 3 * ERRORS)
+    limits = AtMost(certified_control_use=0.5)
+    np.testing.assert_allclose(limits(proven), np.log([1.0, 4.0, 2.0, 1.6]))
+    assert limits.entries(proven)[1] == Entry("certified_control_use", 0, 1)
+    for judge in (certified_error, limits):
+        with pytest.raises(ValueError, match="certified.*: needs a problem that states its"):
+            judge(Outcome(metrics()))

@@ -66,7 +66,9 @@ def test_values_alone_are_those_that_come_with_slopes(proportional_problem, loop
 
 
 def test_errors_of_zero_have_slopes(proportional_problem):
-    problem = proportional_problem(objective=lambda metrics: 0.0 * metrics.rms_contour_error)
+    problem = proportional_problem(
+        objective=lambda outcome: 0.0 * outcome.metrics.rms_contour_error
+    )
     point = evaluate_point(problem, START, Z)
     assert not point.diverged
     np.testing.assert_array_equal(point.slopes.errors, 0.0)
@@ -85,7 +87,7 @@ def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
 @pytest.mark.parametrize("values", [jnp.ones(3), jnp.ones((0, 3)), jnp.ones((1, 2, 3))])
 def test_values_without_rows_are_refused(proportional_problem, values):
     with pytest.raises(ValueError, match="objective: needs rows of values"):
-        evaluate_point(proportional_problem(objective=lambda metrics: values), START, Z)
+        evaluate_point(proportional_problem(objective=lambda outcome: values), START, Z)
 
 
 @pytest.mark.slow

@@ -75,7 +75,7 @@ def test_finds_the_constrained_optimum_that_scipy_finds(limited, states):
     @jax.jit
     def numbers(z):
         metrics = limited.metrics({"x": jnp.exp(z[0]), "y": jnp.exp(z[1])})
-        return 1e6 * limited.objective(metrics)[0, 0], limited.limits(Outcome(metrics))
+        return 1e6 * limited.objective(Outcome(metrics))[0, 0], limited.limits(Outcome(metrics))
 
     wanted = minimize(
         lambda z: float(numbers(z)[0]),

@@ -10,6 +10,7 @@ from experiments.commands.certify import ATTACK
 from experiments.files.certified_result import CertifiedResult
 from experiments.files.netcdf import load_dataset
 from experiments.files.results import read_result
+from experiments.files.tuned_result import TunedResult
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +53,9 @@ def test_a_tuned_run_is_certified_with_its_weights(tmp_path, machine_file, part_
     told = capsys.readouterr().out
     result = read_result(out, CertifiedResult)
     assert result.force == 1.0  # control_noise of the machine file
+    proven = read_result(tuned, TunedResult).certified
+    assert proven.error == pytest.approx(result.worst.bound, rel=1e-9)
+    assert (proven.contour, proven.plant) == (result.worst.contour, result.worst.plant)
     assert all(row.reached <= row.bound for row in result.rows)
     assert "Proven for every force of up to 1 " in told and "An attack reaches" in told
 

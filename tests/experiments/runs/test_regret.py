@@ -12,6 +12,7 @@ from experiments.options import Tune
 from experiments.runs import regret
 from experiments.runs.tuning import tuning_run
 from jcontour.simulation.metrics import Metrics
+from tuning.outcome import Outcome
 from tuning.parameters import Chart
 from tuning.point import evaluate_point
 
@@ -59,4 +60,4 @@ def test_what_is_found_is_kept_and_divides_the_errors(run, tmp_path, monkeypatch
     errors = np.array([[4e-6, 6e-6], [4e-6, 8e-6]])
     same = {field.name: errors for field in fields(Metrics)}
     metrics = Metrics(**{**same, "diverged": errors > 1.0})
-    np.testing.assert_allclose(found.problem.objective(metrics), [[2.0, 3.0, 1.0, 2.0]])
+    np.testing.assert_allclose(found.problem.objective(Outcome(metrics)), [[2.0, 3.0, 1.0, 2.0]])

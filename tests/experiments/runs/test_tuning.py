@@ -15,10 +15,14 @@ from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning import tuning_run
 from experiments.runs.tuning_results import shown_contours
 from jcontour.analysis.sensitivity import late_radius
+from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.evaluation import evaluate, member, stack_plants
+from jcontour.simulation.metrics import Metrics
+from tuning.history import Evaluated
 from tuning.objectives import AtMost
+from tuning.outcome import Outcome
 from tuning.parameters import Chart
-from tuning.point import evaluate_point
+from tuning.point import evaluate_point, evaluate_values
 from tuning.tune import TuneState, advance
 
 
@@ -190,3 +194,33 @@ def test_all_of_a_few_contours_are_shown():
 @pytest.mark.slow
 def test_of_many_contours_those_that_fared_worst_are_shown():
     assert chosen(40, range(40), lost=[2, 21]) == [2, 15, 16, 17, 18, 19, 21, 35, 36, 37, 38, 39]
+
+
+@pytest.mark.slow
+def test_the_certified_objective_has_the_slopes_of_differences(machine_file, part_file):
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), preview=4, objective="certified")
+    run = tuning_run(flags)
+    assert run.limits["certified_control_use"] < 1
+    z, h = np.asarray(Chart(run.problem.space, run.start).coordinates()), 1e-4
+    point = evaluate_point(run.problem, run.start, z)
+    assert point.errors.shape == (1, len(run.machine.family_names))
+    for k, e in enumerate(np.eye(z.size)):
+        above, below = (evaluate_values(run.problem, run.start, z + s * h * e) for s in (1, -1))
+        difference = (above.errors - below.errors) / (2 * h)
+        np.testing.assert_allclose(point.slopes.errors[..., k], difference, atol=1e-4)
+
+
+@pytest.mark.parametrize("flags", [{"objective": "certified"}, {"force": 0.1}])
+def test_a_machine_that_is_not_linear_has_no_certified_objective(flags):
+    with pytest.raises(ValueError, match="certify: flexible-axis.* is not linear"):
+        tuning_run(Tune(plant="flexible-axis", **flags))
+
+
+def test_points_keep_their_certified_errors(tmp_path):
+    ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
+    proven = PeakValues(np.array([[1e-6, 2e-6]]), np.array([[0.5, 0.25]]))
+    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), certified=proven), False)
+    save_state(tmp_path, TuneState(history=[row]))
+    found = load_state(tmp_path).history[0].outcome
+    np.testing.assert_array_equal(found.certified, proven)
+    assert found.loops is None

@@ -3,7 +3,7 @@
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.runs.checks.certifying import bounds_of, linear_machine
+from experiments.machines.disturbance_bounds import bounds_of, linear_machine
 
 
 def test_bounds_come_from_the_machine_where_none_is_given():

@@ -1,0 +1,66 @@
+"""Bounds of what acts on a linear machine, and its plants as certificates see them."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import Fed, Machine
+from jcontour.guarantees.disturbed_loop import Box
+from jcontour.plant import Plant
+
+
+class Bounds(NamedTuple):
+    """Bounds of the disturbances at every sample.
+
+    Attributes:
+        force: on every control [control unit].
+        encoder: on every measured number [m].
+    """
+
+    force: float
+    encoder: float
+
+
+def linear_machine(machine: Machine) -> LinearMachine:
+    """The machine, where it is linear.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not isinstance(machine, LinearMachine):
+        raise ValueError(
+            f"certify: {machine.name} is not linear: certificates are of machines with a linear "
+            "model, as bridgeport, xy-table or a machine file"
+        )
+    return machine
+
+
+def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
+    """Bounds as given; else the machine's control noise, and half a count.
+
+    Raises:
+        ValueError: a bound is negative, or the encoder's error smaller than half a count.
+    """
+    for name, value in (("force", force), ("encoder-um", encoder_um)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name}: a bound needs to be finite and at least zero, is {value}")
+    half = machine.resolution / 2
+    encoder = half if encoder_um is None else 1e-6 * encoder_um
+    if encoder < half * (1 - 1e-9):
+        raise ValueError(
+            f"encoder-um: rounding alone errs by half a count, {1e6 * half:g} um, "
+            f"received {encoder_um}"
+        )
+    return Bounds(machine.control_noise if force is None else force, encoder)
+
+
+def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Box:
+    """Box of a loop on a plant of the machine; a state that is measured as it is has no error."""
+    none = jnp.zeros(len(machine.axes))
+    measured = jax.eval_shape(lambda: plant.measure(plant.initial_state(none, none)))
+    count = sum(np.prod(leaf.shape, dtype=int) for leaf in jax.tree.leaves(measured))
+    noise = bounds.encoder if fed == "outputs" else 0.0
+    return Box.of(bounds.force, noise, machine.model.inputs, int(count))
