@@ -59,6 +59,20 @@ class Piece(NamedTuple):
         slope = self.sine * cos - self.cosine * sin
         return position + wave, velocity + rate * slope, acceleration - rate**2 * wave
 
+    def third(self, s: Float[Some, "..."]) -> Float[Some, "... m"]:
+        """Third derivative d3p/ds3 [1/m^2] at the arc length s [m]."""
+        t = s[..., None]
+        powers = range(3, self.polynomial.shape[-2])
+        jerk = sum(
+            i * (i - 1) * (i - 2) * self.polynomial[..., i, :] * t ** (i - 3) for i in powers
+        )
+        if self.rate is None:
+            return jerk + 0.0 * t
+        xp = s.__array_namespace__()  # numpy or jax.numpy
+        rate = self.rate[..., None]
+        slope = self.sine * xp.cos(rate * t) - self.cosine * xp.sin(rate * t)
+        return jerk - rate**3 * slope
+
     def foot(
         self, point: Float[Some, "... m"], low: Float[Some, "..."], high: Float[Some, "..."]
     ) -> Foot:

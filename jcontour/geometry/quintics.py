@@ -7,6 +7,7 @@ of the arc-length parametrisation as well.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,25 @@ from jcontour.geometry.pieces import Piece
 
 # parameter (...,) -> position, first, second derivative (..., m)
 Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+Frame = tuple[np.ndarray, np.ndarray, np.ndarray]  # point, unit tangent, curvature vector
+
+
+class Fit(NamedTuple):
+    """Quintic pieces of a curve.
+
+    Attributes:
+        polynomial: coefficients in the arc length.
+        extent: lengths [m].
+        begin: the curve's parameter at which each begins.
+        error: measured fit error [m].
+    """
+
+    polynomial: Float[np.ndarray, "P 6 m"]
+    extent: Float[np.ndarray, " P"]
+    begin: Float[np.ndarray, " P"]
+    error: float
+
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
 MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve
@@ -35,27 +55,49 @@ def quintic_pieces(
     Raises:
         ValueError: the tolerance is out of reach.
     """
-    error = np.full(knots.size - 1, np.inf)
+    fit = fitted(name, curve, lambda t, frame: frame, knots[:-1], knots[1:], tolerance)
+    return fit.polynomial, fit.extent, fit.error
+
+
+def fitted(
+    name: str,
+    curve: Curve,
+    frame: Callable[[np.ndarray, Frame], Frame],
+    begin: Float[np.ndarray, " K"],
+    end: Float[np.ndarray, " K"],
+    tolerance: float,
+) -> Fit:
+    """Pieces of a curve over intervals that need not meet, in their order.
+
+    `frame` may put other points, tangents and curvature vectors in the place of the curve's own,
+    where a piece has to meet something else to the last bit.
+
+    Raises:
+        ValueError: the tolerance is out of reach.
+    """
+    error, most = np.full(begin.size, np.inf), MOST_PIECES + 64 * begin.size
     for _ in range(MOST_HALVINGS):
         # a curve that stops or overflows makes NaN, which never fits
         with np.errstate(all="ignore"):
-            polynomial, extent = _hermite(curve, knots[:-1], knots[1:])
-            error = BETWEEN_SAMPLES * _deviation(curve, knots[:-1], knots[1:], polynomial, extent)
+            polynomial, extent = _hermite(curve, frame, begin, end)
+            error = BETWEEN_SAMPLES * _deviation(curve, begin, end, polynomial, extent)
         coarse = np.flatnonzero(~(error <= tolerance))
         if coarse.size == 0:
-            return polynomial, extent, float(error.max())
-        if knots.size + coarse.size > MOST_PIECES:
+            return Fit(polynomial, extent, begin, float(error.max()))
+        if begin.size + coarse.size > most:
             break
-        knots = np.insert(knots, coarse + 1, 0.5 * (knots[coarse] + knots[coarse + 1]))
+        middle = 0.5 * (begin[coarse] + end[coarse])
+        begin = np.insert(begin, coarse + 1, middle)
+        end = np.insert(end, coarse, middle)
     raise ValueError(
         f"{name}: {error.size} pieces fit within {np.nanmax(error, initial=0.0):.1e} m at best; "
         f"needs a tolerance above that (received {tolerance:.1e} m) or a curve without cusps"
     )
 
 
-def _hermite(curve, a, b):
-    start, tangent, curvature = _frame(curve, a)
-    end, end_tangent, end_curvature = _frame(curve, b)
+def _hermite(curve, frame, a, b):
+    start, tangent, curvature = frame(a, _frame(curve, a))
+    end, end_tangent, end_curvature = frame(b, _frame(curve, b))
     extent = _arc_length(curve, a, b)
     h = extent[:, None]
     position_gap = end - start - tangent * h - curvature * h**2 / 2

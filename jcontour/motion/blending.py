@@ -1,0 +1,288 @@
+"""Blends: corners of a path, and jumps of its curvature, replaced by curves within a tolerance.
+
+A blend leaves the piece before a joint at a distance d and meets the piece after it at the same
+distance. Between two lines it is the cubic
+
+    r(u) = corner - d (1 - u)^3 t_0 + d u^3 t_1,        u from 0 to 1,
+
+with t_0 and t_1 the directions of the lines: one axis comes to rest at constant jerk while the
+other one leaves it, which is the quickest way around a slow corner. Between curves it is the
+quintic with the same derivatives at both ends, the curvature of the path added. Point u belongs to
+the point of the path at d (u^3 - (1 - u)^3) from the joint. Where the curvature jumps and the
+direction does not, the quintic has no second derivative along the path at its ends, and u belongs
+to d (2 u - 1). The greatest distance of two such points bounds the distance of the blend from the
+path and of the path from the blend: d |t_1 - t_0| / 8 between lines.
+
+Blends are then written as quintics in their own arc length, so that the blended path is a contour.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.pieces import Piece
+from jcontour.geometry.quintics import fitted
+from jcontour.motion.jerk_limited.joints import joints, unpadded
+
+SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends
+STEPS = 32  # of a blend, at which its deviation is measured
+SAFETY = 0.99  # of the tolerance: the deviation may peak between two of them
+FIT = 1e-3  # of the tolerance: what the quintics may be off the blend
+SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
+ROUNDING = 1e-9  # jump of the tangent, and of the curvature over the tolerance, that is none
+CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
+SEARCHES = 60  # halvings and secants for the length of a blend
+SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
+
+
+@dataclass(frozen=True)
+class BlendedPath:
+    """A path with blends, and where it lies on the true contour.
+
+    Attributes:
+        path: contour that is followed.
+        contour: the true one.
+        piece: (P',) number of the true piece that a piece is part of; of a blend, the one before.
+        blend: (P',) which pieces belong to blends.
+        place: (P'+1,) arc length on the true contour where each begins, and the end [m].
+        deviation: bound of the distance between both [m].
+    """
+
+    path: Contour
+    contour: Contour
+    piece: Int[np.ndarray, " P"]
+    blend: Bool[np.ndarray, " P"]
+    place: Float[np.ndarray, " ends"]
+    deviation: float
+
+    def feed(self, feed: Float[np.ndarray, " P"]) -> Float[np.ndarray, " Q"]:
+        """Feed [m/s] of the pieces of the path; of a blend, the lower one of both sides."""
+        after = np.minimum(self.piece + 1, feed.size - 1)
+        lower = np.minimum(feed[self.piece], feed[after])
+        return np.where(self.blend, lower, feed[self.piece])
+
+    def true_arc(self, arc: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+        """Arc length on the true contour [m] that belongs to one on the path."""
+        mask = np.asarray(self.path.mask)
+        starts = np.append(np.asarray(self.path.start)[mask], float(self.path.length))
+        return np.interp(arc, starts, self.place)
+
+
+def blended(
+    contour: Contour, tolerance: float, allowed: Bool[np.ndarray, " joints"] | None = None
+) -> BlendedPath:
+    """Path with a continuous curvature that stays within a tolerance of a contour.
+
+    Turns by more than 120 degrees stay, as do those that are not allowed: a motion stops there.
+
+    >>> from jcontour import contours
+    >>> square = contours.polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])
+    >>> around = blended(square, 10e-6)
+    >>> bool(around.deviation < 10e-6), int(around.blend.sum() > 0)
+    (True, 1)
+
+    Args:
+        contour: one contour, not a stack.
+        tolerance: greatest distance [m]; 0 leaves the contour as it is.
+        allowed: which of the joints between pieces may be blended; all when not given.
+
+    Raises:
+        ValueError: a tolerance below zero or not finite, or a wrong shape.
+    """
+    if not (np.isfinite(tolerance) and tolerance >= 0):
+        raise ValueError(f"tolerance: needs to be finite and not negative, received {tolerance}")
+    pieces = unpadded(contour)
+    count = pieces.extent.size
+    allowed = np.ones(count - 1, bool) if allowed is None else np.asarray(allowed, bool)
+    if allowed.shape != (count - 1,):
+        raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
+    found = joints(pieces)
+    rough = (found.turn > ROUNDING) | (found.bend * tolerance > ROUNDING**2)
+    at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    if tolerance == 0 or at.size == 0:
+        every = np.arange(count)
+        return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
+    most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
+    blends = _Blends(pieces, at, found.turn[at] > CORNER, most)
+    return _assembled(contour, _reaching(blends, SAFETY * tolerance), tolerance)
+
+
+class _Blends(NamedTuple):
+    """Blends at joints `at` of pieces, each of a reach d [m] to both sides.
+
+    At a `corner` the direction jumps; elsewhere the curvature alone does.
+    """
+
+    pieces: Piece
+    at: Int[np.ndarray, " B"]
+    corner: Bool[np.ndarray, " B"]
+    reach: Float[np.ndarray, " B"]
+
+    def some(self, which: np.ndarray) -> "_Blends":
+        """Some of the blends."""
+        return self._replace(at=self.at[which], corner=self.corner[which], reach=self.reach[which])
+
+    def ends(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """Point, tangent and curvature vector where the blends begin and end."""
+        before, after = self._sides()
+        return _jet(before, before.extent - self.reach), _jet(after, self.reach)
+
+    def path(self, u: Float[np.ndarray, "B n"]) -> Float[np.ndarray, "B n m"]:
+        """Points of the path beside the blends."""
+        before, after = (jax.tree.map(lambda r: r[:, None], side) for side in self._sides())
+        reach = self.reach[:, None]
+        beyond = reach * self.beyond(u, self.corner[:, None])
+        first = before.jet(before.extent + np.minimum(beyond, 0.0))[0]
+        second = after.jet(np.maximum(beyond, 0.0))[0]
+        return np.where((u < 0.5)[..., None], first, second)
+
+    def quintic(self) -> Float[np.ndarray, "6 B m"]:
+        """Coefficients of the blends in u."""
+        (p, v, c), (p1, v1, c1) = self.ends()
+        scale = (np.where(self.corner, 3.0, 2.0) * self.reach)[:, None]  # |dr/du| at both ends
+        slowing = np.where(self.corner, 2.0, 0.0)[:, None]
+        v, v1 = v * scale, v1 * scale
+        c, c1 = c * scale**2 - slowing * v, c1 * scale**2 + slowing * v1
+        gap, turn, bend = p1 - p - v - c / 2, v1 - v - c, c1 - c
+        return np.stack(
+            [
+                p,
+                v,
+                c / 2,
+                10 * gap - 4 * turn + bend / 2,
+                -15 * gap + 7 * turn - bend,
+                6 * gap - 3 * turn + bend / 2,
+            ]
+        )
+
+    @staticmethod
+    def beyond(u: np.ndarray, corner: np.ndarray) -> np.ndarray:
+        """Place on the path beside a point of a blend: from -1, where it begins, to 1."""
+        return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
+
+    def _sides(self) -> tuple[Piece, Piece]:
+        return _taken(self.pieces, self.at), _taken(self.pieces, self.at + 1)
+
+
+def _taken(pieces: Piece, index) -> Piece:
+    return jax.tree.map(lambda rows: rows[index], pieces)
+
+
+def _jet(pieces: Piece, s) -> tuple[np.ndarray, ...]:
+    position, velocity, bend = pieces.jet(s)
+    return position, velocity, bend + 0.0 * velocity
+
+
+def _deviation(blends: _Blends) -> Float[np.ndarray, " B"]:
+    """Greatest distance of a blend from its path [m]."""
+    u = np.broadcast_to(np.arange(1, STEPS) / STEPS, (blends.at.size, STEPS - 1))
+    point = 0.0
+    for coefficient in blends.quintic()[::-1]:
+        point = point * u[..., None] + coefficient[:, None]
+    return np.linalg.norm(point - blends.path(u), axis=-1).max(axis=1)
+
+
+def _reaching(blends: _Blends, tolerance: float) -> _Blends:
+    """The blends shortened until each is within the tolerance [m].
+
+    The deviation grows with the reach at a corner, and with its square where the curvature jumps.
+    """
+    for _ in range(SEARCHES):
+        deviation = _deviation(blends)
+        over = np.flatnonzero(deviation > tolerance)
+        if over.size == 0:
+            break
+        fewer = blends.some(over)
+        nearby = _deviation(fewer._replace(reach=0.9 * fewer.reach))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            power = np.log(deviation[over] / nearby) / np.log(1 / 0.9)
+        steep = np.clip(np.nan_to_num(power, nan=1.0), 0.5, 4.0)
+        factor = (0.999 * tolerance / deviation[over]) ** (1 / steep)
+        reach = blends.reach.copy()
+        reach[over] *= np.clip(factor, 1e-3, 0.999)
+        blends = blends._replace(reach=reach)
+    return blends
+
+
+def _assembled(contour: Contour, blends: _Blends, tolerance: float) -> BlendedPath:
+    """The pieces between blends, cut, and the blends in arc length, in order."""
+    pieces = blends.pieces
+    count = pieces.extent.size
+    cut_before, cut_after = np.zeros(count), np.zeros(count)
+    cut_after[blends.at], cut_before[blends.at + 1] = blends.reach, blends.reach
+    left = pieces.extent - cut_before - cut_after
+    kept = np.flatnonzero(left > SHORTEST)
+    cut = _cut(_taken(pieces, kept), cut_before[kept], left[kept])
+    fit = fitted("blend", *_curves(blends), FIT * tolerance)
+    number = (0.5 * fit.begin).astype(int)
+    joint = blends.at[number]
+    still, none = np.zeros((joint.size, contour.axes)), np.zeros(joint.size)
+    curves = Piece(fit.polynomial, still, still, none, none, fit.extent)
+    order = np.lexsort(
+        (
+            np.concatenate([np.zeros(kept.size), fit.begin]),
+            np.concatenate([np.zeros(kept.size), np.ones(joint.size)]),
+            np.concatenate([kept, joint]),
+        )
+    )
+    whole = jax.tree.map(lambda a, b: np.concatenate([a, b])[order], cut, curves)
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    into = fit.begin - 2 * number
+    along = starts[joint + 1] + blends.reach[number] * blends.beyond(into, blends.corner[number])
+    place = np.concatenate([starts[kept] + cut_before[kept], along])[order]
+    piece = np.concatenate([kept, joint])[order]
+    blend = np.concatenate([np.zeros(kept.size, bool), np.ones(joint.size, bool)])[order]
+    path = from_pieces(whole, fit_error=fit.error, newton_steps=NEWTON_STEPS)
+    deviation = float(_deviation(blends).max()) + fit.error
+    return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), deviation)
+
+
+def _cut(pieces: Piece, by, extent) -> Piece:
+    """Pieces that begin later by an arc length [m], and are shorter."""
+    polynomial = pieces.polynomial.copy()
+    for i in range(polynomial.shape[1]):  # Taylor's shift by Horner's rule
+        for k in reversed(range(i, polynomial.shape[1] - 1)):
+            polynomial[:, k] += by[:, None] * polynomial[:, k + 1]
+    turned = (pieces.rate * by)[:, None]
+    cos, sin = np.cos(turned), np.sin(turned)
+    cosine = pieces.cosine * cos + pieces.sine * sin
+    sine = pieces.sine * cos - pieces.cosine * sin
+    return Piece(polynomial, cosine, sine, pieces.rate, pieces.start, extent)
+
+
+def _curves(blends: _Blends):
+    """The blends as one curve, blend k at parameters 2 k to 2 k + 1; its frames; its intervals.
+
+    The frames at the ends are those of the path itself, to the last bit.
+    """
+    coefficients = blends.quintic()
+    ends = blends.ends()
+
+    def curve(t):
+        number = (0.5 * t).astype(int)
+        u = (t - 2 * number)[..., None]
+        point = first = half_second = 0.0 * u
+        for coefficient in coefficients[::-1, number]:
+            half_second = half_second * u + first
+            first = first * u + point
+            point = point * u + coefficient
+        return point, first, 2 * half_second
+
+    def frame(t, inner):
+        number = (0.5 * t).astype(int)
+        u = (t - 2 * number)[..., None]
+        first, last = ends
+        point, tangent, bend = (
+            np.where(u == 0, first[k][number], np.where(u == 1, last[k][number], inner[k]))
+            for k in range(3)
+        )
+        return point, tangent, bend
+
+    begin = 2.0 * np.arange(blends.at.size)
+    return curve, frame, begin, begin + 1.0

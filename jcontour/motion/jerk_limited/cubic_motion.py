@@ -1,0 +1,121 @@
+"""Motions of piecewise constant jerk along a path: what a warp of time starts from."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.interpolate import make_interp_spline
+
+# of a stretch: where a ramp ends, and the two halves of it
+RAMP = 0.5
+NEWTON_STEPS = 60
+
+
+class MotionSamples(NamedTuple):
+    """Arc length [m] and its derivatives with respect to time [m/s, m/s^2, m/s^3]."""
+
+    arc: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    jerk: np.ndarray
+
+
+class CubicMotion(NamedTuple):
+    """Motion s(tau), a cubic between neighbouring times, with continuous acceleration.
+
+    Attributes:
+        time: of the nodes [s].
+        coefficients: (n, 4) of every stretch between nodes: arc length, speed, half the
+            acceleration, a sixth of the jerk.
+    """
+
+    time: Float[np.ndarray, " nodes"]
+    coefficients: Float[np.ndarray, "n 4"]
+
+    def on_cell(self, cell: Int[np.ndarray, "..."], elapsed: np.ndarray) -> MotionSamples:
+        """Motion so long after the beginning of the stretch between nodes `cell`."""
+        s, v, a, j = np.moveaxis(self.coefficients[cell], -1, 0)
+        t = elapsed
+        arc = s + t * (v + t * (a + t * j))
+        return MotionSamples(arc, v + t * (2 * a + 3 * t * j), 2 * a + 6 * t * j, 6 * j + 0 * t)
+
+    def at(self, time: np.ndarray) -> MotionSamples:
+        """Motion at times within its duration."""
+        last = len(self.coefficients) - 1
+        cell = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, last)
+        return self.on_cell(cell, time - self.time[cell])
+
+    def reached(self, arc: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Times at which arc lengths [m] are reached, by bisection and Newton's method."""
+        starts = self.coefficients[:, 0]
+        cell = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, starts.size - 1)
+        low, high = np.zeros(arc.size), np.diff(self.time)[cell]
+        t = 0.5 * high
+        for _ in range(NEWTON_STEPS):
+            here = self.on_cell(cell, t)
+            late = here.arc > arc
+            low, high = np.where(late, low, t), np.where(late, t, high)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = t - (here.arc - arc) / here.speed
+            inside = (newton > low) & (newton < high)
+            t = np.where(inside, newton, 0.5 * (low + high))
+        return self.time[cell] + t
+
+
+def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> CubicMotion:
+    """Motion from stop to stop that ramps up to 1 m/s over a length, goes on, and ramps down.
+
+    Args:
+        stops: arc lengths of the stops [m], those of both ends among them.
+        ramp: (k-1,) length of both ramps of every stretch [m].
+    """
+    length = np.diff(stops)
+    ramp = np.minimum(ramp, RAMP * length)
+    cruise = np.maximum(length - 2 * ramp, 0.0)
+    jerk = 1.0 / ramp**2  # half a ramp takes ramp / (1 m/s)
+    durations = np.stack([ramp, ramp, cruise, ramp, ramp], axis=1).ravel()
+    jerks = np.stack([jerk, -jerk, 0 * jerk, -jerk, jerk], axis=1).ravel()
+    one = np.ones_like(ramp)
+    speeds = np.stack([0 * one, 0.5 * one, one, one, 0.5 * one], axis=1).ravel()
+    accelerations = np.stack([0 * one, 1 / ramp, 0 * one, 0 * one, -1 / ramp], axis=1).ravel()
+    places = np.cumsum(
+        np.stack([0 * one, ramp / 6, 5 * ramp / 6, cruise, 5 * ramp / 6], axis=1), axis=1
+    )
+    arcs = (stops[:-1, None] + places).ravel()
+    coefficients = np.stack([arcs, speeds, accelerations / 2, jerks / 6], axis=1)
+    kept = durations > 0
+    time = np.concatenate([[0.0], np.cumsum(durations[kept])])
+    return CubicMotion(time, coefficients[kept])
+
+
+def through(time: Float[np.ndarray, " k"], arc: Float[np.ndarray, " k"]) -> CubicMotion | None:
+    """Motion from rest to rest through places at times: a cubic spline; None if it goes back.
+
+    The first and the last interval have one more node in the middle, so that speed and acceleration
+    vanish at both ends.
+    """
+    middle = 0.5 * (time[[0, -2]] + time[[1, -1]])
+    nodes = np.sort(np.concatenate([time, middle]))
+    knots = np.concatenate([[nodes[0]] * 3, nodes, [nodes[-1]] * 3])
+    still = [(1, 0.0), (2, 0.0)]
+    spline = make_interp_spline(time, arc, k=3, t=knots, bc_type=(still, still))
+    powers = [spline(nodes[:-1], nu=k) / (1, 1, 2, 6)[k] for k in range(3)]
+    for power in powers[1:]:
+        power[0] = 0.0
+    jerk = np.diff(spline(nodes, nu=2)) / np.diff(nodes) / 6
+    motion = CubicMotion(nodes, np.stack([*powers, jerk], axis=1))
+    fractions = np.linspace(0.0, 1.0, 5)[1:-1, None] * np.diff(nodes)
+    inside = motion.on_cell(np.arange(len(jerk)), fractions).speed
+    if not ((powers[1][1:] > 0).all() and (inside > 0).all()):
+        return None
+    return motion
+
+
+def joined(motions: list[CubicMotion]) -> CubicMotion:
+    """One motion after the other, each in places of its own."""
+    ends = np.cumsum([0.0, *(motion.time[-1] - motion.time[0] for motion in motions)])
+    times = [
+        motion.time[:-1] - motion.time[0] + end for motion, end in zip(motions, ends, strict=False)
+    ]
+    coefficients = np.concatenate([motion.coefficients for motion in motions])
+    return CubicMotion(np.concatenate([*times, ends[-1:]]), coefficients)

@@ -1,0 +1,51 @@
+"""Joints of a path: where a motion of limited jerk can go on, and where it has to stop."""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.pieces import Piece
+
+TURN = 1e-8  # of the speed: a smaller jump of p' is rounding of a file
+BEND = 1e-6  # of an axis's acceleration limit: a smaller jump of p'' v^2 is rounding
+
+
+class Joints(NamedTuple):
+    """What changes from piece to piece.
+
+    Attributes:
+        turn: (P-1,) jump of p' [1].
+        bend: (P-1,) jump of p'' [1/m].
+    """
+
+    turn: Float[np.ndarray, " joints"]
+    bend: Float[np.ndarray, " joints"]
+
+    def smooth(self, feed: Float[np.ndarray, " P"], acceleration: float) -> Bool[np.ndarray, "..."]:
+        """Which joints can be passed at the feed [m/s] without a jump of the acceleration."""
+        passed = np.minimum(feed[:-1], feed[1:])
+        return (self.turn < TURN) & (self.bend * passed**2 < BEND * acceleration)
+
+
+def unpadded(contour: Contour) -> Piece:
+    """Pieces of one contour in NumPy, without padding.
+
+    Raises:
+        ValueError: a stack of contours.
+    """
+    mask = np.asarray(contour.mask)
+    if mask.ndim != 1:
+        raise ValueError(f"contour: needs one contour, received a stack of shape {mask.shape[:-1]}")
+    return jax.tree.map(lambda rows: np.asarray(rows)[mask], contour.pieces)
+
+
+def joints(pieces: Piece) -> Joints:
+    """Joints between neighbouring pieces."""
+    _, velocity, bend = pieces.jet(pieces.extent)
+    _, next_velocity, next_bend = pieces.jet(0.0 * pieces.extent)
+    bend, next_bend = bend + 0.0 * velocity, next_bend + 0.0 * velocity
+    turned = np.linalg.norm(next_velocity[1:] - velocity[:-1], axis=-1)
+    return Joints(turned, np.linalg.norm(next_bend[1:] - bend[:-1], axis=-1))

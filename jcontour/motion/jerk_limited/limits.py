@@ -1,0 +1,48 @@
+"""Limits of the axes of a machine."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.geometry.coordinates import Numbers
+
+
+class AxisLimits(NamedTuple):
+    """Greatest magnitudes per axis.
+
+    Attributes:
+        speed: [m/s], infinite for none.
+        acceleration: [m/s^2].
+        jerk: [m/s^3].
+    """
+
+    speed: Float[np.ndarray, " m"]
+    acceleration: Float[np.ndarray, " m"]
+    jerk: Float[np.ndarray, " m"]
+
+    @classmethod
+    def of(
+        cls, axes: int, acceleration: Numbers, jerk: Numbers, speed: Numbers = np.inf
+    ) -> "AxisLimits":
+        """Limits of so many axes, each one number or one for each axis.
+
+        >>> AxisLimits.of(2, acceleration=2.0, jerk=[100.0, 50.0]).jerk.tolist()
+        [100.0, 50.0]
+
+        Raises:
+            ValueError: wrong shape, not above zero, or not finite (the speed may be infinite).
+        """
+        given = {"speed": speed, "acceleration": acceleration, "jerk": jerk}
+        return cls(**{name: _per_axis(name, value, axes) for name, value in given.items()})
+
+
+def _per_axis(name: str, value: Numbers, axes: int) -> Float[np.ndarray, " m"]:
+    value = np.asarray(value, float)
+    finite = np.isfinite(value).all() or name == "speed"
+    if value.shape not in ((), (axes,)) or not finite or not (value > 0).all():
+        raise ValueError(
+            f"{name}: needs one number or one for each of the {axes} axes, finite and above zero, "
+            f"received {value.tolist()}"
+        )
+    return np.broadcast_to(value, (axes,))

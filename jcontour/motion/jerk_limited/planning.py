@@ -1,0 +1,296 @@
+"""Jerk-limited motion along a contour, planned as a whole in two passes."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.coordinates import Numbers
+from jcontour.geometry.pieces import Piece
+from jcontour.motion.jerk_limited import mesh
+from jcontour.motion.jerk_limited.conditions import (
+    Cells,
+    composed,
+    conditions,
+    path_derivatives,
+)
+from jcontour.motion.jerk_limited.cubic_motion import (
+    CubicMotion,
+    MotionSamples,
+    joined,
+    ramped,
+    through,
+)
+from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.optimum import quickest, within
+from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
+
+PASSES = 1  # after the first
+ROOM = 0.02  # of every limit that is left at the start of a pass
+HALVINGS = 400  # times the rate's square is made smaller in search of a start
+SHRINKING = 0.7
+TIGHTENINGS = 1  # of cells that exceed a limit between their points
+TIGHTER = 1.5  # power of the excess
+WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
+CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits are checked
+MARGIN = 2e-4  # of every limit: what may pass between two of them
+QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
+SPARSE = 0.1  # of the cells elsewhere
+MOST_SAMPLES = 20_000_000
+ROUNDING = 1e-6  # of a sample
+
+
+@dataclass(frozen=True)
+class JerkLimitedMotion:
+    """Motion from rest to rest along a path, exact at any time.
+
+    Attributes:
+        path: contour that is followed.
+        limits: of the axes.
+        feed: (P,) greatest speed on every piece [m/s].
+        stops: arc lengths at which it rests, both ends among them [m].
+    """
+
+    path: Contour
+    limits: AxisLimits
+    feed: Float[np.ndarray, " P"]
+    stops: Float[np.ndarray, " k"]
+    _pieces: Piece
+    _old: CubicMotion
+    _cells: Cells
+    _warp: Warp
+
+    @property
+    def duration(self) -> float:
+        """Cycle time [s]."""
+        return float(self._warp.time[-1])
+
+    @property
+    def nodes(self) -> Float[np.ndarray, " n"]:
+        """Times between which the motion is smooth [s]."""
+        return self._warp.time
+
+    def at(self, time: np.ndarray) -> MotionSamples:
+        """Arc length and its derivatives at times [s]; at rest before the start and after the end.
+
+        The jerk is that of the piece that begins where two meet.
+        """
+        time = np.asarray(time, float)
+        return self._on(*self._cell(time), (time >= 0) & (time <= self.duration), time)
+
+    def axes_at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Speed [m/s], acceleration [m/s^2] and jerk [m/s^3] of the axes, each (*times, m)."""
+        time = np.asarray(time, float)
+        moves = (time >= 0) & (time <= self.duration)
+        warped = self._cell(time)
+        found = self._on(*warped, moves, time)
+        piece = self._cells.piece[warped[0]]
+        on = jax.tree.map(lambda rows: rows[piece], self._pieces)
+        s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, on.extent)
+        return composed(path_derivatives(on, s), found)
+
+    def sampled(self, dt: float) -> Float[np.ndarray, " T"]:
+        """Arc length at 0, dt, ... [m]; the last sample rests at the end.
+
+        Raises:
+            ValueError: `dt` is not above zero, or there are more than 20 million samples.
+        """
+        if not (np.isfinite(dt) and dt > 0):
+            raise ValueError(f"dt: needs one number, finite and above zero, received {dt}")
+        steps = np.ceil(self.duration / dt - ROUNDING)
+        if not steps < MOST_SAMPLES:
+            raise ValueError(
+                f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
+            )
+        arc = np.maximum.accumulate(self.at(np.arange(int(steps) + 1) * dt).arc)
+        arc[-1] = self.stops[-1]
+        return np.minimum(arc, self.stops[-1])
+
+    def reached(self, arc: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+        """Times at which arc lengths on the path are reached [s]."""
+        old = self._old.reached(arc)
+        cell = np.searchsorted(self._warp.node, old, side="right") - 1
+        cell = np.clip(cell, 0, self._cells.length.size - 1)
+        return self._warp.reached(cell, old - self._warp.node[cell])
+
+    def shared(self, first: float, last: float, tick: float) -> Float[np.ndarray, " n"]:
+        """Times from one to another that share out every piece evenly, none longer than `tick`."""
+        starts = np.append(0.0, np.cumsum(self._pieces.extent))
+        ends = self.reached(starts[1:-1])
+        ends = np.concatenate([[first], ends[(ends > first) & (ends < last)], [last]])
+        time, share = self._activity(tick)
+        along = np.interp(ends, time, share)
+        least = np.ceil(mesh.PER_STRETCH * np.diff(along) / (along[-1] - along[0]))
+        count = np.maximum(np.maximum(np.ceil(np.diff(along)), least), mesh.CURVED).astype(int)
+        parts = [
+            np.linspace(a, b, n, endpoint=False)
+            for (a, b), n in zip(pairwise(along), count, strict=True)
+        ]
+        inner = np.interp(np.concatenate(parts)[1:], share, time)
+        found = np.concatenate([[first], inner, [last]])
+        found[np.append(0, np.cumsum(count))] = ends
+        return found
+
+    def _activity(self, tick: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+        """Table of times, and of the cells that are due up to each: few where no jerk acts."""
+        node = self._warp.time
+        jerk = np.abs(self.axes_at(0.5 * (node[1:] + node[:-1]))[2]) / self.limits.jerk
+        active = np.flatnonzero(jerk.max(axis=-1) > QUIET)
+        ramp = mesh.PER_RAMP * tick
+        begin, end = node[active] - ramp, node[active + 1] + ramp
+        time = np.unique(np.clip(np.concatenate([node, begin, end]), 0.0, node[-1]))
+        middle = 0.5 * (time[1:] + time[:-1])
+        open_ = np.searchsorted(np.sort(begin), middle) - np.searchsorted(np.sort(end), middle)
+        density = np.where(open_ > 0, 1.0, SPARSE) / tick
+        return time, np.append(0.0, np.cumsum(density * np.diff(time)))
+
+    def _cell(self, time: np.ndarray):
+        return self._warp.at(np.clip(time, 0.0, self.duration))
+
+    def _on(self, cell, tau, rate, turn, whirl, moves, time) -> MotionSamples:
+        old = self._old.on_cell(self._cells.cell[cell], self._cells.elapsed[cell] + tau)
+        arc = np.where(time >= self.duration, self.stops[-1], np.where(time <= 0, 0.0, old.arc))
+        first, second, third = (d[..., None] for d in old[1:])
+        warped = MotionSamples(tau, rate, turn, whirl)
+        derivatives = composed((first, second, third), warped)
+        return MotionSamples(arc, *(np.where(moves, d[..., 0], 0.0) for d in derivatives))
+
+
+def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLimitedMotion:
+    """Quickest motion from rest to rest along a contour, within limits of the axes and the feed.
+
+    It stops where the direction or the curvature jumps; see `blending` for paths on which neither
+    does. The limits hold at every time, not only at samples.
+
+    Args:
+        contour: one contour, not a stack.
+        feed: greatest speed [m/s], one number or one for each piece (P,).
+        limits: of the axes.
+
+    Raises:
+        ValueError: a feed that is not above zero, or a wrong shape.
+    """
+    pieces = unpadded(contour)
+    feed = np.asarray(feed, float)
+    fit = feed.shape in ((), pieces.extent.shape)
+    if not (fit and np.isfinite(feed).all() and (feed > 0).all()):
+        raise ValueError(
+            f"feed: needs one number or one for each of the {pieces.extent.size} pieces, finite "
+            f"and above zero, received shape {feed.shape}, least {np.min(feed, initial=np.inf)}"
+        )
+    feed = np.broadcast_to(feed, pieces.extent.shape)
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    stops = starts[np.concatenate([[True], ~smooth, [True]])]
+    place, piece = mesh.nodes(contour, pieces, feed, limits, stops)
+    old = ramped(stops, np.full(stops.size - 1, mesh.launch_length(limits)))
+    cells, node = mesh.cells_between(place, piece, pieces, old)
+    motion = _planned(_Task(contour, limits, feed, stops, pieces), old, cells, node)
+    for _ in range(PASSES):
+        again = _again(motion)
+        if again is not None:
+            motion = min(motion, again, key=lambda one: one.duration)
+    return motion
+
+
+class _Task(NamedTuple):
+    """What is planned: the fields of a motion that come first."""
+
+    path: Contour
+    limits: AxisLimits
+    feed: Float[np.ndarray, " P"]
+    stops: Float[np.ndarray, " k"]
+    pieces: Piece
+
+
+def _planned(
+    task: _Task, old: CubicMotion, cells: Cells, node: Float[np.ndarray, " n"]
+) -> JerkLimitedMotion:
+    """Quickest warp of an old motion, slowed down by what passes between the points."""
+    begins = (cells.elapsed == 0) & (old.coefficients[cells.cell, 1] == 0)
+    unknowns = ordinates(cells.length, begins)
+    parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns)
+    stretch = np.cumsum(begins) - 1
+    start = _shrunk(parts, unknowns, stretch, np.ones(stretch.size))
+    found = quickest(parts, unknowns, start)
+    slower = _slower(task, old, cells, unknowns.of(found))
+    for _ in range(TIGHTENINGS):
+        if slower.min() > 1 - WORTH:
+            break
+        tight = (1 / slower**TIGHTER)[:, None, None]
+        parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
+        found = quickest(parts, unknowns, _shrunk(parts, unknowns, stretch, found))
+        slower = _slower(task, old, cells, unknowns.of(found))
+    square = unknowns.of(found)
+    most = np.ones(stretch[-1] + 1)
+    np.minimum.at(most, stretch, slower)
+    return JerkLimitedMotion(*task, old, cells, Warp.of(node, square * most[stretch, None]))
+
+
+def _shrunk(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
+    """Unknowns shrunk, stretch by stretch, until they leave room in every condition."""
+    rate = np.ones(stretch[-1] + 1)
+    for _ in range(HALVINGS):
+        good = within(parts, unknowns, rate[stretch] * shape, ROOM)
+        bad = np.unique(stretch[~good])
+        if bad.size == 0:
+            return rate[stretch] * shape
+        rate[bad] *= SHRINKING
+    raise ValueError("limits: no motion was found that keeps them")
+
+
+def _slower(task: _Task, old, cells: Cells, square) -> Float[np.ndarray, " n"]:
+    """Factor on the square of the rate of every cell that brings it within all limits."""
+    x = CHECKED
+    u = square @ np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2])
+    slope = square @ np.stack([2 * (x - 1), 2 - 4 * x, 2 * x]) / cells.length[:, None]
+    bend = (square @ [2.0, -4.0, 2.0] / cells.length**2)[:, None]
+    rate = np.sqrt(u)
+    warped = MotionSamples(0.0 * u, rate, 0.5 * slope, 0.5 * bend * rate)
+    motion = cells.motion(old, x)
+    on = jax.tree.map(lambda rows: rows[cells.piece][:, None], task.pieces)
+    path = path_derivatives(on, motion.arc - cells.place[:, None])
+    speed, acceleration, jerk = composed(composed(path, motion), warped)
+    feed = _peak(np.linalg.norm(speed, axis=-1, keepdims=True)) / task.feed[cells.piece]
+    ratios = [
+        np.maximum(_peak(speed / task.limits.speed), feed) ** 2,
+        _peak(acceleration / task.limits.acceleration),
+        _peak(jerk / task.limits.jerk) ** (2 / 3),
+    ]
+    return (1 - MARGIN) / np.maximum(np.max(ratios, axis=0), 1 - MARGIN)
+
+
+def _peak(values: Float[np.ndarray, "n k m"]) -> Float[np.ndarray, " n"]:
+    """Greatest magnitude in every cell, that between the samples included.
+
+    A parabola through three samples exceeds them by an eighth of their second difference.
+    """
+    between = np.abs(np.diff(values, n=2, axis=1)).max(axis=1) / 8
+    return (np.abs(values).max(axis=1) + between).max(axis=1)
+
+
+def _again(motion: JerkLimitedMotion) -> JerkLimitedMotion | None:
+    """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
+    stops = motion.reached(motion.stops)
+    tick = mesh.cell_time(motion.limits)
+    smoothed = []
+    for first, last in pairwise(stops):
+        time = motion.shared(first, last, tick)
+        one = through(time, motion.at(time).arc)
+        if one is None:
+            return None
+        smoothed.append(one)
+    old = joined(smoothed)
+    task = _Task(motion.path, motion.limits, motion.feed, motion.stops, motion._pieces)
+    middle = 0.5 * np.diff(old.time)
+    count = np.arange(middle.size)
+    starts = np.append(0.0, np.cumsum(task.pieces.extent))
+    arc = old.on_cell(count, middle).arc
+    piece = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, task.feed.size - 1)
+    cells = Cells(piece, starts[piece], np.zeros(middle.size), count, 2 * middle)
+    return _planned(task, old, cells, old.time)

@@ -1,0 +1,148 @@
+"""Jerk-limited motions against closed forms, and their limits at random times."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry import contours
+from jcontour.motion.blending import blended
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
+from jcontour.motion.point_to_point import PointToPoint
+
+LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)
+FEED = 0.1  # [m/s]
+
+
+def stopping_time(points, feed: float, limits: AxisLimits) -> float:
+    """Duration of the motion that stops at every corner, in closed form."""
+    total = 0.0
+    for delta in np.diff(points, axis=0):
+        length = np.linalg.norm(delta)
+        with np.errstate(divide="ignore"):
+            most = [float((limit / np.abs(delta / length)).min()) for limit in limits]
+        total += PointToPoint(length, min(feed, most[0]), *most[1:]).duration
+    return total
+
+
+def check_limits(motion: JerkLimitedMotion, feed: float, seed: int, count: int = 2000) -> None:
+    """Limits at random times and at all nodes, by the path's own derivatives."""
+    random = np.random.default_rng(seed).uniform(0.0, motion.duration, count)
+    speed, acceleration, jerk = motion.axes_at(np.concatenate([random, motion.nodes]))
+    slack = 1 + 1e-9
+    assert np.linalg.norm(speed, axis=-1).max() <= feed * slack
+    for values, limit in zip((speed, acceleration, jerk), motion.limits, strict=True):
+        assert (np.abs(values) <= limit * slack).all()
+
+
+def random_case(seed: int):
+    """A polyline of 1 to 29 lines of any size, with limits of any size."""
+    rng = np.random.default_rng(seed)
+    axes = int(rng.integers(2, 4))
+    points = rng.uniform(0, 10 ** rng.uniform(-4, -1), (int(rng.integers(2, 30)), axes))
+    feed, acceleration = 10 ** rng.uniform(-3, 0), 10 ** rng.uniform(-1, 1.5, axes)
+    jerk = acceleration / 10 ** rng.uniform(-2.5, -0.5)
+    speed = 10 ** rng.uniform(-2, 0.3, axes)
+    limits = AxisLimits.of(axes, acceleration, jerk, speed)
+    return points, feed, limits, 10 ** rng.uniform(-6, -3.5)
+
+
+def check_random(seed: int) -> None:
+    points, feed, limits, tolerance = random_case(seed)
+    around = blended(contours.polyline(points), tolerance)
+    motion = jerk_limited(around.path, feed, limits)
+    check_limits(motion, feed, seed)
+    assert around.deviation <= tolerance
+    assert motion.duration < 1.02 * stopping_time(points, feed, limits)
+
+
+@pytest.mark.parametrize("length", [2e-6, 2e-4, 5e-3, 0.2])
+def test_line_takes_as_long_as_in_closed_form(length):
+    motion = jerk_limited(contours.line([0.0, 0.0], [0.6 * length, 0.8 * length]), FEED, LIMITS)
+    best = stopping_time([[0.0, 0.0], [0.6 * length, 0.8 * length]], FEED, LIMITS)
+    assert best * (1 - 1e-9) < motion.duration < 1.005 * best
+
+
+def test_it_rests_at_both_ends_exactly():
+    motion = jerk_limited(contours.line([0.0, 0.0], [0.03, 0.04]), FEED, LIMITS)
+    ends = motion.at(np.array([0.0, motion.duration, 2 * motion.duration]))
+    np.testing.assert_array_equal(ends.arc, [0.0, 0.05, 0.05])
+    arc = motion.sampled(1e-3)
+    assert arc[0] == 0.0 and arc[-1] == 0.05 and (np.diff(arc) >= 0).all()
+    assert arc.size - 1 == np.ceil(motion.duration / 1e-3)
+
+
+def test_derivatives_are_those_of_the_motion():
+    points = np.random.default_rng(0).uniform(0, 20e-3, (5, 2))
+    path = contours.spline(points)
+    motion = jerk_limited(path, FEED, LIMITS)
+    time, step = np.linspace(0.01, 0.99, 200) * motion.duration, 1e-5
+    values = [np.asarray(path.position(motion.at(time + k * step).arc)) for k in (-1, 0, 1)]
+    speed, acceleration, _ = motion.axes_at(time)
+    np.testing.assert_allclose((values[2] - values[0]) / (2 * step), speed, atol=1e-6)
+    bend = (values[2] - 2 * values[1] + values[0]) / step**2
+    np.testing.assert_allclose(bend, acceleration, atol=2e-3)
+
+
+def test_acceleration_has_no_jumps():
+    square = contours.polygon([(0, 0), (10e-3, 0), (10e-3, 10e-3), (0, 10e-3)])
+    motion = jerk_limited(blended(square, 20e-6).path, FEED, LIMITS)
+    inner, step = motion.nodes[1:-1], 1e-7
+    before, after = (motion.axes_at(inner + sign * step)[1] for sign in (-1, 1))
+    # what the jerk can change in two steps
+    assert np.abs(after - before).max() <= 2.1 * step * LIMITS.jerk.max()
+    check_limits(motion, FEED, seed=0)
+
+
+def test_without_tolerance_it_stops_in_corners_and_where_the_curvature_jumps():
+    side = contours.line([0.0, 0.0], [20e-3, 0.0])
+    corner = contours.arc([20e-3, 0.0], [20e-3, 5e-3], np.pi / 2)
+    motion = jerk_limited(contours.chain([side, corner]), FEED, LIMITS)
+    assert motion.stops.size == 3
+    at = motion.reached(motion.stops[1:2])
+    assert np.abs(motion.axes_at(at)[0]).max() < 1e-6
+
+
+def test_same_bits_twice():
+    path = contours.lemniscate(10e-3)
+    first, second = (jerk_limited(path, FEED, LIMITS).sampled(1e-3) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_feed_of_every_piece_is_kept():
+    path = contours.polyline([[0.0, 0.0], [10e-3, 0.0], [20e-3, 0.0], [30e-3, 0.0]])
+    feed = np.array([0.1, 0.02, 0.1])
+    motion = jerk_limited(path, feed, LIMITS)
+    found = motion.at(np.linspace(0.0, motion.duration, 5000))
+    piece = np.clip((found.arc / 10e-3).astype(int), 0, 2)
+    assert motion.stops.size == 2
+    assert (found.speed <= feed[piece] * (1 + 1e-9)).all()
+    assert found.speed[piece == 1].max() > 0.0199
+
+
+@pytest.mark.parametrize("seed", [2, 32, 34])
+def test_random_paths_keep_all_limits(seed):
+    check_random(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("decade", range(30))
+def test_many_random_paths_keep_all_limits(decade):
+    for seed in range(10 * decade, 10 * decade + 10):
+        check_random(seed)
+
+
+@pytest.mark.parametrize("feed", [0.0, -1.0, np.nan])
+def test_bad_feed_is_refused(feed):
+    with pytest.raises(ValueError, match="feed"):
+        jerk_limited(contours.circle(1e-2), feed, LIMITS)
+
+
+@pytest.mark.parametrize("jerk", [0.0, np.inf, [1.0, 2.0, 3.0]])
+def test_bad_limit_is_refused(jerk):
+    with pytest.raises(ValueError, match="jerk"):
+        AxisLimits.of(2, 1.0, jerk)
+
+
+def test_sample_period_has_to_be_positive():
+    with pytest.raises(ValueError, match="dt"):
+        jerk_limited(contours.circle(1e-2), FEED, LIMITS).sampled(0.0)

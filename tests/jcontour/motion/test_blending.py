@@ -1,0 +1,83 @@
+"""Blends against the true geometry, measured both ways, and against closed forms."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry import contours
+from jcontour.motion.blending import blended
+from jcontour.motion.jerk_limited.joints import joints, unpadded
+
+SQUARE = contours.polygon([(0, 0), (20e-3, 0), (20e-3, 20e-3), (0, 20e-3)])
+SLOT = contours.chain(
+    [
+        contours.line([0.0, 0.0], [20e-3, 0.0]),
+        contours.arc([20e-3, 0.0], [20e-3, 5e-3], np.pi),
+        contours.line([20e-3, 10e-3], [0.0, 10e-3]),
+    ]
+)
+
+
+def farthest(contour, other) -> float:
+    """Greatest distance of points of one contour from another [m]."""
+    points = contour.position(np.linspace(0.0, float(contour.length), 2001)[1:-1])
+    nearest = other.position(other.nearest_anywhere(points))
+    return float(np.linalg.norm(points - nearest, axis=1).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("contour", "tolerance"), [(SQUARE, 1e-6), (SLOT, 100e-6)])
+def test_deviation_is_within_the_tolerance_both_ways(contour, tolerance):
+    found = blended(contour, tolerance)
+    there, back = farthest(found.path, contour), farthest(contour, found.path)
+    assert max(there, back) <= found.deviation * (1 + 1e-6) <= tolerance
+    assert found.deviation > 0.9 * tolerance
+
+
+def test_right_angle_uses_the_whole_tolerance():
+    """On a right angle the deviation is d sqrt(2) / 8 at the corner."""
+    found = blended(SQUARE, 10e-6)
+    cut = np.asarray(found.path.extent)[0]
+    np.testing.assert_allclose(20e-3 - cut, 0.99 * 10e-6 * 8 / np.sqrt(2), rtol=2e-3)
+
+
+@pytest.mark.parametrize("contour", [SQUARE, SLOT])
+def test_direction_and_curvature_are_continuous(contour):
+    inner = joints(unpadded(blended(contour, 20e-6).path))
+    assert inner.turn.max() < 1e-9
+    assert inner.bend.max() < 1e-6 * np.asarray(blended(contour, 20e-6).path.curvature(0.0) + 1e4)
+
+
+def test_true_arc_runs_along_the_contour():
+    found = blended(SLOT, 20e-6)
+    arc = found.true_arc(np.linspace(0.0, float(found.path.length), 2001))
+    assert arc[0] == 0.0 and arc[-1] == float(SLOT.length) and (np.diff(arc) > 0).all()
+    apart = found.path.position(np.linspace(0.0, float(found.path.length), 2001))
+    assert np.linalg.norm(apart - SLOT.position(arc), axis=1).max() < 100e-6
+
+
+def test_feed_of_a_blend_is_the_lower_one():
+    found = blended(SQUARE, 10e-6)
+    feed = found.feed(np.array([4.0, 3.0, 2.0, 1.0]))
+    assert feed[found.blend][0] == 3.0 and set(feed[~found.blend]) == {1.0, 2.0, 3.0, 4.0}
+
+
+def test_zero_tolerance_leaves_the_contour():
+    assert blended(SQUARE, 0.0).path is SQUARE
+
+
+def test_what_is_not_allowed_stays():
+    found = blended(SQUARE, 10e-6, np.array([True, False, True]))
+    assert np.unique(found.piece[found.blend]).tolist() == [0, 2]
+
+
+def test_reversal_stays_a_corner():
+    to_and_fro = contours.polyline([[0.0, 0.0], [10e-3, 0.0], [0.0, 0.1e-3]])
+    assert not blended(to_and_fro, 10e-6).blend.any()
+
+
+@pytest.mark.parametrize("tolerance", [-1.0, np.nan, np.inf])
+def test_bad_tolerance_is_refused(tolerance):
+    with pytest.raises(ValueError, match="tolerance"):
+        blended(SQUARE, tolerance)
+    with pytest.raises(ValueError, match="allowed"):
+        blended(SQUARE, 1e-6, np.ones(5, bool))
