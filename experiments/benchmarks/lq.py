@@ -28,6 +28,7 @@ from experiments.benchmarks.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.timings import arithmetic_rate, seconds, timed
 from experiments.options import Bench
 from experiments.reports import tables
+from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
 from jcontour.kernels.dispatch import multiplications, on_gpu, suits_lanes
@@ -50,6 +51,7 @@ Tell = Callable[[str], None]  # receives a line after every measurement
 STEPS, PREVIEW = 500, 10  # a quarter of a second at the paper's 2 kHz, and its usual horizon
 RADIUS, ADVANCE = 0.02, 4e-5  # [m], [m per sample]: 80 mm/s
 PREVIEWS = (10, 25, 200, 1000)
+BLOCKS = (200, 1000)  # previews of horizons that move on by blocks
 LONG = 1_000_000  # steps: 500 s of machining
 SIZES = ((2, 2), (4, 4), (3, 3, 3), (4, 4, 4), (8, 8), (5, 5, 6))  # states of every axis
 DOUBLE, SINGLE = np.dtype("float64"), np.dtype("float32")
@@ -62,6 +64,7 @@ class Case(NamedTuple):
     plants: LinearPlant  # the same as a family of one
     references: Reference  # one, stacked
     preview: int
+    law: type[ContouringLQ] | type[BlockwiseLQ] = ContouringLQ
 
     @classmethod
     def of(cls, plant: LinearPlant, reference: Reference, preview: int, dtype: np.dtype) -> "Case":
@@ -78,7 +81,7 @@ class Case(NamedTuple):
         """Metrics under weights (alpha, beta, rho, then the entries of a profile, if any)."""
         alpha, beta, rho, *profile = weights
         stage = jnp.stack(profile) if profile else None
-        controller = ContouringLQ(self.plant, LQWeights(alpha, beta, rho, stage), self.preview)
+        controller = self.law(self.plant, LQWeights(alpha, beta, rho, stage), self.preview)
         found = evaluate(controller, self.plants, self.references)
         return jax.tree.map(lambda number: number[0, 0], found)
 
@@ -191,20 +194,21 @@ def of_size(states: tuple[int, ...], batch: int, rate: float) -> SizeRate:
 
 def previews(tell: Tell) -> list[PreviewTime]:
     """Long windows beside short ones, float64, uniform profile."""
-    steps, batch = (10_000, 1024) if on_gpu() else (STEPS, 1)
-    spent = []
-    for preview in PREVIEWS:
-        case = paper_case(DOUBLE, steps, preview)
+    steps, batch = (10_000, 1024) if on_gpu() else (10 * STEPS, 1)
+    by_sample = [(preview, "by samples", ContouringLQ) for preview in PREVIEWS]
+    by_block = [(preview, "by blocks", BlockwiseLQ) for preview in BLOCKS]
+    found: list[PreviewTime] = []
+    for preview, horizon, law in by_sample + by_block:
+        case = paper_case(DOUBLE, steps, preview)._replace(law=law)
 
         def run(weights, case=case):
             return platform_batching()(case.metrics, weights)
 
-        spent.append(1e3 * timed(run, case.weights(batch)).running)
-        tell(f"preview {preview}: {tables.digits(spent[-1])} ms")
-    return [
-        PreviewTime(preview, steps, batch, time, time / spent[0])
-        for preview, time in zip(PREVIEWS, spent, strict=True)
-    ]
+        spent = 1e3 * timed(run, case.weights(batch)).running
+        first = found[0].milliseconds if found else spent
+        found.append(PreviewTime(preview, horizon, steps, batch, spent, spent / first))
+        tell(f"preview {preview}, {horizon}: {tables.digits(spent)} ms")
+    return found
 
 
 def over_devices(batch: int, tell: Tell) -> list[DeviceRate]:
@@ -332,7 +336,7 @@ def show(console: Console, result: LQBench) -> None:
     title = "Other sizes, float64, random machines on a straight line"
     console.print(_table(title, result.sizes, size, OTHERS))
     title = "Long previews, float64, uniform profile"
-    console.print(_table(title, result.previews, {}, WINDOWS))
+    console.print(_table(title, result.previews, {"horizon moves on": "horizon"}, WINDOWS))
     title = "Devices, float64, the same batch on each"
     console.print(_table(title, result.devices, {}, DEVICES))
     steps, spent, compiling = (tables.digits(value) for value in vars(result.program).values())

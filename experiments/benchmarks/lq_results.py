@@ -53,9 +53,19 @@ class SizeRate:
 
 @dataclass(frozen=True)
 class PreviewTime:
-    """Time of a batch with one preview, forward, and its ratio to the shortest preview."""
+    """Time of a batch with one preview, forward, and its ratio to the shortest preview.
+
+    Attributes:
+        preview: samples.
+        horizon: how it moves on, by samples or by blocks.
+        steps: of a run.
+        batch: runs at once.
+        milliseconds: of the batch.
+        times_shortest: over the first preview's.
+    """
 
     preview: int
+    horizon: str
     steps: int
     batch: int
     milliseconds: float

@@ -75,6 +75,9 @@ CONTROLLERS = {
     "contouring-lq-predictor": _lq("the same with the predictor form of the observer"),
     "contouring-lq-state": _lq("the same fed the true state"),
     "contouring-lq-riccati-state": _lq("Riccati terminal, fed the true state"),
+    "contouring-lq-blocks": _lq(
+        "the same, seeing 200 samples or more; its horizon moves on in blocks"
+    ),
     "preview-lq": _lq(
         "finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused"
     ),

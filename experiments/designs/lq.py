@@ -27,6 +27,7 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
 from experiments.shared_options import Controlled
 from jcontour.controller import Controller
+from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -48,6 +49,7 @@ from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import member
 from tuning.parameters import Fixed, Positive
 
+LEAST_BLOCK = 200  # samples: no dearer than short ones, and most loops forget within them
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
 # model, weights, preview -> controller that is fed the state
 MakeController = Callable[[LinearPlant, LQWeights, int], Controller]
@@ -269,6 +271,20 @@ def contouring_lq(
         line = "receding-horizon LQ contouring"
         found = _design(name, machine, flags, make, line, chosen, fed, observer)
         return replace(found, limitable=observer != "predictor")
+
+    return design
+
+
+def blockwise_lq() -> Callable[[str, str, LinearMachine, Controlled], LQDesign]:
+    """Maker of an LQ contouring design whose horizon moves on in blocks: a long preview."""
+
+    def make(model: LinearPlant, weights: LQWeights, preview: int) -> Controller:
+        return BlockwiseLQ(model, weights, preview)
+
+    def design(name: str, line: str, machine: LinearMachine, flags: Controlled) -> LQDesign:
+        flags = replace(flags, preview=max(flags.preview, LEAST_BLOCK))
+        line = "LQ contouring, its horizon in blocks"
+        return _design(name, machine, flags, make, line, "output", "outputs", "offset-free")
 
     return design
 

@@ -30,6 +30,7 @@ from jcontour.controllers.learning.norm_optimal import norm_optimal
 from jcontour.controllers.learning.p_type import PType
 from jcontour.controllers.learning.repetitive import Repetitive, RepetitiveFilter
 from jcontour.controllers.learning.runout import Canceller, RunoutCancelled
+from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -68,6 +69,7 @@ __all__ = [
     "AdaptiveSynchronisation",
     "AdaptiveZeroPhaseTracking",
     "Biquad",
+    "BlockwiseLQ",
     "Canceller",
     "CartesianControl",
     "Cascade",
