@@ -11,7 +11,9 @@ ROOT = Path(__file__).parents[1]
 LONG = (  # a second or more each, most of it compiling
     "jcontour.analysis.stability",
     "jcontour.controllers.lq.contouring_lq",
+    "jcontour.controllers.lq.blockwise_lq",
     "jcontour.guarantees.certificates",
+    "jcontour.guarantees.disturbed_loop",
     "jcontour.plants.three_link",
     "jcontour.simulation.evaluation",
     "tuning.tune",

@@ -49,8 +49,7 @@ space = {"gain": Positive(), "feedforward": Positive()}
 start = {"gain": jnp.array(4000.0), "feedforward": jnp.array(20.0)}
 plants, limits = stack_plants([machine]), AtMost(rms_increment=0.5)  # of the control, per sample
 problem = Problem(build, plants, stack_references(runs), worst_contour_error, space, limits)
-effort = Effort(starts=1, scatter=0, steps=30, tolerance=1e-4)
-tuned = tune(problem, start, effort)
+tuned = tune(problem, start, Effort(starts=1, scatter=0, steps=30, tolerance=1e-4))
 
 worst_before = float(problem.metrics(start).rms_contour_error.max())
 worst_after = float(tuned.outcome.metrics.rms_contour_error.max())

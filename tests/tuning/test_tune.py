@@ -250,7 +250,7 @@ def test_near_and_far_points_are_scattered_to_all_sides(limited):
         assert np.any(far & np.all(away * quadrant > 0, axis=1))
 
 
-@pytest.mark.parametrize("count", [3, 8])
+@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_many_weights_are_scattered_as_far_as_two(count):
     def distance(weights):
         posed = SimpleNamespace(space=[Positive()] * weights)

@@ -142,7 +142,7 @@ def assert_sound(traced, program: str, axes) -> None:
         interpreted(lines_of(program), axes=3, feed=None)
 
 
-@settings(anything, max_examples=200)
+@settings(anything, max_examples=100)
 @given(st.text(), st.sampled_from(["XY", "XYZ"]))
 @example("G1X1F1\x0bX2\u2028", "XY")
 def test_any_text(traced, text, axes):

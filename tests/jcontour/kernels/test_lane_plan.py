@@ -62,7 +62,11 @@ def scalar(plan_of, plant, end):
 
 @pytest.mark.parametrize(
     ("sizes", "inputs", "outputs", "preview", "ended"),
-    [((2, 1), 2, 2, 3, True), ((2,), 1, 2, 2, False), ((1,), 1, 1, 1, True)],
+    [
+        pytest.param((2, 1), 2, 2, 3, True, marks=pytest.mark.slow),
+        ((2,), 1, 2, 2, False),
+        ((1,), 1, 1, 1, True),
+    ],
 )
 def test_equals_the_readable_sweep(problems, sizes, inputs, outputs, preview, ended):
     plant, arguments = case(problems, sizes, inputs, outputs, 4, preview, ended)
