@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 Terminal = Literal["output", "riccati"]
+FeedLaw = Literal["trapezoidal", "jerk"]
 Objective = Literal["typical", "worst", "mean", "regret", "certified"]
 
 
@@ -29,6 +30,14 @@ class MachineFlags(Common):
     """Path acceleration of the rest-to-rest feed law [m/s^2].
     When not given, half of what the machine states, or 2: its tool takes more than it is asked
     for."""
+    feed_law: FeedLaw = "trapezoidal"  # what every number of this project was measured with
+    """Law of toolpath files. jerk: the quickest motion under limits of speed, acceleration and jerk
+    on every axis, with blended corners."""
+    jerk: float | None = None
+    """Jerk limit of every axis [m/s^3], with --feed-law jerk.
+    When not given, the acceleration builds up in 20 ms."""
+    corner_tolerance_um: float = 5.0  # some encoder counts
+    """Distance [um] within which corners are blended, with --feed-law jerk; 0 stops in them."""
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/run_metrics.py": "experiments/commands/test_compare.py",
     "experiments/files/simulated_result.py": "experiments/commands/test_simulate.py",
     "experiments/files/tuned_result.py": "experiments/commands/test_tune.py",
+    "experiments/jobs/pace.py": "experiments/jobs/test_job.py",
+    "experiments/runs/motion_summary.py": "experiments/jobs/test_motion_laws.py",
     "experiments/runs/contour_summary.py": "experiments/commands/test_tune.py",
     "experiments/runs/runs_drawn.py": "experiments/commands/test_tune.py",
     # what the commands drive, through the catalogue

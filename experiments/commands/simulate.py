@@ -11,16 +11,18 @@ from experiments.designs.design import Design, plain_weights
 from experiments.files.results import from_json, write_result
 from experiments.files.run_metrics import RunMetrics
 from experiments.files.simulated_result import SimulatedResult, VideoResult
-from experiments.jobs.job import Pace
+from experiments.jobs.job import Job, Pace
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
 from experiments.reports.figures.contours import draw_runs
+from experiments.reports.figures.motion import draw_motion
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.lifecycle import created, finished
+from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning_results import machine_summary
 from experiments.video.film import Film, FilmMaker, VideoError, lines
@@ -72,6 +74,8 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     named = {found.controller: replayed}
     line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
     draw_runs(contour_runs(named, scenarios, 0, machine), folder)
+    if isinstance(job, Job) and job.planned:
+        draw_motion(job.planned.motion, machine.axes, folder)
     write_result(folder, found)
     if maker:
         title = f"{design.name} on {found.contour}"
@@ -99,6 +103,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
         read=contour_read(scenarios, 0),
         peak=peak_place(scenarios, replayed, 0, machine.error),
+        motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
     )
 
 

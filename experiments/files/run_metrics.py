@@ -77,6 +77,27 @@ class ContourRead:
 
 
 @dataclass(frozen=True)
+class MotionSummary:
+    """Summary of a jerk-limited motion, SI units.
+
+    Attributes:
+        cycle_time: [s].
+        stops: on the way.
+        deviation: bound of the distance of its path from the contour [m].
+        shares: of the time in which a limit acts: feed, speed, acceleration and jerk of an axis.
+        jerk_limit, peak_jerk, peak_acceleration: one number per axis.
+    """
+
+    cycle_time: float
+    stops: int
+    deviation: float
+    shares: dict[str, float]
+    jerk_limit: tuple[float, ...]
+    peak_jerk: tuple[float, ...]
+    peak_acceleration: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class PeakPlace:
     """Where the largest error of a contour is, over the whole family of plants.
 

@@ -3,7 +3,13 @@
 from dataclasses import dataclass
 
 from experiments.files.results import Weight
-from experiments.files.run_metrics import ContourRead, MachineSummary, PeakPlace, RunMetrics
+from experiments.files.run_metrics import (
+    ContourRead,
+    MachineSummary,
+    MotionSummary,
+    PeakPlace,
+    RunMetrics,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +46,7 @@ class SimulatedResult:
         plants: metrics by plant, the nominal one first.
         read: what the contour is.
         peak: where the largest error is.
+        motion: what is asked of the machine, where it is limited in jerk.
     """
 
     machine: MachineSummary
@@ -55,4 +62,5 @@ class SimulatedResult:
     plants: dict[str, RunMetrics]
     read: ContourRead | None = None
     peak: PeakPlace | None = None
+    motion: MotionSummary | None = None
     video: VideoResult | None = None

@@ -10,75 +10,17 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.machines.machine import Machine
-from experiments.shared_options import MachineFlags
+from experiments.jobs.motion_laws import Aside, Planned, along_path
+from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
-from jcontour.motion.feed_laws import constant_feed, trapezoidal
+from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
-FEED = 3000.0  # [mm/min] where nothing is programmed
-MM_PER_MIN = 1e-3 / 60
-# [m/s^2] of a path where the machine states none: usual for a table of this size
-ACCELERATION = 2.0
-# of the acceleration that a machine states, that a motion asks for: fast loops take 1.8 times what
-# a step of acceleration asks (`example.json`, its bracket and held-out contours, whole family)
-SHARE = 0.5
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
 MOST_SAMPLES = 20_000_000  # of a run: each has hundreds of bytes
 TOOLPATHS = Path(__file__).parent / "toolpaths"
-
-
-class Pace(NamedTuple):
-    """Feed [m/s] and path acceleration [m/s^2] on a machine with its limits.
-
-    Each is None where it is not given.
-    """
-
-    machine: Machine
-    feed: float | None
-    acceleration: float | None
-
-    @property
-    def feed_or_default(self) -> float:
-        """Feed [m/s] of contours that have no programme."""
-        return FEED * MM_PER_MIN if self.feed is None else self.feed
-
-    @property
-    def acceleration_or_default(self) -> float:
-        """Path acceleration [m/s^2]; where none is given, half of what the machine can do."""
-        if self.acceleration is not None:
-            return self.acceleration
-        limit = self.axis_acceleration
-        return ACCELERATION if limit is None else float(limit.min())
-
-    @property
-    def axis_acceleration(self) -> np.ndarray | None:
-        """Acceleration [m/s^2] that a motion may ask of each axis; None where none is stated.
-
-        All that the machine has, where the path acceleration is given.
-        """
-        limit = self.machine.limits.acceleration
-        if limit is None or self.acceleration is not None:
-            return limit
-        return SHARE * limit
-
-    @classmethod
-    def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
-        """Pace that the flags ask for.
-
-        Raises:
-            ValueError: a feed or acceleration that is not finite and above zero.
-        """
-        for name, value in (
-            ("feed-mm-per-min", flags.feed_mm_per_min),
-            ("acceleration", flags.acceleration),
-        ):
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-        feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
-        return cls(machine, feed, flags.acceleration)
 
 
 class Program(NamedTuple):
@@ -104,6 +46,8 @@ class Job(NamedTuple):
         at_rest: from rest to rest.
         feed_law: in words.
         program: G-code behind it; None where there is none.
+        aside: where it leaves the contour, in blended corners; None where it does not.
+        planned: jerk-limited motion behind it; None where there is none.
     """
 
     name: str
@@ -113,6 +57,8 @@ class Job(NamedTuple):
     at_rest: bool
     feed_law: str
     program: Program | None = None
+    aside: Aside | None = None
+    planned: Planned | None = None
 
     @property
     def samples(self) -> int:
@@ -141,7 +87,8 @@ class Job(NamedTuple):
                 f"preview: {preview} samples are more than the {self.arc.size} "
                 f"of the whole run along {self.name}"
             )
-        return along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
+        found = along(self.contour, self.arc, dt, preview, self.at_rest, self.scored)
+        return found if self.aside is None else found.aside(*self.aside)
 
 
 class AxisMove(NamedTuple):
@@ -233,17 +180,11 @@ def _read(path: Path, pace: Pace) -> Job:
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
     speeds = np.where(rapid, rapid_speed, feed)
     _check_duration(float(np.sum(np.asarray(contour.extent) / speeds)), machine.model.dt)
-    arc = trapezoidal(
-        contour,
-        speeds,
-        machine.model.dt,
-        pace.acceleration_or_default,
-        speed,
-        pace.axis_acceleration,
+    run = along_path(contour, speeds, rapid, pace)
+    scored = ~rapid[_piece_at(contour, run.arc)]
+    return Job(
+        path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )
-    scored = ~rapid[_piece_at(contour, arc)]
-    feed_law = f"trapezoidal, {fastest / MM_PER_MIN:.4g} mm/min"
-    return Job(path.stem, contour, arc, scored, True, feed_law, program)
 
 
 def _check_duration(least: float, dt: float) -> None:

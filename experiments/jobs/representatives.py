@@ -53,6 +53,8 @@ def _stretch(job: Job, first: int, number: int) -> Job:
         scored=scored,
         at_rest=False,
         program=None,
+        aside=job.aside and job.aside.some(slice(first, last + 1)),
+        planned=None,
     )
 
 

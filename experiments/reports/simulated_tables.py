@@ -1,11 +1,15 @@
 """Tables that `jcontour simulate` prints."""
 
+from collections.abc import Sequence
+
 from rich.console import Console
 from rich.table import Table
 
+from experiments.files.run_metrics import MotionSummary
 from experiments.files.simulated_result import SimulatedResult
 from experiments.reports.tables import (
     columns_of,
+    digits,
     metric_cells,
     peak_line,
     plain_table,
@@ -19,7 +23,29 @@ def show_simulated(result: SimulatedResult, console: Console) -> None:
     console.print(plant_table(result))
     if result.read is not None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
+    if result.motion is not None:
+        console.print(motion_table(result.motion, result.machine.axes))
     say(console, sentence(result))
+
+
+def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
+    """How long the motion takes, what limits it, and the peaks of every axis."""
+    shares = [
+        [f"time under the limit of {name}", f"{100 * share:.1f} %"]
+        for name, share in motion.shares.items()
+    ]
+    peaks = [
+        [f"peak jerk of {axis}", f"{digits(peak)} of {digits(limit)} m/s^3"]
+        for axis, peak, limit in zip(axes, motion.peak_jerk, motion.jerk_limit, strict=True)
+    ]
+    rows = [
+        ["cycle time", f"{motion.cycle_time:.3f} s"],
+        ["stops on the way", str(motion.stops)],
+        ["corners blended within", f"{1e6 * motion.deviation:.3g} um"],
+        *shares,
+        *peaks,
+    ]
+    return plain_table("motion that is asked for (motion.png)", ["", ""], rows)
 
 
 def plant_table(result: SimulatedResult) -> Table:

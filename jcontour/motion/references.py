@@ -51,6 +51,18 @@ class Reference(eqx.Module):
         """Number of samples beyond the last control step."""
         return self.position.shape[-2] - self.steps
 
+    def aside(self, offset: np.ndarray, tangent: np.ndarray) -> "Reference":
+        """The run beside its contour: offsets [m] and tangents of every control step, (T, m).
+
+        The last offset is kept in the preview. Errors are still those from the contour.
+        """
+        more = [(0, self.preview), (0, 0)]
+        position = self.position + np.pad(offset, more, mode="edge")
+        ahead = np.concatenate([tangent, np.asarray(self.tangent)[len(tangent) :]])
+        return eqx.tree_at(
+            lambda one: (one.position, one.tangent), self, (position, jnp.asarray(ahead))
+        )
+
 
 def from_samples(
     position,

@@ -8,7 +8,8 @@ import pytest
 from experiments.catalogue.choices import machine_named
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs import job
-from experiments.jobs.job import ACCELERATION, Pace, from_file
+from experiments.jobs.job import Pace, from_file
+from experiments.jobs.pace import ACCELERATION
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")

@@ -1,0 +1,82 @@
+"""Pace of a machine along a path: feed, limits, and the law by which it runs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.machines.machine import Machine
+from experiments.shared_options import FeedLaw, MachineFlags
+
+FEED = 3000.0  # [mm/min] where nothing is programmed
+MM_PER_MIN = 1e-3 / 60
+# [m/s^2] of a path where the machine states none: usual for a table of this size
+ACCELERATION = 2.0
+# of the acceleration that a machine states, that a motion asks for: fast loops take 1.8 times what
+# a step of acceleration asks (`example.json`, its bracket and held-out contours, whole family)
+SHARE = 0.5
+
+
+class Pace(NamedTuple):
+    """Feed [m/s] and path acceleration [m/s^2] on a machine with its limits.
+
+    Each is None where it is not given.
+
+    Attributes:
+        feed_law: by which a programmed path is run.
+        jerk: limit of every axis [m/s^3]; None where it is not given.
+        corner_tolerance: of the jerk-limited law [m]; 0 stops in corners.
+    """
+
+    machine: Machine
+    feed: float | None
+    acceleration: float | None
+    feed_law: FeedLaw = "trapezoidal"
+    jerk: float | None = None
+    corner_tolerance: float = 5e-6
+
+    @property
+    def feed_or_default(self) -> float:
+        """Feed [m/s] of contours that have no programme."""
+        return FEED * MM_PER_MIN if self.feed is None else self.feed
+
+    @property
+    def acceleration_or_default(self) -> float:
+        """Path acceleration [m/s^2]; where none is given, half of what the machine can do."""
+        if self.acceleration is not None:
+            return self.acceleration
+        limit = self.axis_acceleration
+        return ACCELERATION if limit is None else float(limit.min())
+
+    @property
+    def axis_acceleration(self) -> np.ndarray | None:
+        """Acceleration [m/s^2] that a motion may ask of each axis; None where none is stated.
+
+        All that the machine has, where the path acceleration is given.
+        """
+        limit = self.machine.limits.acceleration
+        if limit is None or self.acceleration is not None:
+            return limit
+        return SHARE * limit
+
+    @classmethod
+    def of(cls, flags: MachineFlags, machine: Machine) -> "Pace":
+        """Pace that the flags ask for.
+
+        Raises:
+            ValueError: a feed, acceleration or jerk that is not finite and above zero, or a
+                corner tolerance that is negative.
+        """
+        for name, value in (
+            ("feed-mm-per-min", flags.feed_mm_per_min),
+            ("acceleration", flags.acceleration),
+            ("jerk", flags.jerk),
+        ):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
+        feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
+        tolerance = flags.corner_tolerance_um
+        if not (np.isfinite(tolerance) and tolerance >= 0):
+            raise ValueError(
+                f"corner-tolerance-um: needs to be finite and not negative, received {tolerance}"
+            )
+        return cls(machine, feed, flags.acceleration, flags.feed_law, flags.jerk, 1e-6 * tolerance)
