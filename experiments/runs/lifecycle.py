@@ -58,7 +58,7 @@ def same_task(folder: Path, command: str) -> str:
     flags = run_folder.opened(folder, command)["flags"]
     words = [*flags["parts"]]
     for one in fields(MachineFlags):
-        value = flags[one.name]
+        value = flags.get(one.name, one.default)
         if one.name != "json" and value != one.default:
             words += [f"--{one.name.replace('_', '-')}", str(value)]
     return "".join(f" {shlex.quote(word)}" for word in words)

@@ -10,7 +10,8 @@ from experiments.catalogue.choices import machine_named
 from experiments.jobs import random_contours
 from experiments.jobs.contours import BUILT_IN
 from experiments.jobs.held_out import held_out_like
-from experiments.jobs.job import ACCELERATION, Pace, at_constant_feed, from_file
+from experiments.jobs.job import Pace, at_constant_feed, from_file
+from experiments.jobs.pace import ACCELERATION
 from experiments.jobs.scale import scale_of
 from jcontour.geometry.contours import circle
 

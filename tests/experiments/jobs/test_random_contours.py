@@ -9,7 +9,8 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.jobs import random_contours
-from experiments.jobs.job import ACCELERATION, Pace, at_constant_feed
+from experiments.jobs.job import Pace, at_constant_feed
+from experiments.jobs.pace import ACCELERATION
 from experiments.jobs.random_contours import FEEDS, SIZES, contour_jobs, random_jobs
 from experiments.jobs.random_shapes import KINDS
 from experiments.jobs.stretches import greatest_curvature
