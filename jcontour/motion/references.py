@@ -5,6 +5,7 @@ samples. Sample k is the desired tool point at the time at which control k start
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -50,6 +51,12 @@ class Reference(eqx.Module):
     def preview(self) -> int:
         """Number of samples beyond the last control step."""
         return self.position.shape[-2] - self.steps
+
+    def first(self, steps: int) -> "Reference":
+        """The first control steps alone, with the same preview beyond them."""
+        seen = slice(0, steps + self.preview)
+        rows = {name: getattr(self, name)[seen] for name in ("position", "tangent", "arc", "mask")}
+        return replace(self, **rows, steps=steps)
 
     def aside(self, offset: np.ndarray, tangent: np.ndarray) -> "Reference":
         """The run beside its contour: offsets [m] and tangents of every control step, (T, m).

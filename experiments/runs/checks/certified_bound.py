@@ -55,8 +55,10 @@ def _certified(
     count, members = loops.E.shape[:2]
     bounds = {}
     for c in range(count):
+        steps = run.learned[c].samples  # what is stacked is as long as the longest
+        reference = member(references, c).first(steps)
         for p in range(members):
-            loop, reference = member(member(loops, c), p), member(references, c)
+            loop = jax.tree.map(lambda rows, c=c, p=p, steps=steps: rows[c, p, :steps], loops)
             check_stable(loop)
             one = certificate_of(loop, member(plants, p), controller, reference, box)
             bounds[c, p] = one.largest
