@@ -111,13 +111,52 @@ def _blocked(loop: DisturbedLoop, rows, size, direct, block: int) -> PeakBounds:
     samples = np.arange(loop.E.shape[0])
     before = np.maximum(samples // block - 1, 0)
     tubes = state_tubes(loop, size, block)[before]
-    lags = min(2 * block, samples.size)
-    sums, carried = _swept(loop.M, loop.E, size, rows, samples, before * block, lags)
+    sums, carried = _swept_blocks(loop.M, loop.E, size, rows, block)
     remainder = np.einsum("trn,tn->tr", np.abs(np.asarray(carried)), tubes)
     found = np.asarray(sums) + remainder
     if direct is not None:
         found = found + np.abs(np.asarray(direct)) @ size
     return PeakBounds(found, remainder)
+
+
+@jax.jit(static_argnums=4)
+def _swept_blocks(
+    M: Float[Array, "T N N"],
+    E: Float[Array, "T N d"],
+    size: Float[Array, " d"],
+    rows: Float[Array, "T r N"],
+    block: int,
+) -> tuple[Float[Array, "T r"], Float[Array, "T r N"]]:
+    """As `_swept` for every sample, each back to the begin of the block before its own.
+
+    All rows of a block pass the same matrices, so that a step is one product for all of them. A
+    row joins at its own sample. Beyond both ends of the run the state rests.
+    """
+    T, N = rows.shape[0], M.shape[1]
+    count = -(-T // block)
+    after = count * block - T
+    rest = jnp.broadcast_to(jnp.eye(N, dtype=M.dtype), (block, N, N))
+    M = jnp.concatenate([rest, M, rest[:after]])
+    E = jnp.pad(E * size[None, None], ((block, after), (0, 0), (0, 0)))
+    rows = jnp.pad(rows, ((0, after), (0, 0), (0, 0))).reshape(count, block, *rows.shape[1:])
+
+    def of_block(b):
+        own = rows[b]
+
+        def back(carry, j):
+            moving, sums = carry
+            joins = j + 1 - block
+            at = jnp.maximum(joins, 0)
+            moving = moving.at[at].set(jnp.where(joins < 0, moving[at], own[at]))
+            sums = sums + jnp.sum(jnp.abs(moving @ E[b * block + j]), axis=-1)
+            return (moving @ M[b * block + j], sums), None
+
+        start = jnp.zeros_like(own), jnp.zeros(own.shape[:2], own.dtype)
+        (moving, sums), _ = jax.lax.scan(back, start, jnp.arange(2 * block - 1), reverse=True)
+        return sums, moving
+
+    sums, carried = jax.lax.map(of_block, jnp.arange(count))
+    return tuple(found.reshape(count * block, *found.shape[2:])[:T] for found in (sums, carried))
 
 
 @jax.jit(static_argnums=6)
