@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jcontour.guarantees.disturbed_loop import DisturbedLoop
 from jcontour.linear.plant import spectral_radius
@@ -97,90 +97,65 @@ def state_tubes(
     """
     T, N = loop.E.shape[:2]
     begins = np.arange(0, T, block)
-    unit = np.broadcast_to(np.eye(N), (begins.size, N, N))
-    since = np.maximum(begins - block, 0)
-    sums, carried = _swept(loop.M, loop.E, size, unit, begins, since, block)
-    sums, carried = np.asarray(sums), np.abs(np.asarray(carried))
+    unit = np.broadcast_to(np.eye(N), (begins.size, 1, N, N))
+    sums, carried = (np.asarray(found)[:, 0] for found in _swept(loop.M, loop.E, size, unit, block))
     tubes = np.zeros((begins.size, N))
     for b in range(1, begins.size):
-        tubes[b] = sums[b] + carried[b] @ tubes[b - 1]
+        tubes[b] = sums[b] + np.abs(carried[b]) @ tubes[b - 1]
     return tubes
 
 
 def _blocked(loop: DisturbedLoop, rows, size, direct, block: int) -> PeakBounds:
-    samples = np.arange(loop.E.shape[0])
-    before = np.maximum(samples // block - 1, 0)
+    T = loop.E.shape[0]
+    before = np.maximum(np.arange(T) // block - 1, 0)
     tubes = state_tubes(loop, size, block)[before]
-    sums, carried = _swept_blocks(loop.M, loop.E, size, rows, block)
-    remainder = np.einsum("trn,tn->tr", np.abs(np.asarray(carried)), tubes)
-    found = np.asarray(sums) + remainder
+    after = -T % block
+    blocks = np.pad(np.asarray(rows), ((0, after), (0, 0), (0, 0)))
+    blocks = blocks.reshape(-1, block, *blocks.shape[1:])
+    swept = _swept(loop.M, loop.E, size, blocks, block)
+    sums, carried = (np.concatenate(np.asarray(found))[:T] for found in swept)
+    remainder = np.einsum("trn,tn->tr", np.abs(carried), tubes)
+    found = sums + remainder
     if direct is not None:
         found = found + np.abs(np.asarray(direct)) @ size
     return PeakBounds(found, remainder)
 
 
 @jax.jit(static_argnums=4)
-def _swept_blocks(
+def _swept(
     M: Float[Array, "T N N"],
     E: Float[Array, "T N d"],
     size: Float[Array, " d"],
-    rows: Float[Array, "T r N"],
+    rows: Float[Array, "B K r N"],
     block: int,
-) -> tuple[Float[Array, "T r"], Float[Array, "T r N"]]:
-    """As `_swept` for every sample, each back to the begin of the block before its own.
+) -> tuple[Float[Array, "B K r"], Float[Array, "B K r N"]]:
+    """Sums back to the begin of the block before, and the rows carried back to there.
 
-    All rows of a block pass the same matrices, so that a step is one product for all of them. A
-    row joins at its own sample. Beyond both ends of the run the state rests.
+    `rows` are those of the first K samples of every block. All rows of a block pass the same
+    matrices, so that a step is one product for all of them; a row joins at its own sample. Beyond
+    both ends of the run the state rests.
     """
-    T, N = rows.shape[0], M.shape[1]
-    count = -(-T // block)
-    after = count * block - T
+    T, N = E.shape[:2]
+    count, joining = rows.shape[:2]
     rest = jnp.broadcast_to(jnp.eye(N, dtype=M.dtype), (block, N, N))
+    after = count * block - T
     M = jnp.concatenate([rest, M, rest[:after]])
     E = jnp.pad(E * size[None, None], ((block, after), (0, 0), (0, 0)))
-    rows = jnp.pad(rows, ((0, after), (0, 0), (0, 0))).reshape(count, block, *rows.shape[1:])
 
     def of_block(b):
         own = rows[b]
 
         def back(carry, j):
             moving, sums = carry
-            joins = j + 1 - block
+            joins, k = j + 1 - block, b * block + j
             at = jnp.maximum(joins, 0)
             moving = moving.at[at].set(jnp.where(joins < 0, moving[at], own[at]))
-            sums = sums + jnp.sum(jnp.abs(moving @ E[b * block + j]), axis=-1)
-            return (moving @ M[b * block + j], sums), None
+            sums = sums + jnp.sum(jnp.abs(moving @ E[k]), axis=-1)
+            return (moving @ M[k], sums), None
 
         start = jnp.zeros_like(own), jnp.zeros(own.shape[:2], own.dtype)
-        (moving, sums), _ = jax.lax.scan(back, start, jnp.arange(2 * block - 1), reverse=True)
-        return sums, moving
+        first = jnp.arange(block - 1 + joining)  # samples from the begin of the block before
+        return jax.lax.scan(back, start, first, reverse=True)[0]
 
-    sums, carried = jax.lax.map(of_block, jnp.arange(count))
-    return tuple(found.reshape(count * block, *found.shape[2:])[:T] for found in (sums, carried))
-
-
-@jax.jit(static_argnums=6)
-def _swept(
-    M: Float[Array, "T N N"],
-    E: Float[Array, "T N d"],
-    size: Float[Array, " d"],
-    rows: Float[Array, "K r N"],
-    samples: Int[Array, " K"],
-    since: Int[Array, " K"],
-    lags: int,
-) -> tuple[Float[Array, "K r"], Float[Array, "K r N"]]:
-    """Sums over j from `since` to the sample before, and the rows carried back to `since`."""
-    scaled = E * size[None, None]
-
-    def back(carry, lag):
-        rows, sums = carry
-        j = samples - 1 - lag
-        within, at = (j >= since)[:, None], jnp.maximum(j, 0)
-        added = jnp.sum(jnp.abs(rows @ scaled[at]), axis=-1)
-        moved = rows @ M[at]
-        sums = sums + jnp.where(within, added, 0.0)
-        return (jnp.where(within[..., None], moved, rows), sums), None
-
-    start = rows, jnp.zeros(rows.shape[:2], rows.dtype)
-    (rows, sums), _ = jax.lax.scan(back, start, jnp.arange(lags))
-    return sums, rows
+    moving, sums = jax.lax.map(of_block, jnp.arange(count))
+    return sums, moving
