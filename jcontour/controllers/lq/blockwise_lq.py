@@ -9,9 +9,8 @@ any longer preview.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,
     OutputTerminal,
@@ -19,12 +18,13 @@ from jcontour.controllers.lq.contouring_lq import (
     contour_weight,
     control_weight,
 )
+from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.riccati.blockwise import blockwise_plan
 
 
-class BlockwiseLQ(Controller):
+class BlockwiseLQ(PlannedFeedback):
     """Controller u = f - F x; every step sees at least `preview` samples of the path.
 
     >>> import numpy as np
@@ -80,13 +80,3 @@ class BlockwiseLQ(Controller):
         terminal = self.terminal.cost(model, weights, Q, reference, self.preview)
         R = control_weight(model, weights)
         return blockwise_plan(model, Q, reference.position[:seen], R, terminal)
-
-    def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
-        return None
-
-    def step(
-        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
-    ) -> tuple[None, Float[Array, " p"]]:
-        """Control u = f - F x."""
-        return None, plan.f - plan.F @ measurement

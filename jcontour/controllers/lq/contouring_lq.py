@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.controller import check_preview, whole_preview
+from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
@@ -104,7 +105,7 @@ class RiccatiTerminal(Terminal):
         return dare(model.A, model.B, Q_max, control_weight(model, weights))
 
 
-class ContouringLQ(Controller):
+class ContouringLQ(PlannedFeedback):
     """Controller u = f - F x with gains made from the next `preview` samples of the path.
 
     >>> from jcontour.geometry.contours import circle
@@ -169,16 +170,6 @@ class ContouringLQ(Controller):
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
         return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
-
-    def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
-        return None
-
-    def step(
-        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
-    ) -> tuple[None, Float[Array, " p"]]:
-        """Control u = f - F x."""
-        return None, plan.f - plan.F @ measurement
 
 
 def check_stage(weights: LQWeights, preview: int) -> None:

@@ -12,14 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.controller import check_preview, whole_preview
+from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare, lqr_gain, small_inverse
 from jcontour.tracing import is_concrete
 
 
-class PreviewLQ(Controller):
+class PreviewLQ(PlannedFeedback):
     """Time-invariant feedback and preview; it cannot tell contour error from tracking error.
 
     >>> from jcontour.plants.bridgeport import bridgeport
@@ -85,16 +86,6 @@ class PreviewLQ(Controller):
         (costate, f), _ = jax.lax.scan(add_sample, start, jnp.arange(1, self.preview))
         f = f + motion.state(end, end - before) @ (costate @ H).T
         return AffinePlan(jnp.broadcast_to(K, (reference.steps, *K.shape)), f)
-
-    def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
-        return None
-
-    def step(
-        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
-    ) -> tuple[None, Float[Array, " p"]]:
-        """u = f - K x."""
-        return None, plan.f - plan.F @ measurement
 
     def _cost(self) -> tuple[Float[Array, "n n"], Float[Array, "p p"]]:
         C = self.model.C

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jcontour.controller import Controller, check_preview, whole_preview
+from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.lq.contouring_lq import (
     LQWeights,
     RiccatiTerminal,
@@ -20,6 +20,7 @@ from jcontour.controllers.lq.contouring_lq import (
     contour_weight,
     control_weight,
 )
+from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import AffinePlan, steady_motion
 from jcontour.motion.references import Reference
@@ -28,7 +29,7 @@ from jcontour.riccati.receding_horizon import CostToGo, scheduled_plan
 from jcontour.tracing import is_concrete
 
 
-class ScheduledLQ(Controller):
+class ScheduledLQ(PlannedFeedback):
     """Controller u = f - F x with gains from the next `preview` samples and the models there.
 
     Args:
@@ -69,16 +70,6 @@ class ScheduledLQ(Controller):
         R = control_weight(self.schedule.models, weights)
         models, terminal = self.schedule.along(position), self._terminal(position, stage[-1])
         return scheduled_plan(models, Q, position, stage, R, terminal)
-
-    def initial_memory(self, reference: Reference) -> None:
-        """None: the controller has no memory."""
-        return None
-
-    def step(
-        self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
-    ) -> tuple[None, Float[Array, " p"]]:
-        """Control u = f - F x."""
-        return None, plan.f - plan.F @ measurement
 
     def _terminal(self, position: Float[Array, "S m"], scale: Float[Array, ""]) -> CostToGo:
         end, before = position[self.preview :], position[self.preview - 1 : -1]
