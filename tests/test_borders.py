@@ -22,7 +22,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.mpc": {"numba"},  # compiled builders of the QP
     "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.mjx_engine": {"mujoco"},
-    "experiments.files.results": {"cattrs"},
+    "experiments.files.results.stored": {"cattrs"},
     "experiments.benchmarks.plain_loops": {"numba"},  # the loop that `jcontour bench` compares with
     "experiments.benchmarks.search_methods": {"cmaes", "optuna"},
     "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from experiments.files import run_folder
-from experiments.files.results import to_json
+from experiments.files.results.stored import to_json
 from experiments.options import Bench
 from experiments.reports import tables
 

@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from experiments.files import run_folder
-from experiments.files.certified_result import CertifiedResult
 from experiments.files.netcdf import save_dataset
-from experiments.files.results import write_result
+from experiments.files.results.certified_result import CertifiedResult
+from experiments.files.results.stored import write_result
 from experiments.machines.disturbance_bounds import bounds_of, linear_machine
 from experiments.options import Certify
 from experiments.reports import tables

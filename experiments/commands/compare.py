@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 
 from experiments.files import run_folder
-from experiments.files.results import Weight, read_result, stored_as, to_json
-from experiments.files.tuned_result import TunedContour, TunedResult
+from experiments.files.results.stored import Weight, read_result, stored_as, to_json
+from experiments.files.results.tuned_result import TunedContour, TunedResult
 from experiments.options import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits

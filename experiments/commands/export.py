@@ -6,9 +6,9 @@ import jax
 import numpy as np
 
 from experiments.files import run_folder
-from experiments.files.exported_result import ExportedResult
-from experiments.files.results import read_result, write_result
-from experiments.files.tuned_result import TunedResult
+from experiments.files.results.exported_result import ExportedResult
+from experiments.files.results.stored import read_result, write_result
+from experiments.files.results.tuned_result import TunedResult
 from experiments.jobs.job import Task
 from experiments.options import Export
 from experiments.reports.exported_tables import show_exported

@@ -5,9 +5,9 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.designs.design import with_values
-from experiments.files.front_result import BudgetPoint, FrontResult, dataset_of
 from experiments.files.netcdf import save_dataset
-from experiments.files.results import write_result
+from experiments.files.results.front_result import BudgetPoint, FrontResult, dataset_of
+from experiments.files.results.stored import write_result
 from experiments.jobs.replays import replay
 from experiments.options import Front
 from experiments.reports import tables

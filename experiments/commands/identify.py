@@ -13,7 +13,7 @@ from rich.console import Console
 from experiments.files import run_folder
 from experiments.files.axis_file import AxisFile, Electrical, save_axis
 from experiments.files.record_file import load_records, save_records
-from experiments.files.results import write_result
+from experiments.files.results.stored import write_result
 from experiments.options import Identify
 from experiments.reports import tables
 from experiments.runs.lifecycle import finished

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import plain_weights
-from experiments.files.learned_result import LearnedResult
-from experiments.files.results import write_result
+from experiments.files.results.learned_result import LearnedResult
+from experiments.files.results.stored import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Learn
 from experiments.reports import tables

@@ -6,8 +6,8 @@ from rich.console import Console
 
 from experiments.catalogue.choices import machine_named
 from experiments.files import run_folder
-from experiments.files.machine_result import AxisSummary, MachineResult
-from experiments.files.results import to_json
+from experiments.files.results.machine_result import AxisSummary, MachineResult
+from experiments.files.results.stored import to_json
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 from experiments.machines.machine import Machine

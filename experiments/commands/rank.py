@@ -2,8 +2,8 @@
 
 from rich.console import Console
 
-from experiments.files.ranked_result import Ranked, RankedResult
-from experiments.files.results import write_result
+from experiments.files.results.ranked_result import Ranked, RankedResult
+from experiments.files.results.stored import write_result
 from experiments.options import Rank
 from experiments.reports import tables
 from experiments.reports.figures.png import save_figure

@@ -82,7 +82,7 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 
 def _run(module: Any, name: str, flags: Any) -> int:
     from experiments.files import run_folder
-    from experiments.files.results import write_result
+    from experiments.files.results.stored import write_result
     from experiments.papers.verdicts import tally
     from experiments.reports import tables
     from experiments.runs.lifecycle import finished

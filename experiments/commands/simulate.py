@@ -8,9 +8,9 @@ import numpy as np
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.catalogue.contours import CONTOURS
 from experiments.designs.design import Design, plain_weights
-from experiments.files.results import from_json, write_result
-from experiments.files.run_metrics import RunMetrics
-from experiments.files.simulated_result import SimulatedResult, VideoResult
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.simulated_result import SimulatedResult, VideoResult
+from experiments.files.results.stored import from_json, write_result
 from experiments.jobs.job import Job, Pace
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored

@@ -15,7 +15,7 @@ from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design, by_name, plain_weights, with_values
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit, save_dataset
-from experiments.files.results import BESIDE_OTHERS, write_result
+from experiments.files.results.stored import BESIDE_OTHERS, write_result
 from experiments.files.sweep_chunks import SweepChunks
 from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios

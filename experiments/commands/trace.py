@@ -9,7 +9,7 @@ from rich.console import Console
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.catalogue.controllers import CONSTRAINED
 from experiments.designs.constrained import Traverser
-from experiments.files.results import write_result
+from experiments.files.results.stored import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Trace
 from experiments.reports import tables

@@ -9,8 +9,8 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.files import run_folder
-from experiments.files.results import write_result
-from experiments.files.tuned_result import TunedResult
+from experiments.files.results.stored import write_result
+from experiments.files.results.tuned_result import TunedResult
 from experiments.jobs.replays import Replay
 from experiments.machines.machine import NO_EFFECTS
 from experiments.options import Tune

@@ -10,8 +10,8 @@ from rich.console import Console
 from experiments.designs.design import with_values
 from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
-from experiments.files.results import Weight, write_result
-from experiments.files.run_metrics import RunMetrics
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.stored import Weight, write_result
 from experiments.machines.machine import Machine
 from experiments.options import Tune, Verify
 from experiments.reports import tables

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from experiments.files.certified_result import CertifiedResult, CertifiedRow
+from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
 from experiments.reports.tables import digits, peak_line, plain_table, say
 
 HEADINGS = (

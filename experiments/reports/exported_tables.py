@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from experiments.files.exported_result import ExportedResult
+from experiments.files.results.exported_result import ExportedResult
 from experiments.reports import tables
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from experiments.files.learned_result import LearnedMachine, LearnedResult
+from experiments.files.results.learned_result import LearnedMachine, LearnedResult
 from experiments.reports.tables import digits, plain_table, say
 
 SHOWN = (1, 2, 3, 4, 6, 8, 12, 20, 40, 80)  # laps that have a column

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
-from experiments.files.run_metrics import MotionSummary
-from experiments.files.simulated_result import SimulatedResult
+from experiments.files.results.run_metrics import MotionSummary
+from experiments.files.results.simulated_result import SimulatedResult
 from experiments.reports.tables import (
     columns_of,
     digits,

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from experiments.files.run_metrics import ContourRead, PeakPlace, RunMetrics
+from experiments.files.results.run_metrics import ContourRead, PeakPlace, RunMetrics
 
 COLUMNS = (  # metric, heading, factor from SI
     ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from rich.console import Console
 from rich.table import Table
 
-from experiments.files.tuned_result import (
+from experiments.files.results.tuned_result import (
     EngineRow,
     GapRow,
     LostFirst,

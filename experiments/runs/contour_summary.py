@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.files.run_metrics import ContourRead, PeakPlace
+from experiments.files.results.run_metrics import ContourRead, PeakPlace
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
 
 

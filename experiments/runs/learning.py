@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.files.learned_result import LearnedMachine
+from experiments.files.results.learned_result import LearnedMachine
 from experiments.options import Learn
 from experiments.runs.learned_machines import Setting, linear_family, linear_nominal, noisy
 from jcontour.controllers.learning.convergence import Convergence, convergence, frequency_response

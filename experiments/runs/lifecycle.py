@@ -11,7 +11,7 @@ from rich.console import Console
 
 from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
-from experiments.files.results import to_json
+from experiments.files.results.stored import to_json
 from experiments.reports import tables
 from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.page.page_data import COMMANDS

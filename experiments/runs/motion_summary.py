@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.files.run_metrics import MotionSummary
+from experiments.files.results.run_metrics import MotionSummary
 from experiments.jobs.motion_laws import Planned
 
 POINTS = 20_000  # times at which it is looked at

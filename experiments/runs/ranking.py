@@ -18,8 +18,8 @@ from experiments.catalogue.choices import controllers_for, design_for, job_named
 from experiments.designs.design import Design, plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
-from experiments.files.ranked_result import Candidate, Ranked, RankedResult
-from experiments.files.results import from_json, to_json
+from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
+from experiments.files.results.stored import from_json, to_json
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine

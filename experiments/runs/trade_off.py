@@ -21,7 +21,7 @@ from experiments.catalogue.choices import machine_named
 from experiments.designs.design import plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
-from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
+from experiments.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
 from experiments.options import Front, Tune
 from experiments.reports.progress import progress_of
 from experiments.runs.family_loops import WINDOWS, probed_peaks

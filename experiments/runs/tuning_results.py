@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.design import plain_weights
-from experiments.files.certified_result import CertifiedBound
-from experiments.files.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
-from experiments.files.tuned_result import (
+from experiments.files.results.certified_result import CertifiedBound
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.tuned_result import (
     EngineRow,
     GapRow,
     HistoryPoint,

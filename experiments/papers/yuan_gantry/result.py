@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.benchmarks.gantry_engines import EngineRate
-from experiments.files.results import stored_as
+from experiments.files.results.stored import stored_as
 from experiments.papers.verdicts import Claim
 
 

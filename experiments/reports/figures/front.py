@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from experiments.files.front_result import BudgetPoint, FrontResult
+from experiments.files.results.front_result import BudgetPoint, FrontResult
 from experiments.reports.figures.axes import TUNED, grid, legend_below, logarithmic
 
 

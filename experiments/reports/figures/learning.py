@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from experiments.files.learned_result import LearnedResult
+from experiments.files.results.learned_result import LearnedResult
 from experiments.reports.figures.axes import grid, legend_below, plain_ticks
 
 

@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from experiments.files.ranked_result import RankedResult
+from experiments.files.results.ranked_result import RankedResult
 from experiments.reports.figures.axes import OTHER, TUNED, grid, legend_below, plain_ticks
 
 ROW = 0.32  # [inch]

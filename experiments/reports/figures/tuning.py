@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.files.results import Weight
-from experiments.files.tuned_result import HistoryPoint, TunedResult
+from experiments.files.results.stored import Weight
+from experiments.files.results.tuned_result import HistoryPoint, TunedResult
 from experiments.reports.figures.axes import (
     COLOURS,
     OTHER,

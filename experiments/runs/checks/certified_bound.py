@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 
-from experiments.files.certified_result import CertifiedBound
+from experiments.files.results.certified_result import CertifiedBound
 from experiments.machines.disturbance_bounds import bounds_of, box_of
 from experiments.machines.linear import LinearMachine
 from experiments.runs.tuning import TuningRun

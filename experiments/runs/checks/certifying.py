@@ -7,8 +7,8 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from experiments.files.certified_result import CertifiedRow
-from experiments.files.run_metrics import PeakPlace
+from experiments.files.results.certified_result import CertifiedRow
+from experiments.files.results.run_metrics import PeakPlace
 from experiments.jobs.job import Task
 from experiments.machines.disturbance_bounds import Bounds, box_of, linear_machine
 from experiments.runs.checks.stored_loops import StoredLoop

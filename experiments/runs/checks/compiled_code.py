@@ -6,7 +6,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from experiments.files.exported_result import Compiled
+from experiments.files.results.exported_result import Compiled
 
 COMPILERS = ("gcc", "clang")
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-O2", "-ffp-contract=off")

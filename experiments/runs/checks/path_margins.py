@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from experiments.files.tuned_result import LostFirst, PathMargins
+from experiments.files.results.tuned_result import LostFirst, PathMargins
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
 from jcontour.analysis.probes import probe_samples

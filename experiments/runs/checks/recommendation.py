@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from experiments.files.tuned_result import (
+from experiments.files.results.tuned_result import (
     ActiveLimit,
     PathMargins,
     RobustTest,

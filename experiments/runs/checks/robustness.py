@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from experiments.files.tuned_result import RobustTest
+from experiments.files.results.tuned_result import RobustTest
 from experiments.jobs.replays import Scenarios, prepared_plans
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller, Plan

@@ -6,7 +6,7 @@ integrates hunts for the position that it cannot read.
 
 import numpy as np
 
-from experiments.files.tuned_result import Standstill
+from experiments.files.results.tuned_result import Standstill
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.files.tuned_result import PathMargins
+from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
 from experiments.machines.machine import Machine
 from experiments.runs.tuning import TuningRun

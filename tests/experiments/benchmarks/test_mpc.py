@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from experiments.benchmarks import mpc
-from experiments.files.results import from_json, to_json
+from experiments.files.results.stored import from_json, to_json
 from jcontour.qp.solvers import DAQP
 
 ROW = mpc.StepTime("N = 7", "daqp", 12.0, 34.0, 56.0, 78.0, 9.0)

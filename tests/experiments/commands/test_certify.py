@@ -7,10 +7,10 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.certify import ATTACK
-from experiments.files.certified_result import CertifiedResult
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import read_result
-from experiments.files.tuned_result import TunedResult
+from experiments.files.results.certified_result import CertifiedResult
+from experiments.files.results.stored import read_result
+from experiments.files.results.tuned_result import TunedResult
 
 
 @pytest.fixture(scope="module")

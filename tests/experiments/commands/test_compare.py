@@ -8,10 +8,10 @@ import pytest
 from rich.console import Console
 
 from experiments.commands.compare import run, show
-from experiments.files.results import write_result
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.stored import write_result
+from experiments.files.results.tuned_result import PathMargins, TunedContour, TunedResult
 from experiments.files.run_folder import SETTINGS, RunError
-from experiments.files.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
-from experiments.files.tuned_result import PathMargins, TunedContour, TunedResult
 from experiments.reports.tables import COLUMNS
 
 MARGINS = PathMargins(

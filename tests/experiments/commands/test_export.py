@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from experiments.cli import main
-from experiments.files.exported_result import ExportedResult
-from experiments.files.results import read_result
+from experiments.files.results.exported_result import ExportedResult
+from experiments.files.results.stored import read_result
 
 
 def simulated(folder, machine_file, part_file, *flags):

@@ -8,9 +8,9 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.front import next_steps, show
-from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import from_json, read_result, to_json
+from experiments.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
+from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.reports.page.page_data import page_data
 from experiments.reports.tables import console_of
 from experiments.runs import trade_off

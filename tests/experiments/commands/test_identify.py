@@ -8,7 +8,7 @@ import pytest
 from experiments.cli import main
 from experiments.commands.identify import FoundParameter, IdentifyResult, RecordedTest, show
 from experiments.files.axis_file import axis_from
-from experiments.files.results import read_result
+from experiments.files.results.stored import read_result
 from experiments.reports.tables import console_of
 
 HEADER = "time,motor_position,current_q"

@@ -7,8 +7,8 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.learn import run
-from experiments.files.learned_result import LearnedMachine, LearnedResult
-from experiments.files.results import from_json, read_result, to_json
+from experiments.files.results.learned_result import LearnedMachine, LearnedResult
+from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.options import Learn
 from experiments.reports.figures.learning import learning
 from experiments.reports.learning_tables import after, before

@@ -9,9 +9,9 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.rank import next_steps, show
-from experiments.files.ranked_result import Candidate, Ranked, RankedResult
-from experiments.files.results import from_json, read_result, to_json
-from experiments.files.run_metrics import MachineSummary
+from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
+from experiments.files.results.run_metrics import MachineSummary
+from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.options import Tune
 from experiments.reports.tables import console_of
 from experiments.runs import ranking

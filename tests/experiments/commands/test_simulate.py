@@ -7,8 +7,8 @@ import pytest
 
 from experiments.cli import main
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import read_result
-from experiments.files.simulated_result import SimulatedResult
+from experiments.files.results.simulated_result import SimulatedResult
+from experiments.files.results.stored import read_result
 
 
 def simulated(folder, machine_file, part_file, *flags):

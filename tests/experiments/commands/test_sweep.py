@@ -9,7 +9,7 @@ from experiments.catalogue.choices import design_for, machine_named
 from experiments.cli import main
 from experiments.commands.sweep import SweepResult, horizons, sampled_values
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import read_result
+from experiments.files.results.stored import read_result
 from experiments.options import Sweep
 
 NAMES = ("alpha", "beta")

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.commands.trace import Traversed, contour_of
-from experiments.files.results import read_result
+from experiments.files.results.stored import read_result
 from experiments.options import Trace
 
 

@@ -9,8 +9,8 @@ import pytest
 from experiments.cli import main
 from experiments.commands.tune import next_steps
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import read_result, to_json
-from experiments.files.tuned_result import TunedResult
+from experiments.files.results.stored import read_result, to_json
+from experiments.files.results.tuned_result import TunedResult
 
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",

@@ -10,8 +10,8 @@ from experiments.catalogue.choices import machine_named
 from experiments.cli import main
 from experiments.commands.verify import GapRow, Verified, _next, limits_of
 from experiments.files.netcdf import load_dataset
-from experiments.files.results import read_result
-from experiments.files.run_metrics import RunMetrics
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.stored import read_result
 from experiments.machines.machine import MachineLimits
 from experiments.options import Verify
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.files.results import from_json, to_json
+from experiments.files.results.stored import from_json, to_json
 from experiments.papers.lam.claims import CONTROLLERS, MPCC, claims
 from experiments.papers.lam.experiment import Settings, run
 from experiments.papers.lam.figures import along_the_path, contour, draw, trade_off

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from experiments.files.results import from_json, to_json
+from experiments.files.results.stored import from_json, to_json
 from experiments.papers.mcnab_tsao import experiment
 from experiments.papers.mcnab_tsao.claims import claims
 from experiments.papers.mcnab_tsao.figures import bars_over_the_weights, radii_over_the_horizon

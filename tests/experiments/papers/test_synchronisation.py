@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.files.results import from_json, to_json
+from experiments.files.results.stored import from_json, to_json
 from experiments.papers.synchronisation.claims import FAST, SLOW, claims
 from experiments.papers.synchronisation.experiment import BETAS, Settings, run
 from experiments.papers.synchronisation.figures import continuous, draw, fast, slow

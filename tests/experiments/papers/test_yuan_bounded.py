@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.files.results import from_json, to_json
+from experiments.files.results.stored import from_json, to_json
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_bounded.claims import claims
 from experiments.papers.yuan_bounded.experiment import Settings, run

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from rich.console import Console
 
-from experiments.files.certified_result import CertifiedResult, CertifiedRow
-from experiments.files.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
+from experiments.files.results.run_metrics import MachineSummary, PeakPlace
 from experiments.reports.certified_tables import sentences, show_certified
 
 ROW = CertifiedRow(

@@ -1,6 +1,6 @@
 """Lines that several commands print."""
 
-from experiments.files.run_metrics import ContourRead
+from experiments.files.results.run_metrics import ContourRead
 from experiments.reports.tables import read_line
 
 

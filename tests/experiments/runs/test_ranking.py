@@ -6,7 +6,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs import lq
-from experiments.files.ranked_result import Candidate, Ranked
+from experiments.files.results.ranked_result import Candidate, Ranked
 from experiments.options import Rank, Simulate
 from experiments.reports.tables import console_of
 from experiments.runs import ranking

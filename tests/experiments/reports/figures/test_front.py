@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits
+from experiments.files.results.front_result import BudgetPoint, FrontResult, MachineUnits
 from experiments.reports.figures.front import front
 
 POINTS = [

@@ -2,8 +2,8 @@
 
 import pytest
 
-from experiments.files.ranked_result import Candidate, Ranked, RankedResult
-from experiments.files.run_metrics import MachineSummary
+from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
+from experiments.files.results.run_metrics import MachineSummary
 from experiments.reports.figures.ranking import ranking_figure
 
 

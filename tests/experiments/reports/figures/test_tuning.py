@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from experiments.files.tuned_result import HistoryPoint
+from experiments.files.results.tuned_result import HistoryPoint
 from experiments.reports.figures.tuning import (
     DIVERGED,
     Search,

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.files.run_metrics import FamilyMetrics, RunMetrics
-from experiments.files.tuned_result import PathMargins, RobustTest, TunedContour
+from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
+from experiments.files.results.tuned_result import PathMargins, RobustTest, TunedContour
 from experiments.runs.checks.recommendation import (
     active_limits,
     exceeded_most,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.files.tuned_result import PathMargins
+from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.warnings import (
     exceeded_limits,

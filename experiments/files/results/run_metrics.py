@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.files.results import stored_as
+from experiments.files.results.stored import stored_as
 
 
 @dataclass(frozen=True)

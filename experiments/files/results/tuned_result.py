@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from experiments.files.certified_result import CertifiedBound
-from experiments.files.results import Weight, stored_as
-from experiments.files.run_metrics import (
+from experiments.files.results.certified_result import CertifiedBound
+from experiments.files.results.run_metrics import (
     ContourRead,
     FamilyMetrics,
     MachineSummary,
     PeakPlace,
     RunMetrics,
 )
+from experiments.files.results.stored import Weight, stored_as
 
 WITHIN = 1e-6  # of a limit's violation: a point counts as feasible
 

@@ -1,8 +1,8 @@
 """The stored certificate comes back as it was."""
 
-from experiments.files.certified_result import CertifiedResult, CertifiedRow
-from experiments.files.results import from_json, to_json
-from experiments.files.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
+from experiments.files.results.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.stored import from_json, to_json
 
 
 def row(plant, bound):

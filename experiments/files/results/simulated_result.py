@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-from experiments.files.results import Weight
-from experiments.files.run_metrics import (
+from experiments.files.results.run_metrics import (
     ContourRead,
     MachineSummary,
     MotionSummary,
     PeakPlace,
     RunMetrics,
 )
+from experiments.files.results.stored import Weight
 
 
 @dataclass(frozen=True, kw_only=True)

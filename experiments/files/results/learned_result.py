@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from experiments.files.results import Weight
-from experiments.files.run_metrics import MachineSummary
+from experiments.files.results.run_metrics import MachineSummary
+from experiments.files.results.stored import Weight
 
 
 @dataclass(frozen=True, kw_only=True)

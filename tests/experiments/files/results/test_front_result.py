@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from experiments.files.front_result import BudgetPoint, FrontResult, MachineUnits, dataset_of
+from experiments.files.results.front_result import (
+    BudgetPoint,
+    FrontResult,
+    MachineUnits,
+    dataset_of,
+)
 
 POINTS = [
     BudgetPoint(1.4, {"alpha": 2.0}, 5e-6, 9e-6, 0.1, 5e-6, True, False, 1.4),

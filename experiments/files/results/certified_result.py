@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from experiments.files.run_metrics import MachineSummary, PeakPlace
+from experiments.files.results.run_metrics import MachineSummary, PeakPlace
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from experiments.files.results import (
+from experiments.files.results.stored import (
     Weight,
     from_json,
     read_result,

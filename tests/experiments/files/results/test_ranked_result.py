@@ -1,7 +1,7 @@
 """The default of every number of a row that failed is none."""
 
-from experiments.files.ranked_result import Candidate, Ranked
-from experiments.files.results import to_json
+from experiments.files.results.ranked_result import Candidate, Ranked
+from experiments.files.results.stored import to_json
 
 
 def test_a_failed_row_is_stored_without_numbers():

@@ -1,0 +1,1 @@
+"""Results of the commands: typed, as JSON and back."""
