@@ -32,6 +32,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/options.py": "experiments/test_cli.py",
     "experiments/shared_options.py": "experiments/test_cli.py",
+    "experiments/machine_options.py": "experiments/test_cli.py",
     "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/test_tuning.py",
     "experiments/reports/figures": "experiments/commands/test_learn.py",

@@ -8,11 +8,11 @@ from experiments.catalogue.choices import machine_named
 from experiments.files import run_folder
 from experiments.files.results.machine_result import AxisSummary, MachineResult
 from experiments.files.results.stored import to_json
+from experiments.machine_options import Machine as Flags
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 from experiments.machines.machine import Machine
 from experiments.machines.machine_behaviour import AxisBehaviour, axis_behaviours, questions
-from experiments.options import Machine as Flags
 from experiments.reports import tables
 from experiments.reports.figures.machine import machine_figure
 from experiments.reports.figures.png import save_figure

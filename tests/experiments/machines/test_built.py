@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from experiments.files.run_folder import json_text
+from experiments.machine_options import Machine
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
-from experiments.options import Machine
 
 MILL = Machine(gain=(2.0,), time_constant_ms=(20.0, 10.0), delay_ms=(1.5,), max_control=100.0)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from experiments.files.run_folder import json_text
+from experiments.machine_options import Machine
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 from experiments.machines.machine_behaviour import axis_behaviours, questions, response
-from experiments.options import Machine
 
 MILL = Machine(gain=(2.0,), time_constant_ms=(20.0,), delay_ms=(3.0,), max_control=100.0)
 
