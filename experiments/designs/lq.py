@@ -49,7 +49,7 @@ from jcontour.simulation.closed_loop import prepared
 from jcontour.simulation.evaluation import member
 from tuning.parameters import Fixed, Positive
 
-LEAST_BLOCK = 200  # samples: no dearer than short ones, and most loops forget within them
+LEAST_BLOCK = 200  # samples: the fastest block measured; the paper's loops forget within them
 TERMINALS: dict[str, Terminal] = {"output": OutputTerminal(), "riccati": RiccatiTerminal()}
 # model, weights, preview -> controller that is fed the state
 MakeController = Callable[[LinearPlant, LQWeights, int], Controller]
