@@ -1,7 +1,7 @@
 """Numbers, tables and comments as the text of a program."""
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Literal, SupportsInt
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +33,7 @@ def table(values: Float[np.ndarray, "..."], precision: Precision = "double") -> 
     return ",\n".join(_row([literal(value, precision) for value in row]) for row in rows)
 
 
-def whole_numbers(values: Iterable[int]) -> str:
+def whole_numbers(values: Iterable[SupportsInt]) -> str:
     """Whole numbers with commas, as many in a line as fit."""
     return _row([str(int(value)) for value in values])
 

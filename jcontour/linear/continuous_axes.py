@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from scipy.linalg import block_diag, expm
 
 from jcontour.linear.plant import LinearPlant
@@ -35,7 +35,7 @@ class ContinuousAxis:
     C: Float[np.ndarray, "1 n"]
     delay: float = 0.0
 
-    def response(self, frequency: Float[np.ndarray, " F"]) -> Float[np.ndarray, " F"]:
+    def response(self, frequency: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
         """Complex transfer from the control to the position, over frequency [rad/s]."""
         identity = np.eye(len(self.A))
         values = [

@@ -2,7 +2,6 @@ import json
 import pickle
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -251,9 +250,9 @@ def test_near_and_far_points_are_scattered_to_all_sides(limited):
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
-def test_many_weights_are_scattered_as_far_as_two(count):
+def test_many_weights_are_scattered_as_far_as_two(limited, count):
     def distance(weights):
-        posed = SimpleNamespace(space=[Positive()] * weights)
+        posed = replace(limited, space=[Positive()] * weights)
         effort = replace(THOROUGH, scatter=256, spread=1.0)
         points = [
             _scattered_point(posed, [1.0] * weights, effort, TuneState(), k) for k in range(256)

@@ -218,6 +218,7 @@ def test_a_machine_that_is_not_linear_has_no_certified_objective(flags):
 
 def test_points_keep_their_certified_errors(tmp_path):
     ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
+    ones["diverged"] = np.zeros((1, 2), bool)
     proven = PeakValues(np.array([[1e-6, 2e-6]]), np.array([[0.5, 0.25]]))
     row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), certified=proven), False)
     save_state(tmp_path, TuneState(history=[row]))
