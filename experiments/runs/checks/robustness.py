@@ -44,8 +44,8 @@ def robust_test(
 def _of_training(scenarios: Scenarios, steps: int) -> Reference:
     """Training contours, as long as the longest of them: a held-out one may be much longer."""
     paths = jax.device_get(scenarios.references)
-    trained = np.flatnonzero(scenarios.training)
-    cut = [member(paths, k).first(steps) for k in trained]
+    seen = [k for k, trained in enumerate(scenarios.training) if trained]
+    cut = [member(paths, k).first(steps) for k in seen]
     return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *cut)
 
 
