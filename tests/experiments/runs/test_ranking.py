@@ -22,6 +22,7 @@ def test_every_controller_that_reads_the_sensors_is_tried():
         "contouring-lq-riccati",
         "contouring-lq-kalman",
         "contouring-lq-predictor",
+        "contouring-lq-blocks",
         "preview-lq",
         "linear-cascade",
         "linear-cascade-feedforward",
