@@ -22,7 +22,7 @@ import numpy as np
 from tuning.descents.descent import Descent, Evaluate, begin, descend
 from tuning.descents.landing import TRIES, landed, outside
 from tuning.descents.quadratic_step import Model
-from tuning.descents.stabilise import Measured, loop_radius, smooth_maximum, stabilised
+from tuning.descents.stabilise import Measured, loop_radii, stabilised
 from tuning.effort import THOROUGH, Effort
 from tuning.history import FEASIBLE, Evaluated, next_start, rank, sound
 from tuning.outcome import Outcome
@@ -269,20 +269,19 @@ def _stabilised(problem, start, state: TuneState, z, point: Point):
 
     def of_loops(there) -> Measured:
         nonlocal found, least, least_z
-        largest, smooth, slope = loop_radius(problem, start, there)
+        radii, slopes = loop_radii(problem, start, there)
+        largest = float(radii.max())
         if np.exp(largest) < least:
             least, least_z = float(np.exp(largest)), there
         if largest < 0:
             found = evaluate(there)
-        stable = bool(largest < 0)
-        return Measured(float(largest), float(smooth), slope, stable and not found.diverged)
+        return Measured(radii, slopes, largest < 0 and not found.diverged)
 
     def of_runs(there) -> Measured:
         nonlocal found
         found = evaluate(there)
         departures, slopes = map(np.asarray, (found.departures, found.slopes.departures))
-        smooth, slope = smooth_maximum(departures, slopes)
-        return Measured(float(np.max(found.departures)), smooth, slope, not found.diverged)
+        return Measured(departures, slopes, not found.diverged)
 
     first, end = z, None
     for measure in (of_runs,) if problem.loops is None else (of_loops, of_runs):

@@ -2,11 +2,13 @@
 
 The number is the logarithm of the largest spectral radius of the frozen loops, without any run of
 the machine, or that of the largest tracking error over the size of its contour. In its place the
-descent takes a smooth maximum:
+descent takes a smooth maximum of all loops or runs a:
 
-    s(z) = 1/p ln(mean over loops or runs of exp(p a)),   p = SHARPNESS
+    s(z) = 1/p ln(mean over them of exp(p a / scale)),   p = SHARPNESS
 
-along L-BFGS directions from optax.
+The scale is how far the numbers lie from zero and from each other where the descent begins: loops
+that hardly lose their stability, at radii of 1.0001 and 0.9997, are told apart as well as those at
+2 and 0.5. Steps go along L-BFGS directions from optax.
 """
 
 from collections.abc import Callable
@@ -26,6 +28,7 @@ from tuning.problem import Problem
 SHARPNESS = 16.0
 STEPS = 40  # a few lead out of any region that has a slope
 TRIALS = 8  # shortenings of one step
+LEAST_SCALE = 1e-6  # of the numbers: closer ones are the same
 LARGEST_MOVE = 3.0  # in z: no weight changes by more than e^3 in one step
 LEAST_FALL = 1e-4  # Armijo: part of the predicted fall that a step must reach
 STILL = 1e-6  # fall of s below which nothing is left to gain
@@ -35,16 +38,31 @@ class Measured(NamedTuple):
     """The measure at a point.
 
     Attributes:
-        largest: of all loops or runs, not finite where nothing can be said.
-        smooth: s.
-        slope: of s.
+        numbers: a of all loops or runs, not finite where nothing can be said.
+        slopes: of them.
         sound: whether the search may end here.
     """
 
-    largest: float
-    smooth: float
-    slope: Float[np.ndarray, " d"]
+    numbers: Float[np.ndarray, " n"]
+    slopes: Float[np.ndarray, "n d"]
     sound: bool
+
+    @property
+    def largest(self) -> float:
+        """Of all loops or runs."""
+        return float(np.max(self.numbers))
+
+
+class _Smooth(NamedTuple):
+    """s at a point, and its slope."""
+
+    value: float
+    slope: Float[np.ndarray, " d"]
+
+    @property
+    def usable(self) -> bool:
+        """Whether a step can start or end here."""
+        return bool(np.isfinite(self.value) and np.isfinite(self.slope).all())
 
 
 class Stabilised(NamedTuple):
@@ -61,13 +79,15 @@ def stabilised(
     """Descent from z to the first sound point, or to where the measure falls no more.
 
     >>> def measure(z):  # |z| < 1 is sound
-    ...     return Measured(z @ z - 1, z @ z, 2 * z, bool(z @ z < 1))
+    ...     return Measured(np.array([z @ z - 1]), 2 * z[None], bool(z @ z < 1))
     >>> stabilised(np.array([3.0, 4.0]), measure).sound
     True
     """
-    here = measure(z)
-    best = Stabilised(z, here.largest, here.sound)
-    if here.sound or not _usable(here):
+    first = measure(z)
+    best = Stabilised(z, first.largest, first.sound)
+    scale = _scale(first.numbers)
+    here = smooth_maximum(first.numbers / scale, first.slopes / scale)
+    if first.sound or not here.usable:
         return best
     memory = _fresh(z)
     for _ in range(STEPS):
@@ -75,27 +95,36 @@ def stabilised(
         fall = float(direction @ here.slope)
         length = 1.0
         for _ in range(TRIALS):
-            there = measure(z + length * direction)
-            if there.largest < best.largest or there.sound:
-                best = Stabilised(z + length * direction, there.largest, there.sound)
-            if there.sound:
+            found = measure(z + length * direction)
+            there = smooth_maximum(found.numbers / scale, found.slopes / scale)
+            if found.largest < best.largest or found.sound:
+                best = Stabilised(z + length * direction, found.largest, found.sound)
+            if found.sound:
                 return best
-            if _usable(there) and there.smooth <= here.smooth + LEAST_FALL * fall * length:
+            if there.usable and there.value <= here.value + LEAST_FALL * fall * length:
                 break
             length /= 4
         else:
             return best
-        gained = here.smooth - there.smooth
+        gained = here.value - there.value
         z, here = z + length * direction, there
         if gained < STILL:
             return best
     return best
 
 
-def loop_radius(
+def _scale(numbers: Float[np.ndarray, " n"]) -> float:
+    """How far the numbers lie from zero and from each other; 1 at most."""
+    if not np.isfinite(numbers).all():
+        return 1.0
+    apart = max(float(np.ptp(numbers)), abs(float(np.max(numbers))))
+    return float(np.clip(apart, LEAST_SCALE, 1.0))
+
+
+def loop_radii(
     problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
-) -> tuple[float, float, Float[np.ndarray, " d"]]:
-    """Logarithm of the largest spectral radius at z, s, and the slope of s.
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n d"]]:
+    """Logarithms of the spectral radii of all loops at z, and their slopes.
 
     Raises:
         ValueError: the problem does not look at its loops.
@@ -104,23 +133,16 @@ def loop_radius(
     if peaks is None or slopes is None:
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)
-    relative = np.reshape(slopes.spectral_radius, (radii.size, -1)) / radii[:, None]
-    return float(np.log(radii.max())), *smooth_maximum(np.log(radii), relative)
+    return np.log(radii), np.reshape(slopes.spectral_radius, (radii.size, -1)) / radii[:, None]
 
 
-def smooth_maximum(
-    numbers: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "n d"]
-) -> tuple[float, Float[np.ndarray, " d"]]:
+def smooth_maximum(numbers: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "n d"]) -> _Smooth:
     """s, and its slope; infinite where a number is not finite."""
     if not np.isfinite(numbers).all():
-        return np.inf, np.full(slopes.shape[1], np.inf)
+        return _Smooth(np.inf, np.full(slopes.shape[1], np.inf))
     powers = np.exp(SHARPNESS * (numbers - np.max(numbers)))
     value = np.max(numbers) + np.log(np.mean(powers)) / SHARPNESS
-    return float(value), powers @ slopes / np.sum(powers)
-
-
-def _usable(point: Measured) -> bool:
-    return bool(np.isfinite(point.smooth) and np.isfinite(point.slope).all())
+    return _Smooth(float(value), powers @ slopes / np.sum(powers))
 
 
 _lbfgs = optax.scale_by_lbfgs(memory_size=10)
