@@ -52,8 +52,17 @@ class Measured(NamedTuple):
         """Of all loops or runs."""
         return float(np.max(self.numbers))
 
+    def smooth(self, scale: float) -> "Smooth":
+        """s at the point, and its slope; infinite where a number is not finite."""
+        numbers, slopes = self.numbers / scale, self.slopes / scale
+        if not np.isfinite(numbers).all():
+            return Smooth(np.inf, np.full(slopes.shape[1], np.inf))
+        powers = np.exp(SHARPNESS * (numbers - np.max(numbers)))
+        value = np.max(numbers) + np.log(np.mean(powers)) / SHARPNESS
+        return Smooth(float(value), powers @ slopes / np.sum(powers))
 
-class _Smooth(NamedTuple):
+
+class Smooth(NamedTuple):
     """s at a point, and its slope."""
 
     value: float
@@ -86,7 +95,7 @@ def stabilised(
     first = measure(z)
     best = Stabilised(z, first.largest, first.sound)
     scale = _scale(first.numbers)
-    here = smooth_maximum(first.numbers / scale, first.slopes / scale)
+    here = first.smooth(scale)
     if first.sound or not here.usable:
         return best
     memory = _fresh(z)
@@ -96,7 +105,7 @@ def stabilised(
         length = 1.0
         for _ in range(TRIALS):
             found = measure(z + length * direction)
-            there = smooth_maximum(found.numbers / scale, found.slopes / scale)
+            there = found.smooth(scale)
             if found.largest < best.largest or found.sound:
                 best = Stabilised(z + length * direction, found.largest, found.sound)
             if found.sound:
@@ -134,15 +143,6 @@ def loop_radii(
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)
     return np.log(radii), np.reshape(slopes.spectral_radius, (radii.size, -1)) / radii[:, None]
-
-
-def smooth_maximum(numbers: Float[np.ndarray, " n"], slopes: Float[np.ndarray, "n d"]) -> _Smooth:
-    """s, and its slope; infinite where a number is not finite."""
-    if not np.isfinite(numbers).all():
-        return _Smooth(np.inf, np.full(slopes.shape[1], np.inf))
-    powers = np.exp(SHARPNESS * (numbers - np.max(numbers)))
-    value = np.max(numbers) + np.log(np.mean(powers)) / SHARPNESS
-    return _Smooth(float(value), powers @ slopes / np.sum(powers))
 
 
 _lbfgs = optax.scale_by_lbfgs(memory_size=10)

@@ -11,7 +11,7 @@ from jcontour.controller import Controller, Plan
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import follow
-from jcontour.simulation.evaluation import member, platform_batching
+from jcontour.simulation.evaluation import platform_batching, stack_references
 from jcontour.simulation.metrics import Metrics, score_signals
 
 MEMBERS = 1000
@@ -26,7 +26,8 @@ def robust_test(
     if family is None:
         return None
     jobs = scenarios.jobs_seen(True)
-    references = _of_training(scenarios, steps=max(job.samples for job in jobs))
+    dt, preview = scenarios.references.dt, scenarios.references.preview
+    references = stack_references([job.reference(dt, preview) for job in jobs])
     plans = prepared_plans(controller, references)
     metrics = jax.device_get(_metrics(controller, family, references, plans))
     errors = np.asarray(getattr(metrics, f"rms_{machine.error}_error"))  # (contour, member)
@@ -39,14 +40,6 @@ def robust_test(
         error=float(largest.max()),
         contour=jobs[contour].name,
     )
-
-
-def _of_training(scenarios: Scenarios, steps: int) -> Reference:
-    """Training contours, as long as the longest of them: a held-out one may be much longer."""
-    paths = jax.device_get(scenarios.references)
-    seen = [k for k, trained in enumerate(scenarios.training) if trained]
-    cut = [member(paths, k).first(steps) for k in seen]
-    return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *cut)
 
 
 @eqx.filter_jit

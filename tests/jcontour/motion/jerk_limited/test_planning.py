@@ -46,13 +46,14 @@ def random_case(seed: int):
     return points, feed, limits, 10 ** rng.uniform(-6, -3.5)
 
 
-def check_random(seed: int) -> None:
+def check_random(seed: int) -> float:
+    """Limits and tolerance of a random case; its duration over that of stopping in all corners."""
     points, feed, limits, tolerance = random_case(seed)
     around = blended(contours.polyline(points), tolerance)
     motion = jerk_limited(around.path, feed, limits)
     check_limits(motion, feed, seed)
     assert around.deviation <= tolerance
-    assert motion.duration < 1.02 * stopping_time(points, feed, limits)
+    return motion.duration / stopping_time(points, feed, limits)
 
 
 @pytest.mark.parametrize("length", [2e-6, 2e-4, 5e-3, 0.2])
@@ -121,20 +122,20 @@ def test_feed_of_every_piece_is_kept():
 
 @pytest.mark.parametrize("seed", [2, 32, 34])
 def test_random_paths_keep_all_limits(seed):
-    check_random(seed)
+    assert check_random(seed) < 1.02
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("decade", range(10))
 def test_many_random_paths_keep_all_limits(decade):
     for seed in range(10 * decade, 10 * decade + 10):
-        check_random(seed)
+        assert check_random(seed) < 1.02
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="around sharp corners a stop may be quicker: 2.5 % here")
-def test_blends_are_never_slower_than_stops():
-    check_random(158)  # the worst of seeds 0 to 299
+def test_blends_may_be_slower_than_stops():
+    """Around sharp corners a stop may be quicker; this is the worst of seeds 0 to 299."""
+    assert 1.0 < check_random(158) < 1.03
 
 
 @pytest.mark.parametrize("feed", [0.0, -1.0, np.nan])
