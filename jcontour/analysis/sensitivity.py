@@ -9,7 +9,8 @@ M is the closed loop, z = exp(j w), w in rad per sample. A peak is the largest s
 all w (Skogestad & Postlethwaite, Multivariable Feedback Control, section 2.4.3).
 
 Limits of the control (fields `limit` of plant and controller) are lifted: a loop that saturates is
-looked at unsaturated. Quantisers have no slope: use smooth plants.
+looked at unsaturated. Dry friction is left out, viscous friction stays. Quantisers have no slope:
+use smooth plants.
 
 The output counts where the sensors show positions, all in metres: as many numbers as the tool has
 axes, or positions and their differences (`FineEncoders`; a change of a position then changes both
@@ -41,6 +42,7 @@ from jcontour.analysis.spectral import on_host, radius, with_slope
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.plants.friction import without_dry_friction
 from jcontour.plants.wrappers.encoders import CountingEncoders, FineEncoders, Sensed
 from jcontour.plants.wrappers.wrapper import Wrapper
 from jcontour.sensors import row
@@ -150,7 +152,7 @@ def frozen_family(controller: Controller, plants: Plant, windows: Reference) -> 
         ValueError: as `simulate`.
     """
     check_run(plants, controller, windows)
-    controller, plants = unlimited(controller), unlimited(plants)
+    controller, plants = unlimited(controller), without_dry_friction(unlimited(plants))
 
     def at_probe(window: Reference) -> FrozenLoop:
         plan = jax.tree.map(lambda leaf: leaf[0], controller.prepare(window))

@@ -52,7 +52,9 @@ def run_warnings(
         )
     lines += margin_warnings(margins, run.machine.unknown_delay)
     lines += limit_warnings(found, run.scenarios, run.machine)
-    return lines + lag_warnings(replays, run.scenarios)
+    if run.machine.error == "contour":  # the tracking error itself is tuned and shown otherwise
+        lines += lag_warnings(replays, run.scenarios)
+    return lines
 
 
 def search_warnings(tuned: Tuned) -> list[str]:

@@ -28,6 +28,7 @@ from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.flexible_axis.models import zoh_model
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders, FineEncoders
 from jcontour.plants.wrappers.saturation import Saturated
@@ -203,6 +204,31 @@ def test_slopes_of_a_cascade_on_the_flexible_axis():
 
     # the mode of the tuner, and the one that takes less time to compile
     check_slopes(build, np.log([30.0, 55.0, 0.04]), family, windows, jax.jacfwd)
+
+
+def test_dry_friction_is_left_out():
+    """The loops are those of eqs. 3.1 and 3.2 without it, held exactly, at whatever speed."""
+    dt, axis = 1e-3, thesis_axis()
+    axis = eqx.tree_at(
+        lambda one: (one.cogging_sine, one.cogging_cosine), axis, replace_fn=jnp.zeros_like
+    )
+    slow, fast = (  # [m per sample]
+        along(line([0.0], [0.1]), step * np.arange(30), dt, 1, at_rest=False)
+        for step in (1e-4, 2e-3)
+    )
+    windows = probe_windows(stack_references([slow, fast]), 1)
+    cascade = Cascade(CascadeGains(30.0, 55.0, 0.04), motors(1), dt, limit=10.0)
+    found, expected = (
+        sensitivity_curves(
+            cascade,
+            stack_plants([FineEncoders(machine, motors(1))]),
+            windows,
+            np.geomspace(1e-3, np.pi, 50),
+        )
+        for machine in (SmoothFlexibleAxis(axis, dt, substeps=8), zoh_model(axis, dt))
+    )
+    assert expected.max() > 1.05
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 @pytest.mark.slow
