@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.jobs.job import MM_PER_MIN, Job, Pace, at_constant_feed
+from experiments.jobs.job import Job, Pace, at_constant_feed
+from experiments.jobs.motion_laws import AlongPath, along_path
 from experiments.jobs.random_shapes import rounded_polygon
 from experiments.jobs.scale import Scale, scale_of, sharpest_corner
 from experiments.jobs.stretches import beginning, curve_feed, moved, shortened
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate
-from jcontour.motion.feed_laws import trapezoidal
 
 CONTOURS = 4  # that share the samples
 LEAST_SAMPLES = 150  # of one of them, or too little is seen
@@ -89,18 +89,17 @@ def _contours(scale: Scale, sharp: bool, longest: float) -> dict[str, Contour]:
 
 
 def _from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
-    arc = _arc(contour, pace, feed)
-    if arc.size > samples:
-        contour = beginning(contour, float(arc[samples - 1]))
-        arc = _arc(contour, pace, feed)
-    words = f"trapezoidal, {feed / MM_PER_MIN:.4g} mm/min"
-    return Job(name, contour, arc, np.ones(arc.size, bool), True, words)
+    run = _run(contour, pace, feed)
+    if run.arc.size > samples:
+        contour = beginning(contour, float(run.arc[samples - 1]))
+        run = _run(contour, pace, feed)
+    every = np.ones(run.arc.size, bool)
+    return Job(name, contour, run.arc, every, True, run.words, aside=run.aside, planned=run.planned)
 
 
-def _arc(contour: Contour, pace: Pace, feed: float) -> np.ndarray:
-    limits, acceleration = pace.machine.limits, pace.acceleration_or_default
-    dt = pace.machine.model.dt
-    return trapezoidal(contour, feed, dt, acceleration, limits.speed, pace.axis_acceleration)
+def _run(contour: Contour, pace: Pace, feed: float) -> AlongPath:
+    pieces = contour.rate.shape
+    return along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace)
 
 
 def _at_constant_feed(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
