@@ -62,7 +62,8 @@ def nodes(
     starts = np.append(0.0, np.cumsum(pieces.extent))
     speed = passing_speed(pieces, feed, limits)
     tick = max(cell_time(limits), float(np.sum(pieces.extent / speed)) / MOST_CELLS)
-    arc = trapezoidal(contour, speed, tick, 1e9, limits.speed, limits.acceleration, 0.0)
+    axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
+    arc = trapezoidal(contour, speed, tick, 1e9, axis_speed, limits.acceleration, 0.0)
     place, time = _times(arc, tick, stops, limits, starts)
     ends = np.interp(starts, place, time)
     least = np.where(curved(pieces), CURVED, 1)

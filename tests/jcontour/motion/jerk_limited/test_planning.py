@@ -120,6 +120,17 @@ def test_feed_of_every_piece_is_kept():
     assert found.speed[piece == 1].max() > 0.0199
 
 
+def test_axes_without_a_limit_of_speed():
+    """None of them is faster than the path: a limit above its feed changes nothing."""
+    path = contours.polyline([[0.0, 0.0], [10e-3, 0.0], [20e-3, 5e-3]])
+    given = {"acceleration": 3.0, "jerk": 150.0}
+    free, high = (
+        jerk_limited(path, FEED, AxisLimits.of(2, **given, **speed)).sampled(1e-3)
+        for speed in ({}, {"speed": 2 * FEED})
+    )
+    np.testing.assert_array_equal(free, high)
+
+
 @pytest.mark.parametrize("seed", [2, 32, 34])
 def test_random_paths_keep_all_limits(seed):
     assert check_random(seed) < 1.02
