@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -291,35 +291,24 @@ def _known(value: float) -> float | None:
 
 
 def show(console: Console, result: TunersBench) -> None:
-    """Print the table."""
+    """Print a table for every problem, and what an evaluation costs."""
+    tables.say(
+        console,
+        f"Evaluations to come within 2 % of the best value known, at most {result.budget}; "
+        f"one with slopes counts {WITH_SLOPES}",
+        "",
+    )
     columns = [
-        "problem",
         "search",
-        "weights",
         "starts that\narrive",
         "evaluations\nmedian",
         "quartiles",
         "seconds of processor\nmedian",
     ]
-    rows = []
-    for row in result.rows:
-        low, middle, high = (tables.digits(value) for value in row.evaluations)
-        rows.append(
-            [
-                row.problem,
-                row.method,
-                str(row.weights),
-                f"{row.reached} of {row.seeds}",
-                middle,
-                f"{low} to {high}",
-                tables.digits(row.seconds),
-            ]
-        )
-    title = (
-        f"Evaluations to come within 2 % of the best value known, at most {result.budget}; "
-        f"one with slopes counts {WITH_SLOPES}"
-    )
-    console.print(tables.plain_table(title, columns, rows, text_columns=2))
+    for (problem, weights), rows in groupby(result.rows, lambda row: (row.problem, row.weights)):
+        cells = [_cells(row) for row in rows]
+        title = f"{problem} ({weights} weights)"
+        console.print(tables.plain_table(title, columns, cells))
     columns = ["problem", "value [ms]", "with slopes [ms]", "compiling [s]", "with slopes [s]"]
     rows = []
     for one in result.costs:
@@ -328,3 +317,9 @@ def show(console: Console, result: TunersBench) -> None:
         rows.append([one.problem, *each, *once])
     title = "Processor time of one evaluation; compiling is not in the seconds above"
     console.print(tables.plain_table(title, columns, rows, text_columns=1))
+
+
+def _cells(row: TunerRow) -> list[str]:
+    low, middle, high = (tables.digits(value) for value in row.evaluations)
+    arrived = f"{row.reached} of {row.seeds}"
+    return [row.method, arrived, middle, f"{low} to {high}", tables.digits(row.seconds)]

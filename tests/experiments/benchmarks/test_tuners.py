@@ -128,6 +128,8 @@ def test_the_table_says_who_arrives(capsys):
     costs = [Cost("p", (1.5, 4.0), (0.002, 0.0075))]
     show(console_of(), TunersBench(10, rows, costs))
     printed = capsys.readouterr().out
+    words = printed.split()
+    assert "jcontour" in words and "Sobol" in words
     assert "1 of 1" in printed and "0 of 1" in printed and "3 to 3" in printed
     assert "7.5" in printed and "1.5" in printed
 
