@@ -6,6 +6,7 @@ from typing import Literal
 
 Terminal = Literal["output", "riccati"]
 FeedLaw = Literal["trapezoidal", "jerk"]
+DrawingUnit = Literal["mm", "cm", "m", "inch"]
 Objective = Literal["typical", "worst", "mean", "regret", "certified"]
 
 
@@ -38,6 +39,10 @@ class MachineFlags(Common):
     When not given, the acceleration builds up in 20 ms."""
     corner_tolerance_um: float = 5.0  # some encoder counts
     """Distance [um] within which corners are blended, with --feed-law jerk; 0 stops in them."""
+    drawing_unit: DrawingUnit | None = None
+    """Unit of a drawing, whatever its file says. When not given, the file has to say."""
+    join_um: float = 10.0  # programs that draw snap to less
+    """Distance [um] within which ends of a drawing's lines and curves are joined."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, own_name
 from experiments.files.checks import MachineError
 
+DRAWINGS = (".dxf",)  # read as a whole
 FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
 
 
@@ -98,6 +99,8 @@ def _check_lines(path: Path, any_feed: bool) -> None:
     Raises:
         ToolpathError: a line that cannot be read or traced.
     """
+    if path.suffix.lower() in DRAWINGS:
+        return
     from jcontour.geometry.csv_points import csv_points
     from jcontour.geometry.gcode.programs import files_beside, interpreted
     from jcontour.geometry.toolpath_rules import ToolpathError

@@ -43,6 +43,6 @@ def command(flags: Listing) -> int:
     say(
         console,
         "--plant also takes a machine file (JSON, npz), "
-        "contours and parts a toolpath file (.ngc, .csv).",
+        "contours and parts a toolpath file (.ngc, .dxf, .csv).",
     )
     return 0

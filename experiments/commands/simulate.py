@@ -111,7 +111,8 @@ def next_steps(flags: Simulate) -> list[str]:
     """What to do after a simulation."""
     part = flags.contour if flags.contour and Path(flags.contour).suffix else ""
     plant = f" --plant {flags.plant}" if flags.plant != Simulate.plant else ""
-    return [f"Next: jcontour tune {part}{plant}".replace("  ", " ").rstrip()]
+    unit = f" --drawing-unit {flags.drawing_unit}" if flags.drawing_unit else ""
+    return [f"Next: jcontour tune {part}{plant}{unit}".replace("  ", " ").rstrip()]
 
 
 def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:

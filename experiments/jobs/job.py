@@ -13,6 +13,8 @@ import numpy as np
 from experiments.jobs.motion_laws import Aside, Planned, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
@@ -24,11 +26,11 @@ TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
 class Program(NamedTuple):
-    """G-code that a contour comes from.
+    """G-code or drawing that a contour comes from.
 
     Attributes:
-        line: (P,) line of the program that every piece is from.
-        ignored: its words that mean nothing for the path.
+        line: (P,) line of the file that every piece is from.
+        ignored: its words that mean nothing for the path, or what of a drawing is left out.
     """
 
     line: np.ndarray
@@ -45,7 +47,7 @@ class Job(NamedTuple):
         scored: whether every sample counts in the metrics.
         at_rest: from rest to rest.
         feed_law: in words.
-        program: G-code behind it; None where there is none.
+        program: G-code or drawing behind it; None where there is none.
         aside: where it leaves the contour, in blended corners; None where it does not.
         planned: jerk-limited motion behind it; None where there is none.
     """
@@ -147,11 +149,11 @@ def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
 
 
 def from_file(path: Path, pace: Pace) -> Job:
-    """From rest to rest along a toolpath file, .csv points or G-code.
+    """From rest to rest along a toolpath file: .csv points, a drawing, or else G-code.
 
     Raises:
-        ToolpathError: as `read_gcode` and `read_csv`, or the file has another number of axes than
-            the machine.
+        ToolpathError: as `read_csv`, `read_drawing` and `read_gcode`, or the file has another
+            number of axes than the machine.
     """
     try:
         return _read(path, pace)
@@ -171,6 +173,10 @@ def _read(path: Path, pace: Pace) -> Job:
         feed = np.full(contour.rate.shape, pace.feed_or_default)
         rapid = np.zeros(contour.rate.shape, bool)
         program = None
+    elif path.suffix.lower() in DRAWINGS:
+        drawn = read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+        contour, feed, rapid, line, ignored = drawn
+        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored)
     else:
         axes = "XY" if machine.model.axes == 2 else "XYZ"
         contour, feed, rapid, line, ignored = read_gcode(path, axes, pace.feed)

@@ -38,7 +38,7 @@ def listed_moves(path: Path, axes: int, feed: float | None) -> Iterator[str]:
     for move in machine.moves:
         yield _line(move, axes)
     count = len(machine.moves)
-    told = f"; ignored: {' '.join(sorted(machine.ignored))}" if machine.ignored else ""
+    told = f"; ignored: {', '.join(sorted(machine.ignored))}" if machine.ignored else ""
     yield f"{count} move{'' if count == 1 else 's'}{told}"
 
 

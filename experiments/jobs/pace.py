@@ -6,9 +6,12 @@ import numpy as np
 
 from experiments.machines.machine import Machine
 from experiments.shared_options import FeedLaw, MachineFlags
+from jcontour.geometry.drawings.drawing import GAP
+from jcontour.geometry.toolpath_rules import INCH, MM
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
+DRAWING_UNITS = {"mm": MM, "cm": 10 * MM, "m": 1.0, "inch": INCH}  # [m]
 # [m/s^2] of a path where the machine states none: usual for a table of this size
 ACCELERATION = 2.0
 # of the acceleration that a machine states, that a motion asks for: fast loops take 1.8 times what
@@ -25,6 +28,8 @@ class Pace(NamedTuple):
         feed_law: by which a programmed path is run.
         jerk: limit of every axis [m/s^3]; None where it is not given.
         corner_tolerance: of the jerk-limited law [m]; 0 stops in corners.
+        drawing_unit: of a drawing [m]; None where its file has to say.
+        join: ends of a drawing's lines within it are joined [m].
     """
 
     machine: Machine
@@ -33,6 +38,8 @@ class Pace(NamedTuple):
     feed_law: FeedLaw = "trapezoidal"
     jerk: float | None = None
     corner_tolerance: float = 5e-6
+    drawing_unit: float | None = None
+    join: float = GAP
 
     @property
     def feed_or_default(self) -> float:
@@ -64,7 +71,7 @@ class Pace(NamedTuple):
 
         Raises:
             ValueError: a feed, acceleration or jerk that is not finite and above zero, or a
-                corner tolerance that is negative.
+                corner tolerance or a distance to join that is negative.
         """
         for name, value in (
             ("feed-mm-per-min", flags.feed_mm_per_min),
@@ -74,9 +81,19 @@ class Pace(NamedTuple):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
         feed = None if flags.feed_mm_per_min is None else flags.feed_mm_per_min * MM_PER_MIN
-        tolerance = flags.corner_tolerance_um
-        if not (np.isfinite(tolerance) and tolerance >= 0):
-            raise ValueError(
-                f"corner-tolerance-um: needs to be finite and not negative, received {tolerance}"
-            )
-        return cls(machine, feed, flags.acceleration, flags.feed_law, flags.jerk, 1e-6 * tolerance)
+        for name, value in (
+            ("corner-tolerance-um", flags.corner_tolerance_um),
+            ("join-um", flags.join_um),
+        ):
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name}: needs to be finite and not negative, received {value}")
+        return cls(
+            machine,
+            feed,
+            flags.acceleration,
+            flags.feed_law,
+            flags.jerk,
+            corner_tolerance=1e-6 * flags.corner_tolerance_um,
+            drawing_unit=None if flags.drawing_unit is None else DRAWING_UNITS[flags.drawing_unit],
+            join=1e-6 * flags.join_um,
+        )

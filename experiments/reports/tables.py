@@ -97,7 +97,7 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
     line = f"{name}: {pieces}, {1e3 * read.length:.5g} mm in {read.duration:.4g} s, {box} mm"
     if read.ignored:
-        line += f"; ignored: {' '.join(read.ignored)}"
+        line += f"; ignored: {', '.join(read.ignored)}"
     return line
 
 

@@ -10,6 +10,7 @@ from experiments.catalogue.machines import MACHINES
 from experiments.jobs import job
 from experiments.jobs.job import Pace, from_file
 from experiments.jobs.pace import ACCELERATION
+from experiments.shared_options import MachineFlags
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
@@ -46,3 +47,24 @@ def test_a_part_is_run_within_half_of_the_acceleration(tmp_path):
     pace = Pace(machine_named(EXAMPLE), None, None)
     needed = np.abs(np.diff(from_file(path, pace).arc, 2)) / pace.machine.model.dt**2
     assert needed.max() == pytest.approx(1.25, rel=1e-6)
+
+
+def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
+    plate = Path(__file__).parents[2] / "data" / "drawings" / "plate.dxf"
+    found = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
+    assert found.ignored == ("1 TEXT (layer notes)",) and found.line_at(0) == 20
+    assert 0 < np.count_nonzero(~found.scored) < found.samples / 2
+
+
+def test_drawings_without_a_unit_name_the_flag(tmp_path):
+    path = tmp_path / "part.dxf"
+    path.write_text(
+        "0\nSECTION\n2\nENTITIES\n0\nLINE\n10\n0\n20\n0\n11\n1\n21\n0\n0\nENDSEC\n0\nEOF\n"
+    )
+    machine = machine_named(EXAMPLE)
+    with pytest.raises(ToolpathError, match=r"part\.dxf: .* give it, as --drawing-unit mm"):
+        from_file(path, Pace.of(MachineFlags(), machine))
+    inches = from_file(path, Pace.of(MachineFlags(drawing_unit="inch"), machine))
+    assert float(inches.contour.length) == pytest.approx(25.4e-3)
+    with pytest.raises(ValueError, match="join-um: needs to be finite and not negative"):
+        Pace.of(MachineFlags(join_um=-1.0), machine)

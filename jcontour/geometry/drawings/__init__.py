@@ -1,0 +1,1 @@
+"""Drawings as toolpaths: DXF and SVG."""

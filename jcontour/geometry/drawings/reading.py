@@ -1,0 +1,35 @@
+"""Drawings by the suffix of their files."""
+
+from os import PathLike
+from pathlib import Path
+
+from jcontour.geometry.drawings.drawing import GAP, Drawing
+from jcontour.geometry.drawings.dxf import read_dxf
+from jcontour.geometry.toolpaths import Toolpath
+
+SUFFIXES = (".dxf",)
+
+
+def read_drawing(
+    path: str | PathLike[str], feed: float, unit: float | None = None, gap: float = GAP
+) -> Toolpath:
+    """Toolpath of a DXF file: contours at a feed [m/s], rapid moves between them.
+
+    Contours come in the order of the file, from where each was begun to be drawn. Lines and arcs
+    stay what they are. Ellipses and splines become quintic pieces within 10 nm.
+
+    Args:
+        path: of the file.
+        feed: along the contours [m/s].
+        unit: of the drawing [m], whatever the file says; None for the file's own.
+        gap: ends within it are joined [m].
+
+    Raises:
+        ToolpathError: "line 12: ..." for whatever cannot be read; nothing is drawn; a file without
+            a unit where none is given.
+    """
+    return _drawing(Path(path), unit).toolpath(feed, gap)
+
+
+def _drawing(path: Path, unit: float | None) -> Drawing:
+    return read_dxf(path, unit)

@@ -1,0 +1,191 @@
+"""Parts of a drawing in the plane of complex numbers: lines, arcs of ellipses, rational curves.
+
+An affine map takes each kind to itself, without loss.
+"""
+
+import cmath
+import math
+from typing import NamedTuple
+
+from jcontour.geometry.drawings.affine import Affine
+
+ROUND = 1e-9  # of the half axes: ellipses that are this close to a circle are circles
+STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
+
+
+class Line(NamedTuple):
+    """Straight from `start` to `end`."""
+
+    start: complex
+    end: complex
+
+    def placed(self, affine: Affine) -> "Line":
+        """Its image."""
+        return Line(affine.point(self.start), affine.point(self.end))
+
+    def backwards(self) -> "Line":
+        """From end to start."""
+        return Line(self.end, self.start)
+
+    def middle(self) -> complex:
+        """A point halfway."""
+        return 0.5 * (self.start + self.end)
+
+    def heading(self) -> complex:
+        """Direction of its beginning, of any length."""
+        return self.end - self.start
+
+
+class Arc(NamedTuple):
+    """p(t) = centre + first cos t + second sin t for t from `begin` to `begin + sweep` [rad].
+
+    `first` and `second` are conjugate half diameters of an ellipse, or of a circle.
+    """
+
+    centre: complex
+    first: complex
+    second: complex
+    begin: float
+    sweep: float
+
+    @classmethod
+    def circular(cls, start: complex, centre: complex, angle: float) -> "Arc":
+        """Arc of a circle that turns by an angle [rad], positive counter-clockwise."""
+        return cls(centre, start - centre, 1j * (start - centre), 0.0, angle)
+
+    def at(self, t: float) -> complex:
+        """Point at the parameter t."""
+        return self.centre + self.first * math.cos(t) + self.second * math.sin(t)
+
+    @property
+    def start(self) -> complex:
+        """First point."""
+        return self.at(self.begin)
+
+    @property
+    def end(self) -> complex:
+        """Last point: the first one, to the last bit, after a whole turn."""
+        return self.start if abs(self.sweep) == math.tau else self.at(self.begin + self.sweep)
+
+    def placed(self, affine: Affine) -> "Arc":
+        """Its image."""
+        return self._replace(
+            centre=affine.point(self.centre),
+            first=affine.direction(self.first),
+            second=affine.direction(self.second),
+        )
+
+    def backwards(self) -> "Arc":
+        """From end to start."""
+        return self._replace(begin=self.begin + self.sweep, sweep=-self.sweep)
+
+    def middle(self) -> complex:
+        """A point halfway."""
+        return self.at(self.begin + 0.5 * self.sweep)
+
+    def heading(self) -> complex:
+        """Direction of its beginning, of any length."""
+        slope = self.second * math.cos(self.begin) - self.first * math.sin(self.begin)
+        return math.copysign(1.0, self.sweep) * slope
+
+    def is_circular(self) -> bool:
+        """Whether it belongs to a circle."""
+        u, v = self.first, self.second
+        size = max(abs(u), abs(v))
+        leaning = abs((u * v.conjugate()).real)
+        return abs(abs(u) - abs(v)) <= ROUND * size and leaning <= ROUND * size**2
+
+
+class Curve(NamedTuple):
+    """p(t) = sum_i top[i] t^i / sum_i bottom[i] t^i for t from 0 to 1.
+
+    Both sums have as many terms; a polynomial has bottom = (1, 0, ...).
+    """
+
+    top: tuple[complex, ...]
+    bottom: tuple[float, ...]
+
+    @classmethod
+    def bezier(cls, *points: complex) -> "Curve":
+        """Bezier curve of two or more control points."""
+        degree = len(points) - 1
+        top = tuple(
+            math.comb(degree, i)
+            * sum((-1) ** (i - j) * math.comb(i, j) * points[j] for j in range(i + 1))
+            for i in range(degree + 1)
+        )
+        return cls(top, (1.0,) + (0.0,) * degree)
+
+    def at(self, t: float) -> complex:
+        """Point at the parameter t."""
+        return _polynomial(self.top, t) / _polynomial(self.bottom, t)
+
+    @property
+    def start(self) -> complex:
+        """First point."""
+        return self.top[0] / self.bottom[0]
+
+    @property
+    def end(self) -> complex:
+        """Last point."""
+        return sum(self.top) / sum(self.bottom)
+
+    def placed(self, affine: Affine) -> "Curve":
+        """Its image."""
+        top = (
+            affine.direction(a) + affine.shift * b
+            for a, b in zip(self.top, self.bottom, strict=True)
+        )
+        return self._replace(top=tuple(top))
+
+    def backwards(self) -> "Curve":
+        """From end to start."""
+        return Curve(_backwards(self.top), _backwards(self.bottom))
+
+    def middle(self) -> complex:
+        """A point halfway."""
+        return self.at(0.5)
+
+    def heading(self) -> complex:
+        """Direction of its beginning, of any length: of the first derivative that is not zero."""
+        size = abs(self.end - self.start) + abs(self.middle() - self.start)
+        for i in range(1, len(self.top)):
+            # derivatives of the quotient agree with these up to the first one that is not zero
+            slope = self.top[i] - self.start * self.bottom[i]
+            if abs(slope) > STANDS * size:
+                return slope / self.bottom[0]
+        return self.end - self.start
+
+
+Segment = Line | Arc | Curve
+
+
+class Drawn(NamedTuple):
+    """A segment, and the line of the file that it is from."""
+
+    segment: Segment
+    line: int
+
+
+def is_finite(segment: Segment) -> bool:
+    """Whether all its points are finite numbers."""
+    if isinstance(segment, Curve):
+        ends = (segment.bottom[0], sum(segment.bottom))
+        return all(map(cmath.isfinite, (*segment.top, *segment.bottom))) and all(ends)
+    return all(map(cmath.isfinite, segment))
+
+
+def _polynomial(coefficients: tuple, t: float):
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * t + coefficient
+    return value
+
+
+def _backwards(coefficients: tuple) -> tuple:
+    """Coefficients in 1 - t."""
+    count = len(coefficients)
+    return tuple(
+        (-1) ** j * sum(math.comb(i, j) * coefficients[i] for i in range(j, count))
+        for j in range(count)
+    )

@@ -1,0 +1,254 @@
+"""DXF: closed forms of every kind of curve, blocks, units, layers, and files that are none."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipe
+
+from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpaths import read_gcode
+
+LINE = "LINE 10=0 20=0 11=3 21=4"
+NM = 1e-6  # [mm]
+TURN = np.pi / 6
+
+
+def test_the_same_plate_as_a_program_and_as_a_drawing(drawn, traced):
+    """Lines and arcs in no order are joined to the contours of the program."""
+    drawing = read_drawing(drawn.DATA / "plate.dxf", drawn.FEED)
+    program = read_gcode(drawn.DATA / "plate.ngc")
+    traced.assert_valid(drawing)
+    assert drawing.rapid.tolist() == program.rapid.tolist()
+    places = np.linspace(0, 1, 9)
+    np.testing.assert_allclose(
+        traced.points(drawing, places), traced.points(program, places), atol=1e-9
+    )
+    assert float(drawing.contour.fit_error) == 0.0  # arcs stay arcs
+    np.testing.assert_allclose(drawing.feed, program.feed)
+    assert drawing.ignored == ("1 TEXT (layer notes)",)
+
+
+def test_each_piece_tells_its_line_of_the_file(drawn):
+    toolpath = read_drawing(drawn.DATA / "plate.dxf", drawn.FEED)
+    lines = (drawn.DATA / "plate.dxf").read_text().splitlines()
+    kinds = [lines[line - 1] for line in toolpath.line[~toolpath.rapid]]
+    assert kinds == [*["LINE", "ARC"] * 4, "CIRCLE", *["LWPOLYLINE"] * 4]
+
+
+def test_circles_and_arcs(drawn):
+    circle = drawn.dxf("CIRCLE 10=1 20=2 40=3")
+    assert drawn.length(circle) == pytest.approx(6 * np.pi, rel=1e-14)
+    assert circle.contour.rate.shape == (1,) and bool(circle.contour.closed)
+    arc = drawn.dxf("ARC 10=1 20=2 40=3 50=350 51=20")
+    np.testing.assert_allclose(np.hypot(*(drawn.cut(arc) - [1, 2]).T), 3, rtol=1e-13)
+    assert drawn.length(arc) == pytest.approx(3 * np.radians(30), rel=1e-13)
+    ends = np.radians([350, 20])
+    expected = np.stack([1 + 3 * np.cos(ends), 2 + 3 * np.sin(ends)], axis=1)
+    np.testing.assert_allclose(drawn.cut(arc)[[0, -1]], expected, atol=1e-12)
+    seen_from_below = drawn.dxf("ARC 10=1 20=2 40=3 50=0 51=90 210=0 220=0 230=-1")
+    np.testing.assert_allclose(drawn.cut(seen_from_below)[[0, -1]], [[-4, 2], [-1, 5]], atol=1e-12)
+
+
+def test_a_leaning_circle_is_seen_as_an_ellipse(drawn):
+    """Turned around the y axis by 60 degrees, its x axis is seen half as long."""
+    normal = f"210={np.sin(np.pi / 3)} 220=0 230={np.cos(np.pi / 3)}"
+    points = drawn.cut(drawn.dxf(f"CIRCLE 10=0 20=0 40=3 {normal}"))
+    np.testing.assert_allclose((points[:, 0] / 1.5) ** 2 + (points[:, 1] / 3) ** 2, 1, atol=2e-5)
+    assert abs(np.abs(points).max(axis=0) - [1.5, 3]).max() < 10 * NM
+
+
+def test_ellipses(drawn):
+    whole = drawn.dxf("ELLIPSE 10=1 20=2 11=0 21=6 40=0.5")
+    assert drawn.length(whole) == pytest.approx(4 * 6 * ellipe(0.75), abs=10 * NM)
+    x, y = (drawn.cut(whole) - [1, 2]).T
+    np.testing.assert_allclose(np.hypot(x / 3, y / 6), 1, atol=10 * NM)
+    assert bool(whole.contour.closed) and 0 < float(whole.contour.fit_error) <= 1e-8
+    quarter = drawn.dxf(f"ELLIPSE 10=1 20=2 11=6 21=0 40=0.5 41=0 42={np.pi / 2}")
+    assert drawn.length(quarter) == pytest.approx(6 * ellipe(0.75), abs=10 * NM)
+    np.testing.assert_allclose(drawn.cut(quarter)[[0, -1]], [[7, 2], [1, 5]], atol=1e-12)
+
+
+@pytest.mark.parametrize("bulge", [1.0, -0.3, 2.5, 1e-3])
+def test_bulges(drawn, bulge):
+    """A bulge is twice the height of the arc over its chord, to the right of it."""
+    arc = drawn.dxf(f"LWPOLYLINE 90=2 70=0 10=1 20=1 42={bulge} 10=5 20=1")
+    radius = 4 * (1 + bulge**2) / (4 * abs(bulge))
+    assert drawn.length(arc) == pytest.approx(radius * 4 * np.arctan(abs(bulge)), rel=1e-12)
+    start, middle, end = drawn.cut(arc, 3)
+    np.testing.assert_allclose(
+        [start, middle, end], [[1, 1], [3, 1 - 2 * bulge], [5, 1]], atol=1e-9
+    )
+
+
+def test_polylines_with_vertices(drawn):
+    flat = ["POLYLINE 66=1 70=1", "VERTEX 10=0 20=0", "VERTEX 10=4 20=0 42=1", "VERTEX 10=4 20=4"]
+    found = drawn.dxf(*flat, "SEQEND")
+    assert drawn.length(found) == pytest.approx(4 + 2 * np.pi + 4 * np.sqrt(2))
+    frame = ["POLYLINE 66=1 70=4", "VERTEX 10=9 20=9 70=16", *flat[1:], "SEQEND"]
+    assert drawn.length(drawn.dxf(*frame)) == pytest.approx(4 + 2 * np.pi)
+    space = ["POLYLINE 66=1 70=8", "VERTEX 10=0 20=0 30=7", "VERTEX 10=3 20=4 30=-7", "SEQEND"]
+    assert drawn.length(drawn.dxf(*space)) == pytest.approx(5)
+    mesh = ["POLYLINE 66=1 70=64", "VERTEX 10=0 20=0", "SEQEND"]
+    assert drawn.dxf(LINE, *mesh).ignored == ("1 POLYLINE (layer 0)",)
+
+
+QUARTER = (
+    f"SPLINE 71=2 40=0 40=0 40=0 40=1 40=1 40=1 41=1 41={np.sqrt(0.5)} 41=1 "
+    "10=8 20=0 10=8 20=8 10=0 20=8"
+)
+
+
+def test_a_rational_spline_is_a_quarter_of_a_circle(drawn):
+    points = drawn.cut(drawn.dxf(QUARTER))
+    np.testing.assert_allclose(np.hypot(*points.T), 8, atol=10 * NM)
+    assert drawn.length(drawn.dxf(QUARTER)) == pytest.approx(4 * np.pi, abs=10 * NM)
+
+
+def test_a_uniform_spline_begins_inside_its_control_points(drawn):
+    """The uniform cubic is (P0 + 4 P1 + P2) / 6 at its first knot, and ends likewise."""
+    control = np.array([[0, 0], [3, 6], [9, 0], [12, 6.0], [15, 3]])
+    knots = " ".join(f"40={k}" for k in range(9))
+    points = " ".join(f"10={x} 20={y}" for x, y in control)
+    found = drawn.cut(drawn.dxf(f"SPLINE 71=3 {knots} {points}"))
+    ends = [(control[i] + 4 * control[i + 1] + control[i + 2]) / 6 for i in (0, 2)]
+    np.testing.assert_allclose(found[[0, -1]], ends, atol=1e-9)
+
+
+def test_a_spline_through_fit_points(drawn):
+    """Four points of a parabola, which the clamped cubic over the chord stays near."""
+    fit = np.array([[0, 0], [1, 2], [3, 3], [6, 0.0]])
+    points = " ".join(f"11={x} 21={y}" for x, y in fit)
+    found = drawn.cut(drawn.dxf(f"SPLINE 71=3 74=4 12=0 22=1 {points} 13=0 23=-1"), 33)
+    for point in fit:
+        assert np.linalg.norm(found - point, axis=1).min() < 10 * NM
+    first, last = found[1] - found[0], found[-1] - found[-2]
+    assert first[1] > 0 > last[1] and abs(first[0] / first[1]) < 0.1 > abs(last[0] / last[1])
+
+
+BLOCK = ["BLOCK 2=part 10=1 20=1 70=0", "CIRCLE 10=3 20=1 40=2", LINE, "ENDBLK"]
+
+
+def test_blocks_are_placed_turned_and_scaled(drawn):
+    """Scaled by 2 and 3, turned by 30 degrees and shifted: base (1, 1) comes to (10, 20)."""
+    insert = "INSERT 2=PART 10=10 20=20 41=2 42=3 50=30"
+    found = drawn.dxf(insert, blocks=BLOCK)
+    turned = np.array([[np.cos(TURN), np.sin(TURN)], [-np.sin(TURN), np.cos(TURN)]])
+    points = (drawn.cut(found) - [10, 20]) @ turned.T / [2, 3] + 1
+    on_circle = abs(np.hypot(*(points - [3, 1]).T) - 2) < 10 * NM
+    on_line = abs(4 * points[:, 0] - 3 * points[:, 1]) < 1e-9
+    assert (on_circle | on_line).all() and on_circle.any() and on_line.any()
+    assert drawn.length(found) == pytest.approx(4 * 6 * ellipe(5 / 9) + np.hypot(6, 12), abs=1e-5)
+
+
+def test_blocks_in_blocks_and_arrays(drawn):
+    outer = ["BLOCK 2=outer 10=0 20=0", "INSERT 2=part 10=0 20=0 43=0 42=-1", "ENDBLK"]
+    array = "INSERT 2=outer 10=0 20=0 70=3 71=2 44=10 45=20 50=90"
+    found = drawn.dxf(array, blocks=BLOCK + outer)
+    assert drawn.length(found) == pytest.approx(6 * (4 * np.pi + 5))
+    low, high = drawn.cut(found, 33).min(axis=0), drawn.cut(found, 33).max(axis=0)
+    # a cell: x from -1 to 4, y from -3 to 2 once mirrored; turned: x from -2 to 3, y from -1 to 4
+    np.testing.assert_allclose([low, high], [[-22, -1], [3, 24]], atol=0.02)
+
+
+def test_units(drawn):
+    for code, mm in ((1, 25.4), (2, 304.8), (4, 1), (5, 10), (6, 1000), (13, 1e-3), (14, 100)):
+        assert drawn.length(drawn.dxf(LINE, unit=code)) == pytest.approx(5 * mm)
+    assert drawn.length(drawn.dxf(LINE, unit=None, given=25.4e-3)) == pytest.approx(127)
+    assert drawn.length(drawn.dxf(LINE, unit=1, given=1e-3)) == pytest.approx(5)
+    for unit in (None, 0):
+        with pytest.raises(ToolpathError, match=r"does not say its unit .* --drawing-unit mm"):
+            drawn.dxf(LINE, unit=unit)
+
+
+def test_what_is_not_drawn_is_told(drawn):
+    layers = ["LAYER 2=off 62=-3 70=0", "LAYER 2=cold 62=7 70=1", "LAYER 2=on 62=7 70=0"]
+    unseen = [f"{LINE} 8=OFF", f"{LINE} 8=cold", f"{LINE} 60=1", f"{LINE} 67=1", "POINT 10=1 20=1"]
+    found = drawn.dxf(*unseen, f"{LINE} 8=on", "MTEXT 8=on 1=x", "MTEXT 8=on 1=y", layers=layers)
+    assert drawn.length(found) == pytest.approx(5)
+    assert found.ignored == (
+        "1 LINE (layer 0, in paper space)",
+        "1 LINE (layer 0, invisible)",
+        "1 LINE (layer OFF, off)",
+        "1 LINE (layer cold, off)",
+        "2 MTEXT (layer on)",
+        "1 POINT (layer 0)",
+    )
+
+
+def test_layer_0_of_a_block_is_that_of_its_insert(drawn):
+    found = drawn.dxf(
+        LINE, "INSERT 2=part 10=0 20=0 8=off", blocks=BLOCK, layers=["LAYER 2=off 62=-1"]
+    )
+    assert found.ignored == ("1 INSERT (layer off, off)",)
+
+
+ITSELF = ["BLOCK 2=part", "INSERT 2=part 10=0 20=0", "ENDBLK"]
+TEN = " ".join(["10=1", "20=1"] * 10)
+BOMB = [
+    line
+    for k in range(9)
+    for line in (f"BLOCK 2=b{k}", *[f"INSERT 2=b{k + 1} 10=0 20=0"] * 10, "ENDBLK")
+]
+
+
+@pytest.mark.parametrize(
+    ("entities", "blocks", "message"),
+    [
+        ([], [], "no lines or curves are drawn"),
+        (["TEXT 1=x"], [], r"no lines or curves are drawn; left out: 1 TEXT \(layer 0\)"),
+        (["LINE 10=0 20=0 11=x 21=4"], [], "line 22: needs a number, received 'x'"),
+        (["LINE 10=0 20=0 11=nan 21=4"], [], "line 22: needs a number, received 'nan'"),
+        (["LINE 10=0 20=0 11=1e9 21=4"], [], "line 16: a point is farther than 100 m away"),
+        (["LINE 10=0 20=0 11=1e999 21=4"], [], "line 16: a point is farther than 100 m away"),
+        (["CIRCLE 10=0 20=0 40=1e300"], [], "line 16: a point is farther than 100 m away"),
+        (["LINE 10=0 20=0 11=3"], [], "line 16: LINE without group code 21"),
+        (["CIRCLE 10=0 20=0"], [], "line 16: CIRCLE without group code 40"),
+        (["CIRCLE 10=0 20=0 40=0"], [], r"left out: 1 CIRCLE \(layer 0\)"),
+        (["ELLIPSE 10=0 20=0 11=0 21=0 40=1"], [], "line 16: ELLIPSE without an axis"),
+        (["SPLINE 71=3 10=0 20=0"], [], "line 16: SPLINE of degree 3 with 1 control points and 0"),
+        (["SPLINE 71=0 10=0 20=0"], [], "line 16: SPLINE of degree 0"),
+        ([QUARTER.replace("40=1 ", "40=-1 ")], [], "line 16: SPLINE with knots that do not rise"),
+        ([QUARTER.replace("41=1 10", "41=-1 10")], [], "line 16: SPLINE with weights"),
+        (["SPLINE 71=3"], [], "line 16: SPLINE without control points and fit points"),
+        (["INSERT 2=none 10=0 20=0"], [], "line 16: there is no block 'none'"),
+        (["INSERT 2=part 10=0 20=0"], ITSELF, "line [0-9]+: block 'part' is in itself"),
+        (["INSERT 2=b0 10=0 20=0"], BOMB, "line [0-9]+: there is no block 'b9'"),
+        (["INSERT 2=p 10=0 20=0 70=9999 71=9999"], ["BLOCK 2=p"], "an array of 9999 x 9999"),
+        (["INSERT 2=p 10=0 20=0"], ["BLOCK 2=p 70=4"], "1 INSERT .layer 0, in another file"),
+        ([f"LWPOLYLINE {TEN}"], [], "no lines or curves are drawn"),
+    ],
+)
+def test_bad_entities(drawn, entities, blocks, message):
+    with pytest.raises(ToolpathError, match=message) as raised:
+        drawn.dxf(*entities, blocks=blocks)
+    assert len(str(raised.value).splitlines()) == 1
+
+
+def test_a_bomb_of_blocks(drawn, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.drawings.dxf.MOST_MOVES", 1000)
+    blocks = [*BOMB, "BLOCK 2=b9", "ENDBLK"]
+    with pytest.raises(ToolpathError, match="more than 1000 entities"):
+        drawn.dxf("INSERT 2=b0 10=0 20=0", blocks=blocks)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "not a DXF file: it is empty"),
+        (b"G1 X1 F100\nX2\n", "line 1: not a DXF file"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0", "line 1: not a DXF file"),
+        (b"AutoCAD Binary DXF\r\n\x1a\0", "line 1: a binary DXF; save it as text"),
+        (b"9\n$INSUNITS\n", "line 2: not a DXF file"),
+        (b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\n", "the file is cut off: there is no EOF"),
+        (b"0\nSECTION\n2\nENTITIES\nzero\nLINE\n", "line 5: needs a group code, received 'zero'"),
+        (b"0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n20\n0\nEOF\n", "line 8: a drawing in unit 20"),
+    ],
+)
+def test_files_that_are_no_drawings(drawn, text, message):
+    with pytest.raises(ToolpathError, match=message):
+        drawn.read(text)
+
+
+def test_comments_blank_ends_and_carriage_returns(drawn):
+    text = "999\nwritten by hand\n" + drawn.text([LINE]).replace("\n0\n", "\n  0\n") + "\x1a"
+    assert drawn.length(drawn.read(text.replace("\n", "\r\n"))) == pytest.approx(5)

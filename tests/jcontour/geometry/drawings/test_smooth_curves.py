@@ -1,0 +1,77 @@
+"""Curves that are hard to fit: handles drawn in, cusps, whole turns; and their measured error."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry.drawings.drawn_pieces import FIT_TOLERANCE, drawn_pieces
+from jcontour.geometry.drawings.segments import Arc, Curve, Line
+
+MM = 1e-3
+
+
+def bezier(*points):
+    return Curve.bezier(*[MM * complex(*point) for point in points])
+
+
+def apart(curve, found):
+    """Largest distance [m] between a curve and its pieces, each seen from the other's points."""
+    fractions = np.linspace(0, 1, 33)
+    pieces = found.pieces
+    points = np.concatenate(
+        [
+            pieces._replace(**{name: rows[i] for name, rows in pieces._asdict().items()}).jet(
+                fractions * pieces.extent[i]
+            )[0]
+            for i in range(pieces.extent.size)
+        ]
+    )
+    t = np.linspace(0, 1, 20001)
+    true = np.array([curve.at(u) for u in t])
+    distances = np.abs((points @ [1, 1j])[:, None] - true)
+    # the nearest of the samples is as far along as half a step, not across
+    step = np.abs(np.diff(true)).max()
+    return np.sqrt(np.maximum(distances.min(axis=1) ** 2 - step**2, 0)).max()
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        bezier((0, 0), (5, 0), (5, 5), (10, 5)),
+        bezier((0, 0), (0, 0), (5, 5), (10, 5)),  # a handle drawn in
+        bezier((0, 0), (3, 5), (10, 5), (10, 5)),
+        bezier((0, 0), (0, 0), (10, 5), (10, 5)),  # both: a straight line
+        bezier((0, 0), (0, 0), (0, 0), (10, 5)),
+        bezier((0, 0), (10, 10), (0, 10), (10, 0)),  # a cusp in its middle
+        bezier((0, 0), (10, 10), (-0.1, 10), (10, 0)),  # a loop
+        bezier((0, 0), (10, 10), (0.01, 10), (10, 0)),  # nearly a cusp
+        bezier((0, 0), (12, 0), (-2, 0), (10, 0)),  # straight, to and fro
+        bezier((0, 0), (7, 9), (10, 0)),
+    ],
+)
+def test_bezier_curves(curve):
+    found = drawn_pieces([curve])
+    assert found.fit_error <= FIT_TOLERANCE
+    assert apart(curve, found) < 3 * FIT_TOLERANCE
+    start, tangent, _ = found.pieces.jet(np.zeros(found.pieces.extent.size))
+    np.testing.assert_allclose(np.linalg.norm(tangent, axis=-1), 1, atol=1e-9)
+    end = found.pieces.jet(found.pieces.extent)[0]
+    np.testing.assert_allclose(start[1:], end[:-1], atol=1e-14)
+    np.testing.assert_allclose([start[0] @ [1, 1j], end[-1] @ [1, 1j]], [curve.start, curve.end])
+
+
+def test_curves_backwards_and_placed():
+    curve = Curve((1 + 0j, 2j, 3 - 1j), (1.0, 0.5, 0.25))
+    for t in (0.0, 0.3, 1.0):
+        assert curve.backwards().at(t) == pytest.approx(curve.at(1 - t))
+    arc = Arc(1j, 2 + 1j, 0.5j, 0.3, -1.2)
+    assert arc.backwards().start == arc.end and arc.backwards().end == pytest.approx(arc.start)
+    assert arc.heading() == pytest.approx(-arc.backwards().backwards().heading() * -1)
+
+
+def test_kinds_stay_in_their_order():
+    line, arc = Line(0, MM), Arc.circular(MM, MM * (1 + 1j), np.pi)
+    ellipse = Arc(MM * (1 + 4j), -2j * MM, MM, 0.0, np.pi)
+    found = drawn_pieces([line, ellipse, arc, Line(5 * MM, 5 * MM), line])
+    assert sorted(set(found.owner.tolist())) == [0, 1, 2, 4]
+    assert (np.diff(found.owner) >= 0).all()
+    assert (found.pieces.rate > 0).tolist() == (found.owner == 2).tolist()
