@@ -26,8 +26,8 @@ class Tune(Aimed):
     """
 
     parts: Positional[tuple[str, ...]] = ()
-    """Training set: toolpaths (.ngc G-code, .dxf drawings, .csv points in mm), or names from
-    `jcontour list`. The machine's usual one when none is given."""
+    """Training set: toolpaths (.ngc G-code, .dxf and .svg drawings, .csv points in mm),
+    or names from `jcontour list`. The machine's usual one when none is given."""
     contours: str | None = None
     """Training set of random contours instead, as random:64, in the size and feed of the parts.
     As many others are held out. --seed draws other ones."""
@@ -55,7 +55,7 @@ class Simulate(Controlled):
     """Simulate one controller on one contour: table, figures, netCDF."""
 
     contour: Positional[str | None] = None
-    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .csv).
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
     The machine's usual contour when not given."""
     video: bool = False  # it needs MuJoCo and a renderer
     """Gantry: film its MuJoCo model on the contour, the twist of the beam magnified.
@@ -102,7 +102,7 @@ class Front(Aimed):
     """
 
     parts: Positional[tuple[str, ...]] = ()
-    """Toolpaths (.ngc, .dxf, .csv) or names from `jcontour list`.
+    """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
     The machine's usual contour when none is given."""
     against: Against = "increment"  # the front of the paper's machine
     """Budgets along the front.
@@ -125,7 +125,7 @@ class Rank(Aimed):
     """
 
     parts: Positional[tuple[str, ...]] = ()
-    """Training set: toolpaths (.ngc, .dxf, .csv) or names from `jcontour list`.
+    """Training set: toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
     The machine's usual one when none is given."""
     controllers: tuple[str, ...] = ()
     """Names from `jcontour list`, or FILE.py:NAME.
@@ -145,7 +145,7 @@ class Sweep(Spreading):
     """Evaluate a grid, or a random sample, over weights x preview x contours."""
 
     parts: Positional[tuple[str, ...]] = ()
-    """Toolpaths (.ngc, .dxf, .csv) or names from `jcontour list`.
+    """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
     The machine's usual contours when none is given."""
     vary: tuple[str, ...] = ()
     """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample.
@@ -230,7 +230,7 @@ class Trace(Common):
     contour: Positional[str] = (
         "lobes"  # size and tight curves of the contour in Lam, Manzie & Good (2011)
     )
-    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .csv)."""
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv)."""
     plant: str = "xy-table"  # the paper's
     """Machine: a name from `jcontour list`, or a JSON or npz file; its whole state is measured."""
     q_theta: float = 0.3  # the middle of the paper's range 0.03 .. 5
@@ -268,7 +268,7 @@ class Learn(Controlled):
     """
 
     contour: Positional[str | None] = None
-    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .csv).
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
     The machine's usual contour when not given."""
     laps: int = 20  # most learn in five
     """Laps of the whole run; each one starts alike."""

@@ -6,7 +6,7 @@ from typing import Literal
 
 Terminal = Literal["output", "riccati"]
 FeedLaw = Literal["trapezoidal", "jerk"]
-DrawingUnit = Literal["mm", "cm", "m", "inch"]
+DrawingUnit = Literal["mm", "cm", "m", "inch", "px", "pt"]
 Objective = Literal["typical", "worst", "mean", "regret", "certified"]
 
 
@@ -40,7 +40,8 @@ class MachineFlags(Common):
     corner_tolerance_um: float = 5.0  # some encoder counts
     """Distance [um] within which corners are blended, with --feed-law jerk; 0 stops in them."""
     drawing_unit: DrawingUnit | None = None
-    """Unit of a drawing, whatever its file says. When not given, the file has to say."""
+    """Unit of a drawing, whatever its file says. When not given, the file has to say.
+    px: 1/96 inch, as browsers and Inkscape have it. pt: 1/72 inch, as Illustrator has it."""
     join_um: float = 10.0  # programs that draw snap to less
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
 

@@ -10,7 +10,7 @@ from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, own_name
 from experiments.files.checks import MachineError
 
-DRAWINGS = (".dxf",)  # read as a whole
+DRAWINGS = (".dxf", ".svg")  # read as a whole
 FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
 
 

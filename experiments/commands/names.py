@@ -43,6 +43,6 @@ def command(flags: Listing) -> int:
     say(
         console,
         "--plant also takes a machine file (JSON, npz), "
-        "contours and parts a toolpath file (.ngc, .dxf, .csv).",
+        "contours and parts a toolpath file (.ngc, .dxf, .svg, .csv).",
     )
     return 0

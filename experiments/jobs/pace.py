@@ -11,7 +11,14 @@ from jcontour.geometry.toolpath_rules import INCH, MM
 
 FEED = 3000.0  # [mm/min] where nothing is programmed
 MM_PER_MIN = 1e-3 / 60
-DRAWING_UNITS = {"mm": MM, "cm": 10 * MM, "m": 1.0, "inch": INCH}  # [m]
+DRAWING_UNITS = {
+    "mm": MM,
+    "cm": 10 * MM,
+    "m": 1.0,
+    "inch": INCH,
+    "px": INCH / 96,
+    "pt": INCH / 72,
+}  # [m]
 # [m/s^2] of a path where the machine states none: usual for a table of this size
 ACCELERATION = 2.0
 # of the acceleration that a machine states, that a motion asks for: fast loops take 1.8 times what

@@ -36,17 +36,16 @@ class Drawing:
         Raises:
             ToolpathError: it reaches too far away, or there are too many segments.
         """
-        segments = [segment for segment in segments if not _vanishes(segment)]
-        if not segments:
-            return
-        self.count += len(segments)
-        if self.count > MOST_MOVES:
-            raise ToolpathError(f"line {line}: more than {MOST_MOVES} segments")
         if not all(_near(segment) for segment in segments):
             raise ToolpathError(
                 f"line {line}: a point is farther than {FARTHEST:g} m away: is the unit right?"
             )
-        self.strokes.append([Drawn(segment, line) for segment in segments])
+        segments = [segment for segment in segments if not _vanishes(segment)]
+        self.count += len(segments)
+        if self.count > MOST_MOVES:
+            raise ToolpathError(f"line {line}: more than {MOST_MOVES} segments")
+        if segments:
+            self.strokes.append([Drawn(segment, line) for segment in segments])
 
     def leave_out(self, words: str) -> None:
         """Count what is not taken."""

@@ -5,18 +5,19 @@ from pathlib import Path
 
 from jcontour.geometry.drawings.drawing import GAP, Drawing
 from jcontour.geometry.drawings.dxf import read_dxf
+from jcontour.geometry.drawings.svg import read_svg
 from jcontour.geometry.toolpaths import Toolpath
 
-SUFFIXES = (".dxf",)
+SUFFIXES = (".dxf", ".svg")
 
 
 def read_drawing(
     path: str | PathLike[str], feed: float, unit: float | None = None, gap: float = GAP
 ) -> Toolpath:
-    """Toolpath of a DXF file: contours at a feed [m/s], rapid moves between them.
+    """Toolpath of a DXF or SVG file: contours at a feed [m/s], rapid moves between them.
 
     Contours come in the order of the file, from where each was begun to be drawn. Lines and arcs
-    stay what they are. Ellipses and splines become quintic pieces within 10 nm.
+    stay what they are. Ellipses, splines and Bezier curves become quintic pieces within 10 nm.
 
     Args:
         path: of the file.
@@ -32,4 +33,4 @@ def read_drawing(
 
 
 def _drawing(path: Path, unit: float | None) -> Drawing:
-    return read_dxf(path, unit)
+    return read_svg(path, unit) if path.suffix.lower() == ".svg" else read_dxf(path, unit)

@@ -1,0 +1,243 @@
+"""Drawings in SVG: paths and basic shapes, with groups, transforms, viewports and `use`.
+
+    taken      path, rect, circle, ellipse, line, polyline, polygon; g, a, svg, switch, symbol, use
+    left out   text, image, foreignObject, what is hidden by display or visibility; clipping and
+               masks are not looked at. All these are told with their count. Style sheets are not
+               read
+    unit       that of width and height with the viewBox, or the one that is given: the length of a
+               user unit. It is asked for where the size is in px, of which programs have 72, 90
+               or 96 in an inch
+    axes       y of SVG points down: the drawing is mirrored, its lower left corner is the origin
+
+The tool follows outlines, whatever their stroke and fill. Nothing outside the file is read.
+"""
+
+import math
+import re
+from dataclasses import dataclass, field
+from os import PathLike
+
+from jcontour.geometry.drawings.affine import Affine
+from jcontour.geometry.drawings.drawing import Drawing
+from jcontour.geometry.drawings.segments import Arc, Line, Segment
+from jcontour.geometry.drawings.svg_paths import path_strokes
+from jcontour.geometry.drawings.svg_tree import Element, svg_tree
+from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
+from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
+from jcontour.geometry.toolpath_text import read_text
+
+GROUPS = ("svg", "g", "a", "switch")
+LEFT_OUT = ("text", "image", "foreignObject")
+DEEPEST_USE = 32
+LENGTH_SAID = re.compile("(mm|cm|Q|in|pt|pc)$")  # units that are no px, whose size differs
+QUARTER = 0.5 * math.pi
+
+
+def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
+    """Drawing of an SVG file.
+
+    Args:
+        path: of the file.
+        unit: of a user unit [m], whatever the file says; None for the file's own.
+
+    Raises:
+        ToolpathError: "line 12: ..." for whatever cannot be read; a file without a unit where none
+            is given.
+    """
+    root = svg_tree(read_text(path))
+    box = _box(root)
+    inner = (box[2], box[3]) if box else (math.nan, math.nan)
+    size = _size(root, "width", inner[0]), _size(root, "height", inner[1])
+    if unit is None and not (box and LENGTH_SAID.search(root.text("width"))):
+        raise ToolpathError(
+            "the drawing does not say its unit (a width in mm, cm, in, pt or pc, and a viewBox): "
+            "give it, as --drawing-unit mm, or px for 1/96 inch"
+        )
+    if unit is None:
+        view, height, unit = _viewport(root, *size), size[1], PX
+    else:
+        view = Affine(shift=-complex(box[0], box[1]) if box else 0.0)
+        height = inner[1] if box else size[1]
+    height = height if math.isfinite(height) else 0.0
+    upright = Affine(0.0, unit, 1j * unit * height)
+    reader = _Reader({e.attributes["id"]: e for e in root.all() if "id" in e.attributes})
+    whole = inner if box else size
+    for child in root.children:
+        reader.draw(child, upright.after(view).after(transform(root)), whole, 0)
+    return reader.drawing
+
+
+@dataclass
+class _Reader:
+    named: dict[str, Element]
+    drawing: Drawing = field(default_factory=Drawing)
+    visited: int = 0
+
+    def draw(self, element: Element, place: Affine, whole: tuple[float, float], used: int) -> None:
+        """Draw an element, in a viewport of a size in user units."""
+        self.visited += 1
+        if self.visited > MOST_MOVES:
+            raise ToolpathError(f"line {element.line}: more than {MOST_MOVES} elements")
+        name = element.name
+        if name in LEFT_OUT:
+            self.drawing.leave_out(name)
+            return
+        if name not in GROUPS and name != "use" and name not in SHAPES:
+            return
+        hidden = element.text("display") == "none" or element.text("visibility") == "hidden"
+        if hidden:
+            self.drawing.leave_out(f"hidden {name}")
+            return
+        for kind in ("clip-path", "mask"):
+            if element.text(kind, "none") != "none":
+                self.drawing.leave_out(kind)
+        place = place.after(transform(element))
+        if name in SHAPES:
+            for stroke in SHAPES[name](element, whole):
+                self.drawing.add([segment.placed(place) for segment in stroke], element.line)
+        elif name == "use":
+            self._use(element, place, whole, used)
+        else:
+            if name == "svg":
+                place, whole = _nested(element, element, place, whole)
+            for child in element.children:
+                self.draw(child, place, whole, used)
+
+    def _use(self, element: Element, place: Affine, whole: tuple[float, float], used: int) -> None:
+        link = element.text("href")
+        if not link.startswith("#"):
+            self.drawing.leave_out("use of another file")
+            return
+        found = self.named.get(link[1:])
+        if found is None:
+            raise ToolpathError(f"line {element.line}: there is no element {shown(link)}")
+        if used == DEEPEST_USE:
+            raise ToolpathError(
+                f"line {element.line}: {shown(link)} uses itself, or {DEEPEST_USE} deep"
+            )
+        if found.name != "symbol":
+            x, y = (length(element, n, 0.0, w) for n, w in zip("xy", whole, strict=True))
+            self.draw(found, place.after(Affine(shift=complex(x, y))), whole, used + 1)
+            return
+        place, whole = _nested(found, element, place.after(transform(found)), whole)
+        for child in found.children:
+            self.draw(child, place, whole, used + 1)
+
+
+def _nested(
+    inner: Element, placed: Element, place: Affine, whole: tuple[float, float]
+) -> tuple[Affine, tuple[float, float]]:
+    """Viewport of an inner svg or a symbol, placed by its own attributes or those of a `use`."""
+    x, y = (length(placed, n, 0.0, w) for n, w in zip("xy", whole, strict=True))
+    width, height = (
+        length(placed, n, length(inner, n, w, w), w)
+        for n, w in zip(("width", "height"), whole, strict=True)
+    )
+    box = _box(inner)
+    place = place.after(Affine(shift=complex(x, y))).after(_viewport(inner, width, height))
+    return place, (box[2], box[3]) if box else (width, height)
+
+
+def _viewport(element: Element, width: float, height: float) -> Affine:
+    """Map of a viewBox into its viewport, by preserveAspectRatio."""
+    box = _box(element)
+    if box is None:
+        return Affine()
+    x, y, wide, high = box
+    across, down = width / wide, height / high
+    align, *how = (element.text("preserveAspectRatio") or "xMidYMid meet").split()
+    if align == "none":
+        return Affine.matrix(across, 1j * down, -complex(across * x, down * y))
+    scale = max(across, down) if how == ["slice"] else min(across, down)
+    share = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+    right = share.get(align[1:4], 0.5) * (width - scale * wide)
+    below = share.get(align[5:8], 0.5) * (height - scale * high)
+    return Affine(scale, 0.0, complex(right, below) - scale * complex(x, y))
+
+
+def _box(element: Element) -> tuple[float, float, float, float] | None:
+    box = numbers(element, "viewBox")
+    if not box:
+        return None
+    if len(box) != 4 or not (box[2] > 0 and box[3] > 0) or not all(map(math.isfinite, box)):
+        raise ToolpathError(
+            f"line {element.line}: viewBox needs four numbers, the last two above zero"
+        )
+    return box[0], box[1], box[2], box[3]
+
+
+def _size(root: Element, name: str, default: float) -> float:
+    """Width or height of the drawing [px]; a percentage is of nothing that is known."""
+    return default if "%" in root.text(name) else length(root, name, default)
+
+
+def _path(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
+    return path_strokes(element.attributes.get("d", ""), element.line)
+
+
+def _rectangle(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
+    x, width = (length(element, n, 0.0, whole[0]) for n in ("x", "width"))
+    y, height = (length(element, n, 0.0, whole[1]) for n in ("y", "height"))
+    if not (width > 0 and height > 0):
+        return []
+    rx, ry = length(element, "rx", -1.0, whole[0]), length(element, "ry", -1.0, whole[1])
+    rx, ry = (rx if rx >= 0 else max(ry, 0.0)), (ry if ry >= 0 else max(rx, 0.0))
+    rx, ry = min(rx, 0.5 * width), min(ry, 0.5 * height)
+    if not (rx and ry):
+        rx = ry = 0.0
+    right, bottom = x + width, y + height
+    sides = (
+        Line(complex(x + rx, y), complex(right - rx, y)),
+        Line(complex(right, y + ry), complex(right, bottom - ry)),
+        Line(complex(right - rx, bottom), complex(x + rx, bottom)),
+        Line(complex(x, bottom - ry), complex(x, y + ry)),
+    )
+    corners = (
+        complex(right - rx, y + ry),
+        complex(right - rx, bottom - ry),
+        complex(x + rx, bottom - ry),
+        complex(x + rx, y + ry),
+    )
+    stroke: list[Segment] = []
+    for i, (side, corner) in enumerate(zip(sides, corners, strict=True)):
+        stroke.append(side)
+        if rx:
+            stroke.append(Arc(corner, complex(rx), 1j * ry, (i - 1) * QUARTER, QUARTER))
+    return [stroke]
+
+
+def _ellipse(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
+    cx, cy = (length(element, n, 0.0, w) for n, w in zip(("cx", "cy"), whole, strict=True))
+    if element.name == "circle":
+        rx = ry = length(element, "r", 0.0, math.hypot(*whole) / math.sqrt(2))
+    else:
+        rx, ry = (length(element, n, -1.0, w) for n, w in zip(("rx", "ry"), whole, strict=True))
+        rx, ry = (rx if rx >= 0 else ry), (ry if ry >= 0 else rx)
+    if not (rx > 0 and ry > 0):
+        return []
+    return [[Arc(complex(cx, cy), complex(rx), 1j * ry, 0.0, math.tau)]]
+
+
+def _line(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
+    x1, x2 = (length(element, n, 0.0, whole[0]) for n in ("x1", "x2"))
+    y1, y2 = (length(element, n, 0.0, whole[1]) for n in ("y1", "y2"))
+    return [[Line(complex(x1, y1), complex(x2, y2))]]
+
+
+def _polyline(element: Element, whole: tuple[float, float]) -> list[list[Segment]]:
+    given = numbers(element, "points")
+    points = [complex(*given[i : i + 2]) for i in range(0, len(given) - 1, 2)]
+    if element.name == "polygon":
+        points += points[:1]
+    return [[Line(*ends) for ends in zip(points, points[1:], strict=False)]]
+
+
+SHAPES = {
+    "path": _path,
+    "rect": _rectangle,
+    "circle": _ellipse,
+    "ellipse": _ellipse,
+    "line": _line,
+    "polyline": _polyline,
+    "polygon": _polyline,
+}

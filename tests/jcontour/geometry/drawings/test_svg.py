@@ -1,0 +1,207 @@
+"""SVG: closed forms of shapes and paths, transforms, viewports, units, and files that are none."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipe
+
+from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpaths import read_gcode
+
+NM = 1e-6  # [mm]
+SIZE = 'width="100mm" height="50mm" viewBox="0 0 100 50"'
+XMLNS = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+
+
+@pytest.fixture
+def svg(drawn):
+    def read(body, size=SIZE, given=None, head=""):
+        text = f"{head}<svg {XMLNS} {size}>\n{body}\n</svg>\n"
+        return drawn.read(text, given, suffix=".svg")
+
+    return read
+
+
+def test_the_same_plate_as_program_dxf_and_svg(drawn, traced):
+    program = read_gcode(drawn.DATA / "plate.ngc")
+    places = np.linspace(0, 1, 9)
+    for suffix in ("svg", "dxf"):
+        drawing = read_drawing(drawn.DATA / f"plate.{suffix}", drawn.FEED)
+        np.testing.assert_allclose(
+            traced.points(drawing, places), traced.points(program, places), atol=1e-9
+        )
+        assert drawing.rapid.tolist() == program.rapid.tolist()
+    assert set(drawing.line) > {20}
+
+
+def test_an_ellipse_and_a_curve_are_the_same_in_dxf_and_svg(drawn, svg, traced):
+    """A Bezier curve is the spline of the same control points and the knots 0 0 0 0 1 1 1 1."""
+    half = f"ELLIPSE 10=20 20=20 11=8 21=0 40=0.5 41=0 42={np.pi}"
+    knots = " ".join(["40=0"] * 4 + ["40=1"] * 4)
+    spline = f"SPLINE 71=3 {knots} 10=50 20=10 10=60 20=40 10=70 20=0 10=90 20=30"
+    from_dxf = drawn.dxf(half, spline)
+    from_svg = svg('<path d="M28 30A8 4 0 0 0 12 30M50 40C60 10 70 50 90 20"/>')
+    assert from_dxf.contour.extent.shape == from_svg.contour.extent.shape
+    np.testing.assert_allclose(
+        traced.points(from_svg, np.linspace(0, 1, 9)),
+        traced.points(from_dxf, np.linspace(0, 1, 9)),
+        atol=1e-8,
+    )
+
+
+def test_shapes(drawn, svg):
+    for body, length in (
+        ('<rect x="5" y="5" width="30" height="20"/>', 100),
+        ('<rect x="5" y="5" width="30" height="20" rx="5"/>', 60 + 10 * np.pi),
+        ('<circle cx="20" cy="20" r="10"/>', 20 * np.pi),
+        ('<ellipse cx="20" cy="20" rx="12" ry="6"/>', 48 * ellipe(0.75)),
+        ('<line x1="1" y1="1" x2="4" y2="5"/>', 5),
+        ('<polyline points="0,0 3,4,3 10"/>', 11),
+        ('<polygon points="0,0 3,0 3 4"/>', 12),
+        ('<rect width="1cm" height="50%"/>', 2 * (10 * 96 / 25.4 + 25)),
+    ):
+        assert drawn.length(svg(body)) == pytest.approx(length, abs=100 * NM)
+
+
+def test_y_points_up_from_the_lower_left_corner(drawn, svg):
+    points = drawn.cut(svg('<line x1="10" y1="50" x2="30" y2="45"/>'), 2)
+    np.testing.assert_allclose(points, [[10, 0], [30, 5]], atol=1e-12)
+
+
+def test_path_letters(drawn, svg):
+    """Absolute and relative letters, without spaces, smooth curves, and several subpaths."""
+    same = (
+        "M10 10L20 10H30V20C30 30 40 30 40 20S50 10 50 20Q55 30 60 20T70 20A5 5 0 0 1 80 20Z",
+        "m10,10 10 0h10v10c0 10 10 10 10 0s10-10 10 0q5 10 10 0t10 0a5 5 0 0110 0z",
+    )
+    first, second = (drawn.cut(svg(f'<path d="{data}"/>')) for data in same)
+    np.testing.assert_allclose(first, second, atol=1e-9)
+    moved = svg('<path d="M1 1 4 5M10 10h5zm0 10h5"/>')
+    assert drawn.length(moved) == pytest.approx(5 + 5 + 5, abs=5.1)
+    assert np.count_nonzero(moved.rapid) == 2
+
+
+def test_arcs_by_their_ends(drawn, svg):
+    """Of the four arcs through two points, large and sweep choose one; short radii grow."""
+    for large, sweep in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        arc = svg(f'<path d="M20 20A10 10 0 {large} {sweep} 30 30"/>')
+        assert drawn.length(arc) == pytest.approx(10 * np.pi * (1.5 if large else 0.5))
+        middle = drawn.cut(arc, 3)[1] - [25, 25]
+        # towards larger angles with y downwards, a small arc passes to the upper right
+        right = middle[0] + middle[1] > 0
+        assert right == bool(sweep)
+    grown = svg('<path d="M20 20A1 2 0 0 1 40 20"/>')
+    assert drawn.length(grown) == pytest.approx(4 * 20 * ellipe(0.75) / 2, abs=100 * NM)
+    turned = drawn.cut(svg('<path d="M28 20A8 4 30 0 1 12 20z"/>'))
+    assert np.isfinite(turned).all()
+
+
+def test_transforms_act_from_right_to_left(drawn, svg):
+    body = (
+        '<g transform="translate(40,20) rotate(90)"><g transform="scale(2,0.5)">'
+        '<line x1="0" y1="0" x2="5" y2="8"/></g></g>'
+    )
+    np.testing.assert_allclose(drawn.cut(svg(body), 2), [[40, 30], [36, 20]], atol=1e-9)
+    skewed = svg('<circle r="10" transform="matrix(1 0 0.5 1 40 25) rotate(20, 0 0)"/>')
+    x, y = (drawn.cut(skewed) - [40, 25]).T
+    np.testing.assert_allclose(np.hypot(x + 0.5 * y, y), 10, atol=20 * NM)
+
+
+def test_viewports_symbols_and_use(drawn, svg):
+    """A viewBox of 10 x 10 in 40 x 20 is doubled and in the middle, or stretched."""
+    inner = '<svg x="10" y="5" width="40" height="20" viewBox="0 0 10 10" {}>{}</svg>'
+    line = '<line x1="0" y1="0" x2="10" y2="10"/>'
+    middle = drawn.cut(svg(inner.format("", line)), 2)
+    np.testing.assert_allclose(middle, [[20, 45], [40, 25]], atol=1e-9)
+    wide = drawn.cut(svg(inner.format('preserveAspectRatio="none"', line)), 2)
+    np.testing.assert_allclose(wide, [[10, 45], [50, 25]], atol=1e-9)
+    used = svg(
+        f'<defs><g id="a">{line}</g></defs><use xlink:href="#a" x="5" transform="scale(2)"/>'
+        f'<symbol id="b" viewBox="0 0 10 10">{line}</symbol>'
+        '<use href="#b" x="60" width="20" height="20"/>'
+    )
+    points = drawn.cut(used, 2)
+    np.testing.assert_allclose(points, [[10, 50], [30, 30], [60, 50], [80, 30]], atol=1e-9)
+
+
+def test_units(drawn, svg):
+    line = '<line x1="0" y1="0" x2="30" y2="40"/>'
+    for size, mm in (
+        ('width="100mm" height="100mm" viewBox="0 0 100 100"', 50),
+        ('width="10cm" height="10cm" viewBox="0 0 200 200"', 25),
+        ('width="2in" height="2in" viewBox="0 0 100 100"', 25.4),
+        ('width="144pt" height="144pt" viewBox="0 0 100 100"', 25.4),
+    ):
+        assert drawn.length(svg(line, size)) == pytest.approx(mm)
+    for size in ("", 'width="100" height="100"', 'width="100px" viewBox="0 0 9 9"', 'width="9mm"'):
+        with pytest.raises(ToolpathError, match="does not say its unit .* px for 1/96 inch"):
+            svg(line, size)
+        assert drawn.length(svg(line, size, given=1e-3)) == pytest.approx(50)
+
+
+def test_what_is_not_drawn_is_told(svg):
+    found = svg(
+        '<text>a</text><image/><g style="display:none"><line x2="5"/></g><line x2="3"/>'
+        '<g clip-path="url(#c)"><rect width="1" height="1"/></g><defs><line x2="9"/></defs>'
+    )
+    assert found.ignored == ("1 clip-path", "1 hidden g", "1 image", "1 text")
+
+
+EXTERNAL = '<!DOCTYPE svg [<!ENTITY secret SYSTEM "file:///etc/hostname">]>\n'
+LAUGHS = "<!DOCTYPE svg [<!ENTITY a0 'ha'>{}]>\n".format(
+    "".join(f"<!ENTITY a{k + 1} '{f'&a{k};' * 10}'>" for k in range(12))
+)
+
+
+@pytest.mark.parametrize(
+    ("body", "head", "message"),
+    [
+        ("&secret;", EXTERNAL, "line 1: the entity 'secret' is outside the file and is not read"),
+        ("<text>&a12;</text>", LAUGHS, "broken XML"),
+        ("<g>" * 300 + "</g>" * 300, "", "line 2: elements more than 200 deep"),
+        ("<g>", "", "line 3: broken XML: mismatched tag"),
+        ("", "", "no lines or curves are drawn"),
+        ("<text/>", "", "no lines or curves are drawn; left out: 1 text"),
+        ('<path d="M0 0 L1 x"/>', "", "line 2: L needs 2 numbers, received 'x'"),
+        ('<path d="L1 1"/>', "", "line 2: path data cannot be read from 'L1 1'"),
+        ('<path d="M0 0 K3"/>', "", "line 2: path data cannot be read from 'K3'"),
+        ('<path d="M0 0 A1 1 0 2 1 3 3"/>', "", "line 2: A needs 7 numbers"),
+        ('<circle r="1em"/>', "", "line 2: r needs a length in px, mm"),
+        ('<line x2="1e9"/>', "", "line 2: a point is farther than 100 m away"),
+        ('<line x2="1e999"/>', "", "line 2: a point is farther than 100 m away"),
+        ('<g transform="turn(3)"/>', "", r"line 2: transform cannot be read from 'turn\(3\)'"),
+        ('<g transform="rotate(1 2)"/>', "", "line 2: transform cannot be read"),
+        ('<use href="#none"/>', "", "line 2: there is no element '#none'"),
+        ('<g id="a"><use href="#a"/></g>', "", "line 2: '#a' uses itself, or 32 deep"),
+        ('<polygon points="0 0 a"/>', "", "line 2: points needs numbers, received 'a'"),
+    ],
+)
+def test_bad_drawings(svg, body, head, message):
+    with pytest.raises(ToolpathError, match=message) as raised:
+        svg(body, head=head)
+    assert len(str(raised.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "broken XML: no element found"),
+        (b"<html/>", "its root is no svg element"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "is not UTF-8 text"),
+        (b"G1 X1 F100\n", "line 1: broken XML: syntax error"),
+        (b'<svg viewBox="0 0 0 9"/>', "line 1: viewBox needs four numbers"),
+    ],
+)
+def test_files_that_are_no_svg(drawn, text, message):
+    with pytest.raises(ToolpathError, match=message):
+        drawn.read(text, 1e-3, suffix=".svg")
+
+
+def test_a_bomb_of_uses(svg, monkeypatch):
+    monkeypatch.setattr("jcontour.geometry.drawings.svg.MOST_MOVES", 1000)
+    levels = [
+        f'<g id="g{k}">{f"<use href=&quot;#g{k + 1}&quot;/>" * 10}</g>'.replace("&quot;", '"')
+        for k in range(9)
+    ]
+    with pytest.raises(ToolpathError, match="more than 1000 elements"):
+        svg("".join(levels) + '<g id="g9"/>')
