@@ -31,19 +31,21 @@ class MachineFlags(Common):
     """Path acceleration of the rest-to-rest feed law [m/s^2].
     When not given, half of what the machine states, or 2: its tool takes more than it is asked
     for."""
-    feed_law: FeedLaw = "trapezoidal"  # what every number of this project was measured with
+    feed_law: FeedLaw = "trapezoidal"  # planned at once; the other takes as long as the part runs
     """Law of toolpath files. jerk: the quickest motion under limits of speed, acceleration and jerk
-    on every axis, with blended corners."""
+    on every axis, with curves through short moves and blended corners. trapezoidal: neither, and
+    no limit on the jerk."""
     jerk: float | None = None
     """Jerk limit of every axis [m/s^3], with --feed-law jerk.
     When not given, the acceleration builds up in 20 ms."""
-    corner_tolerance_um: float = 5.0  # some encoder counts
-    """Distance [um] within which corners are blended, with --feed-law jerk; 0 stops in them."""
     drawing_unit: DrawingUnit | None = None
     """Unit of a drawing, whatever its file says. When not given, the file has to say.
     px: 1/96 inch, as browsers and Inkscape have it. pt: 1/72 inch, as Illustrator has it."""
     join_um: float = 10.0  # programs that draw snap to less
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
+    corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop
+    """Distance [um] from the part within which --feed-law jerk runs curves through short moves, and
+    blends corners; 0 stops in them."""
 
 
 @dataclass(frozen=True)

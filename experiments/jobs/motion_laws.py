@@ -8,11 +8,12 @@ from jaxtyping import Bool, Float
 
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
-from jcontour.motion.blending import BlendedPath, blended
+from jcontour.motion.blending import BlendedPath
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
+from jcontour.motion.smoothing import smooth_path
 
 UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
@@ -97,8 +98,8 @@ def axis_limits(pace: Pace) -> AxisLimits:
 
 
 def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, words: str) -> AlongPath:
-    allowed = rapid[1:] == rapid[:-1]
-    around = blended(contour, pace.corner_tolerance, allowed)
+    allowed, alike = rapid[1:] == rapid[:-1], feed[1:] == feed[:-1]
+    around = smooth_path(contour, pace.corner_tolerance, allowed, alike)
     motion = jerk_limited(around.path, around.feed(feed), axis_limits(pace))
     followed = motion.sampled(pace.machine.model.dt)
     arc = around.true_arc(followed)

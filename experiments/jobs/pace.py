@@ -34,7 +34,7 @@ class Pace(NamedTuple):
     Attributes:
         feed_law: by which a programmed path is run.
         jerk: limit of every axis [m/s^3]; None where it is not given.
-        corner_tolerance: of the jerk-limited law [m]; 0 stops in corners.
+        corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
         drawing_unit: of a drawing [m]; None where its file has to say.
         join: ends of a drawing's lines within it are joined [m].
     """
@@ -44,7 +44,7 @@ class Pace(NamedTuple):
     acceleration: float | None
     feed_law: FeedLaw = "trapezoidal"
     jerk: float | None = None
-    corner_tolerance: float = 5e-6
+    corner_tolerance: float = 2e-6
     drawing_unit: float | None = None
     join: float = GAP
 

@@ -1,0 +1,279 @@
+"""Smoothing: runs of short lines or arcs, as CAM systems write curves, become curves.
+
+Two pieces of length l that meet at an angle a, with a jump c of the curvature, stand for a curve
+that is about l a / 8 + l^2 c / 16 away from them; one through their middle is half as far. Where
+that is within the tolerance, they belong to one run. A run is followed along a quintic spline over
+its own arc length s, with the least mean square distance from the pieces. Its knots are halved
+until
+
+    |r(s) - piece(s)| <= tolerance        for all s,
+
+which bounds the distance of the curve from the pieces and of the pieces from the curve. So rounding
+of the coordinates is smoothed away as far as the tolerance allows, and the curvature is that of the
+curve. A run begins and ends in its own points, and tangent to a longer piece beside it that it
+hardly turns into.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
+from jcontour.geometry.pieces import Piece
+from jcontour.geometry.quintics import Fit, fitted
+from jcontour.motion.blending import BlendedPath, blended
+from jcontour.motion.jerk_limited.joints import joints, unpadded
+
+SHARE = 0.7  # of the tolerance, for the smoothing; what it leaves is for the blends
+SHARPEST = np.radians(30.0)  # turn up to which pieces stand for one curve
+TANGENT = np.radians(10.0)  # turn up to which a run leaves its neighbour tangentially
+FEWEST = 4  # pieces of a run
+LONGEST = 1000.0  # piece of a run, in tolerances: a longer one stands for itself
+DEGREE = 5
+POINTS = 4  # of a piece at which the distance is measured and made small
+PER_CELL = 32  # pieces between two knots, at first
+ROUNDS = 40  # of halving
+SAFETY = 0.98  # of the tolerance: the distance may peak between two points
+FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
+
+
+class Run(NamedTuple):
+    """Pieces from `first` to `last`, with the directions in which they begin and end.
+
+    Attributes:
+        pieces: of the run.
+        ends: (n,) arc lengths from its begin at which they begin, and its own [m].
+        tangents: unit vector at the begin and at the end; None where any will do.
+    """
+
+    first: int
+    last: int
+    pieces: Piece
+    ends: Float[np.ndarray, " n"]
+    tangents: tuple[np.ndarray | None, np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A run as quintic pieces.
+
+    Attributes:
+        fit: pieces, which begin at arc lengths of the run.
+        deviation: bound of the distance from the run [m].
+    """
+
+    fit: Fit
+    deviation: float
+
+
+def smooth_path(
+    contour: Contour,
+    tolerance: float,
+    allowed: Bool[np.ndarray, " joints"] | None = None,
+    alike: Bool[np.ndarray, " joints"] | None = None,
+) -> BlendedPath:
+    """Path with a continuous curvature within a tolerance: runs smoothed, other joints blended.
+
+    Args:
+        contour: one contour, not a stack.
+        tolerance: greatest distance [m]; 0 leaves the contour as it is.
+        allowed: which of the joints between pieces may be smoothed or blended; all when not given.
+        alike: at which of them the feed stays the same; others are blended only.
+
+    Raises:
+        ValueError: as `blended`, or a wrong shape.
+    """
+    every = np.ones(np.asarray(contour.mask).sum() - 1, bool)
+    allowed = every if allowed is None else np.asarray(allowed, bool)
+    alike = every if alike is None else np.asarray(alike, bool)
+    if alike.shape != every.shape:
+        raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
+    if not tolerance > 0 or allowed.shape != every.shape:
+        return blended(contour, tolerance, allowed)
+    found, within = smoothed(contour, SHARE * tolerance, allowed & alike)
+    if found.path is contour:
+        return blended(contour, tolerance, allowed)
+    joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
+    around = blended(found.path, tolerance - found.deviation, within | allowed[joint])
+    return BlendedPath(
+        path=around.path,
+        contour=contour,
+        piece=found.piece[around.piece],
+        blend=around.blend,
+        place=found.true_arc(around.place),
+        deviation=around.deviation + found.deviation,
+    )
+
+
+def smoothed(
+    contour: Contour, tolerance: float, alike: Bool[np.ndarray, " joints"]
+) -> tuple[BlendedPath, Bool[np.ndarray, " inner"]]:
+    """Path with its runs smoothed, and which of its joints lie within a run.
+
+    It is the contour itself where there are no runs. `blend` says which pieces belong to one.
+
+    Args:
+        contour: one contour, not a stack.
+        tolerance: greatest distance [m], above 0.
+        alike: joints at which pieces may belong to one run.
+    """
+    pieces = unpadded(contour)
+    runs = _runs(pieces, tolerance, alike)
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    kept, places, numbers, in_run, goes_on = [], [], [], [], []
+    deviation, at = 0.0, 0
+    for run in runs:
+        curve = _smooth_run(run, tolerance)
+        if curve is None:
+            continue
+        before = np.arange(at, run.first)
+        kept += [_taken(pieces, before), _quintics(curve.fit)]
+        places += [starts[before], starts[run.first] + curve.fit.begin]
+        inner = np.searchsorted(run.ends, curve.fit.begin, side="right") - 1 + run.first
+        inner[-1] = run.last  # what comes after the run comes after its last piece
+        numbers += [before, inner]
+        in_run += [np.zeros(before.size, bool), np.ones(inner.size, bool)]
+        goes_on += [in_run[-2], np.arange(inner.size) < inner.size - 1]
+        deviation = max(deviation, curve.deviation)
+        at = run.last + 1
+    if at == 0:
+        every = np.arange(pieces.extent.size)
+        none = np.zeros(every.size, bool)
+        return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1]
+    rest = np.arange(at, pieces.extent.size)
+    kept.append(_taken(pieces, rest))
+    whole = jax.tree.map(lambda *rows: np.concatenate(rows), *kept)
+    none = np.zeros(rest.size, bool)
+    path = BlendedPath(
+        path=from_pieces(whole, fit_error=FIT * tolerance, newton_steps=NEWTON_STEPS),
+        contour=contour,
+        piece=np.concatenate([*numbers, rest]),
+        blend=np.concatenate([*in_run, none]),
+        place=np.concatenate([*places, starts[rest], starts[-1:]]),
+        deviation=deviation,
+    )
+    return path, np.concatenate([*goes_on, none])[:-1]
+
+
+def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
+    """Pieces that stand for curves, from the first to the last."""
+    jump, bend = joints(pieces)
+    turn = 2 * np.arcsin(np.clip(jump / 2, 0.0, 1.0))
+    longer = np.maximum(pieces.extent[:-1], pieces.extent[1:])
+    apart = longer * turn / 8 + longer**2 * bend / 16
+    short = longer <= LONGEST * tolerance
+    together = alike & short & (apart <= tolerance) & (turn <= SHARPEST)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], together, [False]]).astype(int)))
+    return [
+        _run(pieces, int(first), int(last), turn)
+        for first, last in edges.reshape(-1, 2)
+        if last - first + 1 >= FEWEST and apart[first:last].any()
+    ]
+
+
+def _run(pieces: Piece, first: int, last: int, turn: np.ndarray) -> Run:
+    before = after = None
+    if first > 0 and turn[first - 1] <= TANGENT:
+        neighbour = _taken(pieces, first - 1)
+        before = _direction(neighbour, neighbour.extent)
+    if last < turn.size and turn[last] <= TANGENT:
+        after = _direction(_taken(pieces, last + 1), np.zeros(()))
+    of_run = _taken(pieces, slice(first, last + 1))
+    return Run(first, last, of_run, np.append(0.0, np.cumsum(of_run.extent)), (before, after))
+
+
+def _direction(piece: Piece, at) -> np.ndarray:
+    velocity = piece.jet(at)[1]
+    return velocity / np.linalg.norm(velocity)
+
+
+def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
+    """A run as a spline within the tolerance; None where it needs a knot for every piece."""
+    arc, points = _sampled(run)
+    count = run.ends.size - 1
+    cells = max(1, count // PER_CELL)
+    knots = np.interp(np.linspace(0, count, cells + 1), np.arange(count + 1), run.ends)
+    for _ in range(ROUNDS):
+        if knots.size > count:
+            return None
+        spline = _least_squares(knots, arc, points, run)
+        distance = np.linalg.norm(spline(arc) - points, axis=1)
+        far = np.searchsorted(knots, arc[distance > SAFETY * tolerance]) - 1
+        if far.size == 0:
+            cells = knots[:-1], knots[1:]
+            fit = fitted("smoothing", _curve(spline), _frame(run, points), *cells, FIT * tolerance)
+            return Smoothed(fit, float(distance.max()) / SAFETY + fit.error)
+        far = np.unique(np.clip(far, 0, knots.size - 2))
+        knots = np.insert(knots, far + 1, 0.5 * (knots[far] + knots[far + 1]))
+    return None
+
+
+def _sampled(run: Run) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, "S m"]]:
+    """Arc lengths and points of a run, some of every piece and its ends."""
+    into = np.arange(POINTS + 1)[:, None] / POINTS * run.pieces.extent
+    points = run.pieces.jet(into)[0]  # (point, piece, axis)
+    inner = np.swapaxes(points[:-1], 0, 1).reshape(-1, points.shape[-1])
+    arc = (run.ends[:-1, None] + into[:-1].T).ravel()
+    return np.append(arc, run.ends[-1]), np.vstack([inner, points[-1, -1:]])
+
+
+def _least_squares(knots: np.ndarray, arc: np.ndarray, points: np.ndarray, run: Run):
+    """Spline with the least mean square distance that keeps the run's ends and directions."""
+    # imported here: it takes longer than the rest of the library
+    from scipy.interpolate import BSpline
+    from scipy.linalg import solveh_banded
+
+    whole = np.concatenate([np.full(DEGREE, knots[0]), knots, np.full(DEGREE, knots[-1])])
+    count = whole.size - DEGREE - 1
+    coefficients = np.zeros((count, points.shape[1]))
+    coefficients[0], coefficients[-1] = points[0], points[-1]
+    first, last = 1, count - 1
+    before, after = run.tangents
+    if before is not None:
+        coefficients[1] = points[0] + before * (knots[1] - knots[0]) / DEGREE
+        first = 2
+    if after is not None:
+        coefficients[-2] = points[-1] - after * (knots[-1] - knots[-2]) / DEGREE
+        last = count - 2
+    design = BSpline.design_matrix(arc, whole, DEGREE)
+    left = points - design @ coefficients
+    free = design[:, first:last]
+    normal = (free.T @ free).todia()
+    bands = np.zeros((DEGREE + 1, last - first))
+    for offset, diagonal in zip(normal.offsets, normal.data, strict=True):
+        if 0 <= offset <= DEGREE:
+            bands[DEGREE - offset] = diagonal[: last - first]
+    coefficients[first:last] = solveh_banded(bands, free.T @ left)
+    return BSpline(whole, coefficients, DEGREE)
+
+
+def _curve(spline):
+    return lambda s: (spline(s), spline(s, 1), spline(s, 2))
+
+
+def _frame(run: Run, points: Float[np.ndarray, "S m"]):
+    """Frames of a run: its own points and directions at both ends, to the last bit."""
+
+    def frame(s, inner):
+        point, tangent, bend = inner
+        for at, where, direction in zip((0, -1), run.ends[[0, -1]], run.tangents, strict=True):
+            end = (s == where)[:, None]
+            point = np.where(end, points[at], point)
+            if direction is not None:
+                tangent = np.where(end, direction, tangent)
+        return point, tangent, bend
+
+    return frame
+
+
+def _quintics(fit: Fit) -> Piece:
+    still, none = np.zeros((fit.extent.size, fit.polynomial.shape[-1])), np.zeros(fit.extent.size)
+    return Piece(fit.polynomial, still, still, none, none, fit.extent)
+
+
+def _taken(pieces: Piece, index) -> Piece:
+    return jax.tree.map(lambda rows: rows[index], pieces)
