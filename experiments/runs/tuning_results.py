@@ -111,8 +111,9 @@ def tuned_result(
     delay = run.flags.min_delay_margin
     finest = (run.machine.resolution or 0.0) / np.sqrt(12)  # noise of a rounded position
     limit = exceeded_most(run.problem, tuned)
+    law = run.flags.feed_law
     reasons = reasons_against(
-        tuned, contours, margins, robust, exceeded, error, delay, finest, limit
+        tuned, contours, margins, robust, exceeded, error, delay, finest, limit, law
     )
     warnings = run_warnings(run, tuned, margins, replays) + hardly_worse(contours, error, finest)
     weights = plain_weights(tuned.weights)

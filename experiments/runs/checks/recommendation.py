@@ -34,6 +34,7 @@ def reasons_against(
     delay: int = 0,
     finest: float = 0.0,
     limit: str = "",
+    feed_law: str = "jerk",
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
 
@@ -47,12 +48,14 @@ def reasons_against(
         delay: margin that is asked for [samples].
         finest: difference of errors that the encoders can tell [m].
         limit: name of the one that the weights exceed most; empty where they exceed none.
+        feed_law: of the motions.
     """
     return [
         *_unstable(contours, margins, robust),
         *_late(margins, delay),
         *_infeasible(tuned, limit),
         *exceeded,
+        *(_calmer(feed_law) if exceeded else []),
         *(_worse(contours, error, finest) if tuned.feasible else []),
     ]
 
@@ -149,6 +152,12 @@ def _what_helps(tuned: Tuned, limit: str) -> list[str]:
     if limit in FLAGS:
         return [f"lower the feed, or allow more: {FLAGS[limit]}"]
     return []
+
+
+def _calmer(feed_law: str) -> list[str]:
+    """What helps where a run exceeds a limit of the machine."""
+    lower = "a motion that asks for less keeps the limit: --acceleration, --feed-mm-per-min"
+    return [lower if feed_law == "jerk" else f"{lower}, or with a toolpath file --feed-law jerk"]
 
 
 def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:

@@ -87,12 +87,18 @@ def test_nothing_speaks_against_a_loop_that_is_better_everywhere():
         ({"robust": SOUND.__class__(members=1000, diverged=1, error=1.0, contour="part")}, "1 of"),
         ({"contours": [*GOOD, contour("square", False, 1.0, 1.0, True)]}, "diverges on square"),
         ({"delay": 4}, "bears 3 samples of delay"),
-        ({"exceeded": ["speed of X EXCEEDS its limit"]}, "speed of X"),
     ],
 )
 def test_each_fault_is_one_line(changes, words):
     (line,) = reasons(**changes)
     assert words in line
+
+
+@pytest.mark.parametrize(("law", "calmer"), [("trapezoidal", True), ("jerk", False)])
+def test_what_asks_for_less_is_told_where_a_limit_is_exceeded(law, calmer):
+    first, second = reasons(exceeded=["speed of X EXCEEDS its limit"], feed_law=law)
+    assert first == "speed of X EXCEEDS its limit"
+    assert "--acceleration" in second and ("--feed-law jerk" in second) is calmer
 
 
 def test_held_out_contours_that_became_worse_are_named_before_training_ones():
