@@ -6,6 +6,7 @@ from pathlib import Path
 from jcontour.geometry.drawings.drawing import GAP, Drawing
 from jcontour.geometry.drawings.dxf import read_dxf
 from jcontour.geometry.drawings.svg import read_svg
+from jcontour.geometry.toolpath_rules import ToolpathError
 from jcontour.geometry.toolpaths import Toolpath
 
 SUFFIXES = (".dxf", ".svg")
@@ -29,7 +30,10 @@ def read_drawing(
         ToolpathError: "line 12: ..." for whatever cannot be read; nothing is drawn; a file without
             a unit where none is given.
     """
-    return _drawing(Path(path), unit).toolpath(feed, gap)
+    try:
+        return _drawing(Path(path), unit).toolpath(feed, gap)
+    except OverflowError:
+        raise ToolpathError("a number is too large to compute with") from None
 
 
 def _drawing(path: Path, unit: float | None) -> Drawing:

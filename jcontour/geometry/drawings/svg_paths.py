@@ -12,6 +12,7 @@ from jcontour.geometry.drawings.svg_words import NUMBERS
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 LETTER = re.compile(r"[\s,]*([a-zA-Z])")
+REST = re.compile(r"[\s,]*\Z")  # nothing more
 FLAG = re.compile(r"[\s,]*([01])")
 COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
 FLAGS = (3, 4)  # places of those among the numbers of A
@@ -24,7 +25,7 @@ def path_strokes(data: str, line: int) -> list[list[Segment]]:
         ToolpathError: a letter or a number that cannot be read.
     """
     pen, at = _Pen(), 0
-    while data[at:].strip(" \t\r\n\f,"):
+    while not REST.match(data, at):
         match = LETTER.match(data, at)
         kind = match[1].upper() if match else ""
         if not match or kind not in COUNTS or not (pen.begun or kind == "M"):
@@ -132,7 +133,8 @@ def arc(
 
     chord = on_circle(0.5 * (start - end))
     grown = max(1.0, abs(chord))
-    height = math.sqrt(max(0.0, (grown / abs(chord)) ** 2 - 1.0)) if abs(chord) else 0.0
+    ratio = grown / abs(chord) if abs(chord) else 1.0
+    height = math.sqrt(max(0.0, ratio * ratio - 1.0))
     centre = 1j * chord * height * (-1 if large != clockwise else 1)
     begin = cmath.phase(chord - centre)
     sweep = (cmath.phase(-chord - centre) - begin) % math.tau

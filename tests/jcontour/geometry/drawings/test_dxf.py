@@ -201,6 +201,7 @@ BOMB = [
         (["LINE 10=0 20=0 11=1e9 21=4"], [], "line 16: a point is farther than 100 m away"),
         (["LINE 10=0 20=0 11=1e999 21=4"], [], "line 16: a point is farther than 100 m away"),
         (["CIRCLE 10=0 20=0 40=1e300"], [], "line 16: a point is farther than 100 m away"),
+        (["LWPOLYLINE 10=0 20=0 42=1e300 10=1 20=1"], [], "a number is too large"),
         (["LINE 10=0 20=0 11=3"], [], "line 16: LINE without group code 21"),
         (["CIRCLE 10=0 20=0"], [], "line 16: CIRCLE without group code 40"),
         (["CIRCLE 10=0 20=0 40=0"], [], r"left out: 1 CIRCLE \(layer 0\)"),

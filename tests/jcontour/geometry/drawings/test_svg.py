@@ -169,6 +169,7 @@ LAUGHS = "<!DOCTYPE svg [<!ENTITY a0 'ha'>{}]>\n".format(
         ('<circle r="1em"/>', "", "line 2: r needs a length in px, mm"),
         ('<line x2="1e9"/>', "", "line 2: a point is farther than 100 m away"),
         ('<line x2="1e999"/>', "", "line 2: a point is farther than 100 m away"),
+        ('<path d="M0 0A1e200 1 0 0 1 1 1"/>', "", "line 2: a point is farther|a number is too"),
         ('<g transform="turn(3)"/>', "", r"line 2: transform cannot be read from 'turn\(3\)'"),
         ('<g transform="rotate(1 2)"/>', "", "line 2: transform cannot be read"),
         ('<use href="#none"/>', "", "line 2: there is no element '#none'"),
