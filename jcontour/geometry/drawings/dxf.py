@@ -46,6 +46,7 @@ PARTS = ("VERTEX", "ATTRIB", "SEQEND")  # of the entity before
 NEVER_PLOTTED = "DEFPOINTS"
 FROZEN, OTHER_FILE = 1, 4 | 8  # flags of a layer, and of a block
 DEEPEST = 32  # blocks in blocks
+MOST_CELLS = 10_000  # of an array of blocks: more take longer than ten seconds
 
 
 @dataclass
@@ -137,7 +138,7 @@ class _Reader:
                 f"line {entity.line}: block {shown(name)} is in itself, or {DEEPEST} deep"
             )
         columns, rows = (max(entity.flags(code), 1) for code in (70, 71))
-        if columns * rows > MOST_MOVES:
+        if columns * rows > MOST_CELLS:
             raise ToolpathError(f"line {entity.line}: an array of {columns} x {rows} blocks")
         for cell in range(columns * rows):
             inner = place.of(inserted(entity, block.base, cell % columns, cell // columns))

@@ -36,7 +36,7 @@ def circle(entity: Entity, place: Placement) -> list[Segment] | None:
 
 def arc(entity: Entity, place: Placement) -> list[Segment] | None:
     """ARC: counter-clockwise from one angle to the other, in degrees; None without a radius."""
-    begin, end = (math.radians(entity.number(code)) for code in (50, 51))
+    begin, end = (math.radians(math.fmod(entity.number(code), 360.0)) for code in (50, 51))
     return _turn(entity, place, begin, _sweep(begin, end))
 
 
@@ -54,8 +54,9 @@ def ellipse(entity: Entity, place: Placement) -> list[Segment]:
         raise ToolpathError(f"line {entity.line}: ELLIPSE without an axis")
     minor = entity.number(40) * np.cross(normal / np.linalg.norm(normal), major)
     begin, end = entity.number(41, 0.0), entity.number(42, math.tau)
+    sweep, begin = _sweep(begin, end), math.fmod(begin, math.tau)
     first, second = (place.seen_direction(tuple(axis.tolist())) for axis in (major, minor))
-    return [Arc(place.seen(entity.point(10)), first, second, begin, _sweep(begin, end))]
+    return [Arc(place.seen(entity.point(10)), first, second, begin, sweep)]
 
 
 def light_polyline(entity: Entity, place: Placement) -> list[Segment]:

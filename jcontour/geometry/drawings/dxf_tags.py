@@ -1,5 +1,6 @@
 """Group codes of a DXF file: pairs of lines, a number that says what the next line is."""
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -24,11 +25,14 @@ class Tag(NamedTuple):
         """Value as a number.
 
         Raises:
-            ToolpathError: it is none.
+            ToolpathError: it is none, or too large for one.
         """
-        if not NUMBER.fullmatch(self.value):
+        number = math.inf
+        if NUMBER.fullmatch(self.value):
+            number = float(self.value.replace("D", "E").replace("d", "e"))
+        if not math.isfinite(number):
             raise ToolpathError(f"line {self.line}: needs a number, received {shown(self.value)}")
-        return float(self.value.replace("D", "E").replace("d", "e"))
+        return number
 
 
 class Entity(NamedTuple):
