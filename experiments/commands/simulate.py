@@ -21,7 +21,7 @@ from experiments.reports.figures.motion import draw_motion
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
-from experiments.runs.lifecycle import created, finished
+from experiments.runs.lifecycle import created, finished, task_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning_results import machine_summary
@@ -109,10 +109,8 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
 
 def next_steps(flags: Simulate) -> list[str]:
     """What to do after a simulation."""
-    part = flags.contour if flags.contour and Path(flags.contour).suffix else ""
-    plant = f" --plant {flags.plant}" if flags.plant != Simulate.plant else ""
-    unit = f" --drawing-unit {flags.drawing_unit}" if flags.drawing_unit else ""
-    return [f"Next: jcontour tune {part}{plant}{unit}".replace("  ", " ").rstrip()]
+    part = [flags.contour] if flags.contour and Path(flags.contour).suffix else []
+    return [f"Next: jcontour tune{task_words(part, vars(flags))}"]
 
 
 def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:

@@ -110,7 +110,7 @@ def peak_line(peak: PeakPlace, error: str, axes: Sequence[str]) -> str:
     place = position(axes, peak.position)
     line = f"largest {error} error {1e6 * peak.error:.4g} um at {place}, t {peak.time:.4g} s"
     if peak.line is not None:
-        line += f", line {peak.line} of the program"
+        line += f", line {peak.line} of the file"
     return f"{line} (plant: {peak.plant})"
 
 

@@ -1,7 +1,7 @@
 """First and last lines of every command: a run folder is made or found again; a result is told."""
 
 import shlex
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
@@ -56,7 +56,12 @@ def created(flags: Any, command: str) -> Path:
 def same_task(folder: Path, command: str) -> str:
     """Parts, machine and pace of a stored run as words of a command line, with a space before."""
     flags = run_folder.opened(folder, command)["flags"]
-    words = [*flags["parts"]]
+    return task_words(flags["parts"], flags)
+
+
+def task_words(parts: Sequence[str], flags: Mapping[str, Any]) -> str:
+    """Parts, machine and pace as words of a command line, with a space before."""
+    words = [*parts]
     for one in fields(MachineFlags):
         value = flags.get(one.name, one.default)
         if one.name != "json" and value != one.default:

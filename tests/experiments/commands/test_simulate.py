@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.simulate import next_steps
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.simulated_result import SimulatedResult
 from experiments.files.results.stored import read_result
+from experiments.options import Simulate
 
 
 def simulated(folder, machine_file, part_file, *flags):
@@ -52,3 +54,10 @@ def test_rollouts_thinned_or_left_out(tmp_path, run, machine_file, part_file, ca
     assert "Read part: 4 moves" in said and "Largest contour error" in said
     stored = json.loads((none / "result.json").read_text())
     assert stored == json.loads((run / "result.json").read_text())
+
+
+def test_what_comes_next_has_the_part_the_machine_and_the_pace():
+    flags = Simulate(contour="my part.ngc", plant="mill.json", feed_law="jerk", json=True)
+    [line] = next_steps(flags)
+    assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law jerk"
+    assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune"]

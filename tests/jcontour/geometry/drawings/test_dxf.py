@@ -199,7 +199,7 @@ BOMB = [
         (["LINE 10=0 20=0 11=x 21=4"], [], "line 22: needs a number, received 'x'"),
         (["LINE 10=0 20=0 11=nan 21=4"], [], "line 22: needs a number, received 'nan'"),
         (["LINE 10=0 20=0 11=1e9 21=4"], [], "line 16: a point is farther than 100 m away"),
-        (["LINE 10=0 20=0 11=1e999 21=4"], [], "line 16: a point is farther than 100 m away"),
+        (["LINE 10=0 20=0 11=1e999 21=4"], [], "line 22: needs a number, received '1e999'"),
         (["CIRCLE 10=0 20=0 40=1e300"], [], "line 16: a point is farther than 100 m away"),
         (["LWPOLYLINE 10=0 20=0 42=1e300 10=1 20=1"], [], "a number is too large"),
         (["LINE 10=0 20=0 11=3"], [], "line 16: LINE without group code 21"),
@@ -253,3 +253,13 @@ def test_files_that_are_no_drawings(drawn, text, message):
 def test_comments_blank_ends_and_carriage_returns(drawn):
     text = "999\nwritten by hand\n" + drawn.text([LINE]).replace("\n0\n", "\n  0\n") + "\x1a"
     assert drawn.length(drawn.read(text.replace("\n", "\r\n"))) == pytest.approx(5)
+
+
+@pytest.mark.parametrize("turns", [0, 3, 10**9])
+def test_an_angle_of_many_turns_is_the_angle(drawn, turns):
+    """DXF states no range: the arc from 90 to 180 degrees, begun some turns later."""
+    once, found = (
+        drawn.dxf(f"ARC 10=0 20=0 40=5 50={90 + 360 * k} 51={180 + 360 * k}") for k in (0, turns)
+    )
+    np.testing.assert_allclose(found.contour.position(0.0), [0.0, 5e-3], atol=1e-9)
+    assert float(found.contour.length) == pytest.approx(float(once.contour.length), rel=1e-9)
