@@ -19,6 +19,7 @@ UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
 # machines 10 to 50 ms are usual
 BUILD_UP = 0.02
+SAME_FEED = 1e-9  # what a projection rounds
 
 
 class Aside(NamedTuple):
@@ -98,7 +99,8 @@ def axis_limits(pace: Pace) -> AxisLimits:
 
 
 def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, words: str) -> AlongPath:
-    allowed, alike = rapid[1:] == rapid[:-1], feed[1:] == feed[:-1]
+    allowed = rapid[1:] == rapid[:-1]
+    alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
     around = smooth_path(contour, pace.corner_tolerance, allowed, alike)
     motion = jerk_limited(around.path, around.feed(feed), axis_limits(pace))
     followed = motion.sampled(pace.machine.model.dt)

@@ -64,3 +64,17 @@ def test_summary_adds_up(tmp_path):
 def test_bad_limits_are_refused(tmp_path, name, given):
     with pytest.raises(ValueError, match=name):
         planned_job(tmp_path, **given)
+
+
+def test_short_moves_at_one_feed_become_a_curve(tmp_path):
+    """A half circle of 10 mm radius in 1,000 moves, as a CAM system writes it."""
+    angle = np.linspace(0.0, np.pi, 1001)
+    points = np.round(10 * np.stack([np.cos(angle), np.sin(angle)], axis=1), 3)
+    path = tmp_path / "half.ngc"
+    moves = "\n".join(f"X{x:.3f} Y{y:.3f}" for x, y in points[1:])
+    path.write_text(f"G21 G90 G0 X10 Y0\nG1 F3000\n{moves}\n")
+    pace = Pace.of(MachineFlags(plant=EXAMPLE, feed_law="jerk"), machine_named(EXAMPLE))
+    found = from_file(path, pace)
+    assert found.planned is not None
+    assert found.planned.around.path.rate.size < 100
+    assert found.samples * 1e-3 < 1.1 * np.pi * 10e-3 / 0.05
