@@ -3,16 +3,18 @@
 import cmath
 from typing import NamedTuple
 
+Planar = complex | float | int  # a point or a direction of the plane, x + i y
+
 
 class Affine(NamedTuple):
     """p -> turn p + mirror conj(p) + shift, which is every affine map of the plane."""
 
-    turn: complex = 1.0
-    mirror: complex = 0.0
-    shift: complex = 0.0
+    turn: Planar = 1.0
+    mirror: Planar = 0.0
+    shift: Planar = 0.0
 
     @classmethod
-    def matrix(cls, x: complex, y: complex, shift: complex) -> "Affine":
+    def matrix(cls, x: Planar, y: Planar, shift: Planar) -> "Affine":
         """Map that takes 1 to `x` and i to `y`, before the shift."""
         return cls(0.5 * (x - 1j * y), 0.5 * (x + 1j * y), shift)
 
@@ -21,11 +23,11 @@ class Affine(NamedTuple):
         """Turn around the origin [rad]."""
         return cls(cmath.rect(1.0, angle))
 
-    def point(self, point: complex) -> complex:
+    def point(self, point: Planar) -> Planar:
         """Where a point goes."""
         return self.turn * point + self.mirror * point.conjugate() + self.shift
 
-    def direction(self, direction: complex) -> complex:
+    def direction(self, direction: Planar) -> Planar:
         """Where a difference of two points goes."""
         return self.turn * direction + self.mirror * direction.conjugate()
 
@@ -42,7 +44,7 @@ class Affine(NamedTuple):
         return all(map(cmath.isfinite, self))
 
 
-def similarity(before: tuple[complex, complex], after: tuple[complex, complex]) -> Affine:
+def similarity(before: tuple[Planar, Planar], after: tuple[Planar, Planar]) -> Affine:
     """Turn, scale and shift that takes two points to two others."""
     turn = (after[1] - after[0]) / (before[1] - before[0])
     return Affine(turn, 0.0, after[0] - turn * before[0])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from jcontour.geometry.drawings.affine import Planar
 from jcontour.geometry.drawings.dxf_placing import EXTRUSION, Placement, own_system
 from jcontour.geometry.drawings.dxf_tags import Entity, Point
 from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment
@@ -61,7 +62,7 @@ def ellipse(entity: Entity, place: Placement) -> list[Segment]:
 
 def light_polyline(entity: Entity, place: Placement) -> list[Segment]:
     """LWPOLYLINE: points and bulges in its own system."""
-    vertices: list[tuple[complex, float]] = []
+    vertices: list[tuple[Planar, float]] = []
     for tag in entity.tags:
         if tag.code == 10:
             vertices.append((complex(tag.number()), 0.0))
@@ -165,7 +166,7 @@ def _intervals(
 
 
 def _bulged(
-    vertices: list[tuple[complex, float]], closed: bool, own: Placement, height: float
+    vertices: list[tuple[Planar, float]], closed: bool, own: Placement, height: float
 ) -> list[Segment]:
     """Lines and arcs between vertices; a bulge is the tangent of a quarter of the arc's angle."""
     bulges = [bulge for _, bulge in vertices]
@@ -185,12 +186,12 @@ def _bulged(
     return found
 
 
-def _pairs(points: list[complex], closed: bool) -> list[tuple[complex, complex]]:
+def _pairs(points: list[Planar], closed: bool) -> list[tuple[Planar, Planar]]:
     following = points[1:] + points[:1] if closed else points[1:]
     return list(zip(points, following, strict=False))
 
 
-def _at(point: complex, height: float) -> Point:
+def _at(point: Planar, height: float) -> Point:
     return point.real, point.imag, height
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jcontour.geometry.drawings.affine import Planar
 from jcontour.geometry.drawings.dxf_tags import Entity, Point
 
 STEEP = 1 / 64  # of an extrusion's x and y: below, the y axis helps to find its own x axis
@@ -21,7 +22,7 @@ class Placement(NamedTuple):
     axes: Float[np.ndarray, "3 3"]
     origin: Float[np.ndarray, " 3"]
 
-    def seen(self, point: Point) -> complex:
+    def seen(self, point: Point) -> Planar:
         """Where a point is seen from above."""
         (a, b, c), (d, e, f) = self.axes[:2].tolist()
         x, y, z = point
@@ -29,7 +30,7 @@ class Placement(NamedTuple):
             a * x + b * y + c * z + self.origin[0], d * x + e * y + f * z + self.origin[1]
         )
 
-    def seen_direction(self, direction: Point) -> complex:
+    def seen_direction(self, direction: Point) -> Planar:
         """How a difference of two points is seen from above."""
         return self._replace(origin=np.zeros(3)).seen(direction)
 

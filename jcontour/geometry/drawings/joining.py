@@ -10,7 +10,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable
 
-from jcontour.geometry.drawings.affine import similarity
+from jcontour.geometry.drawings.affine import Planar, similarity
 from jcontour.geometry.drawings.segments import Drawn, Line, Segment
 from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
 
@@ -68,13 +68,13 @@ class _Ends:
         self.gap = max(gap, SHORTEST)
         self.left = set(range(len(strokes)))
         self.closed = {i for i, stroke in enumerate(strokes) if is_closed(stroke, gap)}
-        self.cells: dict[tuple[int, int], list[tuple[complex, int, bool]]] = defaultdict(list)
+        self.cells: dict[tuple[int, int], list[tuple[Planar, int, bool]]] = defaultdict(list)
         for i, stroke in enumerate(strokes):
             if i not in self.closed:
                 self._add(stroke[0].segment.start, i, False)
                 self._add(stroke[-1].segment.end, i, True)
 
-    def _add(self, point: complex, stroke: int, last: bool) -> None:
+    def _add(self, point: Planar, stroke: int, last: bool) -> None:
         cell = self.cells[self._cell(point)]
         cell.append((point, stroke, last))
         if len(cell) > MOST_ENDS:
@@ -124,18 +124,18 @@ class _Ends:
         self.left.discard(i)
         return reversed_stroke(self.strokes[i]) if last else self.strokes[i]
 
-    def _bend(self, heading: complex, stroke: int, last: bool) -> float:
+    def _bend(self, heading: Planar, stroke: int, last: bool) -> float:
         """Angle by which the way bends into a stroke, rounded so that equal ones compare equal."""
         segments = self.strokes[stroke]
         into = segments[-1].segment.backwards() if last else segments[0].segment
         return round(abs(cmath.phase(into.heading() * heading.conjugate())), 9)
 
-    def _near(self, point: complex) -> list[tuple[complex, int, bool]]:
+    def _near(self, point: Planar) -> list[tuple[Planar, int, bool]]:
         x, y = self._cell(point)
         around = [(x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
         return [end for cell in around if cell in self.cells for end in self.cells[cell]]
 
-    def _cell(self, point: complex) -> tuple[int, int]:
+    def _cell(self, point: Planar) -> tuple[int, int]:
         return math.floor(point.real / self.gap), math.floor(point.imag / self.gap)
 
 
@@ -161,7 +161,7 @@ def _meeting(contour: Stroke, gap: float) -> Stroke:
     return found
 
 
-def _moved(segment: Segment, start: complex, end: complex) -> Segment:
+def _moved(segment: Segment, start: Planar, end: Planar) -> Segment:
     """The segment between other ends; itself where these are its own, or where it curls."""
     if max(abs(segment.start - start), abs(segment.end - end)) <= ROUNDING:
         return segment
@@ -172,16 +172,16 @@ def _moved(segment: Segment, start: complex, end: complex) -> Segment:
     return segment.placed(similarity((segment.start, segment.end), (start, end)))
 
 
-def _farthest(stroke: Stroke, start: complex) -> float:
+def _farthest(stroke: Stroke, start: Planar) -> float:
     return max(abs(point - start) for point in _points(stroke))
 
 
-def _points(stroke: Stroke) -> Iterable[complex]:
+def _points(stroke: Stroke) -> Iterable[Planar]:
     yield stroke[0].segment.start
     for segment, _ in stroke:
         yield segment.middle()
         yield segment.end
 
 
-def _place(point: complex) -> tuple[int, int]:
+def _place(point: Planar) -> tuple[int, int]:
     return round(point.real / SAME), round(point.imag / SAME)

@@ -7,7 +7,7 @@ import cmath
 import math
 from typing import NamedTuple
 
-from jcontour.geometry.drawings.affine import Affine
+from jcontour.geometry.drawings.affine import Affine, Planar
 
 ROUND = 1e-9  # of the half axes: ellipses that are this close to a circle are circles
 STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
@@ -16,8 +16,8 @@ STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
 class Line(NamedTuple):
     """Straight from `start` to `end`."""
 
-    start: complex
-    end: complex
+    start: Planar
+    end: Planar
 
     def placed(self, affine: Affine) -> "Line":
         """Its image."""
@@ -27,11 +27,11 @@ class Line(NamedTuple):
         """From end to start."""
         return Line(self.end, self.start)
 
-    def middle(self) -> complex:
+    def middle(self) -> Planar:
         """A point halfway."""
         return 0.5 * (self.start + self.end)
 
-    def heading(self) -> complex:
+    def heading(self) -> Planar:
         """Direction of its beginning, of any length."""
         return self.end - self.start
 
@@ -42,28 +42,28 @@ class Arc(NamedTuple):
     `first` and `second` are conjugate half diameters of an ellipse, or of a circle.
     """
 
-    centre: complex
-    first: complex
-    second: complex
+    centre: Planar
+    first: Planar
+    second: Planar
     begin: float
     sweep: float
 
     @classmethod
-    def circular(cls, start: complex, centre: complex, angle: float) -> "Arc":
+    def circular(cls, start: Planar, centre: Planar, angle: float) -> "Arc":
         """Arc of a circle that turns by an angle [rad], positive counter-clockwise."""
         return cls(centre, start - centre, 1j * (start - centre), 0.0, angle)
 
-    def at(self, t: float) -> complex:
+    def at(self, t: float) -> Planar:
         """Point at the parameter t."""
         return self.centre + self.first * math.cos(t) + self.second * math.sin(t)
 
     @property
-    def start(self) -> complex:
+    def start(self) -> Planar:
         """First point."""
         return self.at(self.begin)
 
     @property
-    def end(self) -> complex:
+    def end(self) -> Planar:
         """Last point: the first one, to the last bit, after a whole turn."""
         return self.start if abs(self.sweep) == math.tau else self.at(self.begin + self.sweep)
 
@@ -79,11 +79,11 @@ class Arc(NamedTuple):
         """From end to start."""
         return self._replace(begin=self.begin + self.sweep, sweep=-self.sweep)
 
-    def middle(self) -> complex:
+    def middle(self) -> Planar:
         """A point halfway."""
         return self.at(self.begin + 0.5 * self.sweep)
 
-    def heading(self) -> complex:
+    def heading(self) -> Planar:
         """Direction of its beginning, of any length."""
         slope = self.second * math.cos(self.begin) - self.first * math.sin(self.begin)
         return math.copysign(1.0, self.sweep) * slope
@@ -102,11 +102,11 @@ class Curve(NamedTuple):
     Both sums have as many terms; a polynomial has bottom = (1, 0, ...).
     """
 
-    top: tuple[complex, ...]
+    top: tuple[Planar, ...]
     bottom: tuple[float, ...]
 
     @classmethod
-    def bezier(cls, *points: complex) -> "Curve":
+    def bezier(cls, *points: Planar) -> "Curve":
         """Bezier curve of two or more control points."""
         degree = len(points) - 1
         top = tuple(
@@ -116,17 +116,17 @@ class Curve(NamedTuple):
         )
         return cls(top, (1.0,) + (0.0,) * degree)
 
-    def at(self, t: float) -> complex:
+    def at(self, t: float) -> Planar:
         """Point at the parameter t."""
         return _polynomial(self.top, t) / _polynomial(self.bottom, t)
 
     @property
-    def start(self) -> complex:
+    def start(self) -> Planar:
         """First point."""
         return self.top[0] / self.bottom[0]
 
     @property
-    def end(self) -> complex:
+    def end(self) -> Planar:
         """Last point."""
         return sum(self.top) / sum(self.bottom)
 
@@ -142,11 +142,11 @@ class Curve(NamedTuple):
         """From end to start."""
         return Curve(_backwards(self.top), _backwards(self.bottom))
 
-    def middle(self) -> complex:
+    def middle(self) -> Planar:
         """A point halfway."""
         return self.at(0.5)
 
-    def heading(self) -> complex:
+    def heading(self) -> Planar:
         """Direction of its beginning, of any length: of the first derivative that is not zero."""
         size = abs(self.end - self.start) + abs(self.middle() - self.start)
         for i in range(1, len(self.top)):

@@ -121,7 +121,7 @@ class RationalCurves(NamedTuple):
             found: dict[int, list[float]] = {}
             for j, i in zip(*np.nonzero(slow), strict=True):
                 low, high = grid[max(i - 1, 0)], grid[min(i + 1, SEARCH - 1)]
-                slowest = self._slowest(j, float(low), float(high))
+                slowest = self._slowest(int(j), float(low), float(high))
                 if np.abs(self._derivatives(j, slowest)[1]) <= CUSP * mean[j]:
                     found.setdefault(int(j), []).append(float(slowest))
         if not found:
@@ -163,7 +163,7 @@ def _padded(coefficients: tuple, terms: int) -> list:
     return [*coefficients, *[0.0] * (terms - len(coefficients))]
 
 
-def _taylor(coefficients: np.ndarray, u: np.ndarray) -> list:
+def _taylor(coefficients: np.ndarray, u: np.ndarray | float) -> list:
     """Polynomial and its three derivatives by Horner's rule."""
     value: list = [0.0 * u] * 4
     for i in reversed(range(coefficients.shape[-1])):

@@ -7,6 +7,7 @@ import cmath
 import math
 import re
 
+from jcontour.geometry.drawings.affine import Planar
 from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment
 from jcontour.geometry.drawings.svg_words import NUMBERS
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
@@ -59,7 +60,7 @@ class _Pen:
         self.strokes: list[list[Segment]] = []
         self.at = self.first = 0j
         self.begun = self.lifted = False
-        self.handle: tuple[str, complex] = "", 0j  # kind of the last curve, its last control point
+        self.handle: tuple[str, Planar] = "", 0j  # kind of the last curve, its last control point
 
     def draw(self, kind: str, given: list[float], relative: bool) -> None:
         """Draw what a letter says."""
@@ -103,8 +104,8 @@ class _Pen:
 
 
 def arc(
-    start: complex,
-    end: complex,
+    start: Planar,
+    end: Planar,
     rx: float,
     ry: float,
     turned: float,
@@ -127,7 +128,7 @@ def arc(
         return Line(start, end)
     turn = cmath.rect(1.0, math.radians(turned))
 
-    def on_circle(point: complex) -> complex:
+    def on_circle(point: Planar) -> Planar:
         own = point / turn
         return complex(own.real / rx, own.imag / ry)
 
