@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment
-from jcontour.geometry.drawings.smooth_curves import Ellipses, RationalCurves
+from jcontour.geometry.drawings.smooth_curves import Ellipses, RationalCurves, pairs
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
 from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
@@ -86,7 +86,7 @@ def _lines(lines: list[tuple[int, Line]]) -> _Group:
     delta = np.array([line.end for _, line in lines]) - start
     extent = np.abs(delta)
     polynomial = np.zeros((extent.size, 6, 2))
-    polynomial[:, 0], polynomial[:, 1] = _pair(start), _pair(delta / extent)
+    polynomial[:, 0], polynomial[:, 1] = pairs(start), pairs(delta / extent)
     still = np.zeros((extent.size, 2))
     return _Group(_owners(lines), polynomial, still, still, 0 * extent, extent)
 
@@ -98,10 +98,10 @@ def _arcs(arcs: list[tuple[int, Arc]]) -> _Group:
     angle = sense * np.array([arc.sweep for _, arc in arcs])
     extent = np.abs(radial) * np.abs(angle)
     polynomial = np.zeros((extent.size, 6, 2))
-    polynomial[:, 0] = _pair(centre)
+    polynomial[:, 0] = pairs(centre)
     sine = 1j * np.sign(angle) * radial
     return _Group(
-        _owners(arcs), polynomial, _pair(radial), _pair(sine), np.abs(angle) / extent, extent
+        _owners(arcs), polynomial, pairs(radial), pairs(sine), np.abs(angle) / extent, extent
     )
 
 
@@ -113,17 +113,13 @@ def _fitted(smooth: Ellipses | RationalCurves) -> tuple[_Group, float]:
         raise ToolpathError(
             f"a curve or an ellipse cannot be fitted within {FIT_TOLERANCE / NM:g} nm"
         ) from None
-    still = np.zeros((fit.extent.size, 2))
     owner = smooth.owner[(0.5 * fit.begin).astype(int)]
-    return _Group(owner, fit.polynomial, still, still, 0 * fit.extent, fit.extent), fit.error
+    *rows, _, extent = fit.pieces()
+    return _Group(owner, *rows, extent), fit.error
 
 
 def _owners(numbered: list) -> np.ndarray:
     return np.array([owner for owner, _ in numbered])
-
-
-def _pair(points: np.ndarray) -> np.ndarray:
-    return np.stack([np.real(points), np.imag(points)], axis=-1)
 
 
 def _size(curve: Curve) -> float:

@@ -51,7 +51,7 @@ class Ellipses(NamedTuple):
         cos, sin = np.cos(angle), np.sin(angle)
         wave = self.first[j] * cos + self.second[j] * sin
         slope = self.second[j] * cos - self.first[j] * sin
-        return _pair(self.centre[j] + wave), _pair(sweep * slope), _pair(-(sweep**2) * wave)
+        return pairs(self.centre[j] + wave), pairs(sweep * slope), pairs(-(sweep**2) * wave)
 
 
 class RationalCurves(NamedTuple):
@@ -99,7 +99,7 @@ class RationalCurves(NamedTuple):
         along = np.where(straight, third, np.where(behind, -second, second))
         first, second = np.where(still, along, first), np.where(still, 0.0, second)
         width = self.width[j]
-        return _pair(point), _pair(width * first), _pair(width**2 * second)
+        return pairs(point), pairs(width * first), pairs(width**2 * second)
 
     def _derivatives(self, j, u):
         """Point and three derivatives with respect to the whole curve's parameter."""
@@ -155,7 +155,8 @@ def _place(t: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return j, t - 2 * j
 
 
-def _pair(points: np.ndarray) -> np.ndarray:
+def pairs(points: np.ndarray) -> np.ndarray:
+    """Coordinates (..., 2) of points of the plane."""
     return np.stack([np.real(points), np.imag(points)], axis=-1)
 
 
