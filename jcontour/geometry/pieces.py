@@ -35,6 +35,10 @@ class Piece(NamedTuple):
     start: Float[Some, "..."]
     extent: Float[Some, "..."]
 
+    def taken(self, index: Any) -> "Piece":
+        """Some of the pieces, by what indexes an array."""
+        return jax.tree.map(lambda rows: rows[index], self)
+
     def jet(
         self, s: Float[Some, "..."]
     ) -> tuple[Float[Some, "... m"], Float[Some, "... m"], Float[Some, "... #m"]]:

@@ -35,6 +35,11 @@ class Fit(NamedTuple):
     begin: Float[np.ndarray, " P"]
     error: float
 
+    def pieces(self) -> Piece:
+        """Pieces of a contour that does not turn; where each starts is left to the contour."""
+        still, none = np.zeros_like(self.polynomial[:, 0]), np.zeros_like(self.extent)
+        return Piece(self.polynomial, still, still, none, none, self.extent)
+
 
 MOST_PIECES = 20_000  # 10 m of path in pieces of 0.5 mm; a fit that needs more has met a cusp
 MOST_HALVINGS = 40  # of one piece; reaches rounding on any curve

@@ -167,11 +167,7 @@ class _Blends(NamedTuple):
         return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
 
     def _sides(self) -> tuple[Piece, Piece]:
-        return _taken(self.pieces, self.at), _taken(self.pieces, self.at + 1)
-
-
-def _taken(pieces: Piece, index) -> Piece:
-    return jax.tree.map(lambda rows: rows[index], pieces)
+        return self.pieces.taken(self.at), self.pieces.taken(self.at + 1)
 
 
 def _jet(pieces: Piece, s) -> tuple[np.ndarray, ...]:
@@ -218,12 +214,11 @@ def _assembled(contour: Contour, blends: _Blends, tolerance: float) -> BlendedPa
     cut_after[blends.at], cut_before[blends.at + 1] = blends.reach, blends.reach
     left = pieces.extent - cut_before - cut_after
     kept = np.flatnonzero(left > SHORTEST)
-    cut = _cut(_taken(pieces, kept), cut_before[kept], left[kept])
+    cut = _cut(pieces.taken(kept), cut_before[kept], left[kept])
     fit = fitted("blend", *_curves(blends), FIT * tolerance)
     number = (0.5 * fit.begin).astype(int)
     joint = blends.at[number]
-    still, none = np.zeros((joint.size, contour.axes)), np.zeros(joint.size)
-    curves = Piece(fit.polynomial, still, still, none, none, fit.extent)
+    curves = fit.pieces()
     order = np.lexsort(
         (
             np.concatenate([np.zeros(kept.size), fit.begin]),

@@ -95,8 +95,6 @@ def smooth_path(
     if not tolerance > 0 or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed)
     found, within = smoothed(contour, SHARE * tolerance, allowed & alike)
-    if found.path is contour:
-        return blended(contour, tolerance, allowed)
     joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
     around = blended(found.path, tolerance - found.deviation, within | allowed[joint])
     return BlendedPath(
@@ -114,7 +112,7 @@ def smoothed(
 ) -> tuple[BlendedPath, Bool[np.ndarray, " inner"]]:
     """Path with its runs smoothed, and which of its joints lie within a run.
 
-    It is the contour itself where there are no runs. `blend` says which pieces belong to one.
+    It is the contour itself where there are no runs. No piece of it counts as a blend.
 
     Args:
         contour: one contour, not a stack.
@@ -124,20 +122,19 @@ def smoothed(
     pieces = unpadded(contour)
     runs = _runs(pieces, tolerance, alike)
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    kept, places, numbers, in_run, goes_on = [], [], [], [], []
+    kept, places, numbers, goes_on = [], [], [], []
     deviation, at = 0.0, 0
     for run in runs:
         curve = _smooth_run(run, tolerance)
         if curve is None:
             continue
         before = np.arange(at, run.first)
-        kept += [_taken(pieces, before), _quintics(curve.fit)]
+        kept += [pieces.taken(before), curve.fit.pieces()]
         places += [starts[before], starts[run.first] + curve.fit.begin]
         inner = np.searchsorted(run.ends, curve.fit.begin, side="right") - 1 + run.first
         inner[-1] = run.last  # what comes after the run comes after its last piece
         numbers += [before, inner]
-        in_run += [np.zeros(before.size, bool), np.ones(inner.size, bool)]
-        goes_on += [in_run[-2], np.arange(inner.size) < inner.size - 1]
+        goes_on += [np.zeros(before.size, bool), np.arange(inner.size) < inner.size - 1]
         deviation = max(deviation, curve.deviation)
         at = run.last + 1
     if at == 0:
@@ -145,18 +142,18 @@ def smoothed(
         none = np.zeros(every.size, bool)
         return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1]
     rest = np.arange(at, pieces.extent.size)
-    kept.append(_taken(pieces, rest))
+    kept.append(pieces.taken(rest))
     whole = jax.tree.map(lambda *rows: np.concatenate(rows), *kept)
-    none = np.zeros(rest.size, bool)
+    within = np.concatenate([*goes_on, np.zeros(rest.size, bool)])
     path = BlendedPath(
         path=from_pieces(whole, fit_error=FIT * tolerance, newton_steps=NEWTON_STEPS),
         contour=contour,
         piece=np.concatenate([*numbers, rest]),
-        blend=np.concatenate([*in_run, none]),
+        blend=np.zeros(within.size, bool),
         place=np.concatenate([*places, starts[rest], starts[-1:]]),
         deviation=deviation,
     )
-    return path, np.concatenate([*goes_on, none])[:-1]
+    return path, within[:-1]
 
 
 def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
@@ -178,11 +175,11 @@ def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
 def _run(pieces: Piece, first: int, last: int, turn: np.ndarray) -> Run:
     before = after = None
     if first > 0 and turn[first - 1] <= TANGENT:
-        neighbour = _taken(pieces, first - 1)
+        neighbour = pieces.taken(first - 1)
         before = _direction(neighbour, neighbour.extent)
     if last < turn.size and turn[last] <= TANGENT:
-        after = _direction(_taken(pieces, last + 1), np.zeros(()))
-    of_run = _taken(pieces, slice(first, last + 1))
+        after = _direction(pieces.taken(last + 1), np.zeros(()))
+    of_run = pieces.taken(slice(first, last + 1))
     return Run(first, last, of_run, np.append(0.0, np.cumsum(of_run.extent)), (before, after))
 
 
@@ -268,12 +265,3 @@ def _frame(run: Run, points: Float[np.ndarray, "S m"]):
         return point, tangent, bend
 
     return frame
-
-
-def _quintics(fit: Fit) -> Piece:
-    still, none = np.zeros((fit.extent.size, fit.polynomial.shape[-1])), np.zeros(fit.extent.size)
-    return Piece(fit.polynomial, still, still, none, none, fit.extent)
-
-
-def _taken(pieces: Piece, index) -> Piece:
-    return jax.tree.map(lambda rows: rows[index], pieces)
