@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jcontour.compiled import compiled
 from jcontour.geometry.contour import Contour
-from jcontour.qp.compiled import compiled
 
 
 class Path(NamedTuple):

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jcontour.compiled import compiled
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.limits import Limits
-from jcontour.qp.compiled import compiled
 from jcontour.qp.problem import QP
 
 # of the largest entry of the same kind of row: limits on what the controls of the window cannot

@@ -25,11 +25,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from jcontour.compiled import compiled
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.velocity_form import velocity_form
 from jcontour.mpc.compiled_path import path_at
 from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.qp.compiled import compiled
 
 
 class ContouringConstants(NamedTuple):

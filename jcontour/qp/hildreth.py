@@ -10,7 +10,7 @@ of a row under one multiplier.
 
 import numpy as np
 
-from jcontour.qp.compiled import compiled
+from jcontour.compiled import compiled
 from jcontour.qp.problem import QP, Solution, Unsolved, check_shapes
 from jcontour.qp.solvers import Solver, best_checked
 

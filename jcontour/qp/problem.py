@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.qp.compiled import compiled
+from jcontour.compiled import compiled
 
 RESIDUAL_LIMIT = 1e-8  # of every scaled residual of an answer that counts as solved
 # asymmetry of H, and negative curvature, relative to its largest entry: rounding of a product of

@@ -27,13 +27,11 @@ from jcontour.motion.jerk_limited.cubic_motion import (
 )
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.optimum import quickest, within
+from jcontour.motion.jerk_limited.optimum import fullest, quickest
 from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
 
 PASSES = 1  # after the first
 ROOM = 0.02  # of every limit that is left at the start of a pass
-HALVINGS = 400  # times the rate's square is made smaller in search of a start
-SHRINKING = 0.7
 TIGHTENINGS = 1  # of cells that exceed a limit between their points
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
@@ -216,7 +214,7 @@ def _planned(
     unknowns = ordinates(cells.length, begins)
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns)
     stretch = np.cumsum(begins) - 1
-    start = _shrunk(parts, unknowns, stretch, np.ones(stretch.size))
+    start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
     found = quickest(parts, unknowns, start)
     slower = _slower(task, old, cells, unknowns.of(found))
     for _ in range(TIGHTENINGS):
@@ -224,7 +222,7 @@ def _planned(
             break
         tight = (1 / slower**TIGHTER)[:, None, None]
         parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
-        found = quickest(parts, unknowns, _shrunk(parts, unknowns, stretch, found))
+        found = quickest(parts, unknowns, _fitted(parts, unknowns, stretch, found))
         slower = _slower(task, old, cells, unknowns.of(found))
     square = unknowns.of(found)
     most = np.ones(stretch[-1] + 1)
@@ -232,16 +230,11 @@ def _planned(
     return JerkLimitedMotion(*task, old, cells, Warp.of(node, square * most[stretch, None]))
 
 
-def _shrunk(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
-    """Unknowns shrunk, stretch by stretch, until they leave room in every condition."""
-    rate = np.ones(stretch[-1] + 1)
-    for _ in range(HALVINGS):
-        good = within(parts, unknowns, rate[stretch] * shape, ROOM)
-        bad = np.unique(stretch[~good])
-        if bad.size == 0:
-            return rate[stretch] * shape
-        rate[bad] *= SHRINKING
-    raise ValueError("limits: no motion was found that keeps them")
+def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
+    """Unknowns of a shape, stretch by stretch as fast as leaves room in every condition."""
+    most = np.full(stretch[-1] + 1, np.inf)
+    np.minimum.at(most, stretch, fullest(parts, unknowns, shape))
+    return (1 - ROOM) * most[stretch] * shape
 
 
 def _slower(task: _Task, old, cells: Cells, square) -> Float[np.ndarray, " n"]:

@@ -1,7 +1,7 @@
 import numba
 import pytest
 
-from jcontour.qp.compiled import compiled
+from jcontour.compiled import compiled
 
 
 def doubled(x):
