@@ -1,79 +1,27 @@
-"""Newton's equations of the quickest warp of time, cell by cell, compiled.
+"""The quickest warp of time between two stops, by a primal-dual interior point method, compiled.
 
-The conditions of a cell are 1 + 3 + 12 m for m axes: the middle ordinate, the speed, and the two
+Every step solves Newton's equations for
+    minimise T(c) = sum weight / sqrt(u)    subject to    g(c) >= 0,    g_i z_i = mu,
+with mu sent to zero (Nocedal & Wright, Numerical Optimization, chapter 19). The curvature of g is
+left out: it is that of 1 / sqrt(u), whose tangent lies below it, so that a step along which the
+tangents stay positive stays within the limits. Unknowns of neighbouring cells alone meet, so that
+the equations have two diagonals beside the main one.
+
+The conditions g of a cell are 1 + 3 + 12 m for m axes: the middle ordinate, the speed, and the two
 sides of the acceleration and of the jerk, at three points each.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from jcontour.compiled import compiled
-from jcontour.motion.jerk_limited.conditions import Conditions
-from jcontour.motion.jerk_limited.warp import Ordinates
 
 POINTS = 3  # of a cell
-
-
-class Values(NamedTuple):
-    """Values at unknowns: u at the points, and how far every condition is from its limit."""
-
-    square: Float[np.ndarray, "n 3"]
-    room: Float[np.ndarray, "n K"]
-
-
-class Equations(NamedTuple):
-    """Newton's equations: the matrix's main diagonal and the two above it, and the right side.
-
-    Attributes:
-        band: (3, n), as `scipy.linalg.solveh_banded` has it.
-        right: (n,).
-        slope: (n, 3) of the duration in the windows of the cells.
-    """
-
-    band: Float[np.ndarray, "3 n"]
-    right: Float[np.ndarray, " n"]
-    slope: Float[np.ndarray, "n 3"]
-
-
-def values(parts: Conditions, ordinates: Ordinates, c: Float[np.ndarray, " n"]) -> Values:
-    """u and the rooms at unknowns."""
-    n, sides = parts.jerk.shape[:2]
-    found = Values(np.empty((n, POINTS)), np.empty((n, 1 + POINTS + 4 * sides)))
-    _fill_values(*_arrays(parts), ordinates.first, c, *found)
-    return found
-
-
-def equations(
-    parts: Conditions,
-    ordinates: Ordinates,
-    at: Values,
-    z: Float[np.ndarray, "n K"],
-    mu: float,
-) -> Equations:
-    """Newton's equations at unknowns with multipliers z, towards g_i z_i = mu."""
-    n = len(parts.weight)
-    found = Equations(np.zeros((POINTS, n)), np.zeros(n), np.zeros((n, POINTS)))
-    _fill_equations(*_arrays(parts), parts.weight, ordinates.first, *at, z, mu, *found)
-    return found
-
-
-def change(
-    parts: Conditions,
-    ordinates: Ordinates,
-    square: Float[np.ndarray, "n 3"],
-    step: Float[np.ndarray, " n"],
-) -> Float[np.ndarray, "n K"]:
-    """What a step of the unknowns changes in the rooms, to first order."""
-    n, sides = parts.jerk.shape[:2]
-    found = np.empty((n, 1 + POINTS + 4 * sides))
-    _fill_change(*_arrays(parts), ordinates.first, square, step, found)
-    return found
-
-
-def _arrays(parts: Conditions) -> tuple[np.ndarray, ...]:
-    return parts.middle, parts.square, parts.speed, parts.acceleration, parts.jerk
+STEPS = 150  # forty are usual
+GAP = 1e-3  # of the duration: by so much at most it may be longer than the optimum
+TO_THE_BOUND = 0.95  # of the way at which a condition would be met
+JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
+CONVERGED, AT_ROUNDING, OUT_OF_STEPS = 0, 1, 2
 
 
 @compiled
@@ -82,7 +30,7 @@ def _dot(row: np.ndarray, c: np.ndarray, first: int) -> float:
 
 
 @compiled
-def _fill_values(
+def fill_values(
     middle: np.ndarray,
     square: np.ndarray,
     speed: np.ndarray,
@@ -187,3 +135,123 @@ def _fill_change(
         _fill_gradient(middle[i], square[i], speed[i], acceleration[i], jerk[i], u[i], g)
         for k in range(changed.shape[1]):
             changed[i, k] = _dot(g[k], step, first[i])
+
+
+@compiled
+def _solved(band: np.ndarray, right: np.ndarray) -> bool:
+    """Solve Newton's equations in place by the Cholesky factors; False at rounding.
+
+    The band is (3, n): the second diagonal above the main one, the first, and the main one.
+    """
+    n = right.size
+    for i in range(n):
+        far = band[0, i] / band[2, i - 2] if i > 1 else 0.0
+        near = band[1, i] - (far * band[1, i - 1] if i > 1 else 0.0)
+        pivot = band[2, i] - far * band[0, i]
+        if i > 0:
+            pivot -= near * near / band[2, i - 1]
+        if not pivot > 1e-15 * band[2, i]:
+            pivot = np.inf
+        band[1, i], band[2, i] = near, pivot
+        if i > 0:
+            right[i] -= near / band[2, i - 1] * right[i - 1]
+        if i > 1:
+            right[i] -= far * right[i - 2]
+    for i in range(n - 1, -1, -1):
+        right[i] /= band[2, i]
+        if i + 1 < n:
+            right[i] -= band[1, i + 1] / band[2, i] * right[i + 1]
+        if i + 2 < n:
+            right[i] -= band[0, i + 2] / band[2, i] * right[i + 2]
+    return True
+
+
+@compiled
+def _reach(values: np.ndarray, change: np.ndarray) -> float:
+    """How much of a change can be made until a value meets zero."""
+    most = np.inf
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            if change[i, k] < 0:
+                most = min(most, -values[i, k] / change[i, k])
+    return most
+
+
+@compiled
+def _centring(moved: float, gain: float) -> float:
+    """Factor on mu: small where Newton's step was taken whole, near one while far from the path."""
+    if gain > 0.3:
+        return 0.9
+    return 0.1 if moved > 0.9 else 0.2 if moved > 0.5 else 0.5 if moved > 0.2 else 0.9
+
+
+@compiled
+def solve(
+    middle: np.ndarray,
+    square: np.ndarray,
+    weight: np.ndarray,
+    speed: np.ndarray,
+    acceleration: np.ndarray,
+    jerk: np.ndarray,
+    first: Int[np.ndarray, " n"],
+    c: np.ndarray,
+) -> int:
+    """Improve the unknowns of one stretch in place; they begin within every condition."""
+    n, sides = jerk.shape[0], jerk.shape[1]
+    rows = 1 + POINTS + 4 * sides
+    u, room, ahead, beyond = (
+        np.empty((n, POINTS)),
+        np.empty((n, rows)),
+        np.empty((n, POINTS)),
+        np.empty((n, rows)),
+    )
+    change, dual, slope = np.empty((n, rows)), np.empty((n, rows)), np.empty((n, POINTS))
+    band, step = np.empty((POINTS, n)), np.empty(n)
+    fill_values(middle, square, speed, acceleration, jerk, first, c, u, room)
+    duration = np.sum(weight / np.sqrt(u))
+    mu = 0.1 * duration / room.size
+    z = mu / room
+    for _ in range(STEPS):
+        band[:], step[:], slope[:] = 0.0, 0.0, 0.0
+        _fill_equations(
+            middle,
+            square,
+            speed,
+            acceleration,
+            jerk,
+            weight,
+            first,
+            u,
+            room,
+            z,
+            mu,
+            band,
+            step,
+            slope,
+        )
+        if not _solved(band, step):
+            return AT_ROUNDING
+        gain = 0.0
+        for i in range(n):
+            gain -= _dot(slope[i], step, first[i])
+        _fill_change(middle, square, speed, acceleration, jerk, first, u, step, change)
+        moved = min(1.0, TO_THE_BOUND * _reach(room, change))
+        dual[:] = (mu - z * change) / room - z
+        z += min(1.0, TO_THE_BOUND * _reach(z, dual)) * dual
+        fill_values(
+            middle, square, speed, acceleration, jerk, first, c + moved * step, ahead, beyond
+        )
+        if not beyond.min() > 0:
+            return AT_ROUNDING
+        c += moved * step
+        u, ahead = ahead, u
+        room, beyond = beyond, room
+        before, duration = duration, np.sum(weight / np.sqrt(u))
+        gap = np.sum(room * z)
+        if gap < GAP * duration and before - duration < 0.3 * GAP * duration:
+            return CONVERGED
+        mu = gap / room.size * _centring(moved, gain / duration)
+        if moved < JAMMED:
+            mu = gap / room.size
+            z = mu / room
+    return OUT_OF_STEPS

@@ -116,12 +116,19 @@ class JerkLimitedMotion:
         cell = np.clip(cell, 0, self._cells.length.size - 1)
         return self._warp.reached(cell, old - self._warp.node[cell])
 
-    def shared(self, first: float, last: float, tick: float) -> Float[np.ndarray, " n"]:
-        """Times from one to another that share out every piece evenly, none longer than `tick`."""
+    def shared(self, tick: float) -> list[Float[np.ndarray, " n"]]:
+        """Times from stop to stop that share out every piece evenly, none longer than `tick`."""
         starts = np.append(0.0, np.cumsum(self._pieces.extent))
-        ends = self.reached(starts[1:-1])
-        ends = np.concatenate([[first], ends[(ends > first) & (ends < last)], [last]])
-        time, share = self._activity(tick)
+        ends, stops = self.reached(starts), self.reached(self.stops)
+        table = self._activity(tick)
+        return [
+            self._shared(np.concatenate([[a], ends[(ends > a) & (ends < b)], [b]]), *table)
+            for a, b in pairwise(stops)
+        ]
+
+    def _shared(self, ends, time, share) -> Float[np.ndarray, " n"]:
+        """Times between two stops; `ends` are those of the pieces."""
+        first, last = ends[[0, -1]]
         along = np.interp(ends, time, share)
         least = np.ceil(mesh.PER_STRETCH * np.diff(along) / (along[-1] - along[0]))
         count = np.maximum(np.maximum(np.ceil(np.diff(along)), least), mesh.CURVED).astype(int)
@@ -214,15 +221,17 @@ def _planned(
     unknowns = ordinates(cells.length, begins)
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns)
     stretch = np.cumsum(begins) - 1
+    every = np.ones(stretch[-1] + 1, bool)
     start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
-    found = quickest(parts, unknowns, start)
+    found = quickest(parts, unknowns, start, stretch, every)
     slower = _slower(task, old, cells, unknowns.of(found))
     for _ in range(TIGHTENINGS):
-        if slower.min() > 1 - WORTH:
-            break
-        tight = (1 / slower**TIGHTER)[:, None, None]
+        exceeds = np.zeros_like(every)
+        exceeds[stretch[slower < 1 - WORTH]] = True
+        tight = np.where(exceeds[stretch], 1 / slower**TIGHTER, 1.0)[:, None, None]
         parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
-        found = quickest(parts, unknowns, _fitted(parts, unknowns, stretch, found))
+        start = np.where(exceeds[stretch], _fitted(parts, unknowns, stretch, found), found)
+        found = quickest(parts, unknowns, start, stretch, exceeds)
         slower = _slower(task, old, cells, unknowns.of(found))
     square = unknowns.of(found)
     most = np.ones(stretch[-1] + 1)
@@ -269,11 +278,8 @@ def _peak(values: Float[np.ndarray, "n k m"]) -> Float[np.ndarray, " n"]:
 
 def _again(motion: JerkLimitedMotion) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    stops = motion.reached(motion.stops)
-    tick = mesh.cell_time(motion.limits)
     smoothed = []
-    for first, last in pairwise(stops):
-        time = motion.shared(first, last, tick)
+    for time in motion.shared(mesh.cell_time(motion.limits)):
         one = through(time, motion.at(time).arc)
         if one is None:
             return None

@@ -38,11 +38,13 @@ def ordinates(length: Float[np.ndarray, " n"], begins: Bool[np.ndarray, " n"]) -
     """Bernstein ordinates of cells [s]; `begins` says which come after a stop.
 
     Raises:
-        ValueError: fewer than three cells.
+        ValueError: fewer than three cells between two stops.
     """
     n = length.size
-    if n < 3:
-        raise ValueError(f"cells: needs at least three, received {n}")
+    stops = np.append(np.flatnonzero(begins), n)
+    count = np.diff(stops)
+    if count.min() < 3:
+        raise ValueError(f"cells: needs at least three between stops, received {count.min()}")
     ends = np.append(begins[1:], True)
     before, after = np.append(0.0, length[:-1]), np.append(length[1:], 0.0)
     weights = np.zeros((n, 3, 5))  # unknowns i-2 .. i+2
@@ -51,8 +53,9 @@ def ordinates(length: Float[np.ndarray, " n"], begins: Bool[np.ndarray, " n"]) -
     weights[:, 1, 2] = 1.0
     share = np.where(ends, 0.0, length / (length + after))
     weights[:, 2, 3], weights[:, 2, 2] = share, 1.0 - share
-    first = np.clip(np.arange(n) - 1, 0, n - 3)
-    shift = first - np.arange(n) + 2  # 1, but 2 in the first and 0 in the last cell
+    low, high = np.repeat(stops[:-1], count), np.repeat(stops[1:] - 3, count)
+    first = np.clip(np.arange(n) - 1, low, high)
+    shift = first - np.arange(n) + 2  # 1, but 2 after a stop and 0 before one
     columns = shift[:, None] + np.arange(3)
     return Ordinates(first, np.take_along_axis(weights, columns[:, None, :], axis=2))
 
