@@ -47,6 +47,11 @@ def passing_speed(
     return np.minimum(feed, turning)
 
 
+def cells_of_curve(ticks: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
+    """Least number of cells of curves that are passed in so many of a cell's times."""
+    return np.clip(np.ceil(CURVED * ticks), 1, CURVED)
+
+
 def nodes(
     contour: Contour,
     pieces: Piece,
@@ -66,7 +71,7 @@ def nodes(
     arc = trapezoidal(contour, speed, tick, 1e9, axis_speed, limits.acceleration, 0.0)
     place, time = _times(arc, tick, stops, limits, starts)
     ends = np.interp(starts, place, time)
-    least = np.where(curved(pieces), CURVED, 1)
+    least = np.where(curved(pieces), cells_of_curve(np.diff(ends) / tick), 1)
     stretch = np.searchsorted(stops, 0.5 * (starts[1:] + starts[:-1])) - 1
     share = np.diff(ends) / np.bincount(stretch, np.diff(ends), stops.size - 1)[stretch]
     least = np.maximum(least, np.ceil(PER_STRETCH * share))

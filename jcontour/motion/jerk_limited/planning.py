@@ -131,7 +131,8 @@ class JerkLimitedMotion:
         first, last = ends[[0, -1]]
         along = np.interp(ends, time, share)
         least = np.ceil(mesh.PER_STRETCH * np.diff(along) / (along[-1] - along[0]))
-        count = np.maximum(np.maximum(np.ceil(np.diff(along)), least), mesh.CURVED).astype(int)
+        least = np.maximum(least, mesh.cells_of_curve(np.diff(along)))
+        count = np.maximum(np.ceil(np.diff(along)), least).astype(int)
         parts = [
             np.linspace(a, b, n, endpoint=False)
             for (a, b), n in zip(pairwise(along), count, strict=True)
