@@ -18,8 +18,8 @@ LIBRARY = {"jax", "equinox", "jaxtyping", "optax", "numpy", "scipy"}
 APPLICATION = {"matplotlib", "tyro", "rich", "xarray", "h5netcdf", "h5py", "PIL"}
 ALLOWED = {"jcontour": LIBRARY, "tuning": LIBRARY, "experiments": LIBRARY | APPLICATION}
 ALONE = {  # third parties that a few rooms or files alone may import
-    "jcontour.qp": {"qpsolvers", "proxsuite", "daqp", "numba"},
-    "jcontour.mpc": {"numba"},  # compiled builders of the QP
+    "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
+    "jcontour.compiled": {"numba"},
     "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
@@ -36,7 +36,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("simulation", "riccati"),
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
-        ("geometry", "qp", "plant", "sensors", "tracing"),
+        ("geometry", "qp", "plant", "sensors", "tracing", "compiled"),
     ),
     "experiments": (
         ("cli", "examples"),

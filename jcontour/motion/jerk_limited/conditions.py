@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
@@ -39,6 +39,10 @@ class Cells(NamedTuple):
     elapsed: Float[np.ndarray, " n"]
     cell: Int[np.ndarray, " n"]
     length: Float[np.ndarray, " n"]
+
+    def taken(self, some: Bool[np.ndarray, " n"]) -> "Cells":
+        """Some of the cells."""
+        return Cells(*(values[some] for values in self))
 
     def motion(self, old: CubicMotion, fractions: Float[np.ndarray, " k"]) -> MotionSamples:
         """Motion at fractions of every cell, (n, k)."""

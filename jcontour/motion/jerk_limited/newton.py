@@ -17,11 +17,10 @@ from jaxtyping import Int
 from jcontour.compiled import compiled
 
 POINTS = 3  # of a cell
+ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
 STEPS = 150  # forty are usual
-GAP = 1e-3  # of the duration: by so much at most it may be longer than the optimum
 TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
-CONVERGED, AT_ROUNDING, OUT_OF_STEPS = 0, 1, 2
 
 
 @compiled
@@ -41,6 +40,7 @@ def fill_values(
     u: np.ndarray,
     room: np.ndarray,
 ) -> None:
+    """Write u at the points, and how far every condition is from its limit (n, K)."""
     sides = jerk.shape[1]
     axes = sides // POINTS
     for i in range(first.size):
@@ -138,10 +138,14 @@ def _fill_change(
 
 
 @compiled
-def _solved(band: np.ndarray, right: np.ndarray) -> bool:
-    """Solve Newton's equations in place by the Cholesky factors; False at rounding.
+def _solve_equations(band: np.ndarray, right: np.ndarray) -> None:
+    """Solve Newton's equations in place by their factors L D L'.
 
-    The band is (3, n): the second diagonal above the main one, the first, and the main one.
+    An unknown whose pivot is lost to rounding stays where it is.
+
+    Args:
+        band: (3, n) second diagonal above the main one, the first, and the main one.
+        right: (n,) right side, and then the step.
     """
     n = right.size
     for i in range(n):
@@ -150,7 +154,7 @@ def _solved(band: np.ndarray, right: np.ndarray) -> bool:
         pivot = band[2, i] - far * band[0, i]
         if i > 0:
             pivot -= near * near / band[2, i - 1]
-        if not pivot > 1e-15 * band[2, i]:
+        if not pivot > ROUNDING * band[2, i]:
             pivot = np.inf
         band[1, i], band[2, i] = near, pivot
         if i > 0:
@@ -163,7 +167,6 @@ def _solved(band: np.ndarray, right: np.ndarray) -> bool:
             right[i] -= band[1, i + 1] / band[2, i] * right[i + 1]
         if i + 2 < n:
             right[i] -= band[0, i + 2] / band[2, i] * right[i + 2]
-    return True
 
 
 @compiled
@@ -195,8 +198,12 @@ def solve(
     jerk: np.ndarray,
     first: Int[np.ndarray, " n"],
     c: np.ndarray,
-) -> int:
-    """Improve the unknowns of one stretch in place; they begin within every condition."""
+    most: float,
+) -> None:
+    """Improve the unknowns of one stretch in place; they begin within every condition.
+
+    It ends where the duration may be longer than the optimum by at most that part of it.
+    """
     n, sides = jerk.shape[0], jerk.shape[1]
     rows = 1 + POINTS + 4 * sides
     u, room, ahead, beyond = (
@@ -229,8 +236,7 @@ def solve(
             step,
             slope,
         )
-        if not _solved(band, step):
-            return AT_ROUNDING
+        _solve_equations(band, step)
         gain = 0.0
         for i in range(n):
             gain -= _dot(slope[i], step, first[i])
@@ -241,17 +247,16 @@ def solve(
         fill_values(
             middle, square, speed, acceleration, jerk, first, c + moved * step, ahead, beyond
         )
-        if not beyond.min() > 0:
-            return AT_ROUNDING
+        if not beyond.min() > 0:  # at rounding: what was found is within all conditions
+            return
         c += moved * step
         u, ahead = ahead, u
         room, beyond = beyond, room
         before, duration = duration, np.sum(weight / np.sqrt(u))
         gap = np.sum(room * z)
-        if gap < GAP * duration and before - duration < 0.3 * GAP * duration:
-            return CONVERGED
+        if gap < most * duration and before - duration < 0.3 * most * duration:
+            return
         mu = gap / room.size * _centring(moved, gain / duration)
         if moved < JAMMED:
             mu = gap / room.size
             z = mu / room
-    return OUT_OF_STEPS
