@@ -13,6 +13,7 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 
 PER_RAMP = 8  # cells in the time in which an axis builds up its acceleration
 CURVED = 6  # cells of a curved piece at least
+WHOLE = 0.5  # of a cell's time: a piece that is passed in less has fewer
 PER_STRETCH = 40  # cells between two stops at least
 FINE = 4  # ramps' times beside the ends of a line in which its cells are not longer
 MOST_CELLS = 2_000_000
@@ -49,7 +50,7 @@ def passing_speed(
 
 def cells_of_curve(ticks: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
     """Least number of cells of curves that are passed in so many of a cell's times."""
-    return np.clip(np.ceil(CURVED * ticks), 1, CURVED)
+    return np.clip(np.ceil(CURVED * ticks / WHOLE), 1, CURVED)
 
 
 def nodes(

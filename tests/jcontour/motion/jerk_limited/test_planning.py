@@ -63,6 +63,39 @@ def test_line_takes_as_long_as_in_closed_form(length):
     assert best * (1 - 1e-9) < motion.duration < 1.005 * best
 
 
+def test_a_line_cut_into_pieces_of_any_length_takes_as_long():
+    random = np.random.default_rng(0)
+    cuts = np.concatenate([random.uniform(0, 20e-3, 100), 10e-3 + random.uniform(0, 1e-7, 20)])
+    along = np.sort(np.concatenate([[0.0, 20e-3], cuts]))
+    line = np.stack([along, 0 * along], axis=1)
+    best = stopping_time(line[[0, -1]], 12e-3, LIMITS)
+    motion = jerk_limited(contours.polyline(line), 12e-3, LIMITS)
+    assert best * (1 - 1e-9) < motion.duration < 1.005 * best
+
+
+def test_stretches_between_stops_are_as_quick_as_alone():
+    """One of them is a hundred times as long as two others."""
+    hairpins = 1e-3 * np.array([[0, 0], [5, 0], [4.999, 0], [5, 0], [0, 0], [30, 0]])
+    motion = jerk_limited(contours.polyline(hairpins), FEED, LIMITS)
+    best = stopping_time(hairpins, FEED, LIMITS)
+    assert motion.stops.size == 6
+    assert best * (1 - 1e-9) < motion.duration < 1.005 * best
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_path_takes_as_long_backwards(seed):
+    """Chords of 0.1 um to 5 mm, in any order."""
+    random = np.random.default_rng(seed)
+    length, angle = 10 ** random.uniform(-7, -2.3, 60), np.cumsum(random.normal(0, 0.4, 60))
+    chords = length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([np.zeros((1, 2)), np.cumsum(chords, axis=0)])
+    there, back = (
+        jerk_limited(blended(contours.polyline(way), 2e-6).path, 12e-3, LIMITS).duration
+        for way in (points, points[::-1])
+    )
+    assert there == pytest.approx(back, rel=5e-3)
+
+
 def test_it_rests_at_both_ends_exactly():
     motion = jerk_limited(contours.line([0.0, 0.0], [0.03, 0.04]), FEED, LIMITS)
     ends = motion.at(np.array([0.0, motion.duration, 2 * motion.duration]))
