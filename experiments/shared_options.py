@@ -31,12 +31,12 @@ class MachineFlags(Common):
     """Path acceleration of the rest-to-rest feed law [m/s^2].
     When not given, half of what the machine states, or 2: its tool takes more than it is asked
     for."""
-    feed_law: FeedLaw = "trapezoidal"  # planned at once; the other takes as long as the part runs
+    feed_law: FeedLaw = "jerk"  # asks nothing of a machine that it cannot do
     """Law of toolpath files. jerk: the quickest motion under limits of speed, acceleration and jerk
-    on every axis, with curves through short moves and blended corners. trapezoidal: neither, and
-    no limit on the jerk."""
+    on every axis, with curves through short moves and blended corners. trapezoidal: planned sooner,
+    with corners at speed and no limit on the jerk."""
     jerk: float | None = None
-    """Jerk limit of every axis [m/s^3], with --feed-law jerk.
+    """Jerk limit of every axis [m/s^3].
     When not given, the acceleration builds up in 20 ms."""
     drawing_unit: DrawingUnit | None = None
     """Unit of a drawing, whatever its file says. When not given, the file has to say.
@@ -44,8 +44,8 @@ class MachineFlags(Common):
     join_um: float = 10.0  # programs that draw snap to less
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
     corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop
-    """Distance [um] from the part within which --feed-law jerk runs curves through short moves, and
-    blends corners; 0 stops in them."""
+    """Distance [um] from the part within which curves run through short moves and corners are
+    blended; 0 stops in them."""
 
 
 @dataclass(frozen=True)

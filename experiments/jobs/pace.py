@@ -42,7 +42,7 @@ class Pace(NamedTuple):
     machine: Machine
     feed: float | None
     acceleration: float | None
-    feed_law: FeedLaw = "trapezoidal"
+    feed_law: FeedLaw = "jerk"
     jerk: float | None = None
     corner_tolerance: float = 2e-6
     drawing_unit: float | None = None

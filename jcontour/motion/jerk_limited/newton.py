@@ -18,6 +18,7 @@ from jcontour.compiled import compiled
 
 POINTS = 3  # of a cell
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
+GAP = 1e-3  # of the duration: by so much at most it may be longer than the optimum
 STEPS = 150  # forty are usual
 TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
@@ -198,12 +199,8 @@ def solve(
     jerk: np.ndarray,
     first: Int[np.ndarray, " n"],
     c: np.ndarray,
-    most: float,
 ) -> None:
-    """Improve the unknowns of one stretch in place; they begin within every condition.
-
-    It ends where the duration may be longer than the optimum by at most that part of it.
-    """
+    """Improve the unknowns of one stretch in place; they begin within every condition."""
     n, sides = jerk.shape[0], jerk.shape[1]
     rows = 1 + POINTS + 4 * sides
     u, room, ahead, beyond = (
@@ -254,7 +251,7 @@ def solve(
         room, beyond = beyond, room
         before, duration = duration, np.sum(weight / np.sqrt(u))
         gap = np.sum(room * z)
-        if gap < most * duration and before - duration < 0.3 * most * duration:
+        if gap < GAP * duration and before - duration < 0.3 * GAP * duration:
             return
         mu = gap / room.size * _centring(moved, gain / duration)
         if moved < JAMMED:

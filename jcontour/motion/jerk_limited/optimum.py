@@ -14,7 +14,6 @@ def quickest(
     start: Float[np.ndarray, " n"],
     stretch: Int[np.ndarray, " n"],
     wanted: Bool[np.ndarray, " stretches"],
-    gap: float,
 ) -> Float[np.ndarray, " n"]:
     """Unknowns of the quickest warp, from unknowns that are within every condition.
 
@@ -24,7 +23,6 @@ def quickest(
         start: unknowns to begin with.
         stretch: number of the stretch of every cell.
         wanted: stretches that are solved; the others stay as they are.
-        gap: part of the duration by which it may be longer than the optimum.
 
     Raises:
         ValueError: the start breaks a condition.
@@ -45,7 +43,6 @@ def quickest(
             parts.jerk[some],
             first,
             c[some],
-            gap,
         )
     return c
 

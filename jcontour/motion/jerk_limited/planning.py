@@ -32,8 +32,6 @@ from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
 
 ROOM = 0.02  # of every limit that is left at the start of a pass
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
-ROUGH = 1e-2  # of the duration: what the first pass may leave, for the next to find
-FINE = 1e-3  # what the last may leave
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
 CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits are checked
@@ -197,7 +195,7 @@ def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLim
     place, piece = mesh.nodes(contour, pieces, feed, limits, stops)
     old = ramped(stops, np.full(stops.size - 1, mesh.launch_length(limits)))
     cells, node = mesh.cells_between(place, piece, pieces, old)
-    motion = _planned(_Task(contour, limits, feed, stops, pieces), old, cells, node, ROUGH, 0)
+    motion = _planned(_Task(contour, limits, feed, stops, pieces), old, cells, node, 0)
     again = _again(motion)
     return motion if again is None else min(motion, again, key=lambda one: one.duration)
 
@@ -217,7 +215,6 @@ def _planned(
     old: CubicMotion,
     cells: Cells,
     node: Float[np.ndarray, " n"],
-    gap: float,
     tightenings: int,
 ) -> JerkLimitedMotion:
     """Quickest warp of an old motion, slowed down by what passes between the points."""
@@ -227,7 +224,7 @@ def _planned(
     stretch = np.cumsum(begins) - 1
     every = np.ones(stretch[-1] + 1, bool)
     start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
-    found = quickest(parts, unknowns, start, stretch, every, gap)
+    found = quickest(parts, unknowns, start, stretch, every)
     slower = _slower(task, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
@@ -236,7 +233,7 @@ def _planned(
         tight = np.where(again, 1 / slower**TIGHTER, 1.0)[:, None, None]
         parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
         start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
-        found = quickest(parts, unknowns, start, stretch, exceeds, gap)
+        found = quickest(parts, unknowns, start, stretch, exceeds)
         slower[again] = _slower(task, old, cells.taken(again), unknowns.of(found)[again])
     square = unknowns.of(found)
     most = np.ones(stretch[-1] + 1)
@@ -297,4 +294,4 @@ def _again(motion: JerkLimitedMotion) -> JerkLimitedMotion | None:
     arc = old.on_cell(count, middle).arc
     piece = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, task.feed.size - 1)
     cells = Cells(piece, starts[piece], np.zeros(middle.size), count, 2 * middle)
-    return _planned(task, old, cells, old.time, FINE, TIGHTENINGS)
+    return _planned(task, old, cells, old.time, TIGHTENINGS)

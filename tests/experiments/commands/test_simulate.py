@@ -57,7 +57,7 @@ def test_rollouts_thinned_or_left_out(tmp_path, run, machine_file, part_file, ca
 
 
 def test_what_comes_next_has_the_part_the_machine_and_the_pace():
-    flags = Simulate(contour="my part.ngc", plant="mill.json", feed_law="jerk", json=True)
+    flags = Simulate(contour="my part.ngc", plant="mill.json", feed_law="trapezoidal", json=True)
     [line] = next_steps(flags)
-    assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law jerk"
+    assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
     assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune"]
