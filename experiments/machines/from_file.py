@@ -12,7 +12,7 @@ A JSON object, or an npz with the same names (`limits.speed` for what is nested)
     limits               optional, each one number or one per axis:
                            speed [length/s], acceleration [length/s^2], control [control unit],
                            increment [control unit per sample]; a motion asks for half of the
-                           acceleration, see `jobs.job.SHARE`
+                           acceleration, see `jobs.pace.SHARE`
     known_delay          samples between a control and its effect that A and B do not contain; goes
     into the model (default 0)
     uncertainty          optional: gain (0.1: each input gain is known to 10 %), delay (most further
