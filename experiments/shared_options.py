@@ -33,8 +33,8 @@ class MachineFlags(Common):
     for."""
     feed_law: FeedLaw = "jerk"  # asks nothing of a machine that it cannot do
     """Law of toolpath files. jerk: the quickest motion under limits of speed, acceleration and jerk
-    on every axis, with curves through short moves and blended corners. trapezoidal: planned sooner,
-    with corners at speed and no limit on the jerk."""
+    on every axis, with curves through short moves and blended corners. trapezoidal: neither, and
+    no limit on the jerk."""
     jerk: float | None = None
     """Jerk limit of every axis [m/s^3].
     When not given, the acceleration builds up in 20 ms."""

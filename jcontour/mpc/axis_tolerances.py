@@ -32,7 +32,7 @@ STEADY = 1e-6  # relative, left over of the equations of a motion that a constan
 MORE = 1.01  # of the limits that would just do: there the least tolerance is told
 
 
-class AxisLimits(NamedTuple):
+class DriveLimits(NamedTuple):
     """Largest magnitudes of control, its increment per sample, and the tool's speed [m/s]."""
 
     control: float = np.inf
@@ -125,14 +125,14 @@ def state_bounded_by_filter(
 
 
 def axis_tolerance(
-    plant: LinearPlant, known: Knowledge, limits: AxisLimits, motion: Motion, length: int
+    plant: LinearPlant, known: Knowledge, limits: DriveLimits, motion: Motion, length: int
 ) -> AxisTolerance:
     """The tolerance of one axis, and which limits keep it from being smaller.
 
     >>> from jcontour.linear.plant import LinearPlant
     >>> slide = LinearPlant([[1, 1e-2], [0, 1]], [[5e-5], [1e-2]], [[1.0, 0.0]], dt=1e-2)
     >>> motion = Motion(speed=0.0, acceleration=0.0, previewed=True)
-    >>> found = axis_tolerance(slide, state_known(slide, 1.0), AxisLimits(4.0), motion, 10)
+    >>> found = axis_tolerance(slide, state_known(slide, 1.0), DriveLimits(4.0), motion, 10)
     >>> f"{1e3 * found.promised:.3f} mm", found.optimum.limiting
     ('0.100 mm', ())
 
@@ -180,7 +180,7 @@ def axis_tolerance(
     return AxisTolerance(found.tolerance + float(known.tool[0]), found)
 
 
-def _check(plant: LinearPlant, limits: AxisLimits, motion: Motion) -> None:
+def _check(plant: LinearPlant, limits: DriveLimits, motion: Motion) -> None:
     if (plant.axes, plant.inputs) != (1, 1):
         raise ValueError(
             f"plant: needs one output and one input, received {plant.axes}, {plant.inputs}"
@@ -194,26 +194,26 @@ def _check(plant: LinearPlant, limits: AxisLimits, motion: Motion) -> None:
 
 
 def _room(
-    known: Knowledge, limits: AxisLimits, motion: Motion, held: float, dt: float
-) -> AxisLimits:
+    known: Knowledge, limits: DriveLimits, motion: Motion, held: float, dt: float
+) -> DriveLimits:
     """The limits without the share of the motion and of what the controller cannot answer."""
-    taken = AxisLimits(
+    taken = DriveLimits(
         held * motion.speed,
         held * motion.acceleration * dt,
         motion.speed + float(known.speed[0]),
     )
-    for name, share, limit in zip(AxisLimits._fields, taken, limits, strict=True):
+    for name, share, limit in zip(DriveLimits._fields, taken, limits, strict=True):
         if not limit > share:
             raise NoResponse(
                 f"limits: {name} at most {limit:.6g}, motion and disturbances alone take "
                 f"{share:.6g}",
                 {name: share},
             )
-    return AxisLimits(*np.subtract(limits, taken).tolist())
+    return DriveLimits(*np.subtract(limits, taken).tolist())
 
 
 def _too_small(
-    none: NoResponse, limits: AxisLimits, room: AxisLimits, tolerance: float, length: int
+    none: NoResponse, limits: DriveLimits, room: DriveLimits, tolerance: float, length: int
 ) -> NoResponse:
     """The exception in the limits that were asked for, with the least tolerance of larger ones."""
     asked, left = limits._asdict(), room._asdict()

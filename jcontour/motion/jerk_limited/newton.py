@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int
 
 from jcontour.compiled import compiled
+from jcontour.motion.jerk_limited.conditions import Conditions
 
 POINTS = 3  # of a cell
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
@@ -31,65 +32,48 @@ def _dot(row: np.ndarray, c: np.ndarray, first: int) -> float:
 
 @compiled
 def fill_values(
-    middle: np.ndarray,
-    square: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-    jerk: np.ndarray,
+    parts: Conditions,
     first: Int[np.ndarray, " n"],
     c: np.ndarray,
     u: np.ndarray,
     room: np.ndarray,
 ) -> None:
     """Write u at the points, and how far every condition is from its limit (n, K)."""
-    sides = jerk.shape[1]
+    sides = parts.jerk.shape[1]
     axes = sides // POINTS
     for i in range(first.size):
-        room[i, 0] = _dot(middle[i, 0], c, first[i])
+        room[i, 0] = _dot(parts.middle[i, 0], c, first[i])
         for p in range(POINTS):
-            u[i, p] = _dot(square[i, p], c, first[i])
-            room[i, 1 + p] = 1.0 - _dot(speed[i, p], c, first[i])
+            u[i, p] = _dot(parts.square[i, p], c, first[i])
+            room[i, 1 + p] = 1.0 - _dot(parts.speed[i, p], c, first[i])
         for r in range(sides):
             k = 1 + POINTS + r
-            pushed = _dot(acceleration[i, r], c, first[i])
+            pushed = _dot(parts.acceleration[i, r], c, first[i])
             room[i, k], room[i, k + sides] = 1.0 - pushed, 1.0 + pushed
-            jerked, bound = _dot(jerk[i, r], c, first[i]), 1.0 / np.sqrt(u[i, r // axes])
+            jerked, bound = _dot(parts.jerk[i, r], c, first[i]), 1.0 / np.sqrt(u[i, r // axes])
             room[i, k + 2 * sides], room[i, k + 3 * sides] = bound - jerked, bound + jerked
 
 
 @compiled
-def _fill_gradient(
-    middle: np.ndarray,
-    square: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-    jerk: np.ndarray,
-    u: np.ndarray,
-    g: np.ndarray,
-) -> None:
-    """Gradients of all rooms of one cell in its window, (K, 3)."""
-    sides = jerk.shape[0]
+def _fill_gradient(parts: Conditions, i: int, u: np.ndarray, g: np.ndarray) -> None:
+    """Gradients of all rooms of cell i in its window, (K, 3)."""
+    sides = parts.jerk.shape[1]
     axes = sides // POINTS
     for b in range(3):
-        g[0, b] = middle[0, b]
+        g[0, b] = parts.middle[i, 0, b]
         for p in range(POINTS):
-            g[1 + p, b] = -speed[p, b]
+            g[1 + p, b] = -parts.speed[i, p, b]
         for r in range(sides):
             k, p = 1 + POINTS + r, r // axes
-            g[k, b], g[k + sides, b] = -acceleration[r, b], acceleration[r, b]
-            falling = -0.5 * square[p, b] / (u[p] * np.sqrt(u[p]))
-            g[k + 2 * sides, b] = falling - jerk[r, b]
-            g[k + 3 * sides, b] = falling + jerk[r, b]
+            pushed, jerked = parts.acceleration[i, r, b], parts.jerk[i, r, b]
+            g[k, b], g[k + sides, b] = -pushed, pushed
+            falling = -0.5 * parts.square[i, p, b] / (u[p] * np.sqrt(u[p]))
+            g[k + 2 * sides, b], g[k + 3 * sides, b] = falling - jerked, falling + jerked
 
 
 @compiled
 def _fill_equations(
-    middle: np.ndarray,
-    square: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-    jerk: np.ndarray,
-    weight: np.ndarray,
+    parts: Conditions,
     first: Int[np.ndarray, " n"],
     u: np.ndarray,
     room: np.ndarray,
@@ -101,13 +85,13 @@ def _fill_equations(
 ) -> None:
     g = np.empty((room.shape[1], 3))
     for i in range(first.size):
-        _fill_gradient(middle[i], square[i], speed[i], acceleration[i], jerk[i], u[i], g)
+        _fill_gradient(parts, i, u[i], g)
         for p in range(POINTS):
-            speeding = 0.5 * weight[i, p] / (u[i, p] * np.sqrt(u[i, p]))
+            speeding = 0.5 * parts.weight[i, p] / (u[i, p] * np.sqrt(u[i, p]))
             for a in range(3):
-                slope[i, a] -= speeding * square[i, p, a]
+                slope[i, a] -= speeding * parts.square[i, p, a]
                 for b in range(a, 3):
-                    bend = 1.5 * speeding / u[i, p] * square[i, p, a] * square[i, p, b]
+                    bend = 1.5 * speeding / u[i, p] * parts.square[i, p, a] * parts.square[i, p, b]
                     band[2 - (b - a), first[i] + b] += bend
         for a in range(3):
             right[first[i] + a] -= slope[i, a]
@@ -121,11 +105,7 @@ def _fill_equations(
 
 @compiled
 def _fill_change(
-    middle: np.ndarray,
-    square: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-    jerk: np.ndarray,
+    parts: Conditions,
     first: Int[np.ndarray, " n"],
     u: np.ndarray,
     step: np.ndarray,
@@ -133,7 +113,7 @@ def _fill_change(
 ) -> None:
     g = np.empty((changed.shape[1], 3))
     for i in range(first.size):
-        _fill_gradient(middle[i], square[i], speed[i], acceleration[i], jerk[i], u[i], g)
+        _fill_gradient(parts, i, u[i], g)
         for k in range(changed.shape[1]):
             changed[i, k] = _dot(g[k], step, first[i])
 
@@ -191,65 +171,39 @@ def _centring(moved: float, gain: float) -> float:
 
 @compiled
 def solve(
-    middle: np.ndarray,
-    square: np.ndarray,
-    weight: np.ndarray,
-    speed: np.ndarray,
-    acceleration: np.ndarray,
-    jerk: np.ndarray,
+    parts: Conditions,
     first: Int[np.ndarray, " n"],
     c: np.ndarray,
 ) -> None:
     """Improve the unknowns of one stretch in place; they begin within every condition."""
-    n, sides = jerk.shape[0], jerk.shape[1]
+    n, sides = parts.jerk.shape[:2]
     rows = 1 + POINTS + 4 * sides
-    u, room, ahead, beyond = (
-        np.empty((n, POINTS)),
-        np.empty((n, rows)),
-        np.empty((n, POINTS)),
-        np.empty((n, rows)),
-    )
+    u, room = np.empty((n, POINTS)), np.empty((n, rows))
+    ahead, beyond = np.empty((n, POINTS)), np.empty((n, rows))
     change, dual, slope = np.empty((n, rows)), np.empty((n, rows)), np.empty((n, POINTS))
     band, step = np.empty((POINTS, n)), np.empty(n)
-    fill_values(middle, square, speed, acceleration, jerk, first, c, u, room)
-    duration = np.sum(weight / np.sqrt(u))
+    fill_values(parts, first, c, u, room)
+    duration = np.sum(parts.weight / np.sqrt(u))
     mu = 0.1 * duration / room.size
     z = mu / room
     for _ in range(STEPS):
         band[:], step[:], slope[:] = 0.0, 0.0, 0.0
-        _fill_equations(
-            middle,
-            square,
-            speed,
-            acceleration,
-            jerk,
-            weight,
-            first,
-            u,
-            room,
-            z,
-            mu,
-            band,
-            step,
-            slope,
-        )
+        _fill_equations(parts, first, u, room, z, mu, band, step, slope)
         _solve_equations(band, step)
         gain = 0.0
         for i in range(n):
             gain -= _dot(slope[i], step, first[i])
-        _fill_change(middle, square, speed, acceleration, jerk, first, u, step, change)
+        _fill_change(parts, first, u, step, change)
         moved = min(1.0, TO_THE_BOUND * _reach(room, change))
         dual[:] = (mu - z * change) / room - z
         z += min(1.0, TO_THE_BOUND * _reach(z, dual)) * dual
-        fill_values(
-            middle, square, speed, acceleration, jerk, first, c + moved * step, ahead, beyond
-        )
+        fill_values(parts, first, c + moved * step, ahead, beyond)
         if not beyond.min() > 0:  # at rounding: what was found is within all conditions
             return
         c += moved * step
         u, ahead = ahead, u
         room, beyond = beyond, room
-        before, duration = duration, np.sum(weight / np.sqrt(u))
+        before, duration = duration, np.sum(parts.weight / np.sqrt(u))
         gap = np.sum(room * z)
         if gap < GAP * duration and before - duration < 0.3 * GAP * duration:
             return

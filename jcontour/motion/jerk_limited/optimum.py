@@ -33,17 +33,8 @@ def quickest(
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
     for k in np.flatnonzero(wanted):
         some = slice(ends[k], ends[k + 1])
-        first = ordinates.first[some] - ends[k]
-        solve(
-            parts.middle[some],
-            parts.square[some],
-            parts.weight[some],
-            parts.speed[some],
-            parts.acceleration[some],
-            parts.jerk[some],
-            first,
-            c[some],
-        )
+        alone = Conditions(*(rows[some] for rows in parts))
+        solve(alone, ordinates.first[some] - ends[k], c[some])
     return c
 
 
@@ -56,8 +47,7 @@ def fullest(
     """
     n, sides = parts.jerk.shape[:2]
     u, room = np.empty((n, POINTS)), np.empty((n, 1 + POINTS + 4 * sides))
-    arrays = parts.middle, parts.square, parts.speed, parts.acceleration, parts.jerk
-    fill_values(*arrays, ordinates.first, c, u, room)
+    fill_values(parts, ordinates.first, c, u, room)
     _, speed, faster, jerked = np.split(room, [1, 1 + POINTS, 1 + POINTS + 2 * sides], axis=1)
     linear = 1.0 - np.concatenate([speed, faster], axis=1).min(axis=1)
     bound = np.repeat(1 / np.sqrt(u), sides // POINTS, axis=1)

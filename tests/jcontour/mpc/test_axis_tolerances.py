@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.axis_tolerances import (
-    AxisLimits,
+    DriveLimits,
     Knowledge,
     Motion,
     axis_tolerance,
@@ -50,7 +50,7 @@ def test_the_thesis_axis_has_the_tolerance_of_the_reference(previewed):
         if case["previewed"] == previewed and case["N"] == 60
     ]
     held = abs(A[1, 1] + A[1, 3] - 1 + (A[3, 1] + A[3, 3] - 1)) / B[1]  # viscous friction
-    limits = AxisLimits(control=numbers["bounds"]["u_tilde"] + 0.1 * held, speed=0.25)
+    limits = DriveLimits(control=numbers["bounds"]["u_tilde"] + 0.1 * held, speed=0.25)
     motion = Motion(speed=0.1, acceleration=4.0, previewed=previewed)
     found = axis_tolerance(plant, known, limits, motion, 60)
     assert found.promised == pytest.approx(wanted, rel=1e-2)
@@ -60,7 +60,7 @@ def test_the_thesis_axis_has_the_tolerance_of_the_reference(previewed):
 def test_the_filter_gives_a_bound_that_is_kept_and_not_the_least(slide, gain):
     """The peak of the whole loop, filter and responses, from its impulses: l1 norm of each."""
     known = state_bounded_by_filter(slide, gain, 1.0, COUNT)
-    found = axis_tolerance(slide, known, AxisLimits(4.0), STILL, 10)
+    found = axis_tolerance(slide, known, DriveLimits(4.0), STILL, 10)
     largest = known.E[0, 0] / gain[0, 0]
     response = found.optimum.response.state[:, 0, 0]  # tool, for an innovation of that size
     A, B, C = (np.asarray(matrix) for matrix in (slide.A, slide.B, slide.C))
@@ -80,10 +80,10 @@ def test_the_filter_gives_a_bound_that_is_kept_and_not_the_least(slide, gain):
 
 def test_limits_that_are_too_small_come_with_what_would_do(slide):
     with pytest.raises(NoResponse, match="no response of 10 samples keeps them: control") as none:
-        axis_tolerance(slide, state_known(slide, 1.0), AxisLimits(0.9), STILL, 10)
+        axis_tolerance(slide, state_known(slide, 1.0), DriveLimits(0.9), STILL, 10)
     assert none.match(r"just above, the least tolerance is 0\.\d+ mm")
     (needed,) = none.value.needed.values()
-    enough = AxisLimits(1.01 * needed)
+    enough = DriveLimits(1.01 * needed)
     found = axis_tolerance(slide, state_known(slide, 1.0), enough, STILL, 10)
     assert f"{1e3 * found.promised:.4g} mm" in str(none.value)
     assert found.optimum.limiting == ("control",)
@@ -92,13 +92,13 @@ def test_limits_that_are_too_small_come_with_what_would_do(slide):
 def test_a_motion_that_takes_the_whole_limit_is_said(slide):
     fast = Motion(speed=0.2, acceleration=0.0, previewed=True)
     with pytest.raises(NoResponse, match="speed at most 0.1, motion and disturbances alone take"):
-        axis_tolerance(slide, state_known(slide, 1.0), AxisLimits(4.0, speed=0.1), fast, 10)
+        axis_tolerance(slide, state_known(slide, 1.0), DriveLimits(4.0, speed=0.1), fast, 10)
 
 
 def test_an_axis_on_a_spring_is_refused():
     stiff = LinearPlant([[1, DT], [-9 * DT, 1]], [[0.0], [DT]], [[1.0, 0.0]], dt=DT)
     with pytest.raises(ValueError, match="plant: no constant control carries the axis on"):
-        axis_tolerance(stiff, state_known(stiff, 1.0), AxisLimits(4.0), STILL, 10)
+        axis_tolerance(stiff, state_known(stiff, 1.0), DriveLimits(4.0), STILL, 10)
 
 
 def test_numbers_that_are_no_proof_are_refused(slide, gain):
@@ -115,6 +115,6 @@ def test_numbers_that_are_no_proof_are_refused(slide, gain):
     known = state_known(slide, 1.0)
     for motion in (Motion(-0.1, 1.0, False), Motion(0.1, -1.0, False), Motion(np.nan, 1.0, True)):
         with pytest.raises(ValueError, match="motion: .* needs to be finite, not negative"):
-            axis_tolerance(slide, known, AxisLimits(4.0), motion, 10)
+            axis_tolerance(slide, known, DriveLimits(4.0), motion, 10)
     with pytest.raises(ValueError, match="limits: control needs to be above zero"):
-        axis_tolerance(slide, known, AxisLimits(np.nan), STILL, 10)
+        axis_tolerance(slide, known, DriveLimits(np.nan), STILL, 10)
