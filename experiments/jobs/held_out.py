@@ -89,6 +89,9 @@ def _contours(scale: Scale, sharp: bool, longest: float) -> dict[str, Contour]:
 
 
 def _from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:
+    farthest = feed * pace.machine.model.dt * samples
+    if float(contour.length) > farthest:  # more is not planned, and then thrown away
+        contour = beginning(contour, farthest)
     run = _run(contour, pace, feed)
     if run.arc.size > samples:
         contour = beginning(contour, float(run.arc[samples - 1]))

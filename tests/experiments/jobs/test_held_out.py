@@ -48,7 +48,15 @@ def disc(radius, points=721):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@pytest.mark.parametrize(("size", "feed"), [(1, 300), (1, 3000), (100, 3000), (100, 12000)])
+@pytest.mark.parametrize(
+    ("size", "feed"),
+    [
+        pytest.param(1, 300, marks=pytest.mark.slow),
+        (1, 3000),
+        pytest.param(100, 3000, marks=pytest.mark.slow),
+        (100, 12000),
+    ],
+)
 def test_size_feed_and_samples_of_a_part(part, moves_within, name, size, feed):
     pace, job = pace_of(name), part(slot(size, feed), machine=name)
     machine, held_out = pace.machine, held_out_like([job], pace)
