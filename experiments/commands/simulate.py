@@ -16,8 +16,9 @@ from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.options import Simulate
-from experiments.reports.figures.contours import draw_runs
+from experiments.reports.figures.contours import figures_of
 from experiments.reports.figures.motion import draw_motion
+from experiments.reports.figures.png import save_figure
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
@@ -73,7 +74,8 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     title = f"jcontour simulate: {found.controller} on {found.contour}"
     named = {found.controller: replayed}
     line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
-    draw_runs(contour_runs(named, scenarios, 0, machine), folder)
+    for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
+        save_figure(figure, folder / f"{name}.png")
     if isinstance(job, Job) and job.planned:
         draw_motion(job.planned.motion, machine.axes, folder)
     write_result(folder, found)

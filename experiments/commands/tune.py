@@ -6,17 +6,18 @@ from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from experiments.files import run_folder
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import TunedResult
-from experiments.jobs.replays import Replay
 from experiments.machines.machine import NO_EFFECTS
 from experiments.options import Tune
 from experiments.reports import tables
-from experiments.reports.figures.contours import draw_runs
-from experiments.reports.figures.png import save_figure, save_figures
+from experiments.reports.figures.beside import drawn_beside
+from experiments.reports.figures.contours import figures_of
+from experiments.reports.figures.png import save_figures
 from experiments.reports.figures.sensitivity import sensitivity_figure
 from experiments.reports.figures.tuning import FIGURES, Search
 from experiments.reports.progress import progress_of
@@ -71,19 +72,19 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
-    # the second core tries the start while the tuner descends, and random plants while it draws
-    with ThreadPoolExecutor(1) as beside:
+    # beside it the start is tried, then random plants and the proven bound
+    with ThreadPoolExecutor(2) as beside:
         start = beside.submit(start_trial, run)
         found = _descended(run, folder, console)
         run, tuned = found.run, found.tuned
         robust = beside.submit(robust_trial, run, tuned)
         certified = beside.submit(certified_bound, run, run.controller(tuned.weights))
         trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
-        in_engine = confirmed(run, tuned, trials["tuned"].replay)
-        store_runs(run, tuned, trials, folder, console)
-    seconds = time.perf_counter() - began
-    proven = certified.result()
-    told = tuned_result(found, trials, robust.result(), in_engine, proven, seconds)
+        with drawn_beside(figures(run, trials, folder)):
+            store_runs(run, tuned, trials, folder, console)
+            in_engine = confirmed(run, tuned, trials["tuned"].replay)
+            checks = robust.result(), in_engine, certified.result()
+    told = tuned_result(found, trials, *checks, time.perf_counter() - began)
     store_result(run, told, tuned, folder)
     return told
 
@@ -151,18 +152,15 @@ def _named(jobs: list[str]) -> str:
 def store_runs(
     run: TuningRun, tuned: Tuned, trials: Mapping[str, Trial], folder: Path, console: Console
 ) -> None:
-    """Write the runs of the trials, their figures, and the gains."""
+    """Write the runs of the trials, and the gains."""
     machine = run.machine
     replays = {name: trial.replay for name, trial in trials.items()}
     title = f"jcontour tune: start against tuned weights, machine with {machine.nonsmooth_effects}"
     line = save_rollouts(run.flags.rollouts, replays, run.scenarios, machine, title, folder)
     tables.say(console, line)
     run.design.save(run.controller(tuned.weights), run.scenarios, folder)
-    draw(run, replays, folder)
     curves = {name: trial.curves for name, trial in trials.items()}
     save_sensitivity(curves, run.scenarios.plants, folder)
-    bound = run.limits.get("peak_sensitivity")
-    save_figure(sensitivity_figure(curves, bound), folder / "sensitivity.png")
 
 
 def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path) -> None:
@@ -174,10 +172,14 @@ def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path)
     write_result(folder, found)
 
 
-def draw(run: TuningRun, replays: Mapping[str, Replay], folder: Path) -> None:
-    """Figures of every contour."""
+def figures(run: TuningRun, trials: Mapping[str, Trial], folder: Path) -> dict[Path, Figure]:
+    """Figures of every contour that is shown and of the sensitivity, by their files."""
+    replays = {name: trial.replay for name, trial in trials.items()}
+    curves = {name: trial.curves for name, trial in trials.items()}
+    made = {"sensitivity": sensitivity_figure(curves, run.limits.get("peak_sensitivity"))}
     for k in shown_contours(run, replays):
-        draw_runs(contour_runs(replays, run.scenarios, k, run.machine), folder)
+        made |= figures_of(contour_runs(replays, run.scenarios, k, run.machine))
+    return {folder / f"{name}.png": figure for name, figure in made.items()}
 
 
 def next_steps(found: TunedResult, folder: Path) -> list[str]:

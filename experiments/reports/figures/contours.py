@@ -15,14 +15,12 @@ Signals are in SI units, figures in mm and um.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.reports.figures.axes import DESIRED, colours_of, grid, legend_below
-from experiments.reports.figures.png import save_figure
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error
@@ -114,11 +112,11 @@ class ContourRuns:
         return np.where(scored, signal, np.nan)
 
 
-def draw_runs(runs: ContourRuns, folder: Path) -> list[Path]:
-    """Both figures as PNG files, named after the contour; a single axis has no plane to draw."""
-    made = [save_figure(error_figure(runs), folder / f"errors-{runs.name}.png")]
+def figures_of(runs: ContourRuns) -> dict[str, Figure]:
+    """Both figures by their names, after the contour; a single axis has no plane to draw."""
+    made = {f"errors-{runs.name}": error_figure(runs)}
     if len(runs.axes) > 1:
-        made.append(save_figure(contour_figure(runs), folder / f"contour-{runs.name}.png"))
+        made[f"contour-{runs.name}"] = contour_figure(runs)
     return made
 
 
