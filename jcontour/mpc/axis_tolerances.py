@@ -11,22 +11,17 @@ constant control does not carry on, such as one with a spring to ground, has no 
 The tolerance is the optimum of the linear program of `jcontour.sets.least_peaks`: with the state
 measured it is the least that finite responses of this length can promise.
 
-An axis that is seen by encoders alone is known as its filter's estimate z = x - e, which moves as
-    z(k+1) = A z(k) + B u(k) + L i(k+1),   i the innovation.
-All i within their largest size are then the disturbances, E = L |i|, and what the estimate misses
-of the tool, |C e|, is added to the tolerance. That innovations depend on each other and on e is not
-used. The tolerance is then an upper bound: it is kept, and it is not the least.
+What the controller knows of the state, and what that misses, is `jcontour.mpc.knowledge`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from jcontour.linear.plant import ROUNDING, LinearPlant, spectral_radius, steady_motion
-from jcontour.sets.disturbed_model import DisturbedModel, Numbers, Signal
+from jcontour.linear.plant import LinearPlant, steady_motion
+from jcontour.mpc.knowledge import Knowledge
+from jcontour.sets.disturbed_model import DisturbedModel, Signal
 from jcontour.sets.least_peaks import LeastPeak, NoResponse, least_peak
-from jcontour.sets.minimal_sets import minimal_supports
 
 STEADY = 1e-6  # relative, left over of the equations of a motion that a constant control carries on
 MORE = 1.01  # of the limits that would just do: there the least tolerance is told
@@ -48,20 +43,6 @@ class Motion(NamedTuple):
     previewed: bool
 
 
-class Knowledge(NamedTuple):
-    """Disturbances of what the controller knows of the state, and what that misses of the tool.
-
-    Attributes:
-        E: sizes of the disturbances (n, q).
-        tool: largest error of the known position (m,) [m].
-        speed: largest error of the known speed (m,) [m/s].
-    """
-
-    E: Float[np.ndarray, "n q"]
-    tool: Float[np.ndarray, " m"]
-    speed: Float[np.ndarray, " m"]
-
-
 class AxisTolerance(NamedTuple):
     """Tolerance that can be promised.
 
@@ -74,62 +55,13 @@ class AxisTolerance(NamedTuple):
     optimum: LeastPeak
 
 
-def state_known(plant: LinearPlant, force: Numbers) -> Knowledge:
-    """The state is measured as it is; the force acts on the controls, one size or one for each."""
-    E = DisturbedModel.loaded(plant, force).E
-    C = np.asarray(plant.C)
-    return Knowledge(E, np.zeros(plant.axes), np.abs(C @ E).sum(axis=1) / plant.dt)
-
-
-def state_bounded_by_filter(
-    plant: LinearPlant, gain: Numbers, force: Numbers, encoder: float
-) -> Knowledge:
-    """The state is the estimate of a filter that starts without error; every size from above.
-
-    A tolerance made of it is kept and is not the least: all innovations and the estimate's error
-    are taken at their largest together.
-
-    The error before a correction moves as e(k+1) = A (I - L C) e + B f - A L n; the innovation is
-    i = C e + n, the error that is left (I - L C) e - L n. Their largest sizes are those of
-    `minimal_supports`.
-
-    Args:
-        plant: the machine.
-        gain: filter gain L (n, m).
-        force: largest force, one or one for each control [control unit].
-        encoder: largest error of every measured position [m].
-
-    Raises:
-        ValueError: the filter is not stable, its gain does not fit, or a size is negative.
-    """
-    A, C, L = (np.asarray(matrix, float) for matrix in (plant.A, plant.C, gain))
-    if L.shape != C.T.shape or not np.isfinite(L).all():
-        raise ValueError(
-            f"gain: needs finite numbers of shape {C.T.shape}, received "
-            f"{'NaN or inf' if L.shape == C.T.shape else L.shape}"
-        )
-    if not (np.isfinite(encoder) and encoder >= 0):
-        raise ValueError(f"encoder: needs an error of at least zero [m], received {encoder}")
-    radius = float(spectral_radius(A @ (np.eye(plant.states) - L @ C)))
-    if not radius < 1 - ROUNDING:
-        raise ValueError(f"gain: the filter is not stable, its spectral radius is {radius:.6g}")
-    loaded, each = DisturbedModel.loaded(plant, force).E, np.eye(plant.axes)
-    left = np.eye(plant.states) - L @ C
-    entry = np.concatenate([loaded, -A @ L * encoder], axis=1)
-    moving = C @ (A - np.eye(plant.states)) / plant.dt
-    rows = np.concatenate([C, C @ left, moving @ left])
-    innovation, tool, speed = minimal_supports(A @ left, entry, rows).bound.reshape(3, -1)
-    now = encoder * np.abs(np.concatenate([each, C @ L, moving @ L])).sum(axis=1).reshape(3, -1)
-    pushed = np.abs(C @ loaded).sum(axis=1) / plant.dt
-    return Knowledge(L * (innovation + now[0]), tool + now[1], speed + now[2] + pushed)
-
-
 def axis_tolerance(
     plant: LinearPlant, known: Knowledge, limits: DriveLimits, motion: Motion, length: int
 ) -> AxisTolerance:
     """The tolerance of one axis, and which limits keep it from being smaller.
 
     >>> from jcontour.linear.plant import LinearPlant
+    >>> from jcontour.mpc.knowledge import state_known
     >>> slide = LinearPlant([[1, 1e-2], [0, 1]], [[5e-5], [1e-2]], [[1.0, 0.0]], dt=1e-2)
     >>> motion = Motion(speed=0.0, acceleration=0.0, previewed=True)
     >>> found = axis_tolerance(slide, state_known(slide, 1.0), DriveLimits(4.0), motion, 10)

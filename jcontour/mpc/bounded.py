@@ -27,7 +27,7 @@ from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.mpc.bounded_qp import BoundedQP, BoundedWeights, Sample
-from jcontour.mpc.nominal_runs import nominal_run
+from jcontour.mpc.nominal_runs import NominalRun, nominal_run
 from jcontour.mpc.tolerance_rows import Frames, frames_of
 from jcontour.qp.problem import Solution
 from jcontour.qp.solvers import DAQP, Solver
@@ -72,6 +72,22 @@ class BoundedMemory(NamedTuple):
     largest: float
 
 
+class Need(NamedTuple):
+    """What a path and the disturbances take of a limit.
+
+    Attributes:
+        signal: and its limit.
+        sample: where the path takes most.
+        value: that it takes there.
+        peak: that the disturbances add at most.
+    """
+
+    signal: Signal
+    sample: int
+    value: float
+    peak: float
+
+
 class BoundedPlan(NamedTuple):
     """One row per sample: the nominal state and control, and the rows of the QP.
 
@@ -114,13 +130,31 @@ def bounded_response(
     return least_peak(disturbed, small, limited, length, C if offset_free else None)
 
 
-def speed_signals(model: LinearPlant, limit: Numbers) -> tuple[Signal, ...]:
-    """Speed (y_{k+1} - y_k) / dt of every axis as a signal of state and control [m/s]."""
+def speed_signals(model: LinearPlant, limit: Numbers, unknown: Numbers = 0.0) -> tuple[Signal, ...]:
+    """Speed (y_{k+1} - y_k) / dt of every axis as a signal of state and control [m/s].
+
+    The disturbance that acts in between is in neither: its share comes off the limit.
+
+    Args:
+        model: the machine.
+        limit: one number or one for each axis [m/s].
+        unknown: most that speeds differ from the signal, `Knowledge.speed`.
+
+    Raises:
+        ValueError: nothing of a limit is left.
+    """
     A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
-    sizes = np.broadcast_to(np.asarray(limit, float), (model.axes,))
+    sizes, taken = np.broadcast_arrays(
+        np.asarray(limit, float), np.asarray(unknown, float), np.empty(model.axes)
+    )[:2]
+    for axis, (size, share) in enumerate(zip(sizes, taken, strict=True)):
+        if not size > share:
+            raise ValueError(
+                f"speed {axis + 1}: disturbances alone make {share:.6g}, the limit is {size:.6g}"
+            )
     state, control = C @ (A - np.eye(len(A))) / model.dt, C @ B / model.dt
     names = [f"speed {i + 1}" for i in range(model.axes)]
-    return tuple(map(Signal, names, state, control, sizes.tolist()))
+    return tuple(map(Signal, names, state, control, (sizes - taken).tolist()))
 
 
 class BoundedMPC(HostController):
@@ -171,6 +205,14 @@ class BoundedMPC(HostController):
         """
         return self._frames(reference)[0]
 
+    def needs(self, reference: Reference) -> list[Need]:
+        """What the path and the disturbances take of every limit.
+
+        Raises:
+            ValueError: as `prepare`, but for what the limits do not allow.
+        """
+        return self._needs(self._frames(reference)[1], reference.steps)
+
     def promised(self, frames: Frames, steps: int) -> float:
         """Tolerance that is kept along these frames [m].
 
@@ -201,7 +243,13 @@ class BoundedMPC(HostController):
         check_preview(self, reference)
         frames, run = self._frames(reference)
         room = frames.room(self.promised(frames, reference.steps))
-        self._check_nominal(run, reference.steps)
+        for need in self._needs(run, reference.steps):
+            if need.value + need.peak > need.signal.limit:
+                raise ValueError(
+                    f"{need.signal.name}: the path needs {need.value:.6g} at sample {need.sample}, "
+                    f"the disturbances {need.peak:.6g} more, the limit is "
+                    f"{need.signal.limit:.6g}; drive more slowly"
+                )
         sample = self._qp.samples(frames, room, run, reference.steps)
         return BoundedPlan(run.state[: reference.steps], sample)
 
@@ -243,27 +291,23 @@ class BoundedMPC(HostController):
         state = np.asarray(measurement, float)
         return _remembered(memory, state, control, self._disturbance(memory, state)[1])
 
-    def _frames(self, reference: Reference):
+    def _frames(self, reference: Reference) -> tuple[Frames, NominalRun]:
         length = NOMINAL_ERROR * self.least.tolerance
         change = NOMINAL_CHANGE * np.asarray(self.limits.control)
         run = nominal_run(self.model, reference, length, change)
         C = np.asarray(self.model.C)
         return frames_of(reference, run.state[:-1] @ C.T, C, self.response), run
 
-    def _check_nominal(self, run, steps: int) -> None:
-        """Raise ValueError unless every limit leaves the disturbances their peak."""
+    def _needs(self, run: NominalRun, steps: int) -> list[Need]:
         used = slice(0, steps + self.response.length)
         states, controls = run.state[:-1][used], run.control[used]
         limits = self.response.model.control_signals(self.limits.control)
+        found = []
         for signal in [*limits, *self.limits.signals]:
             values = np.abs(states @ signal.state + controls @ signal.control)
-            worst, peak = int(np.argmax(values)), self.response.peak(signal)
-            if values[worst] + peak > signal.limit:
-                raise ValueError(
-                    f"{signal.name}: the path needs {values[worst]:.6g} at sample {worst}, the "
-                    f"disturbances {peak:.6g} more, the limit is {signal.limit:.6g}; "
-                    "drive more slowly"
-                )
+            worst = int(np.argmax(values))
+            found.append(Need(signal, worst, float(values[worst]), self.response.peak(signal)))
+        return found
 
     def _disturbance(self, memory: BoundedMemory, state: np.ndarray) -> tuple[np.ndarray, float]:
         """Disturbance that has just acted, taken into its box, and its size in boxes."""

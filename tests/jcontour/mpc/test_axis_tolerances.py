@@ -10,12 +10,10 @@ from scipy.linalg import solve_discrete_are
 from jcontour.linear.plant import LinearPlant
 from jcontour.mpc.axis_tolerances import (
     DriveLimits,
-    Knowledge,
     Motion,
     axis_tolerance,
-    state_bounded_by_filter,
-    state_known,
 )
+from jcontour.mpc.knowledge import Knowledge, state_bounded_by_filter, state_known
 from jcontour.sets.least_peaks import NoResponse
 
 DATA = Path(__file__).parents[2] / "data" / "guarantees"

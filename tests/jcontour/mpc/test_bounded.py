@@ -20,6 +20,7 @@ from jcontour.mpc.bounded import (
     bounded_response,
     speed_signals,
 )
+from jcontour.mpc.knowledge import state_known
 from jcontour.plants import bridgeport
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.sets.disturbed_model import DisturbedModel
@@ -35,9 +36,14 @@ def table():
     return bridgeport()
 
 
+def pushed(table):
+    """Speed that the load alone makes within a sample."""
+    return state_known(table, LOAD).speed
+
+
 @pytest.fixture(scope="module")
 def limits(table):
-    return BoundedLimits(10.0, speed_signals(table, 0.2))
+    return BoundedLimits(10.0, speed_signals(table, 0.2, pushed(table)))
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +118,7 @@ def test_control_and_speed_keep_their_limits_where_they_bind(table):
     """Limits with hardly more room than the nominal run and the disturbances need."""
     path = contours.circle(1e-3)
     arc = feed_laws.constant_feed(path, 0.05, table.dt)
-    limits = BoundedLimits(2.55, speed_signals(table, 0.0512))
+    limits = BoundedLimits(2.55, speed_signals(table, 0.0512, pushed(table)))
     least = bounded_response(table, DisturbedModel.loaded(table, LOAD), limits, LENGTH)
     mpc = BoundedMPC(table, least, limits)
     reference = references.along(path, arc, table.dt, mpc.preview, at_rest=False)
@@ -183,6 +189,25 @@ def test_a_feed_beyond_the_limits_is_refused_with_its_sample(table, least, circl
     slow = BoundedLimits(10.0, speed_signals(table, 0.04))
     with pytest.raises(ValueError, match=r"speed \d: the path needs 0.0\d+ at sample \d+"):
         BoundedMPC(table, least, slow).prepare(circle)
+
+
+def test_what_the_load_adds_to_a_speed_is_kept_from_its_limit(table):
+    """From rest a load moves the tool by C B f within a sample: that much faster it may be."""
+    pushed_by = LOAD * np.abs(np.asarray(table.C @ table.B)).sum(axis=1) / table.dt
+    limits = [signal.limit for signal in speed_signals(table, 0.2, pushed(table))]
+    np.testing.assert_allclose(limits, 0.2 - pushed_by, rtol=1e-12)
+    with pytest.raises(ValueError, match="speed 2: disturbances alone make 0.3, the limit is 0.2"):
+        speed_signals(table, 0.2, [0.1, 0.3])
+
+
+def test_needs_are_those_of_the_nominal_run(table, controller, circle):
+    found = {need.signal.name: need for need in controller.needs(circle)}
+    undisturbed = reported_loop(table, controller, circle).rollout
+    largest = np.abs(np.asarray(undisturbed.control)).max(axis=0)
+    for axis in (0, 1):
+        need = found[f"control {axis + 1}"]
+        assert need.value == pytest.approx(largest[axis], rel=1e-2)
+        assert need.peak == pytest.approx(controller.least.peaks[need.signal.name])
 
 
 def test_bad_input_is_named(table, least, limits, circle):
