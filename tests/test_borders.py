@@ -2,6 +2,7 @@
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -75,22 +76,21 @@ MODULES = {
 }
 
 
-def imported_names(path):
+@cache
+def imported_names(name):
     """Modules in the import statements of a file, those inside functions included.
 
     `from a import b` gives a.b where that is a module, else a.
     """
-    for node in ast.walk(ast.parse(path.read_text())):
+    found = set()
+    for node in ast.walk(ast.parse(MODULES[name].read_text())):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: imports are absolute"
-            for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                yield inner if inner in MODULES else node.module
-
-
-IMPORTS = {name: set(imported_names(path)) for name, path in MODULES.items()}
+            assert node.level == 0, f"{name}: imports are absolute"
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {one if one in MODULES else node.module for one in inner}
+    return found
 
 
 def enclosing(name):
@@ -107,7 +107,7 @@ def reached(name):
     ignored = enclosing(name) - {name} | {name.split(".")[0]}
     seen, pending = set(), [name]
     while pending:
-        for found in IMPORTS.get(pending.pop(), ()):
+        for found in imported_names(pending.pop()):
             new = (enclosing(found) & MODULES.keys()) - seen - ignored
             seen |= new
             pending += new
@@ -121,7 +121,7 @@ def test_third_parties_and_the_order_of_packages(name):
     for room, third_parties in ALONE.items():
         if f"{name}.".startswith(f"{room}."):
             allowed = allowed | third_parties
-    unknown = {found.split(".")[0] for found in IMPORTS[name]} - allowed
+    unknown = {found.split(".")[0] for found in imported_names(name)} - allowed
     assert not unknown, f"{name} imports {unknown}"
 
 
@@ -131,7 +131,7 @@ def test_imports_go_down(name):
     if here is None:
         return
     upward = []
-    for found in IMPORTS[name]:
+    for found in imported_names(name):
         there = floor_of(found)
         if there is not None and there[0] == here[0] and there[1] > here[1]:
             upward.append(found)
@@ -184,5 +184,5 @@ def test_the_front_door_is_only_for_users():
     assert not [
         name
         for name in MODULES
-        if "jcontour" in IMPORTS[name] and name.startswith(("jcontour", "tuning"))
+        if "jcontour" in imported_names(name) and name.startswith(("jcontour", "tuning"))
     ]

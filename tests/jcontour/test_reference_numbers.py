@@ -196,7 +196,7 @@ def family():
     return stack_plants([machine(m["gx"], m["gy"], m["delay"]) for m in members])
 
 
-@pytest.mark.parametrize("terminal", TERMINALS)
+@pytest.mark.parametrize("terminal", ["dare", pytest.param("output", marks=pytest.mark.slow)])
 def test_circle_grid(terminal, family):
     reference = circle_reference(753, 10)
     rows = [row for row in load("circle_grid") if row["terminal"] == terminal]

@@ -47,7 +47,7 @@ def test_numbers_are_the_stated_ones_and_their_slopes_those_of_differences(
     assert at(np.log([1e40, 0.8])).diverged  # not finite
 
 
-@pytest.mark.parametrize("looked_at", [True, False])
+@pytest.mark.parametrize("looked_at", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_values_alone_are_those_that_come_with_slopes(proportional_problem, loop_peaks, looked_at):
     names = {"rms_increment": 1e-5} | ({"peak_sensitivity": 1.2} if looked_at else {})
     problem = proportional_problem(AtMost(**names), loops=loop_peaks if looked_at else None)

@@ -52,7 +52,7 @@ def disc(radius, points=721):
     ("size", "feed"),
     [
         pytest.param(1, 300, marks=pytest.mark.slow),
-        (1, 3000),
+        pytest.param(1, 3000, marks=pytest.mark.slow),
         pytest.param(100, 3000, marks=pytest.mark.slow),
         (100, 12000),
     ],
@@ -114,7 +114,9 @@ def test_small_curves_of_a_large_part(part):
     np.testing.assert_allclose(found[0].contour.position(0.0), [0.152, 0.0], atol=3e-3)
 
 
-@pytest.mark.parametrize(("points", "least"), [(721, 0.99), (5, 0.01)])
+@pytest.mark.parametrize(
+    ("points", "least"), [(721, 0.99), pytest.param(5, 0.01, marks=pytest.mark.slow)]
+)
 def test_large_and_slow_parts_have_short_contours(part, points, least):
     """38 s along a circle of 100 mm, or a square: half a second along each, corners passed."""
     job = part(disc(100, points), "part.csv", feed=1 / 60)

@@ -49,7 +49,15 @@ def controllers(machine):
     }
 
 
-@pytest.mark.parametrize("name", ["filter", "predictor", "offset-free", "limited", "cascade"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "predictor",
+        "limited",
+        "cascade",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("filter", "offset-free")),
+    ],
+)
 def test_the_law_gives_the_controls_of_simulate(machine, reference, name):
     controller = controllers(machine)[name]
     run = simulate(Encoders(machine), controller, reference)

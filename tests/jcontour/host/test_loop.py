@@ -19,7 +19,7 @@ from jcontour.qp.problem import QP, Unsolved
 from jcontour.simulation.closed_loop import prepared, simulate
 
 # one of each kind: fed a filter, an increment of its own
-SOME = ("contouring-lq", "linear-cascade", "time-delay")
+SOME = ("contouring-lq", "linear-cascade")
 PREVIEW, DT = 3, 0.5e-3
 WEIGHTS = LQWeights(3.0, 5.0, 2e-9)
 

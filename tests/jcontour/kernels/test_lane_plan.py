@@ -64,7 +64,7 @@ def scalar(plan_of, plant, end):
     ("sizes", "inputs", "outputs", "preview", "ended"),
     [
         pytest.param((2, 1), 2, 2, 3, True, marks=pytest.mark.slow),
-        ((2,), 1, 2, 2, False),
+        pytest.param((2,), 1, 2, 2, False, marks=pytest.mark.slow),
         ((1,), 1, 1, 1, True),
     ],
 )

@@ -41,7 +41,7 @@ def composed(plant, Q, y_d, R, preview, length, terminal=None):
         ((3, 5), 2, 2, 17, 12, 5),
         pytest.param((4,), 1, 2, 3, 9, 4, marks=pytest.mark.slow),
         pytest.param((2, 3), 3, 3, 8, 9, 8, marks=pytest.mark.slow),
-        ((4,), 2, 1, 5, 9, 1),
+        pytest.param((4,), 2, 1, 5, 9, 1, marks=pytest.mark.slow),
     ],
 )
 def test_equals_the_readable_sweep(problems, sizes, inputs, outputs, steps, preview, length, ended):

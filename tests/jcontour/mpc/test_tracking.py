@@ -59,7 +59,11 @@ def sample_of(plan, k):
 
 @pytest.mark.parametrize("stage", [np.ones(N), np.linspace(1.0, 3.0, N)], ids=["flat", "rising"])
 @pytest.mark.parametrize(
-    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+    "terminal",
+    [
+        pytest.param(OutputTerminal(), id="output"),
+        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
+    ],
 )
 def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
     plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8, stage)

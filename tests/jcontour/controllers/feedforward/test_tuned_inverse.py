@@ -35,7 +35,14 @@ def plants():
 
 
 @pytest.mark.parametrize("name", plants())
-@pytest.mark.parametrize("numbers", [(0, 2, 2), (1, 4, 2), (2, 6, 1)])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (1, 4, 2),
+        pytest.param((0, 2, 2), marks=pytest.mark.slow),
+        pytest.param((2, 6, 1), marks=pytest.mark.slow),
+    ],
+)
 def test_at_the_paper_s_numbers_it_is_the_optimum(name, numbers):
     plant, following = plants()[name], ModelFollowing(*numbers)
     inverse = OptimalInverse(plant, following)

@@ -67,7 +67,9 @@ def reference():
     return along(line([0, 0], [3e-3, 4e-3]), 1e-5 * np.arange(25), 1e-3, 3, at_rest=False)
 
 
-@pytest.mark.parametrize("form", [FilterObserver, PredictorObserver])
+@pytest.mark.parametrize(
+    "form", [pytest.param(FilterObserver, marks=pytest.mark.slow), PredictorObserver]
+)
 def test_estimation_error_decays_as_a_minus_alc(form, two_axes, law, reference):
     """x - xh obeys (A - A L C) whatever the controller does."""
     A, C = np.asarray(two_axes.A), np.asarray(two_axes.C)

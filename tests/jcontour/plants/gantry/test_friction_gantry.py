@@ -166,7 +166,9 @@ def test_energy_changes_by_the_work_of_the_motors_and_all_friction(
     assert abs(balance.sum()) < 1e-5 * total and simpson(lost, dx=fine) > 0.1 * total
 
 
-@pytest.mark.parametrize("kind", [StickSlipGantry, SmoothFrictionGantry])
+@pytest.mark.parametrize(
+    "kind", [SmoothFrictionGantry, pytest.param(StickSlipGantry, marks=pytest.mark.slow)]
+)
 def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry, swinging, run):
     """In other coordinates the error of the integrator is another, of fourth order.
 

@@ -14,7 +14,9 @@ from jcontour.plants.gantry.mjcf import ENGINE_ORDER, mjcf
 from jcontour.plants.gantry.parameters import thesis_gantry
 
 
-@pytest.mark.parametrize("machine", ["reference_gantry", "odd_gantry"])
+@pytest.mark.parametrize(
+    "machine", ["odd_gantry", pytest.param("reference_gantry", marks=pytest.mark.slow)]
+)
 def test_mass_matrix_accelerations_and_tool(machine, request):
     parameters = request.getfixturevalue(machine)
     motion, ours = EquationOfMotion.of(parameters), Gantry(parameters, 2.5e-4)
