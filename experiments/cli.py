@@ -24,6 +24,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Sweep: ("sweep", "experiments.commands.sweep"),
     options.Verify: ("verify", "experiments.commands.verify"),
     options.Certify: ("certify", "experiments.commands.certify"),
+    options.Tolerance: ("tolerance", "experiments.commands.tolerance"),
     options.Export: ("export", "experiments.commands.export"),
     options.Trace: ("trace", "experiments.commands.trace"),
     options.Learn: ("learn", "experiments.commands.learn"),

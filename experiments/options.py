@@ -6,7 +6,15 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from experiments.shared_options import Aimed, Bounded, Common, Controlled, Spreading, Terminal
+from experiments.shared_options import (
+    Aimed,
+    Bounded,
+    Common,
+    Controlled,
+    MachineFlags,
+    Spreading,
+    Terminal,
+)
 
 Against = Literal["increment", "sensitivity"]
 Fallback = Literal["stop", "hold", "soft"]
@@ -198,6 +206,34 @@ class Certify(Bounded):
     """Run folder of `jcontour tune` or `jcontour simulate`, of a linear machine."""
     out: Path | None = None
     """Run folder; runs/certify-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
+class Tolerance(Bounded, MachineFlags):
+    """Find the tolerance that predictive control can promise on a part, and run it.
+
+    The tool stays within it under every force and encoder error within bounds, and within the
+    machine's limits on control and speed. The machine's other plants are run as well.
+    """
+
+    contour: Positional[str | None] = None
+    """A name from `jcontour list`, or a toolpath file (.ngc, .dxf, .svg, .csv).
+    The machine's usual contour when not given."""
+    tolerance_um: float | None = None
+    """Tolerance to keep [um]; the least that can be promised, and 2 %, when not given.
+    A larger one leaves room for gentler controls."""
+    length: int | None = None
+    """Samples within which the tool has recovered from a disturbance.
+    When not given, the shortest of 8, 12, 20 and 30 that promises as much as the others."""
+    model_delay: int = 0  # the nominal plant
+    """Samples of the machine's unknown delay that its model has.
+    What is promised holds for a machine that is as late."""
+    offset_free: bool = True  # friction is as good as constant on a straight line
+    """A constant force leaves no error; it costs some of the tolerance."""
+    solver: str = SOLVER
+    """QP solver: daqp, proxqp, or any that qpsolvers finds installed."""
+    out: Path | None = None
+    """Run folder; runs/tolerance-<time> when not given. It must not hold another run."""
 
 
 @dataclass(frozen=True)

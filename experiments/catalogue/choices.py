@@ -78,10 +78,8 @@ def _listed_design(asked: str, machine: Machine, flags: Controlled) -> Design:
     meant = [name for name in controllers_for(machine) if CONTROLLERS[name].alias == asked]
     name = meant[-1] if meant else asked
     if name in CONSTRAINED:
-        raise ValueError(
-            f"controller: {name} chooses its own speed, nothing is tuned of it; "
-            "run it with `jcontour trace`"
-        )
+        entry = CONSTRAINED[name]
+        raise ValueError(f"controller: {name} {entry.why}; run it with `jcontour {entry.command}`")
     if name not in CONTROLLERS:
         raise ValueError(
             f"controller: there is none named {name!r}; "

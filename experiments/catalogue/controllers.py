@@ -4,8 +4,6 @@ A newcomer adds one line here and its maker in `catalogue.designs`. Where severa
 alias suit a machine the last one is meant: the list goes from the general to the particular.
 """
 
-from typing import TYPE_CHECKING
-
 from experiments.catalogue.designs import (
     contouring_scheme_designs,
     flexible_axis_designs,
@@ -22,12 +20,6 @@ from experiments.catalogue.machines import (
     GANTRY_WITHOUT_FRICTION,
     LINEAR,
 )
-
-if TYPE_CHECKING:
-    from experiments.designs.constrained import Traverser
-    from experiments.machines.machine import Machine
-    from experiments.options import Trace
-    from jcontour.geometry.contour import Contour
 
 
 def _lq(line: str) -> ControllerEntry:
@@ -54,16 +46,16 @@ def _learning(entry: ControllerEntry) -> ControllerEntry:
     return entry._replace(learns=True)
 
 
-def _traverser(machine: "Machine", contour: "Contour", flags: "Trace") -> "Traverser":
-    from experiments.designs.constrained import traverser
-
-    return traverser(machine, contour, flags)
-
-
 CONSTRAINED = {
     "mpcc": ConstrainedEntry(
-        _traverser,
+        "trace",
         "model predictive contouring control (Lam), chooses its own speed: `jcontour trace`",
+        "chooses its own speed, nothing is tuned of it",
+    ),
+    "bounded-mpc": ConstrainedEntry(
+        "tolerance",
+        "predictive control that never leaves a tolerance (Yuan): `jcontour tolerance`",
+        "keeps what is proven, nothing is tuned of it",
     ),
 }
 CONTROLLERS = {

@@ -8,13 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:  # a question about a name imports none of these
-    from experiments.designs.constrained import Traverser
     from experiments.designs.design import Design
     from experiments.jobs.job import Pace, Task
     from experiments.machines.machine import Machine
-    from experiments.options import Trace
     from experiments.shared_options import Controlled
-    from jcontour.geometry.contour import Contour
     from jcontour.plant import Plant
 
 # name, line, machine (one that the entry suits), flags
@@ -83,12 +80,14 @@ class ConstrainedEntry(NamedTuple):
     """A controller on the host that solves a QP at every sample.
 
     Attributes:
-        make: makes it for a machine, a contour and the flags of `jcontour trace`.
+        command: that runs it.
         line: description in one line.
+        why: a command of its own.
     """
 
-    make: Callable[["Machine", "Contour", "Trace"], "Traverser"]
+    command: str
     line: str
+    why: str
 
 
 class ContourEntry(NamedTuple):

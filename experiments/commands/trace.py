@@ -7,8 +7,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.catalogue.controllers import CONSTRAINED
-from experiments.designs.constrained import Traverser
+from experiments.designs.constrained import Traverser, traverser
 from experiments.files.results.stored import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Trace
@@ -24,7 +23,6 @@ from jcontour.motion.references import Reference, along
 from jcontour.simulation.traversal import traversal_score
 
 SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
-CONTROLLER = "mpcc"
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Drawn(NamedTuple):
 def command(flags: Trace) -> int:
     """The whole command; exit code 1 where the run stopped or did not arrive."""
     machine = machine_named(flags.plant)
-    asked = CONSTRAINED[CONTROLLER].make(machine, contour_of(flags), flags)
+    asked = traverser(machine, contour_of(flags), flags)
     reference, controller = reference_for(asked, flags), asked.controller
     controller.initial_memory(reference)  # raises what does not fit before anything is written
     folder = created(flags, "trace")

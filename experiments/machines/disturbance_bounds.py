@@ -32,7 +32,7 @@ def linear_machine(machine: Machine) -> LinearMachine:
     """
     if not isinstance(machine, LinearMachine):
         raise ValueError(
-            f"certify: {machine.name} is not linear: certificates are of machines with a linear "
+            f"plant: {machine.name} is not linear: what is proven is of machines with a linear "
             "model, as bridgeport, xy-table or a machine file"
         )
     return machine

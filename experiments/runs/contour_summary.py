@@ -3,17 +3,22 @@
 import numpy as np
 
 from experiments.files.results.run_metrics import ContourRead, PeakPlace
+from experiments.jobs.job import Task
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
 
 
 def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
     """Size of a contour and of the run along it."""
     job = scenarios.jobs[index]
-    path = desired(scenarios)[index, : job.samples]
+    return read_of(job, desired(scenarios)[index, : job.samples], scenarios.references.dt)
+
+
+def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
+    """Size of a contour and of the run along it, whose samples are the path (T, m) [m]."""
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
-        duration=float(job.samples * scenarios.references.dt),
+        duration=float(job.samples * dt),
         low=tuple(path.min(axis=0).tolist()),
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,

@@ -24,5 +24,5 @@ def test_a_bound_that_is_none_is_told(force, encoder_um, words):
 
 @pytest.mark.parametrize("name", ["gantry", "flexible-axis"])
 def test_a_machine_that_is_not_linear_is_told(name):
-    with pytest.raises(ValueError, match=f"certify: {name}.* is not linear"):
+    with pytest.raises(ValueError, match=f"plant: {name}.* is not linear"):
         linear_machine(machine_named(name))

@@ -212,7 +212,7 @@ def test_the_certified_objective_has_the_slopes_of_differences(machine_file, par
 
 @pytest.mark.parametrize("flags", [{"objective": "certified"}, {"force": 0.1}])
 def test_a_machine_that_is_not_linear_has_no_certified_objective(flags):
-    with pytest.raises(ValueError, match="certify: flexible-axis.* is not linear"):
+    with pytest.raises(ValueError, match="plant: flexible-axis.* is not linear"):
         tuning_run(Tune(plant="flexible-axis", **flags))
 
 

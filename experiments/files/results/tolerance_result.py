@@ -1,0 +1,69 @@
+"""Result of `jcontour tolerance`: what `result.json` of its run folder holds."""
+
+from dataclasses import dataclass
+
+from experiments.files.results.run_metrics import ContourRead, MachineSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptRun:
+    """One run of the bounded MPC, SI units.
+
+    Attributes:
+        plant: of the family.
+        disturbance: that acted, in words.
+        within: everything that acted is within the bounds, so that the tolerance holds.
+        largest: largest error of the tool [m].
+        left: sample at which something beyond the bounds was noticed; None where nothing was.
+        fallbacks: samples whose QP had no answer within the tolerance.
+        control: largest control.
+        residual: largest of any QP.
+    """
+
+    plant: str
+    disturbance: str
+    within: bool
+    largest: float
+    left: int | None
+    fallbacks: int
+    control: float
+    residual: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToleranceResult:
+    """Tolerance of a part, and runs that keep it.
+
+    Attributes:
+        error: the error that is bounded, "contour" or "tracking".
+        force: bound on what adds to each control [control unit].
+        encoder: bound on the error of each measured position [m].
+        plant: that it is promised for.
+        length: samples within which the tool has recovered.
+        promised: largest error [m].
+        shares: of the least tolerance, by their names [m].
+        limiting: limits that keep it from being smaller.
+        control_limit: of each control.
+        runs: of the plants of the family.
+    """
+
+    machine: MachineSummary
+    contour: str
+    feed_law: str
+    samples: int
+    error: str
+    force: float
+    encoder: float
+    plant: str
+    length: int
+    promised: float
+    shares: dict[str, float]
+    limiting: tuple[str, ...]
+    control_limit: tuple[float, ...]
+    read: ContourRead | None = None
+    runs: list[KeptRun]
+
+    @property
+    def broken(self) -> list[KeptRun]:
+        """Runs within the bounds that left the tolerance: there must be none."""
+        return [run for run in self.runs if run.within and run.largest > self.promised]

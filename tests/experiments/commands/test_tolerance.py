@@ -1,0 +1,83 @@
+"""`tolerance` from the command line: kept within the bounds, refused in one line."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.files.netcdf import load_dataset
+from experiments.files.results.stored import read_result
+from experiments.files.results.tolerance_result import ToleranceResult
+from experiments.reports.tolerance_tables import findings, promise
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory, machine_file, part_file):
+    folder = tmp_path_factory.mktemp("tolerance") / "run"
+    flags = ["--plant", str(machine_file), "--force", "0.5", "--length", "8"]
+    assert main(["tolerance", str(part_file), *flags, "--json", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
+    result, data = read_result(kept, ToleranceResult), load_dataset(kept / "runs.nc")
+    assert result.length == 8 and result.force == 0.5 and result.encoder == 0.5e-6
+    assert sum(result.shares.values()) < result.promised < 1.05 * sum(result.shares.values())
+    within = [k for k, run in enumerate(result.runs) if run.within]
+    assert len(within) == 3 and not result.broken
+    for k in within:
+        run = result.runs[k]
+        assert 0 < run.largest <= result.promised and run.fallbacks == 0 and run.left is None
+        assert np.nanmax(data.error.values[k]) >= run.largest
+        assert np.abs(data.control.values[k]).max() == run.control <= min(result.control_limit)
+        assert run.residual < 1e-8
+    assert result.runs[0].largest > 0.2 * result.promised  # the attack is one
+    late = next(run for run in result.runs if "late" in run.plant)
+    assert late.left is not None and not late.within
+    assert (kept / "tolerance.png").exists()
+
+
+@pytest.mark.slow
+def test_words_say_what_is_promised_and_to_whom(kept):
+    result = read_result(kept, ToleranceResult)
+    assert "Proven for every force of up to 0.5" in " ".join(promise(result))
+    assert "Kept in all 3 runs within the bounds" in findings(result)[0]
+    worse = read_result(kept, ToleranceResult)
+    object.__setattr__(worse, "promised", worse.runs[0].largest / 2)
+    assert findings(worse)[0].startswith("NOT KEPT within the bounds: nominal (an attack)")
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("--tolerance-um -1", "tolerance-um: needs to be above zero"),
+        ("--tolerance-um nan", "tolerance-um: needs a finite number"),
+        ("--length 0", "length: needs 1 to 100 samples"),
+        ("--length 8 --force 1000", "force: 1000 .* on every control leaves nothing"),
+        ("--length 8 --tolerance-um 0.1", "tolerance-um: 0.1 um cannot be promised on"),
+        ("--plant gantry", "plant: gantry is not linear"),
+        ("--plant bridgeport --solver nothing", "solver"),
+    ],
+)
+def test_bad_input_is_one_line(flags, told, machine_file, part_file, tmp_path, capsys):
+    machine = [] if "--plant" in flags else ["--plant", str(machine_file)]
+    out = tmp_path / "run"
+    code = main(["tolerance", str(part_file), *machine, *flags.split(), "--out", str(out)])
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert code == 2 and len(lines) == 1 and not out.exists()
+    assert re.search(told, lines[0]), lines[0]
+
+
+def test_simulate_says_which_command_runs_it(capsys):
+    assert main(["simulate", "--controller", "bounded-mpc"]) == 2
+    assert "run it with `jcontour tolerance`" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_one_object_is_printed_as_json(tmp_path, capsys):
+    out = tmp_path / "run"
+    assert main(["tolerance", "circle", "--length", "8", "--json", "--out", str(out)]) == 0
+    assert json.loads(capsys.readouterr().out)["length"] == 8
