@@ -19,6 +19,7 @@ from experiments import machine_options, options, plain_numbers, shared_options
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     options.Tune: ("tune", "experiments.commands.tune"),
     options.Simulate: ("simulate", "experiments.commands.simulate"),
+    options.Feed: ("feed", "experiments.commands.feed"),
     options.Front: ("front", "experiments.commands.front"),
     options.Rank: ("rank", "experiments.commands.rank"),
     options.Sweep: ("sweep", "experiments.commands.sweep"),

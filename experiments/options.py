@@ -78,6 +78,26 @@ class Simulate(Controlled):
 
 
 @dataclass(frozen=True)
+class Feed(Controlled):
+    """Trade cycle time for contour error: the same part and controller at several feeds.
+
+    The motion is planned anew for each of them.
+    """
+
+    part: Positional[str | None] = None
+    """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
+    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.
+    The machine's usual contour when not given."""
+    overrides: tuple[float, ...] = (25.0, 50.0, 75.0, 100.0, 150.0, 200.0)
+    """Feeds in per cent of the programmed ones; rapid moves stay."""
+    tolerance_um: float | None = None
+    """Largest contour error that any plant of the family may have [um].
+    The quickest feed within it is recommended."""
+    out: Path | None = None
+    """Run folder; runs/feed-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class Compare(Common):
     """Compare two tuned runs: what changed in the settings, and which is better where."""
 

@@ -139,7 +139,7 @@ def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
     if contour.axes > axes:
         raise ValueError(f"contour: {name} needs {contour.axes} axes, {machine} has {axes}")
     contour = _lifted(contour, axes)
-    dt, feed = pace.machine.model.dt, pace.feed_or_default
+    dt, feed = pace.machine.model.dt, pace.override * pace.feed_or_default
     arc = constant_feed(contour, feed, dt)
     laps = 2 if bool(contour.closed) else 1
     if laps == 2:
@@ -181,6 +181,7 @@ def _read(path: Path, pace: Pace) -> Job:
         axes = "XY" if machine.model.axes == 2 else "XYZ"
         contour, feed, rapid, line, ignored = read_gcode(path, axes, pace.feed)
         program = Program(line, ignored)
+    feed = pace.override * feed
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))

@@ -37,6 +37,7 @@ class Pace(NamedTuple):
         corner_tolerance: of the jerk-limited law, from the path [m]; 0 stops in corners.
         drawing_unit: of a drawing [m]; None where its file has to say.
         join: ends of a drawing's lines within it are joined [m].
+        override: share of every feed that is run, programmed or not; rapid moves stay.
     """
 
     machine: Machine
@@ -47,6 +48,7 @@ class Pace(NamedTuple):
     corner_tolerance: float = 2e-6
     drawing_unit: float | None = None
     join: float = GAP
+    override: float = 1.0
 
     @property
     def feed_or_default(self) -> float:

@@ -11,6 +11,7 @@ from experiments.machines.machine import Fed, Machine
 from experiments.options import Simulate, Tune
 from experiments.runs.lifecycle import resumed, stored_flags
 from experiments.runs.tuning import tuning_run
+from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 
 
@@ -22,6 +23,8 @@ class StoredLoop:
         name: of the controller.
         fed: the machine's sensors or its state.
         jobs: contours that it was simulated on, or trained on.
+        parts: names or files of the contours.
+        pace: that they are run at.
     """
 
     machine: Machine
@@ -29,6 +32,8 @@ class StoredLoop:
     controller: Controller
     fed: Fed
     jobs: tuple[Task, ...]
+    parts: tuple[str, ...]
+    pace: Pace
 
 
 def stored_loop(folder: Path) -> StoredLoop:
@@ -53,13 +58,25 @@ def _tuned(folder: Path) -> StoredLoop:
     run = tuning_run(flags)
     weights = with_values(run.start, {name: w for name, w in named.items() if w is not None})
     design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
-    return StoredLoop(run.machine, design.name, run.controller(weights), design.fed, jobs)
+    controller, pace = run.controller(weights), Pace.of(flags, run.machine)
+    parts = flags.parts or run.machine.usual.training
+    return StoredLoop(run.machine, design.name, controller, design.fed, jobs, parts, pace)
 
 
 def _simulated(folder: Path) -> StoredLoop:
     flags = stored_flags(folder, "simulate", Simulate)
+    return loop_of(flags, flags.contour)
+
+
+def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
+    """Loop of the controller that flags name, with its first weights, on one part.
+
+    Raises:
+        ValueError: bad input.
+    """
     machine = machine_named(flags.plant)
-    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    part, pace = part or machine.usual.simulated, Pace.of(flags, machine)
+    job = job_named(part, pace)
     design = design_for(machine, flags)
     controller = design.build(design.start)
-    return StoredLoop(machine, design.name, controller, design.fed, (job,))
+    return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace)

@@ -1,0 +1,51 @@
+"""Result of `jcontour feed`: what `result.json` of its run folder holds."""
+
+from dataclasses import dataclass
+
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedPoint:
+    """One feed.
+
+    Attributes:
+        override: per cent of the programmed feed.
+        cycle_time: [s].
+        metrics: of the nominal plant, and the worst of the family metric by metric.
+        diverged: plants that diverge.
+        exceeded: a line for every limit of the machine that is exceeded.
+    """
+
+    override: float
+    cycle_time: float
+    metrics: FamilyMetrics
+    diverged: list[str]
+    exceeded: list[str]
+
+    @property
+    def sound(self) -> bool:
+        """Every plant follows, within the machine's limits."""
+        return not (self.diverged or self.exceeded)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedResult:
+    """Error against cycle time.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        tolerance: largest error that is allowed [m]; None where none is given.
+        points: from the slowest feed to the quickest.
+        recommended: its override; None where no feed will do.
+        reason: in words.
+    """
+
+    machine: MachineSummary
+    controller: str
+    contour: str
+    error: str
+    tolerance: float | None
+    points: list[FeedPoint]
+    recommended: float | None
+    reason: str

@@ -1,0 +1,52 @@
+"""`feed` from the command line."""
+
+import re
+
+import pytest
+
+from experiments.cli import main
+from experiments.files.results.feed_result import FeedResult
+from experiments.files.results.simulated_result import SimulatedResult
+from experiments.files.results.stored import read_result
+
+
+@pytest.mark.slow
+def test_a_stored_run_at_several_feeds(tmp_path, machine_file, part_file, capsys):
+    simulated, out = tmp_path / "simulated", tmp_path / "feed"
+    flags = ["--plant", str(machine_file), "--preview", "4", "--out", str(simulated)]
+    assert main(["simulate", str(part_file), *flags]) == 0
+    assert main(["feed", str(simulated), "--overrides", "100", "50", "--out", str(out)]) == 0
+    found, once = read_result(out, FeedResult), read_result(simulated, SimulatedResult)
+    assert [one.override for one in found.points] == [50, 100]
+    slow, usual = found.points
+    assert slow.cycle_time > usual.cycle_time
+    assert usual.metrics.nominal == once.plants["nominal"]
+    assert usual.metrics.worst.peak_contour_error == max(
+        one.peak_contour_error for one in once.plants.values()
+    )
+    assert found.recommended in (50, 100) and (out / "feed.png").exists()
+    assert "Recommended" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_tolerance_that_no_feed_keeps_ends_with_code_1(tmp_path, machine_file, part_file, capsys):
+    flags = ["--plant", str(machine_file), "--overrides", "100", "--tolerance-um", "1e-6"]
+    assert main(["feed", str(part_file), *flags, "--out", str(tmp_path / "feed")]) == 1
+    assert "NO FEED TO RECOMMEND" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("circle --overrides 0", "overrides: a feed of 1 to 1000 % is needed"),
+        ("circle --overrides -5", "overrides"),
+        ("circle --tolerance-um 0", "tolerance-um: needs to be above zero"),
+        ("task-a --plant flexible-axis", "feed: .* has one axis"),
+        (".", "is not a run folder"),
+    ],
+)
+def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
+    assert main(["feed", *flags.split(), "--out", str(tmp_path / "feed")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    assert re.search(told, line)
+    assert not (tmp_path / "feed").exists()
