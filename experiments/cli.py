@@ -20,6 +20,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Tune: ("tune", "experiments.commands.tune"),
     options.Simulate: ("simulate", "experiments.commands.simulate"),
     options.Feed: ("feed", "experiments.commands.feed"),
+    options.Precompensate: ("precompensate", "experiments.commands.precompensate"),
     options.Front: ("front", "experiments.commands.front"),
     options.Rank: ("rank", "experiments.commands.rank"),
     options.Sweep: ("sweep", "experiments.commands.sweep"),

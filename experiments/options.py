@@ -98,6 +98,24 @@ class Feed(Controlled):
 
 
 @dataclass(frozen=True)
+class Precompensate(Controlled):
+    """Bend the reference of a part beforehand, so that the tool of the whole family runs on it.
+
+    The controller stays as it is: any control runs the bent reference, as samples or as G-code.
+    """
+
+    part: Positional[str | None] = None
+    """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
+    `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.
+    The machine's usual contour when not given."""
+    roughness: float = 0.01  # the least with which no run of ours shook an axis
+    """Price of the bends of the correction. More is smoother and follows less.
+    It is raised tenfold while a limit of the machine is exceeded."""
+    out: Path | None = None
+    """Run folder; runs/precompensate-<time> when not given. It must not hold another run."""
+
+
+@dataclass(frozen=True)
 class Compare(Common):
     """Compare two tuned runs: what changed in the settings, and which is better where."""
 

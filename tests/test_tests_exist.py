@@ -45,6 +45,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/exported_result.py": "experiments/commands/test_export.py",
     "experiments/reports/exported_tables.py": "experiments/commands/test_export.py",
     "experiments/files/results/machine_result.py": "experiments/commands/test_machine.py",
+    "experiments/files/results/bent_result.py": "experiments/commands/test_precompensate.py",
+    "experiments/runs/bending.py": "experiments/commands/test_precompensate.py",
     "experiments/files/results/feed_result.py": "experiments/runs/test_feeds.py",
     "experiments/designs/bounded.py": "experiments/commands/test_tolerance.py",
     "experiments/runs/kept_runs.py": "experiments/commands/test_tolerance.py",

@@ -1,7 +1,6 @@
 """One part under one controller at several feeds, and which of them to run."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from experiments.files.results.feed_result import FeedPoint
 from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
 from experiments.jobs.replays import Scenarios, replay
 from experiments.options import Feed
-from experiments.runs.checks.stored_loops import StoredLoop, loop_of, stored_loop
+from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.checks.warnings import exceeded_limits
 from experiments.runs.tuning_results import family_metrics
 
@@ -23,8 +22,7 @@ def loop_at_feeds(flags: Feed) -> StoredLoop:
     Raises:
         ValueError: bad input, or the part is a motion of a single axis, which has no feed.
     """
-    stored = flags.part is not None and Path(flags.part).is_dir()
-    loop = stored_loop(Path(flags.part or "")) if stored else loop_of(flags, flags.part)
+    loop = loop_named(flags, flags.part)
     if loop.machine.error == "tracking":
         raise ValueError(f"feed: {loop.machine.name} has one axis; its moves have no feed")
     return loop

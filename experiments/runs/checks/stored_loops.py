@@ -1,6 +1,6 @@
 """Loops of stored runs: machine, controller and contours of a run of `tune` or `simulate`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
@@ -50,6 +50,21 @@ def stored_loop(folder: Path) -> StoredLoop:
     raise run_folder.RunError(
         f"{folder}: holds a run of {command!r}; a loop is stored by 'tune' and 'simulate'"
     )
+
+
+def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
+    """Loop of a run folder, where the part is one; else that of the flags on the part.
+
+    Raises:
+        ValueError: bad input, or flags of another machine or controller beside a run.
+    """
+    if part is None or not Path(part).is_dir():
+        return loop_of(flags, part)
+    for one in fields(Controlled):
+        if one.name != "json" and getattr(flags, one.name) != one.default:
+            flag = one.name.replace("_", "-")
+            raise ValueError(f"{flag}: the run in {part} has its own settings; leave it out")
+    return stored_loop(Path(part))
 
 
 def _tuned(folder: Path) -> StoredLoop:

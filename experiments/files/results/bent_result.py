@@ -1,0 +1,52 @@
+"""Result of `jcontour precompensate`: what `result.json` of its run folder holds."""
+
+from dataclasses import dataclass
+
+from experiments.files.results.run_metrics import MachineSummary, RunMetrics
+
+
+@dataclass(frozen=True, kw_only=True)
+class BentResult:
+    """Errors along the reference as it is, and along the bent one.
+
+    Attributes:
+        error: the error that counts, "contour" or "tracking".
+        roughness: price of the correction's bends.
+        largest: largest shift of the reference [m].
+        chord: largest distance of the G-code's moves from the bent path [m]; None of one axis.
+        moves: of the G-code.
+        before, after: metrics by plant, the nominal one first.
+        exceeded: a line for every limit of the machine that the bent reference exceeds.
+    """
+
+    machine: MachineSummary
+    controller: str
+    contour: str
+    error: str
+    samples: int
+    roughness: float
+    largest: float
+    chord: float | None
+    moves: int
+    before: dict[str, RunMetrics]
+    after: dict[str, RunMetrics]
+    exceeded: list[str]
+
+    def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
+        return [getattr(run, f"rms_{self.error}_error") for run in runs.values()]
+
+    @property
+    def nominal_gain(self) -> float:
+        """How many times smaller the nominal RMS error is."""
+        return self._rms(self.before)[0] / max(self._rms(self.after)[0], 1e-15)
+
+    @property
+    def worst_gain(self) -> float:
+        """How many times smaller the worst RMS error of the family is."""
+        return max(self._rms(self.before)) / max(*self._rms(self.after), 1e-15)
+
+    @property
+    def usable(self) -> bool:
+        """Better for the worst machine, every plant follows, and no limit is exceeded."""
+        lost = any(run.diverged for run in self.after.values())
+        return self.worst_gain > 1 and not lost and not self.exceeded

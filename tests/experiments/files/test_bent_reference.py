@@ -1,0 +1,65 @@
+"""A bent reference as files: moves near their samples, read back as the same path."""
+
+import numpy as np
+import pytest
+
+from experiments.files.bent_reference import (
+    CHORD,
+    PROGRAM,
+    SAMPLES,
+    moves_through,
+    save_program,
+    save_samples,
+)
+from jcontour.geometry.toolpaths import read_gcode
+
+DT = 1e-3
+
+
+def spiral(steps=2000):
+    angle = 2e-3 * np.arange(steps)
+    return 1e-2 * (1 + 0.1 * angle[:, None]) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def test_moves_stay_near_every_sample_and_are_few():
+    position = spiral()
+    moves = moves_through(position, DT)
+    assert 0 < moves.chord <= CHORD and len(moves.feed) < len(position) / 7
+    np.testing.assert_array_equal(moves.ends[[0, -1]], position[[0, -1]])
+    time = np.sum(np.linalg.norm(np.diff(moves.ends, axis=0), axis=1) / moves.feed)
+    assert time == pytest.approx(DT * (len(position) - 1))
+
+
+def test_a_corner_is_not_cut():
+    position = 1e-5 * np.array([[k, 0] for k in range(100)] + [[99, k] for k in range(1, 100)])
+    moves = moves_through(position.astype(float), DT)
+    corner = np.linalg.norm(moves.ends - [99e-5, 0.0], axis=1).min()
+    assert corner < 1e-12 and moves.chord < 1e-12
+
+
+def test_a_reference_that_rests_has_moves(tmp_path):
+    moves = moves_through(np.zeros((70, 2)), DT)
+    save_program(moves, "XY", tmp_path)
+    assert (moves.feed == 0).all() and "F0.001" in (tmp_path / PROGRAM).read_text()
+
+
+def test_the_program_is_read_back_as_the_path(tmp_path):
+    position = spiral()
+    save_program(moves_through(position, DT), "XY", tmp_path)
+    contour, feed, *_ = read_gcode(tmp_path / PROGRAM, "XY")
+    length = np.sum(np.linalg.norm(np.diff(position, axis=0), axis=1))
+    assert float(contour.length) == pytest.approx(length, rel=1e-4)
+    foot = contour.nearest_anywhere(position[::50])
+    away = np.linalg.norm(np.asarray(contour.position(foot)) - position[::50], axis=1)
+    assert away.max() < CHORD + 1e-8
+    speed = np.linalg.norm(np.diff(position, axis=0), axis=1) / DT
+    assert np.nanmin(feed) > 0.99 * speed.min() and np.nanmax(feed) < 1.01 * speed.max()
+
+
+def test_samples_are_in_mm_with_their_time(tmp_path):
+    position = spiral(5)
+    save_samples(position, DT, "XY", tmp_path)
+    assert (tmp_path / SAMPLES).read_text().startswith("time_s,X_mm,Y_mm\n0.000000,10.0000000,")
+    rows = np.loadtxt(tmp_path / SAMPLES, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 0], DT * np.arange(5), atol=1e-9)
+    np.testing.assert_allclose(1e-3 * rows[:, 1:], position, atol=1e-10)

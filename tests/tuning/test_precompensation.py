@@ -1,0 +1,157 @@
+"""The bent reference against dense matrices of a NumPy loop, and the largest of a family."""
+
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from jcontour.controller import Controller
+from jcontour.geometry.contours import circle
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_gains
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_plants
+from tuning.precompensation import precompensate
+
+DT, GAIN = 1e-3, 60.0
+PRICES = {"contouring": 0.9, "size": 1e-3, "roughness": 1e-2}
+
+
+class OnPositions(Controller):
+    """u = gain (p - y), fed the state of two axes of two states."""
+
+    gain: Any
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return None, self.gain * (plan - measurement[::2])
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Two axes driven by their speed, which lags by a few samples."""
+    A = np.kron(np.eye(2), [[1.0, DT], [0.0, 0.8]])
+    return LinearPlant(A, np.kron(np.eye(2), [[0.0], [0.2]]), np.kron(np.eye(2), [[1.0, 0]]), DT)
+
+
+def arc(steps):
+    return along(circle(1e-2), 5e-5 * np.arange(steps), DT, 0, at_rest=True)
+
+
+class Dense:
+    """Weighted errors of a loop as matrices: W^(1/2) (p - y), its mean square, and their slopes."""
+
+    def __init__(self, plant, reference):
+        steps = reference.steps
+        A, B, C = (np.asarray(one) for one in (plant.A, plant.B, plant.C))
+        wanted = np.asarray(reference.position)[:steps]
+        first = np.asarray(plant.initial_state(wanted[0], np.zeros(2)))
+
+        def tool(p):
+            x, found = first, []
+            for target in p:
+                found.append(C @ x)
+                x = A @ x + B @ (GAIN * (target - C @ x))
+            return np.array(found)
+
+        roots = []
+        for t in np.asarray(reference.tangent)[:steps]:
+            normal = np.array([-t[1], t[0]])
+            roots.append(np.outer(normal, normal) + np.sqrt(0.1) * np.outer(t, t))
+        root = np.zeros((2 * steps, 2 * steps))
+        for k, one in enumerate(roots):
+            root[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = one / np.sqrt(steps)
+        still = tool(wanted)
+        columns = []
+        for index in range(2 * steps):
+            shift = np.zeros(2 * steps)
+            shift[index] = 1.0
+            columns.append((tool(wanted + shift.reshape(-1, 2)) - still).ravel())
+        inside = np.ones(2 * steps)
+        inside[[0, 1, -2, -1]] = 0.0  # both ends stay
+        self.error = root @ (wanted - still).ravel()
+        self.slope = -root @ np.stack(columns, axis=1) * inside
+        D = np.kron(np.diff(np.eye(steps), 2, axis=0), np.eye(2)) * inside
+        self.price = (1e-3 * np.eye(2 * steps) + 1e-2 * D.T @ D) / steps
+
+
+def test_one_plant_gets_the_minimum_of_its_quadratic(table):
+    reference, controller = arc(60), OnPositions(GAIN)
+    dense = Dense(table, reference)
+    wanted = -np.linalg.solve(
+        dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
+    ).reshape(-1, 2)
+    found = precompensate(stack_plants([table]), controller, reference, **PRICES, rounds=12)
+    assert np.all(wanted[[0, -1]] == 0) and np.all(found.correction[[0, -1]] == 0)
+    np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
+    after = np.linalg.norm(dense.error + dense.slope @ wanted.ravel())
+    assert found.before == pytest.approx([np.linalg.norm(dense.error)], rel=1e-9)
+    assert found.after == pytest.approx([after], rel=1e-4) and after < 0.1 * found.before[0]
+
+
+@pytest.mark.slow
+def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table):
+    reference, controller = arc(24), OnPositions(GAIN)
+    family = [with_input_gains(table, gains) for gains in ([1.0, 1.0], [1.3, 0.7], [0.6, 1.2])]
+    loops = [Dense(plant, reference) for plant in family]
+
+    def largest(correction):
+        return max(np.linalg.norm(one.error + one.slope @ correction) for one in loops)
+
+    found, mean = (
+        precompensate(stack_plants(family), controller, reference, **PRICES, rounds=rounds)
+        for rounds in (40, 1)
+    )
+    assert found.after.max() == pytest.approx(largest(found.correction.ravel()), rel=1e-9)
+    assert found.weight.sum() == pytest.approx(1.0)
+    # the same by a general method: the least bound of all squares, and the prices
+    error, slope = 1e4, 1e1  # errors in 0.1 mm, corrections in mm
+    price = slope**2 * loops[0].price
+
+    def left(c, one):
+        return error * one.error + slope * one.slope @ c
+
+    def cost(c):
+        return max(np.sum(left(c, one) ** 2) for one in loops) + c @ price @ c
+
+    within = [
+        {
+            "type": "ineq",
+            "fun": lambda z, one=one: z[-1] - np.sum(left(z[:-1], one) ** 2),
+            "jac": lambda z, one=one: np.append(-2 * slope * one.slope.T @ left(z[:-1], one), 1.0),
+        }
+        for one in loops
+    ]
+    start, even = (1e3 * one.correction.ravel() for one in (found, mean))
+    best = minimize(
+        lambda z: z[-1] + z[:-1] @ price @ z[:-1],
+        np.append(even, 1.01 * cost(even)),
+        jac=lambda z: np.append(2 * price @ z[:-1], 1.0),
+        method="SLSQP",
+        constraints=within,
+        options={"maxiter": 500, "ftol": 1e-10},
+    )
+    assert cost(start) == pytest.approx(cost(best.x[:-1]), rel=1e-4)
+    assert cost(start) < 0.9 * cost(even)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"size": -1.0}, "size: needs to be finite and not negative"),
+        ({"roughness": np.nan}, "roughness: needs to be finite"),
+        ({"contouring": 1.5}, "contouring: needs to be from zero to one"),
+        ({"rounds": 0}, "rounds: needs at least one"),
+    ],
+)
+def test_bad_prices_are_named(table, change, told):
+    with pytest.raises(ValueError, match=told):
+        precompensate(stack_plants([table]), OnPositions(GAIN), arc(10), **change)
