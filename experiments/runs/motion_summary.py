@@ -35,4 +35,5 @@ def motion_summary(planned: Planned) -> MotionSummary:
         jerk_limit=tuple(motion.limits.jerk.tolist()),
         peak_jerk=tuple(np.abs(jerk).max(axis=0).tolist()),
         peak_acceleration=tuple(np.abs(acceleration).max(axis=0).tolist()),
+        gap=motion.gap,
     )

@@ -86,6 +86,7 @@ class MotionSummary:
         deviation: bound of the distance of its path from the contour [m].
         shares: of the time in which a limit acts: feed, speed, acceleration and jerk of an axis.
         jerk_limit, peak_jerk, peak_acceleration: one number per axis.
+        gap: about the time that the planner left to gain [s].
     """
 
     cycle_time: float
@@ -95,6 +96,7 @@ class MotionSummary:
     jerk_limit: tuple[float, ...]
     peak_jerk: tuple[float, ...]
     peak_acceleration: tuple[float, ...]
+    gap: float = 0.0
 
 
 @dataclass(frozen=True)

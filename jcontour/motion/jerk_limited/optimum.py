@@ -14,8 +14,10 @@ def quickest(
     start: Float[np.ndarray, " n"],
     stretch: Int[np.ndarray, " n"],
     wanted: Bool[np.ndarray, " stretches"],
-) -> Float[np.ndarray, " n"]:
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " stretches"]]:
     """Unknowns of the quickest warp, from unknowns that are within every condition.
+
+    Beside them, for every stretch that is solved, about the time that is left to gain [s].
 
     Args:
         parts: conditions of the cells.
@@ -31,11 +33,12 @@ def quickest(
         raise ValueError("start: needs to be within every condition")
     c = start.copy()
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
+    gap = np.zeros(wanted.size)
     for k in np.flatnonzero(wanted):
         some = slice(ends[k], ends[k + 1])
         alone = Conditions(*(rows[some] for rows in parts))
-        solve(alone, ordinates.first[some] - ends[k], c[some])
-    return c
+        gap[k] = solve(alone, ordinates.first[some] - ends[k], c[some])
+    return c, gap
 
 
 def fullest(

@@ -51,6 +51,7 @@ class JerkLimitedMotion:
         limits: of the axes.
         feed: (P,) greatest speed on every piece [m/s].
         stops: arc lengths at which it rests, both ends among them [m].
+        gap: about the time that the search left to gain [s]; a thousandth is usual.
     """
 
     path: Contour
@@ -61,6 +62,7 @@ class JerkLimitedMotion:
     _old: CubicMotion
     _cells: Cells
     _warp: Warp
+    gap: float
 
     @property
     def duration(self) -> float:
@@ -224,7 +226,7 @@ def _planned(
     stretch = np.cumsum(begins) - 1
     every = np.ones(stretch[-1] + 1, bool)
     start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
-    found = quickest(parts, unknowns, start, stretch, every)
+    found, gap = quickest(parts, unknowns, start, stretch, every)
     slower = _slower(task, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
@@ -233,12 +235,14 @@ def _planned(
         tight = np.where(again, 1 / slower**TIGHTER, 1.0)[:, None, None]
         parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
         start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
-        found = quickest(parts, unknowns, start, stretch, exceeds)
+        found, left = quickest(parts, unknowns, start, stretch, exceeds)
+        gap = np.where(exceeds, left, gap)
         slower[again] = _slower(task, old, cells.taken(again), unknowns.of(found)[again])
     square = unknowns.of(found)
     most = np.ones(stretch[-1] + 1)
     np.minimum.at(most, stretch, slower)
-    return JerkLimitedMotion(*task, old, cells, Warp.of(node, square * most[stretch, None]))
+    warp = Warp.of(node, square * most[stretch, None])
+    return JerkLimitedMotion(*task, old, cells, warp, float(gap.sum()))
 
 
 def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:

@@ -1,13 +1,16 @@
 """Jerk-limited runs of a program: limits of the machine, true geometry, stops at rapid moves."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
+from experiments.files.results.run_metrics import MotionSummary
 from experiments.jobs import job
 from experiments.jobs.job import Job, Pace, from_file
+from experiments.reports.simulated_tables import motion_table
 from experiments.runs.motion_summary import motion_summary
 from experiments.shared_options import MachineFlags
 
@@ -78,3 +81,23 @@ def test_short_moves_at_one_feed_become_a_curve(tmp_path):
     assert found.planned is not None
     assert found.planned.around.path.rate.size < 100
     assert found.samples * 1e-3 < 1.1 * np.pi * 10e-3 / 0.05
+
+
+def test_a_motion_that_is_not_the_quickest_is_told():
+    planned = MotionSummary(
+        cycle_time=10.0,
+        stops=0,
+        deviation=0.0,
+        shares={},
+        jerk_limit=(1.0,),
+        peak_jerk=(1.0,),
+        peak_acceleration=(1.0,),
+        gap=0.005,
+    )
+    assert [*motion_table(planned, "X").columns[0].cells][1] == "stops on the way"
+    told = motion_table(replace(planned, gap=0.25), "X")
+    assert [next(iter(column.cells)) for column in told.columns] == ["cycle time", "10.000 s"]
+    assert [[*column.cells][1] for column in told.columns] == [
+        "NOT THE QUICKEST, by about",
+        "2.5 %",
+    ]

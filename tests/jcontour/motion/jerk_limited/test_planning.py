@@ -5,6 +5,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
+from jcontour.motion.jerk_limited import newton, optimum
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
@@ -71,6 +72,20 @@ def test_a_line_cut_into_pieces_of_any_length_takes_as_long():
     best = stopping_time(line[[0, -1]], 12e-3, LIMITS)
     motion = jerk_limited(contours.polyline(line), 12e-3, LIMITS)
     assert best * (1 - 1e-9) < motion.duration < 1.005 * best
+    assert 0 < motion.gap < 2e-3 * best
+
+
+def test_a_search_that_ends_early_says_how_much_is_left(monkeypatch):
+    """With a fifth of the steps, and in plain Python where their number can be changed."""
+    plain = getattr(newton.solve, "py_func", newton.solve)
+    monkeypatch.setattr(newton, "STEPS", 8)
+    monkeypatch.setattr(optimum, "solve", plain)
+    line = contours.polyline([[0.0, 0.0], [2e-3, 0.0]])
+    motion = jerk_limited(line, 12e-3, LIMITS)
+    best = stopping_time(np.array([[0.0, 0.0], [2e-3, 0.0]]), 12e-3, LIMITS)
+    left = motion.duration - best
+    assert left > 5e-3 * best  # it is not the quickest
+    assert 0.5 * left < motion.gap < 50 * left
 
 
 def test_stretches_between_stops_are_as_quick_as_alone():
@@ -78,7 +93,7 @@ def test_stretches_between_stops_are_as_quick_as_alone():
     hairpins = 1e-3 * np.array([[0, 0], [5, 0], [4.999, 0], [5, 0], [0, 0], [30, 0]])
     motion = jerk_limited(contours.polyline(hairpins), FEED, LIMITS)
     best = stopping_time(hairpins, FEED, LIMITS)
-    assert motion.stops.size == 6
+    assert motion.stops.size == 6 and motion.gap < 2e-3 * best
     assert best * (1 - 1e-9) < motion.duration < 1.005 * best
 
 
