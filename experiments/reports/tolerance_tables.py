@@ -62,7 +62,7 @@ def findings(result: ToleranceResult) -> list[str]:
     over = [run.plant for run in others if run.largest > result.promised]
     if over:
         told.append(
-            f"NOT FOR THE WHOLE FAMILY: {', '.join(over)} left the tolerance. Nothing is promised "
+            f"NOT FOR THE WHOLE FAMILY: {'; '.join(over)} left the tolerance. Nothing is promised "
             "for plants that differ from the model: load it on a machine whose delay and gains you "
             "know. `jcontour certify` bounds the error of a tuned loop on every plant."
         )
