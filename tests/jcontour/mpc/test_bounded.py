@@ -114,6 +114,24 @@ def test_gains_that_are_off_are_a_disturbance(table, controller, circle):
 
 
 @pytest.mark.slow
+def test_ten_thousand_steps_under_attack_are_all_solved(table, least, limits, circle):
+    """Half of the load from outside, half by gains that are off; a new solver for every lap."""
+    steps = 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        gains = 1 + random.uniform(-LOAD / 8, LOAD / 8, 2)  # of a control below 4
+        controller = BoundedMPC(table, least, limits)
+        slow = np.repeat(bang_bang(circle, seed), 1 + seed % 7, axis=0)[: circle.steps]
+        weak = with_input_gains(table, gains)
+        found, error = run(weak, controller, circle, 0.5 * slow)
+        assert np.abs(found.rollout.control).max() < 4.0
+        assert error.max() <= promise(controller, circle)
+        assert found.report.fallbacks == 0 and found.rollout.final_memory.left == -1
+        steps += circle.steps
+    assert steps >= 10_000
+
+
+@pytest.mark.slow
 def test_control_and_speed_keep_their_limits_where_they_bind(table):
     """Limits with hardly more room than the nominal run and the disturbances need."""
     path = contours.circle(1e-3)
