@@ -59,7 +59,7 @@ def findings(result: ToleranceResult) -> list[str]:
         f"Kept in all {len(within)} runs within the bounds: they reach {100 * most:.0f} % of it."
     ]
     others = [run for run in result.runs if not run.within]
-    over = [run.plant for run in others if run.largest > result.promised]
+    over = [run.plant for run in others if not run.largest <= result.promised]
     if over:
         told.append(
             f"NOT FOR THE WHOLE FAMILY: {'; '.join(over)} left the tolerance. Nothing is promised "

@@ -66,4 +66,4 @@ class ToleranceResult:
     @property
     def broken(self) -> list[KeptRun]:
         """Runs within the bounds that left the tolerance: there must be none."""
-        return [run for run in self.runs if run.within and run.largest > self.promised]
+        return [run for run in self.runs if run.within and not run.largest <= self.promised]

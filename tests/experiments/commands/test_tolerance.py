@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,9 +46,10 @@ def test_words_say_what_is_promised_and_to_whom(kept):
     result = read_result(kept, ToleranceResult)
     assert "Proven for every force of up to 0.5" in " ".join(promise(result))
     assert "Kept in all 3 runs within the bounds" in findings(result)[0]
-    worse = read_result(kept, ToleranceResult)
-    object.__setattr__(worse, "promised", worse.runs[0].largest / 2)
+    worse = replace(result, promised=result.runs[0].largest / 2)
     assert findings(worse)[0].startswith("NOT KEPT within the bounds: nominal (an attack)")
+    lost = replace(result, runs=[replace(run, largest=np.nan) for run in result.runs])
+    assert len(lost.broken) == 3  # a run that diverged has not been kept
 
 
 @pytest.mark.parametrize(
