@@ -21,10 +21,8 @@ from jcontour.simulation.metrics import score
 STEPS = 5
 QUICK = ("contouring-lq",)  # the others compile for half a minute each on a busy machine
 OF_EACH_KIND = (
-    "cascade",
     "contouring-lq",
     "gantry-cascade",
-    "synchronised",
     "time-delay",
     "zpetc",
 )

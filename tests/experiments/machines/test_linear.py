@@ -14,6 +14,7 @@ from jcontour.simulation.metrics import score
 CORNERS = 2e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])  # [m]
 
 
+@pytest.mark.slow
 def test_the_error_does_not_depend_on_where_the_part_lies():
     """The same square at the origin and a metre away in X and Y."""
     machine = bridgeport_machine()

@@ -206,6 +206,7 @@ def test_slopes_of_a_cascade_on_the_flexible_axis():
     check_slopes(build, np.log([30.0, 55.0, 0.04]), family, windows, jax.jacfwd)
 
 
+@pytest.mark.slow
 def test_dry_friction_is_left_out():
     """The loops are those of eqs. 3.1 and 3.2 without it, held exactly, at whatever speed."""
     dt, axis = 1e-3, thesis_axis()

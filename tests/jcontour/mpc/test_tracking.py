@@ -241,7 +241,11 @@ class Loaded(LinearPlant):
 
 
 @pytest.mark.parametrize(
-    "terminal", [OutputTerminal(), RiccatiTerminal()], ids=["output", "riccati"]
+    "terminal",
+    [
+        pytest.param(OutputTerminal(), id="output"),
+        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
+    ],
 )
 def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
     plant, reference = two_axes, still([1e-3, 5e-4], 400, 12)

@@ -128,6 +128,7 @@ def test_only_ratios_of_the_weights_matter(two_axes):
         np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_stage_profile_gradient_is_that_of_differences(two_axes):
     reference = reference_of(0, 2, 4)
 

@@ -271,6 +271,7 @@ def mean_error(axis, reference, gains):
     return jnp.sqrt(jnp.mean((states[:, 2] - reference) ** 2))
 
 
+@pytest.mark.slow
 def test_gradient_of_the_smooth_twin():
     axis, reference = SmoothFlexibleAxis(thesis_axis(), DT), jnp.asarray(task_a()[:400])
     error = jax.jit(jax.value_and_grad(lambda gains: mean_error(axis, reference, gains)))
