@@ -73,18 +73,18 @@ def test_default_budgets_bite(traced):
     result = read_result(traced, FrontResult)
     tight, loose = result.points
     assert tight.budget == pytest.approx(loose.budget * 3 / 4)
-    assert tight.rms_increment == pytest.approx(tight.budget, rel=1e-3)
-    assert not tight.slack
     for point in result.points:
+        # the valley is flat here, 0.2 % of error: what is left of a budget is little, and told
+        assert point.rms_increment > 0.95 * point.budget
+        assert point.slack == (point.rms_increment < 0.99 * point.budget)
         assert point.feasible
         assert point.rms_increment <= point.budget * (1 + 1e-6)
     assert tight.rms_contour_error > loose.rms_contour_error
-    # other weights may reach the error of the search without a budget with less increment
-    assert set(result.slack) <= {loose.budget}
+    assert result.slack == [point.budget for point in result.points if point.slack]
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="here the valley is flat: the last quarter buys 0.4 %")
+@pytest.mark.xfail(strict=True, reason="here the valley is flat: the last quarter buys 0.2 %")
 def test_a_smaller_default_budget_costs_a_twentieth(traced):
     tight, loose = read_result(traced, FrontResult).points
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error

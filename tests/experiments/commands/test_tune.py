@@ -86,7 +86,7 @@ def test_what_was_read(result):
     part = next(one for one in result.contours if one.name == "part")
     assert part.read.pieces == 4 and part.read.ignored == ()
     assert part.read.length == pytest.approx(1e-3 * (2 + np.pi + 2 + 2))
-    np.testing.assert_allclose(part.read.low, [0, 0], atol=1e-9)
+    np.testing.assert_allclose(part.read.low, [0, 0], atol=2e-6)  # corners are blended within it
     np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
 
 
@@ -95,9 +95,9 @@ def test_the_history_holds_every_point(tuned, result):
     points = json.loads((tuned / "history.json").read_text())
     assert len(points) == result.evaluated_points
     used = {f"{name}_use": 0.97 for name in ("speed", "acceleration", "control", "increment")}
-    lag = result.limits["rms_tracking_error"]  # 5 samples at 3 m/min
+    lag = result.limits["rms_tracking_error"]  # 5 samples at the highest speed
     assert result.limits == {"rms_tracking_error": lag, "peak_sensitivity": 2.0, **used}
-    assert lag == pytest.approx(5 * 0.05 * 2e-3)
+    assert 0.8 * 5 * 0.05 * 2e-3 < lag <= 5 * 0.05 * 2e-3  # the part is too short for its feed
     kept = [one for one in points if not one["diverged"] and not one["violation"] > 1e-6]
     chosen = min(one["objective"] for one in kept)
     smooth = max(row.smooth for row in result.gap)
