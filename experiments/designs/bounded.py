@@ -123,7 +123,7 @@ def keeper(
             f"tolerance-um: {1e6 * tolerance:.6g} um cannot be promised on {task.name}, the least "
             f"is {1e6 * shares.least:.4g} um: {told}"
         )
-    known = max(tolerance - shares.unknown, shares.least - shares.unknown)
+    known = tolerance - shares.unknown
     mpc = BoundedMPC(found.model, found.mpc.least, found.mpc.limits, known, solver=solver)
     return replace(found, mpc=mpc)
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from experiments.catalogue.choices import job_named
 from experiments.files.results.feed_result import FeedPoint
-from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
 from experiments.jobs.replays import Scenarios, replay
 from experiments.options import Feed
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
@@ -40,7 +39,8 @@ def feed_points(loop: StoredLoop, overrides: Sequence[float]) -> Iterator[FeedPo
     """
     for override in sorted(set(overrides)):
         pace = loop.pace._replace(override=override / 100)
-        job = job_named(loop.parts[0], pace)
+        planned = pace == loop.pace  # already, with the loop
+        job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
         scenarios = Scenarios.of([job], [False], loop.machine, loop.fed, loop.controller.preview)
         found = replay(loop.controller, scenarios)
         lost = np.asarray(found.metrics.diverged)[0]
@@ -48,10 +48,7 @@ def feed_points(loop: StoredLoop, overrides: Sequence[float]) -> Iterator[FeedPo
         yield FeedPoint(
             override=override,
             cycle_time=scored * loop.machine.model.dt,
-            metrics=FamilyMetrics(
-                nominal=RunMetrics.of(found.metrics, lambda values: values[0, 0]),
-                worst=family_metrics(found, 0).worst,
-            ),
+            metrics=family_metrics(found, 0),
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
         )
