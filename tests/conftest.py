@@ -168,6 +168,12 @@ class Proportional(Controller):
         return None, self.gains * (plan - measurement)
 
 
+@pytest.fixture(scope="session")
+def proportional():
+    """Controller from its gains, for machines whose positions are measured."""
+    return Proportional
+
+
 def build(weights):
     return Proportional(jnp.stack([weights["x"], weights["y"]]))
 

@@ -1,17 +1,14 @@
 """The bent reference against dense matrices of a NumPy loop, and the largest of a family."""
 
-from typing import Any
-
-import equinox as eqx
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from jcontour.controller import Controller
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants
 from tuning.precompensation import precompensate
 
@@ -19,20 +16,9 @@ DT, GAIN = 1e-3, 60.0
 PRICES = {"contouring": 0.9, "size": 1e-3, "roughness": 1e-2}
 
 
-class OnPositions(Controller):
-    """u = gain (p - y), fed the state of two axes of two states."""
-
-    gain: Any
-    preview: int = eqx.field(static=True, default=0)
-
-    def prepare(self, reference):
-        return reference.position[: reference.steps]
-
-    def initial_memory(self, reference):
-        return None
-
-    def step(self, memory, plan, measurement):
-        return None, self.gain * (plan - measurement[::2])
+@pytest.fixture(scope="module")
+def controller(proportional):
+    return proportional(GAIN)
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +26,10 @@ def table():
     """Two axes driven by their speed, which lags by a few samples."""
     A = np.kron(np.eye(2), [[1.0, DT], [0.0, 0.8]])
     return LinearPlant(A, np.kron(np.eye(2), [[0.0], [0.2]]), np.kron(np.eye(2), [[1.0, 0]]), DT)
+
+
+def seen(plants):
+    return stack_plants([Encoders(plant) for plant in plants])
 
 
 def arc(steps):
@@ -83,13 +73,13 @@ class Dense:
         self.price = (1e-3 * np.eye(2 * steps) + 1e-2 * D.T @ D) / steps
 
 
-def test_one_plant_gets_the_minimum_of_its_quadratic(table):
-    reference, controller = arc(60), OnPositions(GAIN)
+def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller):
+    reference = arc(60)
     dense = Dense(table, reference)
     wanted = -np.linalg.solve(
         dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
     ).reshape(-1, 2)
-    found = precompensate(stack_plants([table]), controller, reference, **PRICES, rounds=12)
+    found = precompensate(seen([table]), controller, reference, **PRICES, rounds=12)
     assert np.all(wanted[[0, -1]] == 0) and np.all(found.correction[[0, -1]] == 0)
     np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
     after = np.linalg.norm(dense.error + dense.slope @ wanted.ravel())
@@ -98,8 +88,8 @@ def test_one_plant_gets_the_minimum_of_its_quadratic(table):
 
 
 @pytest.mark.slow
-def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table):
-    reference, controller = arc(24), OnPositions(GAIN)
+def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table, controller):
+    reference = arc(24)
     family = [with_input_gains(table, gains) for gains in ([1.0, 1.0], [1.3, 0.7], [0.6, 1.2])]
     loops = [Dense(plant, reference) for plant in family]
 
@@ -107,7 +97,7 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table):
         return max(np.linalg.norm(one.error + one.slope @ correction) for one in loops)
 
     found, mean = (
-        precompensate(stack_plants(family), controller, reference, **PRICES, rounds=rounds)
+        precompensate(seen(family), controller, reference, **PRICES, rounds=rounds)
         for rounds in (40, 1)
     )
     assert found.after.max() == pytest.approx(largest(found.correction.ravel()), rel=1e-9)
@@ -152,6 +142,6 @@ def test_the_worst_of_a_family_is_nearly_as_good_as_it_can_be(table):
         ({"rounds": 0}, "rounds: needs at least one"),
     ],
 )
-def test_bad_prices_are_named(table, change, told):
+def test_bad_prices_are_named(table, controller, change, told):
     with pytest.raises(ValueError, match=told):
-        precompensate(stack_plants([table]), OnPositions(GAIN), arc(10), **change)
+        precompensate(seen([table]), controller, arc(10), **change)
