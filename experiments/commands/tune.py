@@ -3,12 +3,12 @@
 import sys
 import time
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from experiments.beside import Beside
 from experiments.files import run_folder
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import TunedResult
@@ -44,6 +44,7 @@ from experiments.runs.tuning_results import (
 )
 from tuning.tune import Tuned
 
+PROOF = "experiments.runs.checks.certified_bound"
 FIRST = 3  # of many contours, that are named before the tuning
 
 
@@ -72,18 +73,17 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
-    # beside it the start is tried, then random plants and the proven bound
-    with ThreadPoolExecutor(2) as beside:
-        start = beside.submit(start_trial, run)
+    with Beside(PROOF) as process:  # the start is tried meanwhile, then the bound is proven
+        start = start_trial(run, process)
         found = _descended(run, folder, console)
         run, tuned = found.run, found.tuned
-        robust = beside.submit(robust_trial, run, tuned)
-        certified = beside.submit(certified_bound, run, run.controller(tuned.weights))
-        trials = {"start": start.result(), "tuned": trial_of(run, tuned)}
+        certified = certified_bound(run, run.controller(tuned.weights), process)
+        trials = {"start": start(), "tuned": trial_of(run, tuned)}
         with drawn_beside(figures(run, trials, folder)):
             store_runs(run, tuned, trials, folder, console)
+            robust = robust_trial(run, tuned)
             in_engine = confirmed(run, tuned, trials["tuned"].replay)
-            checks = robust.result(), in_engine, certified.result()
+        checks = robust, in_engine, certified()
     told = tuned_result(found, trials, *checks, time.perf_counter() - began)
     store_result(run, told, tuned, folder)
     return told

@@ -1,11 +1,12 @@
 """Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.beside import Beside
 from experiments.designs.design import plain_weights
 from experiments.files.results.certified_result import CertifiedBound
 from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
@@ -20,7 +21,7 @@ from experiments.files.results.tuned_result import (
     TunedResult,
 )
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
-from experiments.machines.machine import Machine
+from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.sensitivity import FamilyCurves
 from experiments.runs.checks.path_margins import path_margins
 from experiments.runs.checks.recommendation import (
@@ -59,7 +60,7 @@ class Trial:
 def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
     """Tuned weights tried on every contour and every plant."""
     known = None if run.flags.nominal_only else tuned.outcome.loops
-    return _tried(run, run.controller(tuned.weights), known)
+    return tried(run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed, known)
 
 
 def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
@@ -72,17 +73,29 @@ def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
     return robust_test(controller, run.machine, scenarios, fed, seed)
 
 
-def start_trial(run: TuningRun) -> Trial:
-    """The design that the tuned one is compared with, with its own weights."""
-    return _tried(run, run.before.build(run.before.start))
+def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
+    """The design that the tuned one is compared with, with its own weights, once it is asked for.
+
+    Args:
+        run: of the tuning.
+        process: that tries it meanwhile.
+    """
+    controller = run.before.build(run.before.start)
+    return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
 
 
-def _tried(run: TuningRun, controller: Controller, known: LoopPeaks | None = None) -> Trial:
-    tried = controller, run.machine, run.scenarios, run.design.fed
-    peaks = family_peaks(*tried) if known is None else known
-    found = path_margins(*tried, peaks), family_curves(*tried, peaks)
-    held = standstill(controller, run.machine, run.design.fed)
-    return Trial(replay(controller, run.scenarios), *found, held)
+def tried(
+    controller: Controller,
+    machine: Machine,
+    scenarios: Scenarios,
+    fed: Fed,
+    known: LoopPeaks | None = None,
+) -> Trial:
+    """A controller tried on every contour and every plant; `known` are its peaks, if they are."""
+    on = controller, machine, scenarios, fed
+    peaks = family_peaks(*on) if known is None else known
+    found = path_margins(*on, peaks), family_curves(*on, peaks)
+    return Trial(replay(controller, scenarios), *found, standstill(controller, machine, fed))
 
 
 def machine_summary(machine: Machine) -> MachineSummary:

@@ -1,7 +1,5 @@
 """Figures drawn by another process: the same files, there when the block ends."""
 
-import os
-import subprocess
 import sys
 
 import pytest
@@ -42,15 +40,3 @@ def test_figures_are_drawn_here_where_no_process_can(tmp_path, monkeypatch):
     with drawn_beside({tmp_path / "curve.png": made()}):
         pass
     assert (tmp_path / "curve.png").stat().st_size > 0
-
-
-def test_the_process_ends_with_the_block(tmp_path, monkeypatch):
-    begun, start = [], subprocess.Popen
-    monkeypatch.setattr(
-        subprocess, "Popen", lambda *a, **k: begun.append(start(*a, **k)) or begun[0]
-    )
-    with pytest.raises(KeyboardInterrupt), drawn_beside({tmp_path / "curve.png": made()}):
-        raise KeyboardInterrupt
-    assert begun[0].returncode is not None
-    with pytest.raises(ProcessLookupError):
-        os.kill(begun[0].pid, 0)

@@ -1,0 +1,106 @@
+"""Work of a process of its own, beside the command.
+
+What is slow because it is Python gains nothing from a thread: JAX traces in Python too.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
+from importlib import import_module
+from typing import Any, BinaryIO, NamedTuple, Self, TypeVar
+
+Result = TypeVar("Result")
+
+
+class _Answer(NamedTuple):
+    """What a process has found, and what it would have warned of."""
+
+    result: Any
+    warned: list[str]
+
+
+class Beside:
+    """A process that does one thing after another while the block runs, on the CPU.
+
+    It knows no Ctrl-C of its own: it is stopped with the block, and ends where the program is
+    killed. Where it fails, or where a task cannot be handed over, the task is done here when its
+    result is asked for, and what is wrong is raised here.
+
+    Args:
+        modules: that it loads while it waits for its first task.
+    """
+
+    def __init__(self, *modules: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", __name__, *modules],  # -P: nothing of the folder it is in
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            env=os.environ | {"JAX_PLATFORMS": "cpu"},
+        )
+        self._exchange = ThreadPoolExecutor(1)  # a pipe holds less than what is sent
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._exchange.shutdown()
+        self._process.communicate()
+
+    def submit(self, function: Callable[..., Result], *arguments: Any) -> Callable[[], Result]:
+        """Add a task; what is returned waits for its result."""
+        try:
+            task = pickle.dumps((function, arguments))
+        except (pickle.PicklingError, AttributeError, TypeError):  # as a class made in a function
+            return lambda: function(*arguments)
+        answer = self._exchange.submit(self._answer, task)
+
+        def result() -> Result:
+            found = answer.result()
+            if found is None:
+                return function(*arguments)
+            for message in found.warned:
+                warnings.warn(message, stacklevel=2)
+            return found.result
+
+        return result
+
+    def _answer(self, task: bytes) -> _Answer | None:
+        """The process's answer; None where it has ended."""
+        sent, answers = self._process.stdin, self._process.stdout
+        assert sent is not None and answers is not None
+        try:
+            sent.write(task)
+            sent.flush()
+            return _Answer(*pickle.load(answers))
+        except (OSError, ValueError, EOFError, pickle.UnpicklingError):
+            return None
+
+
+def _work(modules: list[str], tasks: BinaryIO, answers: BinaryIO) -> None:
+    """Do what comes until nothing more can come."""
+    for module in modules:
+        import_module(module)
+    while True:
+        try:
+            function, arguments = pickle.load(tasks)
+        except EOFError:
+            return
+        with warnings.catch_warnings(record=True) as warned:
+            result = function(*arguments)
+        told = [str(one.message) for one in warned if one.category is UserWarning]
+        answers.write(pickle.dumps((result, told)))
+        answers.flush()
+
+
+if __name__ == "__main__":
+    channel = sys.stdout.buffer
+    with redirect_stdout(sys.stderr):  # what a task prints is no answer
+        _work(sys.argv[1:], sys.stdin.buffer, channel)
