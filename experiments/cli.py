@@ -38,7 +38,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Listing: ("list", "experiments.commands.names"),
     options.Reproduce: ("reproduce", "experiments.commands.reproduce"),
 }
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"
 MEASURED = "0.10."  # versions of jaxlib whose compiler was measured
 COMPILED = 1_000_000_000  # bytes of compiled programs that are kept; the oldest go first
@@ -104,6 +104,9 @@ def _answered(arguments: list[str]) -> int:
         how = str(interruption)
         print(f"jcontour: interrupted{'; ' + how if how else ''}", file=sys.stderr)
         return INTERRUPTED
+    except BrokenPipeError:  # who reads has seen enough, as `head`; nothing more can be printed
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CUT_OFF
     except (
         ValueError,
         OSError,

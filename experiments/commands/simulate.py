@@ -43,15 +43,12 @@ def command(flags: Simulate) -> int:
 
 
 def _list_moves(flags: Simulate) -> int:
-    """Print what was understood of the program; it is projected where the machine has two axes."""
+    """Print what was understood of the file."""
     if flags.contour is None or flags.contour in CONTOURS:
         raise ValueError(
-            "list-moves: needs a program in G-code, as in `jcontour simulate part.ngc`"
+            "list-moves: needs a program or a drawing, as in `jcontour simulate part.ngc`"
         )
-    machine = machine_named(flags.plant)
-    for line in listed_moves(
-        Path(flags.contour), min(machine.model.axes, 3), Pace.of(flags, machine).feed
-    ):
+    for line in listed_moves(Path(flags.contour), Pace.of(flags, machine_named(flags.plant))):
         print(line)
     return 0
 

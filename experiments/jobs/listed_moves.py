@@ -1,9 +1,14 @@
-"""Moves of a G-code program as they were understood, line by line, for `--list-moves`."""
+"""Moves of a program or a drawing as they were understood, line by line, for `--list-moves`."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from experiments.jobs.pace import Pace
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.gcode.move import Move
 from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
@@ -14,42 +19,82 @@ MM_PER_MIN = MM / 60
 HEAD = "  line  move      "
 
 
-def listed_moves(path: Path, axes: int, feed: float | None) -> Iterator[str]:
-    """Table of the moves of a program, a line of text for each, in millimetres.
+def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
+    """Table of the moves of a program or a drawing, a line of text for each, in millimetres.
+
+    A machine of two axes has the projection of a program to X and Y.
 
     Args:
-        path: of the program.
-        axes: 3, or 2 for its projection to X and Y.
-        feed: in force at the beginning [m/s]; None where the program has to give one.
+        path: of the file.
+        pace: machine, and the feed where the file gives none.
 
     Raises:
-        ToolpathError: it is no G-code, or a line of it cannot be read or traced.
+        ToolpathError: it has no moves, or something in it cannot be read or traced.
     """
-    if path.suffix.lower() in (".csv", ".svg", ".dxf"):
-        raise ToolpathError(f"list-moves: {path} is no G-code")
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        raise ToolpathError(f"list-moves: {path} holds points, no moves")
     try:
-        lines = lines_of(read_program(path))
-        machine = interpreted(lines, axes, feed, files_beside(path))
+        yield from (_drawn if suffix in DRAWINGS else _programmed)(path, pace)
     except ToolpathError as error:
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
-    named = "".join(f"{axis:>11}" for axis in AXES[:axes])
-    yield f"{HEAD}{named}   mm/min"
+
+
+def _programmed(path: Path, pace: Pace) -> Iterator[str]:
+    axes = min(pace.machine.model.axes, 3)
+    machine = interpreted(lines_of(read_program(path)), axes, pace.feed, files_beside(path))
+    yield _head(axes)
     for move in machine.moves:
-        yield _line(move, axes)
-    count = len(machine.moves)
-    told = f"; ignored: {', '.join(sorted(machine.ignored))}" if machine.ignored else ""
-    yield f"{count} move{'' if count == 1 else 's'}{told}"
+        around = ""
+        if move.angle:
+            around = _around(move.centre[:axes], math.degrees(move.angle))
+        yield _line(move.line, _kind(move), move.end[:axes], move.feed) + around
+    yield _count(len(machine.moves), sorted(machine.ignored))
 
 
-def _line(move: Move, axes: int) -> str:
-    end = "".join(f"{coordinate / MM + 0.0:11.4f}" for coordinate in move.end[:axes])
-    feed = f"{'-':>9}" if move.rapid else f"{move.feed / MM_PER_MIN:9.5g}"
-    line = f"{move.line:6d}  {_kind(move):10}{end}{feed}"
-    if not move.angle:
-        return line
-    centre = ", ".join(f"{coordinate / MM + 0.0:.4f}" for coordinate in move.centre[:axes])
-    return f"{line}  around {centre} by {math.degrees(move.angle):.4g} degrees"
+def _drawn(path: Path, pace: Pace) -> Iterator[str]:
+    """Of a drawing, whose curves are several pieces each."""
+    drawing = read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+    contour = drawing.contour
+    ends = np.asarray(contour.position(contour.start + contour.extent))  # a closed one wraps
+    polynomial, rate, extent = (
+        np.asarray(c) for c in (contour.polynomial, contour.rate, contour.extent)
+    )
+    (x, y), (x_later, y_later) = np.asarray(contour.cosine).T, np.asarray(contour.sine).T
+    turn = x * y_later - y * x_later  # a quarter of a turn later
+    yield _head(ends.shape[1])
+    for k, end in enumerate(ends):
+        kind, around = "rapid" if drawing.rapid[k] else "line", ""
+        if polynomial[k, 2:].any():
+            kind = "curve"
+        elif rate[k]:
+            kind = "arc"
+            degrees = math.degrees(math.copysign(rate[k] * extent[k], turn[k]))
+            around = _around(polynomial[k, 0].tolist(), degrees)
+        yield _line(int(drawing.line[k]), kind, end.tolist(), float(drawing.feed[k])) + around
+    yield _count(len(ends), drawing.ignored)
+
+
+def _head(axes: int) -> str:
+    named = "".join(f"{axis:>11}" for axis in AXES[:axes])
+    return f"{HEAD}{named}   mm/min"
+
+
+def _line(line: int, kind: str, end: Sequence[float], feed: float) -> str:
+    place = "".join(f"{coordinate / MM + 0.0:11.4f}" for coordinate in end)
+    pace = f"{'-':>9}" if math.isnan(feed) else f"{feed / MM_PER_MIN:9.5g}"
+    return f"{line:6d}  {kind:10}{place}{pace}"
+
+
+def _around(centre: Sequence[float], degrees: float) -> str:
+    place = ", ".join(f"{coordinate / MM + 0.0:.4f}" for coordinate in centre)
+    return f"  around {place} by {degrees:.4g} degrees"
+
+
+def _count(moves: int, ignored: Sequence[str]) -> str:
+    told = f"; ignored: {', '.join(ignored)}" if ignored else ""
+    return f"{moves} move{'' if moves == 1 else 's'}{told}"
 
 
 def _kind(move: Move) -> str:

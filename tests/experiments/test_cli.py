@@ -360,3 +360,14 @@ def test_a_warning_is_told_as_every_message_is(category, said, monkeypatch, caps
     monkeypatch.setattr(cli, "_answered", answered)
     assert cli.main([]) == 0
     assert said in capsys.readouterr().err
+
+
+def test_who_has_seen_enough_hears_no_complaint():
+    listing = [sys.executable, "-m", "experiments.cli", "list"]
+    told = subprocess.Popen(listing, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert told.stdout is not None
+    assert told.stderr is not None
+    told.stdout.close()
+    assert told.stderr.read() == b""
+    assert told.wait() == 1
+    told.stderr.close()

@@ -17,7 +17,7 @@ from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
-MOST_REPEATED = 500_000  # lines carried out again; each takes ten microseconds
+MOST_REPEATED = 400_000  # lines carried out again; each takes twenty microseconds
 MOST_STANDING = 100_000  # of them without a move
 DEEPEST_CALL = 10  # of subprograms in subprograms, as LinuxCNC allows
 MOST_ARGUMENTS = 30

@@ -1,15 +1,25 @@
 """Lists of moves beside what the program says."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
 from experiments.jobs.listed_moves import listed_moves
+from experiments.jobs.pace import Pace
 from jcontour.geometry.toolpath_rules import ToolpathError
+
+
+def listed(path, axes, feed=None):
+    """On a machine of so many axes, at a feed where the file gives none."""
+    machine = SimpleNamespace(model=SimpleNamespace(axes=axes))
+    return list(listed_moves(path, Pace(machine, feed, None)))
 
 
 def test_a_line_for_each_move(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G21 F600 M3\nG0 X10\nG1 Y2.5 Z-1\nG3 X8 Y4.5 I-2 F300\nG1 Z0\nM2\n")
-    head, *moves, last = listed_moves(path, 3, None)
+    head, *moves, last = listed(path, 3)
     assert head.split() == ["line", "move", "X", "Y", "Z", "mm/min"]
     assert [line.split() for line in moves] == [
         ["2", "rapid", "10.0000", "0.0000", "0.0000", "-"],
@@ -18,16 +28,44 @@ def test_a_line_for_each_move(tmp_path):
         ["5", "line", "8.0000", "4.5000", "0.0000", "300"],
     ]
     assert last == "4 moves; ignored: M3"
-    assert len(list(listed_moves(path, 2, None))) == 5  # the last move is along Z alone
+    assert len(listed(path, 2)) == 5  # the last move is along Z alone
 
 
 def test_faults_name_the_file(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G1 X1\n")
     with pytest.raises(ToolpathError, match=r"part\.ngc: line 1: a cutting move without a feed"):
-        list(listed_moves(path, 2, None))
-    assert len(list(listed_moves(path, 2, 0.01))) == 3
+        listed(path, 2)
+    assert len(listed(path, 2, 0.01)) == 3
     with pytest.raises(ToolpathError, match=r"missing\.ngc'?: no such file"):
-        list(listed_moves(tmp_path / "missing.ngc", 2, None))
-    with pytest.raises(ToolpathError, match=r"list-moves: points\.csv is no G-code"):
-        list(listed_moves(path.with_name("points.csv").relative_to(tmp_path), 2, None))
+        listed(tmp_path / "missing.ngc", 2)
+    with pytest.raises(ToolpathError, match=r"list-moves: points\.csv holds points"):
+        listed(Path("points.csv"), 2)
+
+
+def test_a_drawing_has_arcs_curves_and_the_rapid_moves_between(tmp_path):
+    path = tmp_path / "part.svg"
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="40mm" height="20mm" viewBox="0 0 40 20">\n'
+        '<path d="M 2 20 L 10 20 A 5 5 0 0 0 15 15"/>\n'
+        '<path d="M 20 20 C 22 20 24 18 24 16"/>\n</svg>\n'
+    )
+    head, *moves, last = (line.split() for line in listed(path, 2, 0.01))
+    assert head == ["line", "move", "X", "Y", "mm/min"]
+    assert moves[0] == ["2", "line", "10.0000", "0.0000", "600"]
+    assert moves[1] == "2 arc 15.0000 5.0000 600 around 10.0000, 5.0000 by 90 degrees".split()
+    assert moves[2] == ["3", "rapid", "20.0000", "0.0000", "-"]
+    assert {move[1] for move in moves[3:]} == {"curve"}
+    assert moves[-1] == ["3", "curve", "24.0000", "4.0000", "600"]
+    assert last == [str(len(moves)), "moves"]
+
+
+def test_a_closed_drawing_ends_where_it_began(tmp_path):
+    path = tmp_path / "part.svg"
+    path.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="40mm" height="20mm" viewBox="0 0 40 20">\n'
+        '<circle cx="10" cy="10" r="4"/>\n</svg>\n'
+    )
+    _, move, _ = listed(path, 2, 0.01)
+    assert move.split()[:5] == ["2", "arc", "14.0000", "10.0000", "600"]
+    assert move.endswith("around 10.0000, 10.0000 by -360 degrees")
