@@ -174,14 +174,26 @@ class Data(NamedTuple):
     nothing: Array
 
 
-def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> Data:
-    """Data of the lanes, from A, B, C, cost, stage, R and the terminal where there is one."""
-    A, B, C, cost, stage, R, *end = operands
+def model_of(pattern: Pattern, sizes: Sizes, A: Rows, B: Rows, C: Rows, R: Rows):
+    """Numbers of M = [A B], of C and of R that a lane reads."""
     n, p, shape = sizes.n, sizes.p, shape_of(pattern)
     M = {(i, k): A.fixed(i * n + k) for k in range(n) for i in shape.rows[k]}
     M |= {(i, n + 1 + u): B.fixed(i * p + u) for u in range(p) for i in shape.rows[n + 1 + u]}
     output = {(a, i): C.fixed(a * n + i) for a, i in shape.C}
-    weight = [[R.fixed(u * p + v) for v in range(p)] for u in range(p)]
+    return M, output, [[R.fixed(u * p + v) for v in range(p)] for u in range(p)]
+
+
+def terminal(shape: Shape, sizes: Sizes, H: Rows, g: Rows, sample) -> dict:
+    """Cost to go of one sample, from its matrix and its vector."""
+    of_H = {(i, k): H.sample(i * sizes.n + k, sample) for i, k in shape.entries[: -sizes.n]}
+    return of_H | {(i, sizes.n): g.sample(i, sample) for i in range(sizes.n)}
+
+
+def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> Data:
+    """Data of the lanes, from A, B, C, cost, stage, R and the terminal where there is one."""
+    A, B, C, cost, stage, R, *end = operands
+    shape = shape_of(pattern)
+    M, output, weight = model_of(pattern, sizes, A, B, C, R)
 
     def of_sample(j):
         scale = stage.fixed(j - 1)
@@ -189,9 +201,7 @@ def read(pattern: Pattern, sizes: Sizes, lanes: Lanes, operands: list[Rows]) -> 
 
     def start():
         if sizes.ended:
-            rows = [*(i * n + k for i, k in shape.entries[:-n]), *range(n)]
-            places = zip(shape.entries, rows, strict=True)
-            return {(i, k): end[k == n].sample(row, lanes.step) for (i, k), row in places}
+            return terminal(shape, sizes, *end, lanes.step)
         no_cost = dict.fromkeys(shape.entries, 0.0)
         return weigh(shape, sizes, output, no_cost, of_sample(sizes.preview))
 

@@ -13,8 +13,7 @@ from jaxtyping import Array, Float
 from jcontour.kernels.gain_cotangents import cotangents
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
 from jcontour.kernels.lanes import dense
-from jcontour.kernels.packing import seen_entries
-from jcontour.kernels.window_sweep import window_plan
+from jcontour.kernels.window_sweep import cost_entries, window_plan
 from jcontour.linear.plant import Pattern
 
 UNROLLED = 32  # stages whose cotangents are gathered in one pass
@@ -29,7 +28,7 @@ def lane_plan(
     `end` is (H, g), or () where the last sample is weighted like the others.
     """
     sizes = _sizes(A, B, C, Q, stage, end)
-    F, f = gains(pattern, sizes)(A, B, C, _cost(Q, y_d), stage, R, *_ends(end))
+    F, f = gains(pattern, sizes)(A, B, C, cost_entries(Q, y_d), stage, R, *_ends(end))
     return jnp.transpose(F, (2, 0, 1)), f.T
 
 
@@ -48,7 +47,7 @@ def _plan_bwd(pattern: Pattern, kept, cotangent):
         _, pull = jax.vjp(partial(_swept, pattern), *arguments)
         return pull((F_bar, f_bar))
     sizes = _sizes(A, B, C, Q, stage, end)
-    cost, pull = jax.vjp(_cost, Q, y_d)
+    cost, pull = jax.vjp(cost_entries, Q, y_d)
     bars = jnp.transpose(F_bar, (1, 2, 0)), f_bar.T
     rows, R_bar, ends = cotangents(pattern, sizes)(A, B, C, cost, stage, R, *_ends(end), *bars)
     seen = [cost[:, j : j + steps] for j in range(1, sizes.weighed + 1)]
@@ -109,16 +108,6 @@ def _swept(pattern: Pattern, A, B, C, Q, y_d, stage, R, end):
 def _sizes(A, B, C, Q, stage, end) -> Sizes:
     preview = stage.shape[0]
     return Sizes(A.shape[0], B.shape[1], C.shape[0], Q.shape[0] - preview, preview, bool(end))
-
-
-def _cost(Q, y_d) -> Float[Array, "q S"]:
-    m = y_d.shape[1]
-    Q = (Q + jnp.swapaxes(Q, 1, 2)) / 2
-
-    def entry(a: int, b: int) -> Array:
-        return Q[:, a, b] if b < m else -jnp.sum(Q[:, a] * y_d, axis=1)
-
-    return jnp.stack([entry(a, b) for a, b in seen_entries(m).T.tolist()])
 
 
 def _ends(end):

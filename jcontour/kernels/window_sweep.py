@@ -59,7 +59,7 @@ def window_plan(
 
     Q, R and H have to be symmetric. Where the pattern is False, the model has to be zero.
     """
-    cost, preview = _cost_entries(Q, y_d), stage.shape[0]
+    cost, preview = cost_entries(Q, y_d), stage.shape[0]
     steps = cost.shape[1] - preview
     count = -(-steps // max(BLOCK, 2 * preview))
     if count == 1:
@@ -80,7 +80,7 @@ def window_plan(
     return F.reshape(-1, *F.shape[2:])[:steps], f.reshape(-1, *f.shape[2:])[:steps]
 
 
-def _cost_entries(Q: Float[Array, "S m m"], y_d: Float[Array, "S m"]) -> Float[Array, "q S"]:
+def cost_entries(Q: Float[Array, "S m m"], y_d: Float[Array, "S m"]) -> Float[Array, "q S"]:
     """Entries of [Q, -Q y_d] of every sample."""
     outputs = range(y_d.shape[1])
     even = [[(Q[:, a, b] + Q[:, b, a]) / 2 for b in outputs] for a in outputs]

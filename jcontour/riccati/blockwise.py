@@ -5,14 +5,18 @@ sample for N_p steps: the first of them sees 2 N_p - 1 samples, the last one N_p
 gives the gains of them all, so a sample costs two stages, however far it sees:
     (H, g) at the end from the terminal cost, then eqs. 12 and 13 of McNab & Tsao down to the first
     step of the block; eq. 11 at each of its steps
-The blocks are swept side by side, and the last one ends with the run. A run of at most N_p steps is
-one block: its gains are those of the whole path, the limit of every receding horizon.
+The blocks are swept side by side (on a GPU by `kernels.block_lanes`), and the last one ends with
+the run. A run of at most N_p steps is one block: its gains are those of the whole path, the limit
+of every receding horizon.
 """
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jcontour.kernels.dispatch import suits_lanes
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 
@@ -35,9 +39,37 @@ def blockwise_plan(
             block is read.
     """
     steps = terminal.g.shape[0]
+    ends = _seen(steps, Q.shape[0] - steps)[Q.shape[0] - steps - 1]
+    ends = jax.tree.map(lambda rows: rows[ends], terminal)
+    if suits_lanes(model.pattern, model, Q, y_d, R, terminal):
+        return _lanes_plan(steps, model, Q, y_d, R, ends)
+    return _swept(steps, model, Q, y_d, R, ends)
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _lanes_plan(steps: int, model: LinearPlant, Q, y_d, R, ends: CostToGo) -> AffinePlan:
+    """Plan from the GPU's kernel, with the derivative of the sweep in XLA."""
+    from jcontour.kernels.block_lanes import block_plan  # loads Pallas, which a CPU has no use for
+
+    A, B, C, preview = model.A, model.B, model.C, Q.shape[0] - steps
+    return AffinePlan(*block_plan(model.pattern, preview, A, B, C, Q, y_d, R, *ends))
+
+
+def _lanes_fwd(steps: int, *arguments):
+    return _lanes_plan(steps, *arguments), arguments
+
+
+def _lanes_bwd(steps: int, arguments, cotangent):
+    return jax.vjp(partial(_swept, steps), *arguments)[1](cotangent)
+
+
+_lanes_plan.defvjp(_lanes_fwd, _lanes_bwd)
+
+
+def _swept(steps: int, model: LinearPlant, Q, y_d, R, ends: CostToGo) -> AffinePlan:
+    """Plan with the blocks side by side, from the costs at the ends of their horizons."""
     preview = Q.shape[0] - steps
     seen = _seen(steps, preview)
-    ends = jax.tree.map(lambda rows: rows[seen[preview - 1]], terminal)
 
     def back(cost: CostToGo, sample: Int[Array, " blocks"]):
         plan = first_control(model, R, cost)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
-from jcontour.kernels.lane_plan import _cost
+from jcontour.kernels.window_sweep import cost_entries
 from jcontour.linear.plant import Pattern
 from jcontour.riccati.receding_horizon import CostToGo, readable_plan
 
@@ -30,7 +30,7 @@ def test_lanes_of_several_members(problems):
     ends = [jnp.moveaxis(array, 0, -1) for array in terminal]
     F, f = problems.quick(
         lambda: jax.vmap(
-            lambda s: run(plant.A, plant.B, plant.C, _cost(Q, y_d), stage, s * R, *ends)
+            lambda s: run(plant.A, plant.B, plant.C, cost_entries(Q, y_d), stage, s * R, *ends)
         )(scale)
     )()
     for k, factor in enumerate(scale):
