@@ -21,12 +21,18 @@ from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 
 
+def block_ends(steps: int, preview: int) -> slice:
+    """Samples that the blocks' horizons end at, in the order of the blocks."""
+    return slice((steps - 1) % preview + preview, steps + preview, preview)
+
+
 def blockwise_plan(
     model: LinearPlant,
     Q: Float[Array, "S m m"],
     y_d: Float[Array, "S m"],
     R: Float[Array, "p p"],
     terminal: CostToGo,
+    preview: int,
 ) -> AffinePlan:
     """Gains F, f (u = f - F x) of every step of a run.
 
@@ -35,40 +41,37 @@ def blockwise_plan(
         Q: output weight at every sample, S = T + N_p.
         y_d: desired output at every sample [m].
         R: control weight.
-        terminal: cost to go at k + N_p of every step k, T in front; that of the last step of each
-            block is read.
+        terminal: cost to go at the samples of `block_ends`, blocks in front.
+        preview: samples N_p of a block.
     """
-    steps = terminal.g.shape[0]
-    ends = _seen(steps, Q.shape[0] - steps)[Q.shape[0] - steps - 1]
-    ends = jax.tree.map(lambda rows: rows[ends], terminal)
     if suits_lanes(model.pattern, model, Q, y_d, R, terminal):
-        return _lanes_plan(steps, model, Q, y_d, R, ends)
-    return _swept(steps, model, Q, y_d, R, ends)
+        return _by_lanes(preview, model, Q, y_d, R, terminal)
+    return swept(preview, model, Q, y_d, R, terminal)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _lanes_plan(steps: int, model: LinearPlant, Q, y_d, R, ends: CostToGo) -> AffinePlan:
+def _by_lanes(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:
     """Plan from the GPU's kernel, with the derivative of the sweep in XLA."""
     from jcontour.kernels.block_lanes import block_plan  # loads Pallas, which a CPU has no use for
 
-    A, B, C, preview = model.A, model.B, model.C, Q.shape[0] - steps
-    return AffinePlan(*block_plan(model.pattern, preview, A, B, C, Q, y_d, R, *ends))
+    matrices = model.A, model.B, model.C
+    return AffinePlan(*block_plan(model.pattern, preview, *matrices, Q, y_d, R, *terminal))
 
 
-def _lanes_fwd(steps: int, *arguments):
-    return _lanes_plan(steps, *arguments), arguments
+def _lanes_fwd(preview: int, *arguments):
+    return _by_lanes(preview, *arguments), arguments
 
 
-def _lanes_bwd(steps: int, arguments, cotangent):
-    return jax.vjp(partial(_swept, steps), *arguments)[1](cotangent)
+def _lanes_bwd(preview: int, arguments, cotangent):
+    return jax.vjp(partial(swept, preview), *arguments)[1](cotangent)
 
 
-_lanes_plan.defvjp(_lanes_fwd, _lanes_bwd)
+_by_lanes.defvjp(_lanes_fwd, _lanes_bwd)
 
 
-def _swept(steps: int, model: LinearPlant, Q, y_d, R, ends: CostToGo) -> AffinePlan:
-    """Plan with the blocks side by side, from the costs at the ends of their horizons."""
-    preview = Q.shape[0] - steps
+def swept(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:
+    """Plan of `blockwise_plan` with the blocks side by side in XLA."""
+    steps = Q.shape[0] - preview
     seen = _seen(steps, preview)
 
     def back(cost: CostToGo, sample: Int[Array, " blocks"]):
@@ -78,7 +81,7 @@ def _swept(steps: int, model: LinearPlant, Q, y_d, R, ends: CostToGo) -> AffineP
     def ahead(cost: CostToGo, sample: Int[Array, " blocks"]):
         return one_stage_back(model, R, cost, Q[sample], y_d[sample]), None
 
-    first, _ = jax.lax.scan(ahead, ends, seen[preview:], reverse=True)
+    first, _ = jax.lax.scan(ahead, terminal, seen[preview:], reverse=True)
     _, plan = jax.lax.scan(back, first, seen[:preview], reverse=True)
     return jax.tree.map(lambda rows: _in_time(rows, steps), plan)
 

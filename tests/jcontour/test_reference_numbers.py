@@ -103,7 +103,8 @@ def cost_of_first_step(model, weights, terminal, reference, preview):
         contour_weight(weights.alpha, weights.beta, reference.tangent),
         control_weight(model, weights),
     )
-    cost = jax.tree.map(lambda rows: rows[:1], terminal.cost(model, weights, Q, reference, preview))
+    ends = slice(preview, preview + 1)
+    cost = terminal.cost(model, weights, Q, reference.position, ends)
     for j in range(preview - 1, 0, -1):
         cost = one_stage_back(
             model, R, CostToGo(*cost), Q[j : j + 1], reference.position[j : j + 1]

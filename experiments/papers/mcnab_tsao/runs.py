@@ -99,9 +99,8 @@ class AnyHorizonLQ(Controller):
 
         # the terminal cost from the last two samples of the horizon, as for a horizon of one
         last = self.horizon - 1
-        end = eqx.tree_at(lambda r: r.position, reference, samples(position, last, steps + 1))
-        last_weight = samples(Q, last, steps + 1)
-        terminal = self.terminal.cost(self.model, self.weights, last_weight, end, 1)
+        two = samples(Q, last, steps + 1), samples(position, last, steps + 1)
+        terminal = self.terminal.cost(self.model, self.weights, *two, slice(1, steps + 1))
         first, _ = jax.lax.scan(sweep, terminal, jnp.arange(self.preview - 1, 0, -1))
         return first_control(self.model, R, first)
 

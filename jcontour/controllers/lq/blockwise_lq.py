@@ -21,7 +21,7 @@ from jcontour.controllers.lq.contouring_lq import (
 from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference
-from jcontour.riccati.blockwise import blockwise_plan
+from jcontour.riccati.blockwise import block_ends, blockwise_plan
 
 
 class BlockwiseLQ(PlannedFeedback):
@@ -77,6 +77,7 @@ class BlockwiseLQ(PlannedFeedback):
         weights, model = self.weights, self.model
         seen = reference.steps + self.preview
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
-        terminal = self.terminal.cost(model, weights, Q, reference, self.preview)
-        R = control_weight(model, weights)
-        return blockwise_plan(model, Q, reference.position[:seen], R, terminal)
+        y_d, R = reference.position[:seen], control_weight(model, weights)
+        ends = block_ends(reference.steps, self.preview)
+        terminal = self.terminal.cost(model, weights, Q, y_d, ends)
+        return blockwise_plan(model, Q, y_d, R, terminal, self.preview)

@@ -59,10 +59,18 @@ class Terminal(eqx.Module):
         model: LinearPlant,
         weights: LQWeights,
         Q: Float[Array, "S m m"],
-        reference: Reference,
-        preview: int,
+        position: Float[Array, "S m"],
+        ends: slice,
     ) -> CostToGo:
-        """H and g at j = N_p for every step, T in front, before the stage profile scales them."""
+        """H and g at the ends of horizons, in front, before a stage profile scales them.
+
+        Args:
+            model: of the machine.
+            weights: of the cost.
+            Q: output weight at every sample.
+            position: desired output at every sample [m].
+            ends: samples that horizons end at, k + N_p; the first is not sample 0.
+        """
 
 
 class OutputTerminal(Terminal):
@@ -71,10 +79,9 @@ class OutputTerminal(Terminal):
     H = C' Q_Np C,   g = -C' Q_Np y_d(k + N_p)
     """
 
-    def cost(self, model, weights, Q, reference, preview) -> CostToGo:
+    def cost(self, model, weights, Q, position, ends) -> CostToGo:
         """McNab & Tsao, eqs. 12 and 13, with the minus of the terminal g restored."""
-        window = slice(preview, preview + reference.steps)
-        return output_cost(model, Q[window], reference.position[window])
+        return output_cost(model, Q[ends], position[ends])
 
 
 class RiccatiTerminal(Terminal):
@@ -90,14 +97,14 @@ class RiccatiTerminal(Terminal):
 
     motion: SteadyMotion | None = None
 
-    def cost(self, model, weights, Q, reference, preview) -> CostToGo:
-        """Cost under H_s of the continuation beyond the window of every step."""
-        end = reference.position[preview : preview + reference.steps]
-        before = reference.position[preview - 1 : preview - 1 + reference.steps]
+    def cost(self, model, weights, Q, position, ends) -> CostToGo:
+        """Cost under H_s of the continuation beyond the end of every horizon."""
+        end = position[ends]
+        before = position[ends.start - 1 : ends.stop - 1 : ends.step]
         motion = steady_motion(model) if self.motion is None else self.motion
         H = self.solution(model, weights)
         x_d = motion.state(end, end - before)
-        return CostToGo(jnp.broadcast_to(H, (reference.steps, *H.shape)), -x_d @ H)
+        return CostToGo(jnp.broadcast_to(H, (end.shape[0], *H.shape)), -x_d @ H)
 
     def solution(self, model: LinearPlant, weights: LQWeights) -> Float[Array, "n n"]:
         """Solution H_s(Q_max) of the Riccati equation."""
@@ -166,7 +173,8 @@ class ContouringLQ(PlannedFeedback):
         Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
         terminal = None
         if not isinstance(self.terminal, OutputTerminal):
-            cost = self.terminal.cost(model, weights, Q, reference, self.preview)
+            ends = slice(self.preview, seen)
+            cost = self.terminal.cost(model, weights, Q, reference.position[:seen], ends)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
         return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)

@@ -15,7 +15,7 @@ from jcontour.kernels.block_lanes import block_plan
 from jcontour.kernels.dispatch import on_gpu
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport
-from jcontour.riccati import blockwise
+from jcontour.riccati.blockwise import swept
 from jcontour.riccati.receding_horizon import CostToGo
 
 needs_gpu = pytest.mark.skipif(not on_gpu(), reason="no GPU")
@@ -41,7 +41,7 @@ def test_equals_the_sweep_of_all_blocks(problems, sizes, inputs, outputs, steps,
             lambda Q, y_d: block_plan(
                 plant.pattern, preview, plant.A, plant.B, plant.C, Q, y_d, R, *ends
             ),
-            lambda Q, y_d: jax.tree.leaves(blockwise._swept(steps, plant, Q, y_d, R, ends)),
+            lambda Q, y_d: jax.tree.leaves(swept(preview, plant, Q, y_d, R, ends)),
         )
     )
     problems.close(found, wanted, 1e-11)

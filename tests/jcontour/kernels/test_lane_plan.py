@@ -180,7 +180,8 @@ def by_the_book(terminal, plant, reference, weights):
     Q = (weights[0] + weights[1]) * jnp.eye(2) - weights[1] * reference.tangent[
         :, :, None
     ] * reference.tangent[:, None, :]
-    cost = terminal.cost(plant, controller.weights, Q, reference, 10)
+    ends = slice(10, 10 + reference.steps)
+    cost = terminal.cost(plant, controller.weights, Q, reference.position, ends)
     plan = readable_plan(plant, Q, reference.position, jnp.ones(10), weights[2] * jnp.eye(2), cost)
     rollout = follow(plant, controller, plan, reference)
     return summary(score_signals(rollout.output, rollout.control, reference))

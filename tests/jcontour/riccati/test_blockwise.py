@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.riccati.blockwise import blockwise_plan
+from jcontour.riccati.blockwise import block_ends, blockwise_plan
 from jcontour.riccati.receding_horizon import CostToGo
 
 
@@ -35,7 +35,11 @@ def test_every_step_is_a_horizon_up_to_the_end_of_its_block(coupled_plant, steps
     Q, H = roots @ roots.mT, halves @ halves.mT
     y_d, g = random.standard_normal((seen, 2)), random.standard_normal((steps, 4))
     R = 0.3 * np.eye(2)
-    found = jax.jit(blockwise_plan)(plant, Q, y_d, jnp.asarray(R), CostToGo(H, g))
+    at = np.arange(seen)[block_ends(steps, preview)] - preview
+    terminal = CostToGo(H[at], g[at])
+    found = jax.jit(blockwise_plan, static_argnums=5)(
+        plant, Q, y_d, jnp.asarray(R), terminal, preview
+    )
     for k, last in enumerate(ends):
         ahead, end = slice(k + 1, last), last - preview
         F, f = horizon(plant, Q[ahead], y_d[ahead], R, H[end], g[end])
