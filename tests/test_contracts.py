@@ -113,7 +113,8 @@ def test_vmap_over_references_is_a_loop(closed_loop, name):
             )
 
 
-@pytest.mark.parametrize("name", some_slow(SMOOTH))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SMOOTH)
 def test_gradients_are_those_of_differences(loop, name):
     """Of a scalar of the metrics, to the start state and to the controller's numbers."""
     plant, controller, reference = loop(name)

@@ -78,6 +78,7 @@ def test_a_limit_acts_where_the_control_or_its_change_is_at_it():
     assert acting_fraction(np.zeros((0, 2)), Limits.within(control=1.0)) == 0
 
 
+@pytest.mark.slow
 def test_a_step_without_an_answer_is_named_or_falls_back(gaps):
     """Speed limits that the machine, which starts in motion, breaks as soon as it is disturbed."""
     speed = 1.0001 * 5e-5 / DT

@@ -36,7 +36,10 @@ SUITED = {  # machine -> the kinds that it is of
 }
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n == "gantry")) for n in MACHINES],
+)
 def test_an_unknown_controller_is_answered_with_those_of_the_machine(name):
     machine = machine_named(name)
     suited = [one for one, entry in CONTROLLERS.items() if entry.suits in SUITED[name]]

@@ -191,7 +191,9 @@ def test_few_contours(count):
     assert len(random_jobs(count, 1, pace_of("bridgeport"), SIZE, FEED)) == count
 
 
-@pytest.mark.parametrize(("size", "feed"), [(1e-6, 1.0), (10.0, 1e-4)])
+@pytest.mark.parametrize(
+    ("size", "feed"), [pytest.param(1e-6, 1.0, marks=pytest.mark.slow), (10.0, 1e-4)]
+)
 def test_sizes_and_feeds_that_do_not_fit(moves_within, size, feed):
     """Far too fast for its curves, and far too slow to see them."""
     pace = pace_of("bridgeport")

@@ -71,7 +71,7 @@ def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file
         ("gantry", "gantry-self-tuning", True),
         ("gantry", "gantry-synchronised", True),
         ("gantry", "gantry-cascade", False),
-        ("flexible-axes", "synchronised", True),
+        pytest.param("flexible-axes", "synchronised", True, marks=pytest.mark.slow),
     ],
 )
 def test_controllers_that_learn_are_known(plant, name, learns):

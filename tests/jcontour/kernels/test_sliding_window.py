@@ -34,7 +34,7 @@ def composed(plant, Q, y_d, R, preview, length, terminal=None):
     return sliding_plan(plant.A, plant.B, plant.C, Q[seen], y_d[seen], R, end, steps, length)
 
 
-@pytest.mark.parametrize("ended", [True, False])
+@pytest.mark.parametrize("ended", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("sizes", "inputs", "outputs", "steps", "preview", "length"),
     [
