@@ -19,18 +19,15 @@ from jcontour.simulation.evaluation import member, stack_references
 from jcontour.simulation.metrics import score
 
 STEPS = 5
-QUICK = ("contouring-lq",)  # the others compile for half a minute each on a busy machine
 OF_EACH_KIND = (
     "contouring-lq",
     "gantry-cascade",
-    "time-delay",
-    "zpetc",
 )
 
 ROUNDING = 1e-7  # of a difference over 2e-6, of values of order ten
 
 
-def some_slow(names, quick=QUICK):
+def some_slow(names, quick):
     return [pytest.param(name, marks=[pytest.mark.slow] * (name not in quick)) for name in names]
 
 

@@ -15,6 +15,7 @@ Signals are in SI units, figures in mm and um.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -123,18 +124,19 @@ def figures_of(runs: ContourRuns) -> dict[str, Figure]:
 def contour_figure(runs: ContourRuns) -> Figure:
     """The contour in the plane of its first two axes, with the error drawn larger than it is.
 
-    Every run has a panel and a magnification of its own; the title says how large it is.
+    Every run has a panel. Runs of one plant have one magnification, so that they compare; the title
+    says how large it is.
     """
-    panels = [list(row) for row in runs.rows]
+    panels = [[(run, row) for run in row] for row in runs.rows]
     if all(len(row) == 1 for row in panels):
-        panels = [[run for row in panels for run in row]]
+        panels = [[one for row in panels for one in row]]
     height, width = len(panels), len(panels[0])
     size = (PANEL * width, PANEL * height * _height_to_width(runs) + 0.7)
     figure = Figure(figsize=size, layout="constrained")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
-    for place, run in zip(places.ravel(), (run for row in panels for run in row), strict=True):
-        _draw_contour(place, runs, run, colours[run.label])
+    for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
+        _draw_contour(place, runs, run, colours[run.label], _magnification(runs, row))
         place.label_outer()
     figure.suptitle(f"{runs.name}: contour and tool, contour error magnified")
     legend_below(figure)
@@ -148,7 +150,14 @@ def _height_to_width(runs: ContourRuns) -> float:
     return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
 
 
-def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str) -> None:
+def _magnification(runs: ContourRuns, compared: Sequence[DrawnRun]) -> float:
+    """The one at which every one of these runs stays near the contour."""
+    desired = runs.shown(runs.reference)[:, :2]
+    errors = [runs.shown(run.contour_error)[:, :2] for run in compared if not run.diverged]
+    return min((magnification(desired, error) for error in errors), default=1.0)
+
+
+def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str, factor: float) -> None:
     desired = 1e3 * runs.shown(runs.reference)[:, :2]
     error = 1e3 * runs.shown(run.contour_error)[:, :2]
     x, y = runs.axes[:2]
@@ -156,7 +165,6 @@ def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str) -> 
     if run.diverged:
         grid(axes, f"{run.label}, {run.plant}: diverged", f"{x} [mm]", f"{y} [mm]")
     else:
-        factor = magnification(desired, error)
         tool = desired_on_contour(runs, run) + factor * error
         axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
         title = f"{run.label}, {run.plant}: error x {factor:g}"

@@ -47,7 +47,10 @@ def disc(radius, points=721):
     return "\n".join(f"{x:.4f},{y:.4f}" for x, y in rows)
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize(
+    "name",
+    [*MACHINES[:2], *(pytest.param(n, marks=pytest.mark.slow) for n in MACHINES[2:])],
+)
 @pytest.mark.parametrize(
     ("size", "feed"),
     [

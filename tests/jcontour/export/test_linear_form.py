@@ -52,10 +52,9 @@ def controllers(machine):
 @pytest.mark.parametrize(
     "name",
     [
-        "predictor",
         "limited",
         "cascade",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("filter", "offset-free")),
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("filter", "offset-free", "predictor")),
     ],
 )
 def test_the_law_gives_the_controls_of_simulate(machine, reference, name):
