@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.tuned_result import (
     ActiveLimit,
     PathMargins,
@@ -21,6 +22,7 @@ ASKED = {"increment": "change of its control"}  # limit that is called otherwise
 FLAGS = {  # limit on metrics: flag that allows more
     metric: f"--{name.replace('_', '-')}" for name, (metric, _) in LIMITS.items()
 }
+RESTLESS = 5.0  # times the change of the control from sample to sample at the start
 CHEAP = 1e-3  # price below which a limit does not stop anything
 
 
@@ -57,6 +59,7 @@ def reasons_against(
         *exceeded,
         *(_calmer(feed_law) if exceeded else []),
         *(_worse(contours, error, finest) if tuned.feasible else []),
+        *_restless(contours, error, finest),
     ]
 
 
@@ -178,6 +181,28 @@ def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[
                 "--objective regret"
             )
     return lines
+
+
+def _restless(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
+    """Weights that gain less than the encoders can tell, and make the control restless."""
+    worst = [(one.metrics["start"].worst, one.metrics["tuned"].worst) for one in contours]
+    if any(metrics.diverged for pair in worst for metrics in pair):
+        return []
+    start, tuned = max(worst, key=lambda pair: _times(*pair))
+    times = _times(start, tuned)
+    if times < RESTLESS or any(-_increase(one, error) > finest for one in contours):
+        return []
+    return [
+        "no contour becomes better by more than the rounding of the encoders, "
+        f"{1e6 * finest:.2g} um, and the control changes up to {times:.2g} times as much from "
+        "sample to sample: keep the start, or limit that change, "
+        f"--max-rms-increment {2 * start.rms_increment:.2g}"
+    ]
+
+
+def _times(start: RunMetrics, tuned: RunMetrics) -> float:
+    """Change of the control from sample to sample, tuned over start; 0 where it stands still."""
+    return tuned.rms_increment / start.rms_increment if start.rms_increment else 0.0
 
 
 def _named(ratios: Mapping[str, float]) -> str:

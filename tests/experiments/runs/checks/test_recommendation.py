@@ -1,6 +1,7 @@
 """Reasons against loading tuned weights."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -119,6 +120,27 @@ def test_what_the_encoders_cannot_tell_is_told_and_no_reason():
     (told,) = hardly_worse([*GOOD, *worse], "contour", 0.2e-6)
     assert told.endswith("less than the rounding of the encoders, 0.2 um: cam x 1.03")
     assert hardly_worse([*GOOD, *worse], "contour", 0.0) == []
+
+
+def restless(start, tuned, times, increment=1e-6):
+    """A contour whose control changes so many times as much on its worst plant."""
+    one = contour("cam", True, start, tuned)
+    before = replace(one.metrics["start"].worst, rms_increment=increment)
+    after = replace(one.metrics["tuned"].worst, rms_increment=times * increment)
+    metrics = {"start": FamilyMetrics(before, before), "tuned": FamilyMetrics(after, after)}
+    return replace(one, metrics=metrics)
+
+
+def test_a_restless_control_needs_a_gain_that_the_encoders_can_tell():
+    (told,) = reasons(contours=[restless(1.0e-6, 0.9e-6, 30.0)], finest=0.2e-6)
+    assert "0.2 um" in told and "30 times" in told and "--max-rms-increment 2e-06" in told
+    assert reasons(contours=[restless(1.0e-6, 0.9e-6, 4.9)], finest=0.2e-6) == []
+    assert reasons(contours=[restless(1.0e-6, 0.7e-6, 30.0)], finest=0.2e-6) == []
+    one_gains = [restless(1.0e-6, 0.9e-6, 30.0), restless(1.0e-6, 0.7e-6, 30.0)]
+    assert reasons(contours=one_gains, finest=0.2e-6) == []
+    assert reasons(contours=[restless(1.0e-6, 0.9e-6, 30.0)], finest=0.0) == []
+    still = restless(1.0e-6, 0.9e-6, 1.0, increment=0.0)
+    assert reasons(contours=[still], finest=0.2e-6) == []
 
 
 def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
