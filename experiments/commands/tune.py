@@ -44,7 +44,6 @@ from experiments.runs.tuning_results import (
 )
 from tuning.tune import Tuned
 
-PROOF = "experiments.runs.checks.certified_bound"
 FIRST = 3  # of many contours, that are named before the tuning
 
 
@@ -73,7 +72,8 @@ def run(flags: Tune, console: Console) -> tuple[TunedResult, Path]:
 
 def _tuned(run: TuningRun, folder: Path, console: Console) -> TunedResult:
     began = time.perf_counter()
-    with Beside(PROOF) as process:  # the start is tried meanwhile, then the bound is proven
+    # the start is tried meanwhile, then the bound is proven
+    with Beside(certified_bound.__module__) as process:
         start = start_trial(run, process)
         found = _descended(run, folder, console)
         run, tuned = found.run, found.tuned

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.jobs.pace import Pace
+from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.gcode.move import Move
@@ -15,7 +15,6 @@ from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
 AXES = "XYZ"
-MM_PER_MIN = MM / 60
 HEAD = "  line  move      "
 
 
