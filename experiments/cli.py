@@ -14,7 +14,13 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from experiments import machine_options, options, plain_numbers, shared_options
+from experiments import (
+    identify_options,
+    machine_options,
+    options,
+    plain_numbers,
+    shared_options,
+)
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     options.Tune: ("tune", "experiments.commands.tune"),
@@ -30,7 +36,7 @@ COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `com
     options.Export: ("export", "experiments.commands.export"),
     options.Trace: ("trace", "experiments.commands.trace"),
     options.Learn: ("learn", "experiments.commands.learn"),
-    options.Identify: ("identify", "experiments.commands.identify"),
+    identify_options.Identify: ("identify", "experiments.commands.identify"),
     machine_options.Machine: ("machine", "experiments.commands.machine"),
     options.Bench: ("bench", "experiments.commands.bench"),
     options.Compare: ("compare", "experiments.commands.compare"),

@@ -364,31 +364,6 @@ class Learn(Controlled):
 
 
 @dataclass(frozen=True)
-class Identify(Common):
-    """Fit a flexible axis to the data of its commissioning.
-
-    Every parameter comes with its 95 % interval, and with a note where the data cannot tell it.
-    """
-
-    data: Positional[Path | None] = None
-    """CSV file: time, motor_position, current_q and more, by test.
-    Format: experiments/files/record_file.py."""
-    demo: bool = False  # a file is expected
-    """Instead of a file, take the data of a simulated axis with quantised, noisy encoders.
-    The file is kept in the run folder."""
-    seed: int = 0  # any number: the same one repeats the data
-    """Seed of the noise of --demo."""
-    force_constant: float | None = None
-    """k_t [N/A], where the data have no electrical test."""
-    pole_pitch: float | None = None
-    """Pole pitch of the motor [m], where it is known; the period of the cogging force otherwise."""
-    encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
-    """Resolution of the motor's encoder [um], for the axis file."""
-    out: Path | None = None
-    """Run folder; runs/identify-<time> when not given. It must not hold another run."""
-
-
-@dataclass(frozen=True)
 class Bench(Common):
     """Time the library on this computer.
 

@@ -49,7 +49,15 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("jobs",),
         ("machines",),
         ("video",),
-        ("files", "options", "machine_options", "shared_options", "plain_numbers", "beside"),
+        (
+            "files",
+            "options",
+            "machine_options",
+            "identify_options",
+            "shared_options",
+            "plain_numbers",
+            "beside",
+        ),
     ),
 }
 

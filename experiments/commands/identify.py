@@ -1,6 +1,7 @@
-"""`jcontour identify data.csv`: a flexible axis from the data of its commissioning.
+"""`jcontour identify`: programs that show a machine, and a machine from what was recorded.
 
-The axis file that it writes is read by the other commands.
+Here the flexible axis from the data of its commissioning; `identify_linear` and `excite` have the
+rest. The file that it writes is read by the other commands.
 """
 
 from collections.abc import Sequence
@@ -10,11 +11,12 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from experiments.commands import identify_linear
 from experiments.files import run_folder
 from experiments.files.axis_file import AxisFile, Electrical, save_axis
 from experiments.files.record_file import load_records, save_records
 from experiments.files.results.stored import write_result
-from experiments.options import Identify
+from experiments.identify_options import Identify
 from experiments.reports import tables
 from experiments.runs.lifecycle import finished
 from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
@@ -111,6 +113,8 @@ class IdentifyResult:
 
 def command(flags: Identify) -> int:
     """Fit, store and print; exit code."""
+    if flags.machine == "linear":
+        return identify_linear.command(flags)
     records = records_of(flags)
     found = identify(records, flags.force_constant, flags.pole_pitch)
     folder = run_folder.create(

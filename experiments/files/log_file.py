@@ -1,0 +1,184 @@
+"""Records of a machine: commands and positions of its axes over time, from a log.
+
+Columns are found by their names, x_command and x_position for the axis X beside `time` [s], or by
+flags that name them. A name may end in its unit: time_ms, x_position_um.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.files.checks import METRES
+from experiments.files.log_table import Table, read_table
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
+POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
+TIME_WORDS = ("time", "t", "timestamp")
+JITTER = 0.01  # of a sample: more is no even sampling
+LEAST_PART = 0.25  # of a record without gap or reset that is worth going on with
+
+
+@dataclass(frozen=True)
+class LogColumns:
+    """Where a log holds what.
+
+    Attributes:
+        time: name of the column; found by itself when None.
+        command, position: names by axis; found by themselves when empty.
+        length_unit: of the positions, where their names do not say.
+        period: [s], where there is no column of time.
+    """
+
+    time: str | None = None
+    command: tuple[str, ...] = ()
+    position: tuple[str, ...] = ()
+    length_unit: str = "mm"
+    period: float | None = None
+
+
+@dataclass(frozen=True)
+class Log:
+    """An evenly sampled record.
+
+    Attributes:
+        dt: sample period [s].
+        command: (T, axes) [command unit].
+        position: (T, axes) [m].
+        words: what was done to the file's numbers, one line each.
+    """
+
+    dt: float
+    command: Float[np.ndarray, "T axes"]
+    position: Float[np.ndarray, "T axes"]
+    words: tuple[str, ...]
+
+
+def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
+    """Commands and positions of a log.
+
+    A gap, or a clock that starts again, splits the record: its longest even part is used, and that
+    is said. Jitter of more than 1 % of a sample everywhere is refused.
+
+    Raises:
+        ValueError: the file cannot be read, a column is missing, time does not grow evenly, or a
+            number is not finite; one line in the user's words.
+    """
+    table = read_table(path)
+    time_name = columns.time or _first(table, TIME_WORDS, tuple(SECONDS))
+    commands = _named(path, table, columns.command, axes, COMMAND_WORDS, "command", ())
+    positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", METRES)
+    command = np.stack([_column(path, table, one) for one in commands], axis=1)
+    metre = [METRES[_unit(one, METRES) or columns.length_unit] for one in positions]
+    position = np.stack([_column(path, table, one) for one in positions], axis=1) * metre
+    words = [
+        f"{name}: command {u}, position {y}"
+        for name, u, y in zip(axes, commands, positions, strict=True)
+    ]
+    if time_name is None:
+        if columns.period is None:
+            raise ValueError(
+                f"{path}: has no column of time; name it with --time-column, or give --period-ms; "
+                f"has {', '.join(table)}"
+            )
+        dt, keep = columns.period, slice(0, len(command))
+    else:
+        seconds = SECONDS[_unit(time_name, SECONDS) or "s"]
+        dt, keep, said = even_part(path, _column(path, table, time_name) * seconds)
+        words += said
+    command, position = command[keep], position[keep]
+    both = zip([*commands, *positions], [*command.T, *position.T], strict=True)
+    for name, values in both:
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise ValueError(f"{path}: column {name} holds no number in row {bad[0] + 1}")
+    return Log(dt, command, position, tuple(words))
+
+
+def even_part(
+    path: Path, time: Float[np.ndarray, " T"], split: bool = True
+) -> tuple[float, slice, list[str]]:
+    """Sample period [s], the longest evenly sampled part of a record, and words about the rest.
+
+    Raises:
+        ValueError: time stands still or jitters, or, where it is not to be split, has a gap; the
+            first place is named.
+    """
+    if len(time) < 3:
+        raise ValueError(f"{path}: needs at least three samples, has {len(time)}")
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    if not period > 0:
+        raise ValueError(f"{path}: the column time has to grow, as seconds do")
+    off = np.flatnonzero(~(np.abs(steps - period) <= JITTER * period))
+    edges = np.concatenate([[0], off + 1, [len(time)]])
+    longest = int(np.argmax(np.diff(edges)))
+    start, end = int(edges[longest]), int(edges[longest + 1])
+    if off.size and (not split or end - start < max(LEAST_PART * len(time), 3)):
+        raise ValueError(
+            f"{path}: samples are not evenly spaced: after {time[off[0]]:g} s comes "
+            f"{time[off[0] + 1]:g} s, the others are {period:g} s apart"
+        )
+    words = []
+    if off.size:
+        resets = int((steps[off] <= 0).sum())
+        words.append(
+            f"time: {off.size - resets} gaps and {resets} restarts of the clock, the first after "
+            f"{time[off[0]]:g} s; used is the longest part without, "
+            f"{time[start]:g} s to {time[end - 1]:g} s"
+        )
+    dt = float((time[end - 1] - time[start]) / (end - 1 - start))
+    return dt, slice(start, end), words
+
+
+def _named(
+    path: Path,
+    table: Table,
+    given: Sequence[str],
+    axes: Sequence[str],
+    words: Sequence[str],
+    what: str,
+    units: Sequence[str] | dict,
+) -> list[str]:
+    """Names of one column for each axis."""
+    if given:
+        if len(given) != len(axes):
+            raise ValueError(
+                f"{what}-columns: needs {len(axes)} names, one per axis, received {len(given)}"
+            )
+        return [one.lower() for one in given]
+    found = []
+    for axis in axes:
+        name = axis.lower()
+        wanted = [f"{name}_{word}" for word in words] + [f"{word}_{name}" for word in words]
+        column = _first(table, wanted, tuple(units))
+        if column is None:
+            raise ValueError(
+                f"{path}: has no column {name}_{what}; name one per axis with --{what}-columns; "
+                f"has {', '.join(table)}"
+            )
+        found.append(column)
+    return found
+
+
+def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | None:
+    for word in words:
+        for name in (word, *(f"{word}_{unit}" for unit in units)):
+            if name in table:
+                return name
+    return None
+
+
+def _unit(name: str, units: dict[str, float]) -> str | None:
+    """Unit at the end of a column's name."""
+    end = name.rsplit("_", 1)[-1]
+    return end if "_" in name and end in units else None
+
+
+def _column(path: Path, table: Table, name: str) -> np.ndarray:
+    if name.lower() not in table:
+        raise ValueError(f"{path}: has no column {name!r}; has {', '.join(table)}")
+    return table[name.lower()]

@@ -1,0 +1,124 @@
+"""Columns of numbers from what drives and programs record: CSV, netCDF and MAT files."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+MOST_BYTES = 512 * 2**20
+COMMENTS = ("#", "%", "//")
+SEPARATORS = "\t;,"
+
+Table = dict[str, Float[np.ndarray, " T"]]
+
+
+def read_table(path: Path) -> Table:
+    """Columns of a file by name, in lower case; those of a CSV without header are 1, 2, ...
+
+    A column of a netCDF or MAT file is a vector, or a column of a matrix: `q` of two columns gives
+    q_1 and q_2.
+
+    Raises:
+        ValueError: the file cannot be read, holds no column of numbers, or a line is not like the
+            others; the line is named.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ValueError(f"{path}: needs at most {MOST_BYTES} bytes")
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if path.suffix.lower() == ".mat":
+        table = _vectors(_mat(path))
+    elif path.suffix.lower() in (".nc", ".h5", ".hdf5"):
+        table = _vectors(_netcdf(path))
+    else:
+        table = _csv(path, content)
+    if not table:
+        raise ValueError(f"{path}: holds no column of numbers")
+    return table
+
+
+def _csv(path: Path, content: bytes) -> Table:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: cannot be read as text; export it as CSV") from None
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith(COMMENTS)
+    ]
+    if not lines:
+        raise ValueError(f"{path}: is empty")
+    separator = max(SEPARATORS, key=lambda one: lines[0][1].count(one))
+    comma = separator != ","  # then it may stand in numbers, as in 0,001
+    rows = list(csv.reader((line for _, line in lines), delimiter=separator, skipinitialspace=True))
+    named = not all(_is_number(word, comma) for word in rows[0])
+    heads = [word.strip().lower() for word in rows[0]] if named else []
+    heads = heads or [str(k + 1) for k in range(len(rows[0]))]
+    if len(set(heads)) < len(heads):
+        raise ValueError(f"{path}: two columns have the same name; has {', '.join(heads)}")
+    numbers = np.empty((len(rows) - named, len(heads)))
+    for k, cells in enumerate(rows[named:]):
+        try:
+            numbers[k] = np.array([_number(cell, comma) for cell in cells]).reshape(len(heads))
+        except ValueError:
+            place = lines[k + named][0]
+            raise ValueError(f"{path}: line {place} does not hold {len(heads)} numbers") from None
+    return {name: numbers[:, k].copy() for k, name in enumerate(heads)}
+
+
+def _number(word: str, comma: bool) -> float:
+    return float(word.replace(",", ".") if comma else word)
+
+
+def _is_number(word: str, comma: bool) -> bool:
+    try:
+        _number(word, comma)
+    except ValueError:
+        return False
+    return True
+
+
+def _mat(path: Path) -> dict[str, np.ndarray]:
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(path)
+    except Exception as error:  # a damaged file fails in many ways
+        raise ValueError(
+            f"{path}: not a readable MAT file ({_line(error)}); save it as version 7 or older"
+        ) from None
+    return {name: values for name, values in found.items() if not name.startswith("__")}
+
+
+def _netcdf(path: Path) -> dict[str, np.ndarray]:
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+            return {str(name): np.asarray(dataset[name]) for name in dataset.variables}
+    except Exception as error:  # a damaged file fails in many ways
+        raise ValueError(f"{path}: not a readable netCDF file ({_line(error)})") from None
+
+
+def _vectors(found: dict[str, np.ndarray]) -> Table:
+    """Every vector, and every column of a matrix longer than wide, that holds numbers."""
+    table: Table = {}
+    for name, values in found.items():
+        array = np.squeeze(np.asarray(values))
+        if array.dtype.kind not in "fiu" or array.ndim not in (1, 2) or array.shape[0] < 2:
+            continue
+        if array.ndim == 1:
+            table[name.lower()] = array.astype(float)
+        else:
+            long = array if array.shape[0] >= array.shape[1] else array.T
+            for k in range(long.shape[1]):
+                table[f"{name.lower()}_{k + 1}"] = long[:, k].astype(float)
+    return table
+
+
+def _line(error: Exception) -> str:
+    return str(error).splitlines()[0][:120] if str(error) else type(error).__name__

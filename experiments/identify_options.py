@@ -1,0 +1,62 @@
+"""Flags of `jcontour identify`: from recorded data to a machine."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from experiments.shared_options import Common
+
+Kind = Literal["flexible-axis", "linear"]
+LengthUnit = Literal["m", "mm", "um"]
+
+
+@dataclass(frozen=True)
+class Identify(Common):
+    """Fit a machine to recorded data.
+
+    Every number comes with its 95 % interval, and with a note where the data cannot tell it.
+    """
+
+    data: Positional[Path | None] = None
+    """Recorded data. linear: any log of two or three axes (CSV, netCDF, MAT), with a command and a
+    position for each. flexible-axis: its commissioning, experiments/files/record_file.py."""
+    machine: Kind = "flexible-axis"
+    """linear: a transfer function per axis from a log of any program, in open or closed loop.
+    flexible-axis: masses, spring, friction and cogging of the axis of Yuan's thesis."""
+    demo: bool = False  # a file is expected
+    """Instead of a file, take simulated data with counted, noisy encoders.
+    The file is kept in the run folder."""
+    seed: int = 0  # any number: the same one repeats the data
+    """Seed of the noise of --demo."""
+    axes: tuple[str, ...] = ("X", "Y")
+    """linear: names of two or three axes; their columns are x_command, x_position, ..."""
+    time_column: str | None = None
+    """linear: name of the column of time; time_ms and t_us say their unit."""
+    command_columns: tuple[str, ...] = ()
+    """linear: names of the commands, one per axis: what the new controller will give the drive."""
+    position_columns: tuple[str, ...] = ()
+    """linear: names of the measured positions, one per axis."""
+    length_unit: LengthUnit = "mm"
+    """linear: unit of the positions, where their columns do not say (x_position_um)."""
+    period_ms: float | None = None
+    """linear: sample period [ms], where there is no column of time."""
+    control_unit: str = "control unit"
+    """linear: unit of the commands, for tables and figures."""
+    most_order: int = 4  # an integrator and two resonances
+    """linear: highest order of an axis beside its integrator, 1 to 8."""
+    most_delay: int = 10  # samples; a fieldbus with three to spare
+    """linear: longest delay that is looked for [samples], at most 40."""
+    excite: Path | None = None
+    """Instead: write programs (G-code, CSV) whose record shows what a tuner needs, within the
+    limits of this JSON file: axes, travel, speed, acceleration, length_unit, dt."""
+    force_constant: float | None = None
+    """flexible-axis: k_t [N/A], where the data have no electrical test."""
+    pole_pitch: float | None = None
+    """flexible-axis: pole pitch of the motor [m], where it is known; the period of the cogging
+    force otherwise."""
+    encoder_um: float = 1.0  # usual for a linear encoder on a direct drive
+    """flexible-axis: resolution of the motor's encoder [um], for the axis file."""
+    out: Path | None = None
+    """Run folder; runs/identify-<time> when not given. It must not hold another run."""

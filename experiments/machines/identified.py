@@ -1,0 +1,118 @@
+"""Machine files and summaries of machines that were identified from a log."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import norm
+
+from experiments.files.results.linear_result import LinearAxisResult
+from tuning.identification.estimates import CONFIDENCE
+from tuning.identification.linear import evidence
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
+from tuning.identification.linear.order_search import TELLS
+
+ROUGH = 4  # windows over which the largest acceleration is taken
+HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
+
+
+def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> dict[str, Any]:
+    """Fields of the machine file, lengths in m; the format is `machines.from_file`'s.
+
+    Limits are the largest values of the record: what is known to have gone well.
+    """
+    plant = found.plant()
+    return {
+        "name": name,
+        "length_unit": "m",
+        "control_unit": control_unit,
+        "axes": list(found.record.axes),
+        "dt": found.record.dt,
+        "A": np.asarray(plant.A).tolist(),
+        "B": np.asarray(plant.B).tolist(),
+        "C": np.asarray(plant.C).tolist(),
+        "limits": largest(found),
+        "known_delay": found.known_delay,
+        "uncertainty": {"gain": found.gain, "delay": found.late},
+        "encoder_resolution": min(one.resolution for one in found.axes),
+    }
+
+
+def largest(found: LinearMachineFound) -> dict[str, list[float]]:
+    """Largest speed [m/s], acceleration [m/s^2] and command of the record, by axis."""
+    dt, window = found.record.dt, evidence.WINDOW
+    speed = _differences(found.record.position, window) / (window * dt)
+    wide = ROUGH * window
+    smooth = _differences(found.record.position, wide) / (wide * dt)
+    acceleration = _differences(smooth, wide) / (wide * dt)
+    return {
+        "speed": np.percentile(np.abs(speed), HIGH, axis=0).tolist(),
+        "acceleration": np.percentile(np.abs(acceleration), HIGH, axis=0).tolist(),
+        "control": np.abs(found.record.command).max(axis=0).tolist(),
+    }
+
+
+def axis_result(axis: LinearAxis) -> LinearAxisResult:
+    """Numbers of one axis."""
+    fit, model = axis.fit, axis.fit.model
+    gain, deviation = _gain(axis)
+    factor = float(norm.ppf((1 + CONFIDENCE) / 2))
+    constants, resonances = _modes(model)
+    low, high = axis.response.band
+    names = [name for name in axis.estimate.names if name != "friction"]
+    return LinearAxisResult(
+        name=axis.name,
+        integrators=model.integrators,
+        order=model.order,
+        delay=model.delay,
+        delays=sorted(d for d, value in axis.rivals.items() if value < TELLS),
+        gain=gain,
+        gain_interval=(gain - factor * deviation, gain + factor * deviation),
+        time_constants=constants,
+        resonances=resonances,
+        denominator=model.denominator.tolist(),
+        numerator=model.numerator.tolist(),
+        intervals=[axis.estimate.interval(name) for name in names],
+        explained=axis.explained,
+        residual=float(np.sqrt(np.mean(fit.residual**2))),
+        innovation=float(np.sqrt(fit.loss)),
+        correlation=float(np.abs(evidence.correlations(fit)).max()),
+        shown_from=low,
+        shown_to=high,
+        friction=None if axis.friction is None else axis.friction[0],
+        saturated=axis.saturated,
+        coupling=axis.coupling,
+        uncertainty=axis.gain,
+    )
+
+
+def _gain(axis: LinearAxis) -> tuple[float, float]:
+    """Gain at rest, B(1) / A(1), per second where there is an integrator; its deviation."""
+    model = axis.fit.model
+    below, above = 1 + model.denominator.sum(), model.numerator.sum()
+    scale = 1 / model.dt**model.integrators
+    n, m = len(model.denominator), len(model.numerator)
+    slopes = np.concatenate([np.full(n, -above / below**2), np.full(m, 1 / below)])
+    covariance = axis.estimate.covariance[: n + m, : n + m]
+    variance = max(float(slopes @ covariance @ slopes), 0.0)
+    return float(scale * above / below), float(scale * np.sqrt(variance))
+
+
+def _modes(model: AxisModel) -> tuple[list[float], list[tuple[float, float]]]:
+    """Time constants [s] of real poles in (0, 1), frequency [Hz] and damping of the pairs."""
+    constants, pairs = [], []
+    for pole in model.poles:
+        if abs(pole) < 1e-12:
+            continue
+        rate = np.log(pole) / model.dt
+        if abs(pole.imag) < 1e-9 and pole.real > 0:
+            constants.append(float(-1 / rate.real))
+        elif pole.imag > 0:
+            pairs.append((float(abs(rate) / (2 * np.pi)), float(-rate.real / abs(rate))))
+    return sorted(constants, reverse=True), sorted(pairs)
+
+
+def _differences(signal: Float[np.ndarray, "T axes"], window: int) -> np.ndarray:
+    window = min(window, len(signal) - 1)
+    return signal[window:] - signal[:-window]

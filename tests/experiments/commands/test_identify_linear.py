@@ -1,0 +1,79 @@
+"""`identify --machine linear` from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands import identify_linear
+from experiments.files.results.linear_result import LinearMachineResult
+from experiments.files.results.stored import read_result
+from experiments.machines.from_file import load_machine
+from experiments.reports.identified_tables import show
+from experiments.reports.tables import console_of
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("linear") / "run"
+    flags = ["identify", "--machine", "linear", "--demo", "--out", str(folder)]
+    assert main([*flags, "--most-order", "1", "--most-delay", "4"]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_the_demonstration(demo):
+    assert {path.name for path in demo.iterdir()} == {
+        "settings.json",
+        "result.json",
+        "data.csv",
+        "machine.json",
+        "prediction.png",
+        "bode.png",
+        "residuals.png",
+    }
+    result = read_result(demo, LinearMachineResult)
+    for one, (gain, constant, delay) in zip(
+        result.axes, identify_linear.DEMO.values(), strict=True
+    ):
+        assert one.gain == pytest.approx(gain, rel=0.01)
+        assert one.delay * result.dt == pytest.approx(delay)
+        assert one.time_constants == pytest.approx([constant], rel=0.05)
+    assert load_machine(demo / "machine.json").model.axes == 2
+
+
+@pytest.mark.slow
+def test_what_is_printed(demo, capsys):
+    show(read_result(demo, LinearMachineResult), console_of())
+    printed = capsys.readouterr().out
+    for words in ("integrator, ", "mm/s", "Family: every gain to", "Change them to those of"):
+        assert words in printed
+
+
+@pytest.mark.slow
+def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
+    flags = ["--machine", "linear", "--most-order", "1", "--most-delay", "4", "--json"]
+    assert main(["identify", str(demo / "data.csv"), *flags, "--out", str(tmp_path / "b")]) == 0
+    again = json.loads(capsys.readouterr().out)
+    first = json.loads((demo / "result.json").read_text())
+    for one, other in zip(again["axes"], first["axes"], strict=True):
+        assert np.allclose(one["numerator"], other["numerator"], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        ([], "needs a log, or --demo"),
+        (["--demo", "--axes", "X"], "two or three different names"),
+        (["--demo", "--most-order", "0"], "most-order: needs 1 to 8"),
+        (["--demo", "--most-delay", "-1"], "most-delay: needs 0 to 40"),
+        (["--demo", "--axes", "A", "B"], "simulated data have X and Y"),
+        (["none.csv"], "none.csv: cannot be read"),
+        (["none.csv", "--period-ms", "0"], "period-ms: needs to be above zero"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(flags, words, capsys):
+    assert main(["identify", "--machine", "linear", *flags]) == 2
+    told = capsys.readouterr().err
+    assert words in told and len(told.strip().splitlines()) == 1

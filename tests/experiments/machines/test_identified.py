@@ -1,0 +1,58 @@
+import json
+
+import numpy as np
+import pytest
+
+from experiments.machines.from_file import machine_from
+from experiments.machines.identified import axis_result, largest, machine_fields
+from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
+from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+DT, ROWS = 1e-3, 8000
+HERTZ, DAMPING = 45.0, 0.08
+
+
+@pytest.fixture(scope="module")
+def found():
+    soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
+    axes = (
+        RecordedAxis(speed_axis(0.02, 0.01, 2 * DT), "speed", 1e-6, 0.5e-6, 1e-3, (500.0,)),
+        RecordedAxis(soft, "position", 1e-6, 0.5e-6, 0.0, (1.0,)),
+    )
+    signals = []
+    for k, one in enumerate(axes):
+        random = np.random.default_rng(k)
+        reference = np.repeat(random.uniform(-0.01, 0.01, ROWS // 50), 50)
+        signals.append(recorded(one, reference, DT, random))
+    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), 4, 6)
+
+
+def test_numbers_of_an_axis_as_engineers_say_them(found):
+    x, y = (axis_result(one) for one in found.axes)
+    assert x.integrators == 1 and x.delay == 2
+    assert x.gain == pytest.approx(0.02, rel=0.01)
+    assert x.gain_interval[0] < 0.02 < x.gain_interval[1]
+    assert x.time_constants == pytest.approx([0.01], rel=0.03) and not x.resonances
+    assert y.integrators == 0 and y.gain == pytest.approx(1.0, rel=0.01)
+    hertz, damping = y.resonances[0]
+    assert hertz == pytest.approx(HERTZ, rel=0.02) and damping == pytest.approx(DAMPING, rel=0.2)
+    assert x.explained > 0.99 and len(x.intervals) == len(x.denominator) + len(x.numerator)
+
+
+def test_the_file_is_read_by_the_other_commands(found):
+    fields = machine_fields(found, "mine", "V")
+    machine = machine_from(json.dumps(fields).encode())
+    assert machine.name == "mine" and machine.control_unit == "V"
+    assert fields["known_delay"] == 2 and fields["uncertainty"]["gain"] >= 0.02
+    assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_limits_are_those_of_the_record(found):
+    limits = largest(found)
+    assert limits["control"] == np.abs(found.record.command).max(axis=0).tolist()
+    fastest = np.abs(np.diff(found.record.position, axis=0)).max(axis=0) / DT
+    assert (np.array(limits["speed"]) <= fastest * 1.001).all()
+    assert (np.array(limits["speed"]) > 0.3 * fastest).all()
+    assert min(limits["acceleration"]) > 0

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from scipy.signal import dlsim, lfilter
+
+from jcontour.linear.continuous_axes import sampled_axis, speed_axis, with_resonance
+from tuning.identification.linear.axis_model import AxisModel
+
+DT = 1e-3
+MODEL = AxisModel(np.array([-1.5, 0.6]), np.array([2e-4, 1e-4, 3e-5]), 1, 3, DT)
+
+
+def test_the_response_is_that_of_the_sampled_axis():
+    """K / (s (T s + 1)) by hand: the zero-order hold of Astrom & Wittenmark, table 2.1."""
+    K, T, delay = 0.03, 0.012, 2
+    p, ratio = np.exp(-DT / T), DT / T
+    b1, b2 = K * T * (ratio - 1 + p), K * T * (1 - p - ratio * p)
+    model = AxisModel(np.array([-p]), np.array([b1, b2]), 1, delay, DT)
+    A, B, C, _ = sampled_axis(speed_axis(K, T), DT)
+    w = 2 * np.pi * np.array([0.1, 3.0, 40.0, 300.0])
+    z = np.exp(1j * w * DT)
+    expected = [(C @ np.linalg.solve(v * np.eye(2) - A, B)).item() * v**-delay for v in z]
+    assert np.allclose(model.response(w), expected, rtol=1e-9)
+    assert model.order == 2 and np.allclose(model.poles, [p])
+
+
+@pytest.mark.parametrize("line", [0, 2, 3])
+def test_the_realisation_answers_as_the_transfer_function(line):
+    u = np.random.default_rng(0).standard_normal(60)
+    A, B, C = MODEL.realisation(line)
+    y = dlsim((A, B, C, np.zeros((1, 1)), DT), u[:, None])[1]
+    late = np.concatenate([np.zeros(line), u])[:60]
+    whole = AxisModel(MODEL.denominator, MODEL.numerator, 1, 0, DT)
+    assert np.allclose(y[:, 0], lfilter(whole.above, whole.below, late), rtol=1e-10)
+
+
+def test_slopes_of_the_logarithm():
+    w, step = np.array([20.0, 400.0]), 1e-7
+    value, slopes = MODEL.log_terms(w)
+    for k in range(5):
+        a, b = MODEL.denominator.copy(), MODEL.numerator.copy()
+        size = step if k < 2 else step * 1e-4
+        (a if k < 2 else b)[k % 2 if k < 2 else k - 2] += size
+        moved = AxisModel(a, b, 1, 3, DT).log_terms(w)[0]
+        assert np.allclose((moved - value) / size, slopes[:, k], rtol=1e-4)
+
+
+def test_a_resonance_is_found_among_the_poles():
+    axis = with_resonance(speed_axis(1.0, 0.01), 2 * np.pi * 60, 0.1)
+    A, *_ = sampled_axis(axis, DT)
+    below = np.poly(np.linalg.eigvals(A)).real
+    rest, _ = np.polydiv(below, [1, -1])
+    model = AxisModel(rest[1:], np.ones(1), 1, 0, DT)
+    assert np.abs(np.log(model.poles)).max() / DT / 2 / np.pi == pytest.approx(60, rel=1e-6)

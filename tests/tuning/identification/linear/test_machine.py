@@ -1,0 +1,94 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.machine import MachineRecord, identify_machine
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+DT, ROWS = 1e-3, 8000
+
+
+def reference(seed):
+    return np.repeat(np.random.default_rng(seed).uniform(-0.01, 0.01, ROWS // 80), 80)
+
+
+@pytest.fixture(scope="module")
+def record():
+    signals = []
+    for k, (constant, delay) in enumerate(((0.010, 2), (0.015, 3))):
+        axis = speed_axis(0.02, constant, delay * DT)
+        one = RecordedAxis(axis, "speed", 1e-6, 0.5e-6, 1e-3, (500.0,))
+        signals.append(recorded(one, reference(k), DT, np.random.default_rng(k)))
+    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    return MachineRecord(DT, ("X", "Y"), u, y)
+
+
+@pytest.fixture(scope="module")
+def found(record):
+    return identify_machine(record, 2, 5)
+
+
+def test_the_plant_is_the_machine(found):
+    assert found.known_delay == 2 and [one.fit.model.delay for one in found.axes] == [2, 3]
+    plant = found.plant()
+    z = np.exp(1j * 2 * np.pi * 10 * DT)
+    A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
+    G = C @ np.linalg.solve(z * np.eye(len(A)) - A, B)
+    for k, (constant, more) in enumerate(((0.010, 0), (0.015, 1))):
+        s = 2j * np.pi * 10
+        hold = np.exp(-s * DT / 2)  # of a held command, to second order
+        wanted = 0.02 / (s * (constant * s + 1)) * hold * z**-more
+        assert abs(G[k, k] / wanted - 1) < 0.01
+    assert G[0, 1] == G[1, 0] == 0
+
+
+def test_the_family_is_no_smaller_than_a_drive_repeats(found):
+    assert 0.02 <= found.gain < 0.2 and found.late in (0, 1)
+
+
+def test_friction_is_seen_and_told():
+    """F_c of a fifth of the force that moves the axis, as in the public EMPS drive."""
+    force, mass, viscous, dry = 35.0, 95.0, 200.0, 0.6
+    p = np.exp(-viscous / mass * DT)
+    x, v, before = 0.0, 0.0, 0.0
+    u, y = np.zeros(ROWS), np.zeros(ROWS)
+    r = 0.02 * np.sin(2 * np.pi * 0.5 * np.arange(ROWS) * DT) + 0.3 * reference(3)
+    for k in range(ROWS):
+        y[k] = 1e-7 * np.round(x / 1e-7)
+        u[k] = 150 * (12 * (r[k] - y[k]) - (y[k] - before) / DT)
+        before = y[k]
+        if v == 0.0 and abs(u[k]) <= dry:
+            continue  # it sticks
+        way = np.sign(v) or np.sign(u[k])
+        net = force * (u[k] - dry * way) / viscous
+        after = net + (v - net) * p
+        if way * after < 0:
+            v = 0.0  # it comes to rest, and may stick
+            continue
+        x += (v - net) * mass / viscous * (1 - p) + net * DT
+        v = after
+    record = MachineRecord(DT, ("X", "Y"), np.stack([u, u], 1), np.stack([y, y], 1))
+    machine = identify_machine(record, 2, 2)
+    friction = machine.axes[0].friction
+    assert friction is not None and friction[0] == pytest.approx(dry, rel=0.05)
+    assert any("dry friction" in note for note in machine.notes)
+
+
+def test_what_cannot_be_used_is_refused(record):
+    still = replace(record, command=np.zeros_like(record.command))
+    with pytest.raises(ValueError, match="X: the command never changes"):
+        identify_machine(still, 2, 2)
+    holes = replace(record, position=np.where(np.arange(ROWS)[:, None] == 5, np.nan, 1.0))
+    with pytest.raises(ValueError, match="X: the position holds NaN"):
+        identify_machine(holes, 2, 2)
+    short = replace(record, command=record.command[:100], position=record.position[:100])
+    with pytest.raises(ValueError, match="at least 500 samples"):
+        identify_machine(short, 2, 2)
+
+
+def test_crossed_columns_are_refused(record):
+    crossed = replace(record, position=record.position[:, ::-1])
+    with pytest.raises(ValueError, match="are the columns the command and the position"):
+        identify_machine(crossed, 2, 2)

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from jcontour.linear.continuous_axes import position_axis, sampled_axis, speed_axis
+from tuning.identification.linear.order_search import chosen, settled
+from tuning.identification.linear.output_error import AxisRecord, structure_of
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+DT, ROWS = 1e-3, 12_000
+
+
+def logged(axis, takes, gain, seed=0):
+    """A record in closed loop, with steps of the reference."""
+    random = np.random.default_rng(seed)
+    reference = np.repeat(random.uniform(-0.01, 0.01, ROWS // 60), 60)
+    one = RecordedAxis(axis, takes, 1e-6, 0.5e-6, 1e-3, (gain,))
+    return AxisRecord(DT, *recorded(one, reference, DT, random))
+
+
+@pytest.mark.parametrize("delay", [0, 3])
+@pytest.mark.parametrize("takes", ["speed", "position"])
+def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay):
+    make, i = (speed_axis, 1) if takes == "speed" else (position_axis, 0)
+    axis = make(0.8, 0.015, delay * DT)
+    record = logged(axis, takes, 10.0 if takes == "speed" else 1.2)
+    choice = chosen(record, (0, 1), 3, 6)
+    found = settled(record, choice.best.fit, 6)
+    structure = structure_of(found.fit.model)
+    assert (structure.integrators, structure.poles, structure.delay) == (i, 1, delay)
+    A, B, C, late = sampled_axis(axis, DT)
+    w = 2 * np.pi * np.geomspace(0.5, 100, 20)
+    z = np.exp(1j * w * DT)
+    truth = [(C @ np.linalg.solve(v * np.eye(len(A)) - A, B)).item() * v**-late for v in z]
+    assert np.abs(found.fit.model.response(w) / truth - 1).max() < 0.01
+
+
+def test_noise_alone_has_no_model_of_order():
+    """Pure noise as position: the smallest structure is taken, it predicts as well as any."""
+    random = np.random.default_rng(3)
+    record = AxisRecord(DT, random.standard_normal(3000), random.standard_normal(3000))
+    best = chosen(record, (0, 1), 3, 2).best
+    assert best.structure.poles + best.structure.zeros <= 2

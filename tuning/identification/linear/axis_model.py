@@ -1,0 +1,95 @@
+"""One axis as a discrete transfer function from its command to its position.
+
+    G(q) = q^-d  (b_1 q^-1 + ... + b_m q^-m) / ((1 + a_1 q^-1 + ... + a_n q^-n) (1 - q^-1)^i)
+
+i integrators: none for a drive that takes a position, one for a speed (or a force against viscous
+friction, whose pole is in a), two for a force without friction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """A discrete axis.
+
+    Attributes:
+        denominator: a_1..a_n.
+        numerator: b_1..b_m [position per unit of command, summed over the integrators].
+        integrators: i.
+        delay: d [samples] beside the one that every sampled axis has.
+        dt: sample period [s].
+    """
+
+    denominator: Float[np.ndarray, " n"]
+    numerator: Float[np.ndarray, " m"]
+    integrators: int
+    delay: int
+    dt: float
+
+    @property
+    def order(self) -> int:
+        """States without the delay."""
+        return len(self.denominator) + self.integrators
+
+    @property
+    def below(self) -> Float[np.ndarray, " _"]:
+        """All of the denominator, with the integrators."""
+        polynomial = np.concatenate([[1.0], self.denominator])
+        for _ in range(self.integrators):
+            polynomial = np.convolve(polynomial, [1.0, -1.0])
+        return polynomial
+
+    @property
+    def above(self) -> Float[np.ndarray, " _"]:
+        """All of the numerator, with the delay."""
+        return np.concatenate([np.zeros(self.delay + 1), self.numerator])
+
+    @property
+    def poles(self) -> Complex[np.ndarray, " n"]:
+        """Roots of a: all poles but the integrators."""
+        return np.roots(np.concatenate([[1.0], self.denominator])).astype(complex)
+
+    def response(self, frequency: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
+        """Complex transfer over frequency [rad/s]."""
+        return np.exp(self.log_terms(frequency)[0])
+
+    def log_terms(
+        self, frequency: Float[np.ndarray, " F"]
+    ) -> tuple[Complex[np.ndarray, " F"], Complex[np.ndarray, "F p"]]:
+        """ln G and its slopes over (a, b), over frequency [rad/s]."""
+        back = np.exp(-1j * np.asarray(frequency) * self.dt)[:, None]
+        n, m = len(self.denominator), len(self.numerator)
+        a = back ** np.arange(1, n + 1)
+        b = back ** np.arange(1, m + 1)
+        below, above = 1 + a @ self.denominator, b @ self.numerator
+        back = back[:, 0]
+        with np.errstate(divide="ignore"):
+            value = np.log(above / below * back**self.delay / (1 - back) ** self.integrators)
+        return value, np.concatenate([-a / below[:, None], b / above[:, None]], axis=1)
+
+    def realisation(
+        self, line: int = 0
+    ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s 1"], Float[np.ndarray, "1 s"]]:
+        """A, B, C of the axis with `line` samples of delay.
+
+        Observer form: x_1 is the position, x_2.. what past outputs and commands still bring, and
+        the delayed commands come last. Scaled so that neither B nor C is tiny.
+        """
+        below, size = self.below[1:], max(self.order, len(self.numerator))
+        A = np.zeros((size + line, size + line))
+        A[: len(below), 0] = -below
+        A[: size - 1, 1:size] += np.eye(size - 1)
+        column = np.zeros(size)
+        column[: len(self.numerator)] = self.numerator
+        B = np.zeros((size + line, 1))
+        if line:
+            A[:size, size + line - 1] = column
+            A[size + 1 :, size : size + line - 1] = np.eye(line - 1)
+            B[size] = 1.0
+        else:
+            B[:size, 0] = column
+        return A, B, np.eye(1, size + line)

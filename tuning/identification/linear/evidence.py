@@ -1,0 +1,170 @@
+"""What a record shows of an axis, and what it does not.
+
+Intervals of the frequency response, in the band where they are narrow; whether what is left is
+noise; whether friction, saturation or another axis is behind it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from tuning.identification.estimates import (
+    CONFIDENCE,
+    Estimate,
+    autocorrelation,
+    coloured_covariance,
+)
+from tuning.identification.linear.noise_model import whitened
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    driven,
+    shifted,
+    structure_of,
+)
+
+LAGS = 50  # of the autocorrelation in the covariance and in the test for whiteness
+POINTS = 120  # of a frequency response
+SHOWN = 0.1  # widest 95 % interval, relative, that counts as shown
+HIGHEST = 0.8  # of half the sampling rate
+EXTREME, STUCK = 1e-9, 5  # of the range; samples in a row at an extreme that are no coincidence
+HALVES = (1, 2, 4, 8)  # samples on either side of a sign of the speed
+CLEAR, SLOW = 10.0, 3.0  # counts: usual motion that is clear, and least one that has a sign
+WINDOW = 10  # samples over which a speed is taken
+
+
+@dataclass(frozen=True)
+class Response:
+    """Frequency response with its interval.
+
+    Attributes:
+        frequency: [Hz].
+        value: G.
+        half_width: of the 95 % interval, over |G|.
+    """
+
+    frequency: Float[np.ndarray, " F"]
+    value: Complex[np.ndarray, " F"]
+    half_width: Float[np.ndarray, " F"]
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies between which the interval stays narrow [Hz]; nan where it never is."""
+        narrow = self.half_width < SHOWN
+        if not narrow.any():
+            return np.nan, np.nan
+        best = int(np.argmin(self.half_width))
+        wide = np.flatnonzero(~narrow)
+        low = wide[wide < best].max(initial=-1) + 1
+        high = wide[wide > best].min(initial=len(narrow)) - 1
+        return float(self.frequency[low]), float(self.frequency[high])
+
+
+def estimate_of(fit: AxisFit) -> Estimate:
+    """Coefficients a, b (and friction f) of a fit, with the covariance of coloured residuals."""
+    n, m = len(fit.model.denominator), len(fit.model.numerator)
+    covariance = coloured_covariance(
+        [fit.jacobian], [autocorrelation([fit.errors], min(LAGS, len(fit.errors) - 1))]
+    )
+    names = tuple(f"a{i + 1}" for i in range(n)) + tuple(f"b{i + 1}" for i in range(m))
+    values = np.concatenate([fit.model.denominator, fit.model.numerator])
+    if fit.jacobian.shape[1] > n + m + len(fit.linear):
+        names, values = (*names, "friction"), np.append(values, fit.friction)
+    size = len(names)
+    return Estimate(names, values, covariance[:size, :size])
+
+
+def response_of(fit: AxisFit, estimate: Estimate) -> Response:
+    """Frequency response of a fit, up to `HIGHEST` of half the sampling rate."""
+    rows, dt = len(fit.residual), fit.model.dt
+    frequency = np.geomspace(3 / (rows * dt), HIGHEST / (2 * dt), POINTS)
+    value, slopes = fit.model.log_terms(2 * np.pi * frequency)
+    size = slopes.shape[1]
+    covariance = estimate.covariance[:size, :size]
+    # the larger axis of the ellipse in which ln G lies
+    real, imaginary = np.real(slopes), np.imag(slopes)
+    a = np.einsum("fi,ij,fj->f", real, covariance, real)
+    c = np.einsum("fi,ij,fj->f", imaginary, covariance, imaginary)
+    b = np.einsum("fi,ij,fj->f", real, covariance, imaginary)
+    largest = (a + c) / 2 + np.sqrt(((a - c) / 2) ** 2 + b**2)
+    factor = float(norm.ppf((1 + CONFIDENCE) / 2))
+    half = factor * np.sqrt(np.maximum(largest, 0.0))
+    return Response(frequency, np.exp(value), np.where(np.isfinite(half), half, np.inf))
+
+
+def correlations(fit: AxisFit) -> Float[np.ndarray, " lags"]:
+    """Autocorrelation of the errors over their variance, from lag one on."""
+    lags = min(LAGS, len(fit.errors) - 1)
+    errors = fit.errors - fit.errors.mean()
+    products = np.array([errors[lag:] @ errors[: len(errors) - lag] for lag in range(lags + 1)])
+    return products[1:] / products[0]
+
+
+def saturated(command: Float[np.ndarray, " T"]) -> float:
+    """Part of the samples at which the command stands at an extreme of its own."""
+    span = float(np.ptp(command))
+    stuck = 0
+    for level in (command.min(), command.max()):
+        at = np.abs(command - level) <= EXTREME * span
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(int), [0]])))
+        runs = edges[1::2] - edges[::2]
+        stuck += int(runs[runs >= STUCK].sum())
+    return stuck / len(command)
+
+
+def speed_signs(position: Float[np.ndarray, " T"], resolution: float) -> Float[np.ndarray, " T"]:
+    """Minus the sign of the speed, zero at a standstill: Coulomb friction in the command's place.
+
+    The speed from sample k to k+1, in the middle of as few samples as counts allow.
+    """
+    moved = np.zeros(len(position))
+    for half in HALVES:
+        padded = np.pad(position, (half - 1, half), mode="edge")
+        moved = padded[2 * half - 1 :] - padded[: len(position)]
+        if np.median(np.abs(moved)) > CLEAR * resolution:
+            break
+    return -np.where(np.abs(moved) > SLOW * resolution, np.sign(moved), 0.0)
+
+
+def resolution_of(position: Float[np.ndarray, " T"]) -> float:
+    """Smallest step between two neighbouring samples [m], the count of the encoder."""
+    steps = np.abs(np.diff(position))
+    steps = steps[steps > 1e-12 * max(float(np.ptp(position)), 1e-300)]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def coupling(fit: AxisFit, other: Float[np.ndarray, " T"]) -> tuple[float, float]:
+    """Part of the errors that another axis's command explains, and its F number.
+
+    The command comes through this axis's own denominator with a numerator of its own.
+    """
+    structure = structure_of(fit.model)
+    below = np.concatenate([[1.0], fit.model.denominator])
+    drive = np.asarray(lfilter([1.0], below, driven(other, structure)))
+    drive = whitened(drive, fit.filter)
+    first = len(drive) - len(fit.errors)
+    own = fit.jacobian
+    new = np.stack([shifted(drive, i)[first:] for i in range(1, structure.zeros + 1)], axis=1)
+    before = _left(own, fit.errors)
+    after = _left(np.concatenate([own, new], axis=1), fit.errors)
+    freedom = len(fit.errors) - own.shape[1] - new.shape[1]
+    number = (before - after) / new.shape[1] / max(after / freedom, 1e-300)
+    return max(1 - after / before, 0.0), float(number)
+
+
+def _left(columns: np.ndarray, right: np.ndarray) -> float:
+    scale = np.sqrt((columns**2).sum(axis=0))
+    scale = np.where(scale > 0, scale, 1.0)
+    both = np.concatenate([columns / scale, right[:, None]], axis=1)
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    return float(triangle[-1, -1] ** 2)
+
+
+def halves_apart(first: Response, second: Response, highest: float) -> float:
+    """Largest relative difference of two responses up to a frequency [Hz], where both are shown."""
+    shown = (first.half_width < SHOWN) & (second.half_width < SHOWN) & (first.frequency <= highest)
+    if not shown.any():
+        return 0.0
+    return float(np.abs(first.value[shown] / second.value[shown] - 1).max())

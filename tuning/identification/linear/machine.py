@@ -1,0 +1,329 @@
+"""A machine of two or three axes from one record of all of them.
+
+Each axis by itself: structure by `order_search`, numbers and intervals on the whole record,
+friction where it is seen. Then what the record cannot answer, in words, and the family: every gain
+within the largest of what the intervals say, what two halves of the record disagree by, and what
+drives repeat to; and one sample of delay more where the data do not tell two delays apart.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import block_diag
+from scipy.stats import f as f_distribution
+
+from jcontour.linear.plant import LinearPlant
+from tuning.identification.estimates import Estimate
+from tuning.identification.linear import evidence
+from tuning.identification.linear.order_search import (
+    TELLS,
+    TRAINING,
+    Choice,
+    chosen,
+    settled,
+)
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    AxisRecord,
+    fitted,
+    simulated,
+    structure_of,
+)
+
+FEWEST = 500  # samples
+LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
+POOR = 0.5  # part of the variance explained on held-out data below which a model is refused
+FAIR = 0.99  # and below which it is doubted
+COLOURED = 0.1  # correlation of the errors that is said
+FRICTION_SEEN = 0.01  # part of the largest command
+SURE = 5.0  # standard deviations
+COUPLED = 0.01  # part of the errors' variance
+LEVEL = 1e-6  # of the F test for coupling
+SATURATED = 1e-3  # part of the samples
+
+
+@dataclass(frozen=True)
+class MachineRecord:
+    """Commands and positions of all axes.
+
+    Attributes:
+        dt: sample period [s].
+        axes: names.
+        command: (T, axes) [command unit].
+        position: (T, axes) [m].
+    """
+
+    dt: float
+    axes: tuple[str, ...]
+    command: Float[np.ndarray, "T axes"]
+    position: Float[np.ndarray, "T axes"]
+
+
+@dataclass(frozen=True)
+class LinearAxis:
+    """One identified axis.
+
+    Attributes:
+        name: of the axis.
+        fit: model on the whole record.
+        estimate: of its coefficients.
+        response: with intervals.
+        choice: structures that were compared.
+        rivals: by how much the logarithm of the likelihood is less with another delay.
+        held_out: position that the model of the first part gives for the rest [m].
+        explained: part of the variance of the held-out speed that it explains.
+        friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
+        saturated: part of the samples at an extreme command.
+        coupling: part of the errors that another axis explains, by its name; 0 if by chance.
+        gain: relative uncertainty.
+        late: further samples of delay that the data allow.
+        resolution: of the encoder [m].
+    """
+
+    name: str
+    fit: AxisFit
+    estimate: Estimate
+    response: evidence.Response
+    choice: Choice
+    rivals: dict[int, float]
+    held_out: Float[np.ndarray, " R"]
+    explained: float
+    friction: tuple[float, float] | None
+    saturated: float
+    coupling: dict[str, float]
+    gain: float
+    late: int
+    resolution: float
+
+
+@dataclass(frozen=True)
+class LinearMachineFound:
+    """What a record says about a machine.
+
+    Attributes:
+        record: it was found from.
+        axes: one model each.
+        notes: what the data do not show, or contradict.
+    """
+
+    record: MachineRecord
+    axes: list[LinearAxis]
+    notes: list[str]
+
+    @property
+    def known_delay(self) -> int:
+        """Samples of delay that all axes share."""
+        return min(one.fit.model.delay for one in self.axes)
+
+    def plant(self) -> LinearPlant:
+        """Model of all axes side by side, without the delay that they share."""
+        shared = self.known_delay
+        parts = [one.fit.model.realisation(one.fit.model.delay - shared) for one in self.axes]
+        A, B, C = (block_diag(*matrices) for matrices in zip(*parts, strict=True))
+        return LinearPlant(A, B, C, self.record.dt)
+
+    @property
+    def gain(self) -> float:
+        """Relative uncertainty of every input gain."""
+        return max(one.gain for one in self.axes)
+
+    @property
+    def late(self) -> int:
+        """Further samples of delay that the data allow."""
+        return max(one.late for one in self.axes)
+
+
+def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) -> LinearMachineFound:
+    """Models, intervals and doubts of all axes of a record.
+
+    Args:
+        record: of two or three axes.
+        most_poles: largest order beside the integrator.
+        most_delay: largest delay [samples].
+
+    Raises:
+        ValueError: the record is too short, a signal does not change or is not finite, or no stable
+            model explains an axis.
+    """
+    for k, name in enumerate(record.axes):
+        _check(name, record.command[:, k], record.position[:, k])
+
+    def one(k: int) -> LinearAxis:
+        return _axis(record, k, most_poles, most_delay)
+
+    with ThreadPoolExecutor(len(record.axes)) as pool:
+        axes = list(pool.map(one, range(len(record.axes))))
+    return LinearMachineFound(record, axes, [note for axis in axes for note in _notes(axis)])
+
+
+def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> LinearAxis:
+    name, command, position = record.axes[k], record.command[:, k], record.position[:, k]
+    resolution = evidence.resolution_of(position)
+    try:
+        used, choice = _with_or_without_friction(
+            AxisRecord(record.dt, command, position), resolution, most_poles, most_delay
+        )
+        found = settled(used, choice.best.fit, most_delay)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise ValueError(f"{name}: {error}") from None
+    fit = found.fit
+    estimate = evidence.estimate_of(fit)
+    response = evidence.response_of(fit, estimate)
+    held_out, explained = _held_out(used, choice)
+    if explained < POOR:
+        raise ValueError(
+            f"{name}: the best model explains {100 * max(explained, 0):.0f} % of the speed that "
+            "it was not fitted to; are the columns the command and the position of one axis?"
+        )
+    late = sum(value < TELLS for d, value in found.rivals.items() if d > fit.model.delay)
+    return LinearAxis(
+        name=name,
+        fit=fit,
+        estimate=estimate,
+        response=response,
+        choice=choice,
+        rivals=found.rivals,
+        held_out=held_out,
+        explained=explained,
+        friction=_friction(fit, command),
+        saturated=evidence.saturated(command),
+        coupling=_coupling(record, k, fit),
+        gain=_gain(used, fit, response),
+        late=min(late, 1),
+        resolution=resolution,
+    )
+
+
+def _with_or_without_friction(
+    record: AxisRecord, resolution: float, most_poles: int, most_delay: int
+) -> tuple[AxisRecord, Choice]:
+    """The record, with signs of the speed where dry friction helps to simulate what is held out."""
+    plain = chosen(record, (0, 1), most_poles, most_delay)
+    if plain.best.structure.integrators == 0:
+        return record, plain
+    signs = evidence.speed_signs(record.position, resolution)
+    acting = np.where(signs == 0, 0.0, record.command)  # at a standstill friction takes all of it
+    rubbed = replace(record, command=acting, friction=signs)
+    first = fitted(rubbed, plain.best.structure, plain.best.fit.filter, plain.best.fit.model)
+    if _friction(first, record.command) is None:
+        return record, plain
+    choice = chosen(rubbed, (1,), most_poles, most_delay)
+    seen = _friction(choice.best.fit, record.command) is not None
+    better = _held_out(rubbed, choice)[1] > _held_out(record, plain)[1]
+    return (rubbed, choice) if seen and better else (record, plain)
+
+
+def _friction(fit: AxisFit, command: np.ndarray) -> tuple[float, float] | None:
+    estimate = evidence.estimate_of(fit)
+    if "friction" not in estimate.names:
+        return None
+    value, deviation = estimate["friction"], estimate.deviation("friction")
+    if value > max(SURE * deviation, FRICTION_SEEN * float(np.abs(command).max())):
+        return value, deviation
+    return None
+
+
+def _held_out(record: AxisRecord, choice: Choice) -> tuple[np.ndarray, float]:
+    """Simulation of the last part by the model of the first, and the speed that it explains."""
+    cut = int(TRAINING * len(record.position))
+    rest, fit = record.part(cut, len(record.position)), choice.best.fit
+    output = simulated(rest, fit.model, friction=fit.friction).output
+    window = max(evidence.WINDOW, 1)
+
+    def speed(signal: np.ndarray) -> np.ndarray:
+        return signal[window:] - signal[:-window]
+
+    missed, moved = speed(rest.position - output), speed(rest.position)
+    variance = float(np.var(moved))
+    return output, 1 - float(np.var(missed)) / variance if variance > 0 else 0.0
+
+
+def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> float:
+    """Relative uncertainty: what the intervals say, and what two halves of the record disagree."""
+    low, high = response.band
+    if not np.isfinite(high):
+        return 1.0
+    inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))
+    width = float(response.half_width[inner].max())
+    middle = len(record.position) // 2
+    halves = []
+    for part in (record.part(0, middle), record.part(middle, len(record.position))):
+        try:
+            half = fitted(
+                part, structure_of(fit.model), fit.filter, fit.model, friction=fit.friction
+            )
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        halves.append(evidence.response_of(half, evidence.estimate_of(half)))
+    apart = evidence.halves_apart(halves[0], halves[1], high / 2) if len(halves) == 2 else 0.0
+    return min(max(width, apart, LEAST_GAIN), 0.99)
+
+
+def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
+    found = {}
+    for j, name in enumerate(record.axes):
+        if j == k:
+            continue
+        part, number = evidence.coupling(fit, record.command[:, j])
+        count = len(fit.model.numerator)
+        chance = float(f_distribution.sf(number, count, len(fit.errors)))
+        found[name] = part if chance < LEVEL else 0.0
+    return found
+
+
+def _notes(axis: LinearAxis) -> list[str]:
+    """Doubts about one axis, one line each."""
+    notes, name = [], axis.name
+    low, high = axis.response.band
+    if not np.isfinite(high):
+        notes.append(
+            f"{name}: the data show no frequency to 10 %; record a livelier program "
+            "(jcontour identify --excite)"
+        )
+    if axis.explained < FAIR:
+        notes.append(
+            f"{name}: explains {100 * axis.explained:.1f} % of the speed that it was not fitted "
+            "to; a good model of a good drive explains more than 99 %"
+        )
+    if axis.late:
+        notes.append(
+            f"{name}: the motion is too smooth to tell {axis.fit.model.delay} and "
+            f"{axis.fit.model.delay + 1} samples of delay apart; the family holds both"
+        )
+    if axis.friction is not None:
+        value, deviation = axis.friction
+        notes.append(
+            f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g}); the "
+            "model is what is left without it, and the machine file has none: compensate it, or "
+            "leave the integral of the loop to it"
+        )
+    if axis.saturated > SATURATED:
+        notes.append(
+            f"{name}: for {100 * axis.saturated:.1f} % of the record the command stands at an "
+            "extreme; if that is its limit, what was recorded is not what the drive asked for"
+        )
+    for other, part in axis.coupling.items():
+        if part > COUPLED:
+            notes.append(
+                f"{name}: the command of {other} explains {100 * part:.1f} % of what the model "
+                "leaves; the machine file has no coupling"
+            )
+    worst = float(np.abs(evidence.correlations(axis.fit)).max())
+    if worst > COLOURED:
+        notes.append(
+            f"{name}: neighbouring errors are correlated ({worst:.2f}): something acts that no "
+            "linear model of this order has; the intervals allow for it"
+        )
+    return notes
+
+
+def _check(name: str, command: np.ndarray, position: np.ndarray) -> None:
+    if len(command) < FEWEST:
+        raise ValueError(f"{name}: needs at least {FEWEST} samples, received {len(command)}")
+    for what, values in (("command", command), ("position", position)):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name}: the {what} holds NaN or inf")
+        if np.ptp(values) == 0:
+            raise ValueError(f"{name}: the {what} never changes, so nothing can be seen")

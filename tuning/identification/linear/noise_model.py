@@ -1,0 +1,74 @@
+"""What a model leaves unexplained, as filtered white noise.
+
+    r(k) + w_1 r(k-1) + ... + w_p r(k-p) = e(k),   e white
+
+Behind this filter a fit weighs what is known well more, and its errors are what the command of a
+closed loop cannot have caused: with it, records under feedback give no bias (Ljung, System
+Identification, 2nd ed., section 13.4), without it they do.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_triangular
+from scipy.signal import lfilter
+
+WHITE: Float[np.ndarray, " 1"] = np.ones(1)
+RIDGE = 1e-12  # of a column's squares: a residual of few tones has a filter too
+
+
+def whitening(residual: Float[np.ndarray, " T"], most: int) -> Float[np.ndarray, " w"]:
+    """Filter 1, w_1, ..., w_p that makes a residual white; p of at most `most` by Akaike's number.
+
+    Least squares, not the equations of Yule and Walker: those blur the slow drift that is left of
+    an axis with an integrator. The columns are r, its difference and lags of its second difference:
+    the same fit, without the near dependence of neighbouring samples of a drift.
+    """
+    first, second = np.diff(residual), np.diff(residual, 2)  # of samples k-1..k, and k-2..k
+    lags = most - 2
+    rows = len(second) - lags
+    columns = [residual[1 + lags : -1], first[lags:-1]]
+    columns += [second[lags - i : len(second) - i] for i in range(1, lags + 1)]
+    both = np.stack([*columns, second[lags:]], axis=1)
+    scale = np.sqrt(np.einsum("ij,ij->j", both, both))
+    if not scale[-1] > 0:
+        return WHITE
+    scale = np.where(scale > 0, scale, 1.0)
+    both = both / scale
+    gram = both.T @ both + RIDGE * np.eye(both.shape[1])
+    triangle = np.linalg.cholesky(gram).T
+    left = np.cumsum(triangle[::-1, -1] ** 2)[::-1]  # squares left with 0, 1, ... columns
+    criterion = rows * np.log(left) + 2 * np.arange(len(left))
+    p = 2 + int(np.argmin(criterion[2:]))
+    found = solve_triangular(triangle[:p, :p], triangle[:p, -1]) * scale[-1] / scale[:p]
+    ahead = np.concatenate([[1.0], -found[2:]])  # of the second difference
+    w = np.convolve(ahead, [1.0, -2.0, 1.0])
+    w[1:3] -= found[0] * np.array([1.0, 0.0]) + found[1] * np.array([1.0, -1.0])
+    return w
+
+
+def disturbance_filter(
+    command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"], terms: int
+) -> Float[np.ndarray, " w"]:
+    """Whitening filter before any model: the denominator of a long least-squares one.
+
+    position(k) + sum w_i position(k-i) = sum g_i command(k-i) + constant + e(k); with enough terms
+    right under feedback too (Ljung, section 4.2).
+    """
+    columns = np.column_stack(
+        [_past(position, terms), _past(command, terms), np.ones(len(position) - terms)]
+    )
+    scale = np.maximum(np.sqrt((columns**2).sum(axis=0)), np.finfo(float).tiny)
+    both = np.column_stack([columns / scale, position[terms:]])
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    found, *_ = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-12)
+    return np.concatenate([[1.0], -(found / scale)[:terms]])
+
+
+def whitened(signal: Float[np.ndarray, " T"], w: Float[np.ndarray, " w"]) -> np.ndarray:
+    """The signal behind a filter, zero before it begins."""
+    return np.asarray(lfilter(w, [1.0], signal))
+
+
+def _past(signal: np.ndarray, terms: int) -> np.ndarray:
+    """Columns of the signal one to `terms` samples earlier, from row `terms` on."""
+    return np.stack([signal[terms - i : len(signal) - i] for i in range(1, terms + 1)], axis=1)

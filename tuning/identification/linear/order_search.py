@@ -1,0 +1,208 @@
+"""Order and delay of an axis model, by what it predicts of data that it was not fitted to.
+
+Every structure, with the noise filter of its own residual, is fitted to the first part of the
+record and predicts the rest one step ahead. Of all within three standard errors of the best (of the
+paired difference of the squared errors) the smallest is taken: a record that does not show a mode
+gives a model without.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from tuning.identification.linear.noise_model import disturbance_filter, whitened, whitening
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    AxisRecord,
+    Structure,
+    fitted,
+    predicted,
+    simulated,
+    started,
+    structure_of,
+)
+
+TRAINING = 0.7  # of the record
+FIRST_TERMS = 24  # coefficients of the whitening filter before any model
+NOISE_TERMS = 60  # and at most of the one after: counts on top of a drift have a long memory
+BEGIN = 120  # rows that no structure is judged by: its delay and filter reach before the record
+CLOSE = 2  # delays of each order that are fitted to the end
+MORE = 2  # samples of delay beyond the best of a smaller order that are tried
+GLANCES = 2  # of model and noise filter in turn, while delays are compared
+BLOCK = 200  # samples whose mean counts as one independent value of the squared error
+STANDARD_ERRORS = 3.0
+STEPS = 8  # of Gauss-Newton while orders are compared
+TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
+ROUNDS = 3  # of model and filter in turn
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fitted structure and its errors on the rest of the record.
+
+    Attributes:
+        fit: on the first part.
+        held_out: one-step errors on the rest, with the noise filter of the first part (R,) [m].
+    """
+
+    fit: AxisFit
+    held_out: Float[np.ndarray, " R"]
+
+    @property
+    def structure(self) -> Structure:
+        """What it has room for."""
+        return structure_of(self.fit.model)
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the held-out errors [m^2]."""
+        return float(np.mean(self.held_out**2))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the search found.
+
+    Attributes:
+        best: the chosen structure, fitted to the end to the first part.
+        all: every structure tried to the end, best prediction first.
+    """
+
+    best: Candidate
+    all: list[Candidate]
+
+
+def chosen(
+    record: AxisRecord, integrators: Sequence[int], most_poles: int, most_delay: int
+) -> Choice:
+    """Structure that predicts the rest of a record from its first part.
+
+    Raises:
+        ValueError: no structure gives a stable model.
+    """
+    cut = int(TRAINING * len(record.position))
+    training, rest = record.part(0, cut), record.part(cut, len(record.position))
+    first = disturbance_filter(training.command, training.position, FIRST_TERMS)
+    tried: list[_Tried] = []
+    for i in integrators:
+        latest = most_delay
+        for n in range(1 - min(i, 1), most_poles + 1):
+            structures = [Structure(n, n + i, i, d) for d in range(latest + 1)]
+            order = [one for s in structures if (one := _tried(training, s, first)) is not None]
+            order.sort(key=lambda one: one.variance)
+            tried += order[:CLOSE]
+            if order and n > 0:  # with one pole more the delay is less, or hardly more
+                latest = min(order[0].fit.model.delay + MORE, most_delay)
+    if not tried:
+        raise ValueError("no stable model explains the record")
+    found = []
+    for one in tried:
+        fit = fitted(training, structure_of(one.fit.model), one.filter, one.fit.model, STEPS)
+        found.append(Candidate(fit, predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))))
+    found.sort(key=lambda one: one.loss)
+    fit = _alternated(training, _smallest(found).fit)
+    return Choice(Candidate(fit, predicted(rest, fit, fit.filter)), found)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A structure on a whole record, with the noise filter of its own residual.
+
+    Attributes:
+        fit: the model.
+        rivals: by how much the logarithm of the likelihood is less with another delay, by delay.
+    """
+
+    fit: AxisFit
+    rivals: dict[int, float]
+
+
+def settled(record: AxisRecord, start: AxisFit, most_delay: int) -> Settled:
+    """Model of a structure on a whole record, with the delay that explains the most.
+
+    Where the motion is too smooth to tell delays apart, the numerator makes up for a wrong one with
+    coefficients that fight each other: of equals the one with the smallest is taken.
+    """
+    found = {start.model.delay: _alternated(record, start)}
+    while True:
+        equal = _equal(found)
+        near = {d for one in equal for d in (one - 1, one + 1) if 0 <= d <= most_delay}
+        if near <= found.keys():
+            break
+        for d in sorted(near - found.keys()):
+            beside = found[min(equal, key=lambda one: abs(one - d))]
+            found[d] = _alternated(record, replace(beside, model=replace(beside.model, delay=d)))
+    best = min(_equal(found), key=lambda d: float(np.linalg.norm(found[d].model.numerator)))
+    least = _likelihood(found[best])
+    return Settled(found[best], {d: _likelihood(v) - least for d, v in found.items() if d != best})
+
+
+def _equal(found: dict[int, AxisFit]) -> list[int]:
+    """Delays that the data do not tell from the best."""
+    least = min(_likelihood(one) for one in found.values())
+    return [d for d, one in found.items() if _likelihood(one) - least < TELLS]
+
+
+def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
+    """Model and noise filter in turn."""
+    fit, filter_ = start, start.filter
+    for _ in range(ROUNDS):
+        fit = fitted(record, structure_of(fit.model), filter_, fit.model, friction=fit.friction)
+        filter_ = whitening(fit.residual, NOISE_TERMS)
+    return fitted(record, structure_of(fit.model), filter_, fit.model, friction=fit.friction)
+
+
+def _likelihood(fit: AxisFit) -> float:
+    """Minus its logarithm, but for a constant: from the variance of what no past explains."""
+    errors = whitened(fit.residual, fit.filter)[BEGIN:]
+    return 0.5 * len(errors) * float(np.log(np.var(errors)))
+
+
+class _Tried(NamedTuple):
+    """A structure after a glance: its fit, the filter of its own residual, and what that leaves."""
+
+    fit: AxisFit
+    filter: Float[np.ndarray, " w"]
+    variance: float
+
+
+def _tried(
+    record: AxisRecord, structure: Structure, filter_: Float[np.ndarray, " w"]
+) -> _Tried | None:
+    """Model and noise filter in turn: what is left is the likelihood of the two together."""
+    best = None
+    for _ in range(GLANCES):
+        try:
+            fit = simulated(record, started(record, structure, filter_), filter_)
+        except (ValueError, np.linalg.LinAlgError):
+            break
+        if not np.isfinite(fit.residual).all():
+            break
+        filter_ = whitening(fit.residual, NOISE_TERMS)
+        left = float(np.var(whitened(fit.residual, filter_)[BEGIN:]))
+        if best is None or left < best.variance:
+            best = _Tried(fit, filter_, left)
+    return best
+
+
+def _smallest(found: list[Candidate]) -> Candidate:
+    """Fewest parameters among those that the best does not clearly beat."""
+    best = found[0]
+    good = [one for one in found if not _clearly_better(best, one)]
+    fewest = min(_size(one) for one in good)
+    return next(one for one in good if _size(one) == fewest)
+
+
+def _size(one: Candidate) -> int:
+    return one.structure.poles + one.structure.zeros
+
+
+def _clearly_better(best: Candidate, other: Candidate) -> bool:
+    rows = min(len(best.held_out), len(other.held_out))
+    gain = other.held_out[-rows:] ** 2 - best.held_out[-rows:] ** 2
+    blocks = np.array_split(gain, max(rows // BLOCK, 2))
+    means = np.array([block.mean() for block in blocks])
+    return bool(means.mean() > STANDARD_ERRORS * means.std(ddof=1) / np.sqrt(len(means)))

@@ -1,0 +1,313 @@
+"""Least-squares fit of one axis model to a record.
+
+The position is the command's answer, the motion from before the record and what no command brings:
+
+    y = (B/A) U + (1/A) sum_j c_j q^-j delta + p_0 + p_1 k + ... + p_i k^i + f (B/A) S + r
+
+U is the command behind its delay and integrators, delta the unit pulse at the first sample that no
+command from before the record reaches directly, p the place where the axis stands and what an
+offset of its command adds up to, S the sign of the speed in the place of the command (Coulomb
+friction). The fit minimises sum (W r)^2 with W of `noise_model`: it is started by Steiglitz and
+McBride's iteration (IEEE Trans. Automatic Control 10, 1965) and ended by Gauss-Newton, whose slopes
+are the same few signals filtered once more and shifted:
+
+    dy/da_i = -q^-i (y_dynamic / A),      dy/db_i = q^-i (U / A) (+ f S / A)
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import lfilter
+
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.noise_model import WHITE, whitened
+
+ITERATIONS, HALVINGS = 40, 12
+SETTLED = 1e-10  # relative change of the loss
+START = 20.0  # time constant [samples] of the first prefilter
+ROUNDS = 5  # of Steiglitz and McBride
+STABLE = 1 - 1e-7  # largest pole
+
+
+@dataclass(frozen=True)
+class AxisRecord:
+    """Command and position of one axis.
+
+    Attributes:
+        dt: sample period [s].
+        command: [command unit], held over each sample.
+        position: [m].
+        friction: sign of the speed, where Coulomb friction is to be fitted; None otherwise.
+    """
+
+    dt: float
+    command: Float[np.ndarray, " T"]
+    position: Float[np.ndarray, " T"]
+    friction: Float[np.ndarray, " T"] | None = None
+
+    def part(self, start: int, end: int) -> "AxisRecord":
+        """Samples start..end."""
+        friction = None if self.friction is None else self.friction[start:end]
+        return AxisRecord(self.dt, self.command[start:end], self.position[start:end], friction)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a model has room for.
+
+    Attributes:
+        poles: n beside the integrators.
+        zeros: m coefficients of the numerator.
+        integrators: i.
+        delay: d [samples].
+    """
+
+    poles: int
+    zeros: int
+    integrators: int
+    delay: int
+
+
+@dataclass(frozen=True)
+class AxisFit:
+    """A model with what it leaves.
+
+    Attributes:
+        model: of the axis.
+        friction: f, the command that Coulomb friction takes; 0 where it was not asked for.
+        linear: c, p [m]: the motion before the record.
+        filter: W, under which it was fitted.
+        output: what the model says (T,) [m].
+        residual: position - output [m]; zero while commands from before the record still act.
+        errors: the residual behind W, without its first rows.
+        jacobian: slopes of the errors over (a, b, f, c, p).
+    """
+
+    model: AxisModel
+    friction: float
+    linear: Float[np.ndarray, " l"]
+    filter: Float[np.ndarray, " w"]
+    output: Float[np.ndarray, " T"]
+    residual: Float[np.ndarray, " T"]
+    errors: Float[np.ndarray, " R"]
+    jacobian: Float[np.ndarray, "R p"]
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the errors [m^2]."""
+        return float(np.mean(self.errors**2))
+
+
+def fitted(
+    record: AxisRecord,
+    structure: Structure,
+    filter_: Float[np.ndarray, " w"] = WHITE,
+    start: AxisModel | None = None,
+    iterations: int = ITERATIONS,
+    friction: float = 0.0,
+) -> AxisFit:
+    """Best model of a structure.
+
+    Args:
+        record: of the axis.
+        structure: of the model.
+        filter_: W.
+        start: where to begin; Steiglitz and McBride's model when not given.
+        iterations: of Gauss-Newton at most.
+        friction: where its search begins.
+
+    Raises:
+        ValueError: no start led to a stable model.
+    """
+    first = started(record, structure, filter_) if start is None else start
+    return _refined(record, structure, filter_, first, iterations, friction)
+
+
+def started(
+    record: AxisRecord, structure: Structure, filter_: Float[np.ndarray, " w"] = WHITE
+) -> AxisModel:
+    """Model of Steiglitz and McBride's iteration, a good start and a quick one.
+
+    Raises:
+        ValueError: the iteration has no finite end.
+    """
+    y = whitened(record.position - record.position[0], filter_)
+    signals = [driven(record.command, structure)]
+    if record.friction is not None:
+        signals.append(driven(record.friction, structure))
+    inputs = [whitened(one, filter_) for one in signals]
+    below = np.poly(np.full(structure.poles, np.exp(-1 / START)))
+    numerator = np.full(structure.zeros, np.nan)
+    for _ in range(ROUNDS if structure.poles else 1):
+        below, numerator = _equation_error(y, inputs, below, structure, len(filter_))
+    if not np.isfinite(numerator).all():
+        raise ValueError("no stable model explains the record")
+    return AxisModel(below[1:], numerator, structure.integrators, structure.delay, record.dt)
+
+
+def predicted(
+    record: AxisRecord, fit: AxisFit, filter_: Float[np.ndarray, " w"]
+) -> Float[np.ndarray, " R"]:
+    """Errors behind W of a fixed model on another record [m]; the motion before it is fitted."""
+    structure = structure_of(fit.model)
+    return _evaluated(record, structure, filter_, fit.model, fit.friction, slopes=False).errors
+
+
+def structure_of(model: AxisModel) -> Structure:
+    """Structure that a model has."""
+    return Structure(len(model.denominator), len(model.numerator), model.integrators, model.delay)
+
+
+def simulated(
+    record: AxisRecord,
+    model: AxisModel,
+    filter_: Float[np.ndarray, " w"] = WHITE,
+    friction: float = 0.0,
+) -> AxisFit:
+    """Any model on a record, without a fit but of the motion before it."""
+    return _evaluated(record, structure_of(model), filter_, model, friction, slopes=False)
+
+
+def _equation_error(
+    y: np.ndarray, inputs: list[np.ndarray], below: np.ndarray, structure: Structure, skip: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """One least-squares step: A y / A_before = B U / A_before + B_s S / A_before + polynomial."""
+    n, m = structure.poles, structure.zeros
+    y_ = _filtered(below, y)
+    time = np.linspace(-1, 1, len(y))
+    columns = [-shifted(y_, i) for i in range(1, n + 1)]
+    for one in inputs:
+        answer = _filtered(below, one)
+        columns += [shifted(answer, i) for i in range(1, m + 1)]
+    columns += [time**i for i in range(structure.integrators + 1)]
+    first = skip + n + m + structure.delay
+    found = _solved(np.stack(columns, axis=1)[first:], y_[first:])
+    return _inside(np.concatenate([[1.0], found[:n]])), found[n : n + m]
+
+
+def _refined(
+    record: AxisRecord,
+    structure: Structure,
+    filter_: np.ndarray,
+    start: AxisModel,
+    iterations: int,
+    friction: float,
+) -> AxisFit:
+    """Gauss-Newton from a start, every step halved until the loss falls."""
+    n, m = structure.poles, structure.zeros
+    fit = _evaluated(record, structure, filter_, start, friction)
+    fallen = 0
+    for _ in range(iterations):
+        step = _solved(fit.jacobian, -fit.errors)
+        scale = 1.0
+        for _ in range(HALVINGS):
+            a = fit.model.denominator + scale * step[:n]
+            if n == 0 or np.abs(np.roots(np.concatenate([[1.0], a]))).max() < STABLE:
+                model = replace(
+                    fit.model,
+                    denominator=a,
+                    numerator=fit.model.numerator + scale * step[n : n + m],
+                )
+                friction = fit.friction
+                if record.friction is not None:
+                    friction += scale * step[n + m]
+                tried = _evaluated(record, structure, filter_, model, friction)
+                if tried.loss < fit.loss:
+                    break
+            scale /= 2
+        else:
+            return fit
+        fallen = fallen + 1 if tried.loss > (1 - SETTLED) * fit.loss else 0
+        fit = tried
+        if fallen >= 2:
+            return fit
+    return fit
+
+
+def _evaluated(
+    record: AxisRecord,
+    structure: Structure,
+    filter_: np.ndarray,
+    model: AxisModel,
+    friction: float,
+    slopes: bool = True,
+) -> AxisFit:
+    """Model on a record: the motion before it by least squares, then errors and slopes."""
+    below = np.concatenate([[1.0], model.denominator])
+    above = np.concatenate([[0.0], model.numerator])
+    drive, drag = _filtered(below, driven(record.command, structure)), None
+    if record.friction is not None:
+        sign = _filtered(below, driven(record.friction, structure))
+        drive, drag = drive + friction * sign, whitened(sign, above)
+    answer = whitened(drive, above)
+    begin = structure.zeros + model.delay  # what commands before the record still bring is over
+    first = begin + len(filter_) - 1
+    before = _before(below, structure, len(drive), begin)
+    seen = np.stack([whitened(one, filter_) for one in before.T], axis=1)[first:]
+    moved = record.position - record.position[0]
+    missed = whitened(moved - answer, filter_)[first:]
+    linear = _solved(seen, missed)
+    residual = moved - answer - before @ _solved(before[begin:], (moved - answer)[begin:])
+    output = record.position - residual
+    residual[:begin] = 0.0
+    jacobian = np.zeros((0, 0))
+    if slopes:
+        own = answer + before[:, : structure.poles] @ linear[: structure.poles]
+        back, drive = whitened(_filtered(below, own), filter_), whitened(drive, filter_)
+        parts = [shifted(back, i)[first:] for i in range(1, structure.poles + 1)]
+        parts += [-shifted(drive, i)[first:] for i in range(1, structure.zeros + 1)]
+        parts += [] if drag is None else [-whitened(drag, filter_)[first:]]
+        jacobian = np.concatenate([np.stack(parts, axis=1), -seen], axis=1)
+    errors = missed - seen @ linear
+    return AxisFit(model, friction, linear, filter_, output, residual, errors, jacobian)
+
+
+def _before(below: np.ndarray, structure: Structure, rows: int, begin: int) -> np.ndarray:
+    """Columns of what no command of the record brings: pulses behind 1 / A, and a polynomial."""
+    pulse = np.zeros(rows)
+    pulse[begin] = 1.0
+    free, time = _filtered(below, pulse), np.linspace(-1, 1, rows)
+    columns = [shifted(free, j) for j in range(structure.poles)]
+    columns += [time**j for j in range(structure.integrators + 1)]
+    return np.stack(columns, axis=1)
+
+
+def driven(command: Float[np.ndarray, " T"], structure: Structure) -> Float[np.ndarray, " T"]:
+    """The command behind its delay and integrators; it held its first value before the record."""
+    signal = command - command[0] if structure.integrators == 0 else command
+    signal = np.concatenate([np.full(structure.delay, signal[0]), signal])[: len(command)]
+    for _ in range(structure.integrators):
+        signal = np.cumsum(signal)
+    return signal
+
+
+def shifted(signal: Float[np.ndarray, " T"], samples: int) -> Float[np.ndarray, " T"]:
+    """The signal later by some samples, zero before."""
+    return np.concatenate([np.zeros(samples), signal[: len(signal) - samples]])
+
+
+def _filtered(below: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """The signal behind 1 / A."""
+    return np.asarray(lfilter([1.0], below, signal))
+
+
+def _solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Least squares over columns of any size; a column of zeros gets zero."""
+    scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    scale = np.where(scale > 0, scale, 1.0)
+    triangle = np.linalg.qr(np.concatenate([columns / scale, right[:, None]], axis=1), mode="r")
+    both = np.asarray(triangle)
+    found, *_ = np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=1e-14)
+    return found / scale
+
+
+def _inside(polynomial: np.ndarray) -> np.ndarray:
+    """Polynomial with its roots outside the unit circle mirrored into it."""
+    roots = np.roots(polynomial)
+    far = np.abs(roots) >= STABLE
+    if not far.any():
+        return polynomial
+    mirrored = np.where(far, np.minimum(1 / np.maximum(np.abs(roots), 1e-300), 0.999), 1.0)
+    roots = np.where(far, roots / np.maximum(np.abs(roots), 1e-300) * mirrored, roots)
+    return np.real(np.poly(roots))

@@ -1,0 +1,81 @@
+"""Simulated records: an axis under a cascade of its own, as a log of its drive shows it.
+
+The cascade is what a machine has before it is tuned: a proportional position loop for a drive that
+takes a speed, speed and position loops for one that takes a force, and little beside the reference
+itself for one that takes a position. The position is counted, and something unknown comes to the
+command.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.linear.continuous_axes import ContinuousAxis, sampled_axis
+
+Takes = Literal["speed", "position", "force"]
+
+
+@dataclass(frozen=True)
+class RecordedAxis:
+    """One axis in closed loop.
+
+    Attributes:
+        axis: in continuous time, with its delay.
+        takes: what its drive takes.
+        count: of its encoder [m].
+        noise: standard deviation of the position before it is counted [m].
+        disturbance: standard deviation of what comes to the command on the way, over the command's.
+        loop: gains of the cascade: of the position, and of the speed where the drive takes a force.
+    """
+
+    axis: ContinuousAxis
+    takes: Takes
+    count: float
+    noise: float
+    disturbance: float
+    loop: tuple[float, ...]
+
+
+def recorded(
+    one: RecordedAxis,
+    reference: Float[np.ndarray, " T"],
+    dt: float,
+    random: np.random.Generator,
+    dither: Float[np.ndarray, " T"] | None = None,
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """Command and measured position while the axis follows a reference under its own cascade."""
+    A, B, C, late = sampled_axis(one.axis, dt)
+    rows = len(reference)
+    x, line = np.zeros(len(A)), [0.0] * (late + 1)
+    u, y = np.zeros(rows), np.zeros(rows)
+    noise = one.noise * random.standard_normal(rows)
+    law = _law(one, dt)
+    scale = 0.0
+    shocks = random.standard_normal(rows)
+    b, c = B[:, 0], C[0]
+    for k in range(rows):
+        y[k] = one.count * np.round((c @ x + noise[k]) / one.count)
+        u[k] = law(reference[k], y[k]) + (0.0 if dither is None else dither[k])
+        scale = max(scale, abs(u[k]))
+        line = [u[k] + one.disturbance * scale * shocks[k], *line[:-1]]
+        x = A @ x + b * line[late]
+    return u, y
+
+
+def _law(one: RecordedAxis, dt: float) -> Callable[[float, float], float]:
+    if one.takes == "position":
+        return lambda r, y: one.loop[0] * r + 0.2 * (r - y)
+    if one.takes == "speed":
+        return lambda r, y: one.loop[0] * (r - y)
+    outer, inner = one.loop
+    before = 0.0
+
+    def cascade(r: float, y: float) -> float:
+        nonlocal before
+        speed, before = (y - before) / dt, y
+        return inner * (outer * (r - y) - speed)
+
+    return cascade
