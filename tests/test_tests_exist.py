@@ -35,6 +35,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/options.py": "experiments/test_cli.py",
     "experiments/shared_options.py": "experiments/test_cli.py",
     "experiments/machine_options.py": "experiments/test_cli.py",
+    "experiments/machines/emps.py": "experiments/catalogue/test_choices.py",
+    "jcontour/plants/emps.py": "experiments/benchmarks/test_emps_record.py",
     "experiments/identify_options.py": "experiments/test_cli.py",
     "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/test_tuning.py",

@@ -26,6 +26,13 @@ def xy_table() -> "Machine":
     return xy_table_machine()
 
 
+def emps() -> "Machine":
+    """Two EMPS drives, a public benchmark of identification, at right angles."""
+    from experiments.machines.emps import emps_machine
+
+    return emps_machine()
+
+
 def flexible_axis() -> "Machine":
     """The axis of Yuan's thesis."""
     from experiments.machines.flexible_axis import thesis_machine
@@ -57,6 +64,7 @@ def gantry_with_friction() -> "Machine":
 MACHINES: dict[str, Callable[[], "Machine"]] = {  # each under the name of one of the plants
     "bridgeport": bridgeport,
     "xy-table": xy_table,
+    "emps": emps,
     "flexible-axis": flexible_axis,
     "flexible-axes": flexible_axes,
     "gantry": gantry,

@@ -43,6 +43,12 @@ def _xy_table() -> "Plant":
     return FrictionXYTable(1e-3)
 
 
+def _emps() -> "Plant":
+    from jcontour.plants.emps import emps_table
+
+    return emps_table()
+
+
 def _flexible_axis() -> "Plant":
     from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 
@@ -122,6 +128,12 @@ PLANTS = {
         _xy_table,
         "X-Y table on lead screws with Coulomb friction, 8 states, 1 ms (Lam)",
         machines.xy_table,
+        stable=False,
+    ),
+    "emps": PlantEntry(
+        _emps,
+        "X-Y table of two EMPS drives, 4 states, 1 ms, without their dry friction (Janot et al.)",
+        machines.emps,
         stable=False,
     ),
     "flexible-axis": PlantEntry(

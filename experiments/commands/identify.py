@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from experiments.commands import identify_linear
+from experiments.commands import excite, identify_linear
 from experiments.files import run_folder
 from experiments.files.axis_file import AxisFile, Electrical, save_axis
 from experiments.files.record_file import load_records, save_records
@@ -113,6 +113,8 @@ class IdentifyResult:
 
 def command(flags: Identify) -> int:
     """Fit, store and print; exit code."""
+    if flags.excite is not None:
+        return excite.command(flags)
     if flags.machine == "linear":
         return identify_linear.command(flags)
     records = records_of(flags)

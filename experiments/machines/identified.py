@@ -60,7 +60,7 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
     factor = float(norm.ppf((1 + CONFIDENCE) / 2))
     constants, resonances = _modes(model)
     low, high = axis.response.band
-    names = [name for name in axis.estimate.names if name != "friction"]
+    names = [name for name in axis.estimate.names if name not in evidence.DRAGS]
     return LinearAxisResult(
         name=axis.name,
         integrators=model.integrators,
@@ -81,6 +81,7 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
         shown_from=low,
         shown_to=high,
         friction=None if axis.friction is None else axis.friction[0],
+        offset=axis.offset,
         saturated=axis.saturated,
         coupling=axis.coupling,
         uncertainty=axis.gain,

@@ -25,6 +25,7 @@ class LinearAxisResult:
         correlation: largest correlation of neighbouring errors.
         shown_from, shown_to: frequencies between which the response is known to 10 % [Hz].
         friction: command that dry friction takes; None where it is not seen.
+        offset: constant command that acts beside the given one, where friction is seen.
         saturated: part of the samples at an extreme command.
         coupling: part of the errors that the other axes' commands explain, by axis.
         uncertainty: of the gain, relative.
@@ -49,6 +50,7 @@ class LinearAxisResult:
     shown_from: float
     shown_to: float
     friction: float | None
+    offset: float
     saturated: float
     coupling: dict[str, float]
     uncertainty: float

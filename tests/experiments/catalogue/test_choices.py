@@ -29,6 +29,7 @@ ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.suits is 
 SUITED = {  # machine -> the kinds that it is of
     "bridgeport": [LINEAR],
     "xy-table": [LINEAR],
+    "emps": [LINEAR],
     "flexible-axis": [FLEXIBLE_AXIS],
     "flexible-axes": [FLEXIBLE_AXIS, FLEXIBLE_AXES],
     "gantry": [GANTRY, GANTRY_WITHOUT_FRICTION],

@@ -91,7 +91,7 @@ def test_known_names_pass(flags):
     [
         (Tune(parts=("circle", "none.csv")), "none.csv: cannot be read"),
         (Simulate(plant="none.json"), "none.json: cannot be read"),
-        (Simulate(plant="xy"), "give bridgeport, xy-table, flexible-axis"),
+        (Simulate(plant="xy"), "give bridgeport, xy-table, emps, flexible-axis"),
         (Tune(controller="pid"), "give one of contouring-lq, "),
     ],
 )

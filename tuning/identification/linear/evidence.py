@@ -30,8 +30,12 @@ POINTS = 120  # of a frequency response
 SHOWN = 0.1  # widest 95 % interval, relative, that counts as shown
 HIGHEST = 0.8  # of half the sampling rate
 EXTREME, STUCK = 1e-9, 5  # of the range; samples in a row at an extreme that are no coincidence
+DRAGS = ("friction", "offset")  # what may act in the place of the command, in this order
 HALVES = (1, 2, 4, 8)  # samples on either side of a sign of the speed
-CLEAR, SLOW = 10.0, 3.0  # counts: usual motion that is clear, and least one that has a sign
+CLEAR, SLOW = (
+    10.0,
+    4.0,
+)  # counts, or deviations of the noise: usual motion that is clear, and least one that has a sign
 WINDOW = 10  # samples over which a speed is taken
 
 
@@ -63,15 +67,15 @@ class Response:
 
 
 def estimate_of(fit: AxisFit) -> Estimate:
-    """Coefficients a, b (and friction f) of a fit, with the covariance of coloured residuals."""
+    """Coefficients a, b (and the drags f) of a fit, with the covariance of coloured residuals."""
     n, m = len(fit.model.denominator), len(fit.model.numerator)
     covariance = coloured_covariance(
         [fit.jacobian], [autocorrelation([fit.errors], min(LAGS, len(fit.errors) - 1))]
     )
     names = tuple(f"a{i + 1}" for i in range(n)) + tuple(f"b{i + 1}" for i in range(m))
     values = np.concatenate([fit.model.denominator, fit.model.numerator])
-    if fit.jacobian.shape[1] > n + m + len(fit.linear):
-        names, values = (*names, "friction"), np.append(values, fit.friction)
+    names += DRAGS[: len(fit.drag)]
+    values = np.concatenate([values, fit.drag])
     size = len(names)
     return Estimate(names, values, covariance[:size, :size])
 
@@ -117,15 +121,22 @@ def saturated(command: Float[np.ndarray, " T"]) -> float:
 def speed_signs(position: Float[np.ndarray, " T"], resolution: float) -> Float[np.ndarray, " T"]:
     """Minus the sign of the speed, zero at a standstill: Coulomb friction in the command's place.
 
-    The speed from sample k to k+1, in the middle of as few samples as counts allow.
+    The speed from sample k to k+1, in the middle of as few samples as counts and noise allow.
     """
+    unclear = max(resolution, np.sqrt(2) * noise_of(position))
     moved = np.zeros(len(position))
     for half in HALVES:
         padded = np.pad(position, (half - 1, half), mode="edge")
         moved = padded[2 * half - 1 :] - padded[: len(position)]
-        if np.median(np.abs(moved)) > CLEAR * resolution:
+        if np.median(np.abs(moved)) > CLEAR * unclear:
             break
-    return -np.where(np.abs(moved) > SLOW * resolution, np.sign(moved), 0.0)
+    return -np.where(np.abs(moved) > SLOW * unclear, np.sign(moved), 0.0)
+
+
+def noise_of(position: Float[np.ndarray, " T"]) -> float:
+    """Standard deviation of white noise on a smooth position [m], by its fourth differences."""
+    fourth = np.abs(np.diff(position, 4))
+    return float(np.median(fourth)) / (norm.ppf(0.75) * np.sqrt(70))
 
 
 def resolution_of(position: Float[np.ndarray, " T"]) -> float:

@@ -75,6 +75,7 @@ class LinearAxis:
         held_out: position that the model of the first part gives for the rest [m].
         explained: part of the variance of the held-out speed that it explains.
         friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
+        offset: constant command that acts beside the given one while the axis moves.
         saturated: part of the samples at an extreme command.
         coupling: part of the errors that another axis explains, by its name; 0 if by chance.
         gain: relative uncertainty.
@@ -91,6 +92,7 @@ class LinearAxis:
     held_out: Float[np.ndarray, " R"]
     explained: float
     friction: tuple[float, float] | None
+    offset: float
     saturated: float
     coupling: dict[str, float]
     gain: float
@@ -188,6 +190,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         held_out=held_out,
         explained=explained,
         friction=_friction(fit, command),
+        offset=float(fit.drag[1]) if len(fit.drag) else 0.0,
         saturated=evidence.saturated(command),
         coupling=_coupling(record, k, fit),
         gain=_gain(used, fit, response),
@@ -205,7 +208,7 @@ def _with_or_without_friction(
         return record, plain
     signs = evidence.speed_signs(record.position, resolution)
     acting = np.where(signs == 0, 0.0, record.command)  # at a standstill friction takes all of it
-    rubbed = replace(record, command=acting, friction=signs)
+    rubbed = replace(record, command=acting, drags=(signs, np.abs(signs)))
     first = fitted(rubbed, plain.best.structure, plain.best.fit.filter, plain.best.fit.model)
     if _friction(first, record.command) is None:
         return record, plain
@@ -229,7 +232,7 @@ def _held_out(record: AxisRecord, choice: Choice) -> tuple[np.ndarray, float]:
     """Simulation of the last part by the model of the first, and the speed that it explains."""
     cut = int(TRAINING * len(record.position))
     rest, fit = record.part(cut, len(record.position)), choice.best.fit
-    output = simulated(rest, fit.model, friction=fit.friction).output
+    output = simulated(rest, fit.model, drag=fit.drag).output
     window = max(evidence.WINDOW, 1)
 
     def speed(signal: np.ndarray) -> np.ndarray:
@@ -251,9 +254,7 @@ def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> floa
     halves = []
     for part in (record.part(0, middle), record.part(middle, len(record.position))):
         try:
-            half = fitted(
-                part, structure_of(fit.model), fit.filter, fit.model, friction=fit.friction
-            )
+            half = fitted(part, structure_of(fit.model), fit.filter, fit.model, drag=fit.drag)
         except (ValueError, np.linalg.LinAlgError):
             continue
         halves.append(evidence.response_of(half, evidence.estimate_of(half)))

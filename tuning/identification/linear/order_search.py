@@ -150,9 +150,9 @@ def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
     """Model and noise filter in turn."""
     fit, filter_ = start, start.filter
     for _ in range(ROUNDS):
-        fit = fitted(record, structure_of(fit.model), filter_, fit.model, friction=fit.friction)
+        fit = fitted(record, structure_of(fit.model), filter_, fit.model, drag=fit.drag)
         filter_ = whitening(fit.residual, NOISE_TERMS)
-    return fitted(record, structure_of(fit.model), filter_, fit.model, friction=fit.friction)
+    return fitted(record, structure_of(fit.model), filter_, fit.model, drag=fit.drag)
 
 
 def _likelihood(fit: AxisFit) -> float:

@@ -2,14 +2,14 @@
 
 The position is the command's answer, the motion from before the record and what no command brings:
 
-    y = (B/A) U + (1/A) sum_j c_j q^-j delta + p_0 + p_1 k + ... + p_i k^i + f (B/A) S + r
+    y = (B/A) U + (1/A) sum_j c_j q^-j delta + p_0 + p_1 k + ... + p_i k^i + (B/A) f S + r
 
 U is the command behind its delay and integrators, delta the unit pulse at the first sample that no
 command from before the record reaches directly, p the place where the axis stands and what an
-offset of its command adds up to, S the sign of the speed in the place of the command (Coulomb
-friction). The fit minimises sum (W r)^2 with W of `noise_model`: it is started by Steiglitz and
-McBride's iteration (IEEE Trans. Automatic Control 10, 1965) and ended by Gauss-Newton, whose slopes
-are the same few signals filtered once more and shifted:
+offset of its command adds up to, S what acts in the place of the command, as the sign of the speed
+does for Coulomb friction. The fit minimises sum (W r)^2 with W of `noise_model`: it is started by
+Steiglitz and McBride's iteration (IEEE Trans. Automatic Control 10, 1965) and ended by
+Gauss-Newton, whose slopes are the same few signals filtered once more and shifted:
 
     dy/da_i = -q^-i (y_dynamic / A),      dy/db_i = q^-i (U / A) (+ f S / A)
 """
@@ -38,18 +38,18 @@ class AxisRecord:
         dt: sample period [s].
         command: [command unit], held over each sample.
         position: [m].
-        friction: sign of the speed, where Coulomb friction is to be fitted; None otherwise.
+        drags: signals S that act in the place of the command, as the sign of the speed does.
     """
 
     dt: float
     command: Float[np.ndarray, " T"]
     position: Float[np.ndarray, " T"]
-    friction: Float[np.ndarray, " T"] | None = None
+    drags: tuple[Float[np.ndarray, " T"], ...] = ()
 
     def part(self, start: int, end: int) -> "AxisRecord":
         """Samples start..end."""
-        friction = None if self.friction is None else self.friction[start:end]
-        return AxisRecord(self.dt, self.command[start:end], self.position[start:end], friction)
+        drags = tuple(one[start:end] for one in self.drags)
+        return AxisRecord(self.dt, self.command[start:end], self.position[start:end], drags)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class AxisFit:
 
     Attributes:
         model: of the axis.
-        friction: f, the command that Coulomb friction takes; 0 where it was not asked for.
+        drag: f, how much of every drag there is [command unit].
         linear: c, p [m]: the motion before the record.
         filter: W, under which it was fitted.
         output: what the model says (T,) [m].
@@ -85,7 +85,7 @@ class AxisFit:
     """
 
     model: AxisModel
-    friction: float
+    drag: Float[np.ndarray, " s"]
     linear: Float[np.ndarray, " l"]
     filter: Float[np.ndarray, " w"]
     output: Float[np.ndarray, " T"]
@@ -105,7 +105,7 @@ def fitted(
     filter_: Float[np.ndarray, " w"] = WHITE,
     start: AxisModel | None = None,
     iterations: int = ITERATIONS,
-    friction: float = 0.0,
+    drag: Float[np.ndarray, " s"] | None = None,
 ) -> AxisFit:
     """Best model of a structure.
 
@@ -115,13 +115,13 @@ def fitted(
         filter_: W.
         start: where to begin; Steiglitz and McBride's model when not given.
         iterations: of Gauss-Newton at most.
-        friction: where its search begins.
+        drag: where the search for f begins; at none when not given.
 
     Raises:
         ValueError: no start led to a stable model.
     """
     first = started(record, structure, filter_) if start is None else start
-    return _refined(record, structure, filter_, first, iterations, friction)
+    return _refined(record, structure, filter_, first, iterations, drag)
 
 
 def started(
@@ -133,11 +133,9 @@ def started(
         ValueError: the iteration has no finite end.
     """
     y = whitened(record.position - record.position[0], filter_)
-    signals = [driven(record.command, structure)]
-    if record.friction is not None:
-        signals.append(driven(record.friction, structure))
+    signals = [driven(one, structure) for one in (record.command, *record.drags)]
     inputs = [whitened(one, filter_) for one in signals]
-    below = np.poly(np.full(structure.poles, np.exp(-1 / START)))
+    below = np.atleast_1d(np.poly(np.full(structure.poles, np.exp(-1 / START))))
     numerator = np.full(structure.zeros, np.nan)
     for _ in range(ROUNDS if structure.poles else 1):
         below, numerator = _equation_error(y, inputs, below, structure, len(filter_))
@@ -151,7 +149,7 @@ def predicted(
 ) -> Float[np.ndarray, " R"]:
     """Errors behind W of a fixed model on another record [m]; the motion before it is fitted."""
     structure = structure_of(fit.model)
-    return _evaluated(record, structure, filter_, fit.model, fit.friction, slopes=False).errors
+    return _evaluated(record, structure, filter_, fit.model, fit.drag, slopes=False).errors
 
 
 def structure_of(model: AxisModel) -> Structure:
@@ -163,10 +161,10 @@ def simulated(
     record: AxisRecord,
     model: AxisModel,
     filter_: Float[np.ndarray, " w"] = WHITE,
-    friction: float = 0.0,
+    drag: Float[np.ndarray, " s"] | None = None,
 ) -> AxisFit:
     """Any model on a record, without a fit but of the motion before it."""
-    return _evaluated(record, structure_of(model), filter_, model, friction, slopes=False)
+    return _evaluated(record, structure_of(model), filter_, model, drag, slopes=False)
 
 
 def _equation_error(
@@ -192,11 +190,11 @@ def _refined(
     filter_: np.ndarray,
     start: AxisModel,
     iterations: int,
-    friction: float,
+    drag: np.ndarray | None,
 ) -> AxisFit:
     """Gauss-Newton from a start, every step halved until the loss falls."""
     n, m = structure.poles, structure.zeros
-    fit = _evaluated(record, structure, filter_, start, friction)
+    fit = _evaluated(record, structure, filter_, start, drag)
     fallen = 0
     for _ in range(iterations):
         step = _solved(fit.jacobian, -fit.errors)
@@ -209,10 +207,8 @@ def _refined(
                     denominator=a,
                     numerator=fit.model.numerator + scale * step[n : n + m],
                 )
-                friction = fit.friction
-                if record.friction is not None:
-                    friction += scale * step[n + m]
-                tried = _evaluated(record, structure, filter_, model, friction)
+                drag = fit.drag + scale * step[n + m : n + m + len(fit.drag)]
+                tried = _evaluated(record, structure, filter_, model, drag)
                 if tried.loss < fit.loss:
                     break
             scale /= 2
@@ -230,16 +226,16 @@ def _evaluated(
     structure: Structure,
     filter_: np.ndarray,
     model: AxisModel,
-    friction: float,
+    drag: np.ndarray | None,
     slopes: bool = True,
 ) -> AxisFit:
     """Model on a record: the motion before it by least squares, then errors and slopes."""
     below = np.concatenate([[1.0], model.denominator])
     above = np.concatenate([[0.0], model.numerator])
-    drive, drag = _filtered(below, driven(record.command, structure)), None
-    if record.friction is not None:
-        sign = _filtered(below, driven(record.friction, structure))
-        drive, drag = drive + friction * sign, whitened(sign, above)
+    drag = np.zeros(len(record.drags)) if drag is None else drag
+    drive = _filtered(below, driven(record.command, structure))
+    drags = [_filtered(below, driven(one, structure)) for one in record.drags]
+    drive = drive + sum(f * one for f, one in zip(drag, drags, strict=True))
     answer = whitened(drive, above)
     begin = structure.zeros + model.delay  # what commands before the record still bring is over
     first = begin + len(filter_) - 1
@@ -251,16 +247,16 @@ def _evaluated(
     residual = moved - answer - before @ _solved(before[begin:], (moved - answer)[begin:])
     output = record.position - residual
     residual[:begin] = 0.0
-    jacobian = np.zeros((0, 0))
+    errors = missed - seen @ linear
+    jacobian = np.zeros((len(errors), 0))
     if slopes:
         own = answer + before[:, : structure.poles] @ linear[: structure.poles]
         back, drive = whitened(_filtered(below, own), filter_), whitened(drive, filter_)
         parts = [shifted(back, i)[first:] for i in range(1, structure.poles + 1)]
         parts += [-shifted(drive, i)[first:] for i in range(1, structure.zeros + 1)]
-        parts += [] if drag is None else [-whitened(drag, filter_)[first:]]
+        parts += [-whitened(whitened(one, above), filter_)[first:] for one in drags]
         jacobian = np.concatenate([np.stack(parts, axis=1), -seen], axis=1)
-    errors = missed - seen @ linear
-    return AxisFit(model, friction, linear, filter_, output, residual, errors, jacobian)
+    return AxisFit(model, drag, linear, filter_, output, residual, errors, jacobian)
 
 
 def _before(below: np.ndarray, structure: Structure, rows: int, begin: int) -> np.ndarray:

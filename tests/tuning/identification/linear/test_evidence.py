@@ -41,9 +41,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 
 def test_the_band_ends_where_intervals_widen():
     frequency = np.array([1.0, 2.0, 4.0, 8.0, 16.0])
-    one = evidence.Response(frequency, np.ones(5), np.array([0.5, 0.02, 0.01, 0.05, 0.4]))
+    one = evidence.Response(frequency, np.ones(5, complex), np.array([0.5, 0.02, 0.01, 0.05, 0.4]))
     assert one.band == (2.0, 8.0)
-    none = evidence.Response(frequency, np.ones(5), np.full(5, 0.5))
+    none = evidence.Response(frequency, np.ones(5, complex), np.full(5, 0.5))
     assert np.isnan(none.band).all()
 
 

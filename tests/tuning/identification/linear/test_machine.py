@@ -80,7 +80,7 @@ def test_what_cannot_be_used_is_refused(record):
     still = replace(record, command=np.zeros_like(record.command))
     with pytest.raises(ValueError, match="X: the command never changes"):
         identify_machine(still, 2, 2)
-    holes = replace(record, position=np.where(np.arange(ROWS)[:, None] == 5, np.nan, 1.0))
+    holes = replace(record, position=np.where(record.position > 0, record.position, np.nan))
     with pytest.raises(ValueError, match="X: the position holds NaN"):
         identify_machine(holes, 2, 2)
     short = replace(record, command=record.command[:100], position=record.position[:100])

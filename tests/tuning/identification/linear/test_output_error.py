@@ -26,7 +26,7 @@ def record(noise=0.0, friction=0.0):
     signs = np.sign(np.sin(np.arange(ROWS) / 40.0))
     y = np.asarray(lfilter(TRUTH.above, TRUTH.below, u + friction * signs)) + 0.3
     y = y + noise * random.standard_normal(ROWS)
-    return AxisRecord(DT, u, y, signs if friction else None)
+    return AxisRecord(DT, u, y, (signs,) if friction else ())
 
 
 def test_without_noise_the_truth_is_found():
@@ -41,7 +41,7 @@ def test_the_start_alone_is_right_without_noise():
 
 def test_friction_in_the_place_of_the_command():
     found = fitted(record(friction=0.4), STRUCTURE)
-    assert found.friction == pytest.approx(0.4, rel=1e-6)
+    assert found.drag == pytest.approx([0.4], rel=1e-6)
     assert np.allclose(found.model.numerator, TRUTH.numerator, rtol=1e-5)
 
 
@@ -56,7 +56,7 @@ def test_motion_from_before_the_record_is_no_fault_of_the_model():
 def test_slopes_by_differences(w):
     """Of the errors with the motion before the record held fixed at its least-squares values."""
     one = record(friction=0.2)  # the errors are nothing, and their second slopes do not count
-    fit = fitted(one, STRUCTURE, w, TRUTH, iterations=0, friction=0.2)
+    fit = fitted(one, STRUCTURE, w, TRUTH, iterations=0, drag=np.array([0.2]))
     own, rest = fit.jacobian[:, :6], fit.jacobian[:, 6:]
 
     def beside(columns):  # what the linear part cannot take up
@@ -72,7 +72,7 @@ def test_slopes_by_differences(w):
         else:
             f += step
         model = replace(TRUTH, denominator=a, numerator=b)
-        moved = fitted(one, STRUCTURE, w, model, iterations=0, friction=f)
+        moved = fitted(one, STRUCTURE, w, model, iterations=0, drag=np.array([f]))
         slope = (moved.errors - fit.errors) / step
         wanted = beside(own[:, k])
         assert np.abs(slope - wanted).max() < 2e-3 * np.abs(wanted).max()

@@ -1,0 +1,147 @@
+"""Programs whose record shows what a tuner needs to know of a machine's axes.
+
+As CSV: a sum of sines over each axis, of frequencies that no other axis has (coupling is then told
+from an axis's own answer) and of phases at which they seldom meet (Schroeder, IEEE Trans.
+Information Theory 16, 1970). As G-code: moves to and fro that get shorter, each axis by itself and
+then all together; their corners shake the axis up to frequencies that no smooth contour reaches.
+Speed and acceleration stay within half of the limits, positions within a tenth of the travel
+either side of the start.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.files import checks
+
+FIELDS = {"axes", "travel", "speed", "acceleration", "length_unit", "dt"}
+SHARE = 0.5  # of the limits
+PART = 0.1  # of the travel, either side of the start
+SECONDS = 30.0  # of the sines
+EASE = 1.0  # [s] at the start and at the end in which they grow and fade
+LOWEST, HIGHEST = 0.3, 120.0  # frequencies [Hz]; the acceleration decides how much of them is seen
+LINES = 40  # frequencies of each axis
+SHORTEST = 0.05e-3  # move [m]
+RATIO = 0.7  # of a move over the one before
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Excited:
+    """What the limits of a machine allow.
+
+    Attributes:
+        axes: names.
+        dt: sample period of the CSV [s].
+        travel, speed, acceleration: by axis [m], [m/s], [m/s^2].
+    """
+
+    axes: tuple[str, ...]
+    dt: float
+    travel: Float[np.ndarray, " axes"]
+    speed: Float[np.ndarray, " axes"]
+    acceleration: Float[np.ndarray, " axes"]
+
+
+def read_limits(path: Path | str, fields: Any) -> Excited:
+    """Limits of a JSON object: travel, speed, acceleration, each one number or one per axis.
+
+    Raises:
+        MachineError: a field is missing, unknown or impossible.
+    """
+    given = checks.mapping(str(path), fields, FIELDS)
+    for name in ("travel", "speed", "acceleration"):
+        if name not in given:
+            raise checks.MachineError(
+                f"{path}: {name} is missing; needs travel, speed, "
+                "acceleration, and may have axes, length_unit, dt"
+            )
+    unit = given.get("length_unit", "mm")
+    if unit not in checks.METRES:
+        raise checks.MachineError(f"length_unit: needs one of {', '.join(checks.METRES)}")
+    names = tuple(given.get("axes", ("X", "Y")))
+    if len(names) not in (2, 3):
+        raise checks.MachineError("axes: needs two or three names")
+    metre, count = checks.METRES[unit], len(names)
+
+    def each(name: str) -> np.ndarray:
+        return checks.per_axis(name, given[name], count) * metre
+
+    dt = checks.number("dt", given.get("dt", 1e-3), above=0.0)
+    return Excited(names, dt, each("travel"), each("speed"), each("acceleration"))
+
+
+def sines(limits: Excited) -> Float[np.ndarray, "T axes"]:
+    """Positions of the CSV [m]: from rest at zero and back to it.
+
+    Every sine is as large as its share of travel, speed and acceleration allows; the sum is then
+    scaled until the sum's own largest speed and acceleration are within theirs.
+    """
+    time = limits.dt * np.arange(int(round(SECONDS / limits.dt)) + 1)
+    ease = np.clip(np.minimum(time, SECONDS - time) / EASE, 0.0, 1.0)
+    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
+    count = len(limits.axes)
+    highest = min(HIGHEST, 0.2 / limits.dt)
+    raw = np.geomspace(LOWEST, highest, LINES * count)
+    lines = np.unique(np.round(raw * SECONDS)) / SECONDS  # whole periods
+    columns = []
+    for k in range(count):
+        w = 2 * np.pi * lines[k::count]
+        reach, v, a = (
+            share * one[k]
+            for share, one in (
+                (PART, limits.travel),
+                (SHARE, limits.speed),
+                (SHARE, limits.acceleration),
+            )
+        )
+        size = np.minimum(np.minimum(reach, v / w), a / w**2)
+        number = np.arange(len(w))
+        phase = -np.pi * number * (number - 1) / len(w)
+        signal = ease * np.sum(size * np.sin(w * time[:, None] + phase), axis=1)
+        speed = np.diff(signal) / limits.dt
+        most = (
+            np.abs(signal).max() / reach,
+            np.abs(speed).max() / v,
+            np.abs(np.diff(speed)).max() / limits.dt / a,
+        )
+        columns.append(signal / max(most))
+    return np.stack(columns, axis=1)
+
+
+def strokes(limits: Excited, axis: int) -> list[float]:
+    """Lengths of the moves to and fro of an axis [m], the longest first."""
+    longest = PART * float(limits.travel[axis])
+    count = max(int(np.log(SHORTEST / longest) / np.log(RATIO)), 0) + 1
+    return [longest * RATIO**k for k in range(count)]
+
+
+def gcode(limits: Excited) -> str:
+    """The moves as a program: relative, in millimetres, at half of each axis's speed."""
+    lines = [
+        "; moves to and fro that show what the axes do: record commands and positions meanwhile",
+        "; start in the middle of the travel, with nothing in the way",
+        "G21 G91",
+    ]
+    for k, name in enumerate(limits.axes):
+        lines.append(f"; {name} alone")
+        lines += _moves([name], strokes(limits, k), SHARE * float(limits.speed[k]))
+    slowest = SHARE * float(limits.speed.min())
+    shared = min((strokes(limits, k) for k in range(len(limits.axes))), key=len)
+    lines.append("; all axes")
+    lines += _moves(list(limits.axes), shared, slowest)
+    return "\n".join([*lines, "G90", "M2", ""])
+
+
+def _moves(axes: Sequence[str], lengths: Sequence[float], speed: float) -> list[str]:
+    lines = []
+    for length in lengths:
+        for _ in range(REPEATS):
+            for way in (1, -1, -1, 1):
+                words = " ".join(f"{name}{1e3 * way * length:.4f}" for name in axes)
+                lines.append(f"G1 {words} F{6e4 * speed:.1f}")
+    return lines

@@ -1,0 +1,27 @@
+"""The EMPS drive, twice at right angles, as a machine of the commands."""
+
+import numpy as np
+
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import MachineLimits
+from jcontour.plants.emps import LARGEST_VOLTAGE, RESOLUTION, emps_table
+
+MISMATCH = 0.05  # of the drive's gain; not published: a usual tolerance of a drive
+ACCELERATION = 1.0  # [m/s^2], a third of what 10 V gives: not published
+LATE = 1  # sample; not published: its controller runs at 1 kHz beside the drive
+
+
+def emps_machine() -> LinearMachine:
+    """The benchmark's drive without its dry friction, which a controller has to reject."""
+    return LinearMachine(
+        "emps",
+        emps_table(),
+        ("X", "Y"),
+        "V",
+        MachineLimits(acceleration=np.full(2, ACCELERATION), control=np.full(2, LARGEST_VOLTAGE)),
+        known_delay=0,
+        gain=MISMATCH,
+        delay=LATE,
+        encoder_resolution=RESOLUTION,
+        control_noise=0.05 * LARGEST_VOLTAGE,
+    )

@@ -1,0 +1,28 @@
+"""`identify --excite` from the command line."""
+
+import json
+
+import numpy as np
+
+from experiments.cli import main
+
+
+def test_both_programs_are_written(tmp_path, capsys):
+    limits = tmp_path / "limits.json"
+    limits.write_text(json.dumps({"travel": 400, "speed": 250, "acceleration": 2000, "dt": 0.002}))
+    folder = tmp_path / "run"
+    assert main(["identify", "--excite", str(limits), "--out", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "with nothing in the way" in printed and "x_command y_command" in printed
+    rows = np.loadtxt(folder / "excite.csv", delimiter=",", skiprows=1)
+    assert rows.shape[1] == 3 and np.allclose(np.diff(rows[:, 0]), 0.002)
+    assert (folder / "excite.ngc").read_text().strip().endswith("M2")
+
+
+def test_what_cannot_be_read_is_told(tmp_path, capsys):
+    path = tmp_path / "limits.json"
+    assert main(["identify", "--excite", str(path)]) == 2
+    assert "cannot be read" in capsys.readouterr().err
+    path.write_text("{")
+    assert main(["identify", "--excite", str(path)]) == 2
+    assert "is not JSON" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from experiments.files.checks import MachineError
+from experiments.jobs.excitation import PART, SHARE, gcode, read_limits, sines
+
+GIVEN = {"travel": [400, 300], "speed": 250, "acceleration": [2000, 1500]}
+PATH = "limits.json"
+
+
+@pytest.fixture(scope="module")
+def limits():
+    return read_limits(PATH, GIVEN)
+
+
+def test_speed_and_acceleration_stay_within_their_share(limits):
+    positions = sines(limits)
+    speed = np.diff(positions, axis=0) / limits.dt
+    acceleration = np.diff(speed, axis=0) / limits.dt
+    assert (np.abs(positions).max(axis=0) <= 1.001 * PART * limits.travel).all()
+    assert (np.abs(speed).max(axis=0) <= 1.01 * SHARE * limits.speed).all()
+    assert (np.abs(acceleration).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
+    assert (np.abs(acceleration).max(axis=0) > 0.9 * SHARE * limits.acceleration).all()
+    assert not positions[[0, -1]].any()
+
+
+def test_no_axis_has_a_frequency_of_another(limits):
+    """Correlated over whole periods, away from the ends, the accelerations of two axes cancel."""
+    x, y = sines(limits).T
+    a, b = (np.diff(one[1500:-1500], 2) for one in (x, y))
+    assert abs(a @ b) < 0.05 * np.sqrt((a @ a) * (b @ b))
+    spectrum = np.abs(np.fft.rfft(np.diff(x, 2)))
+    hertz = np.fft.rfftfreq(len(x) - 2, limits.dt)
+    high = spectrum[hertz > 50].max() / spectrum.max()
+    assert high > 0.05  # there is motion to see at high frequencies too
+
+
+def test_the_program_ends_where_it_began_and_stays_within_the_travel(limits):
+    place, visited, slowest = np.zeros(2), [], np.inf
+    for line in gcode(limits).splitlines():
+        if not line.startswith("G1"):
+            continue
+        words = {word[0]: float(word[1:]) for word in line.split()[1:]}
+        place = place + [words.get("X", 0.0), words.get("Y", 0.0)]
+        visited.append(place)
+        slowest = min(slowest, words["F"])
+    assert np.abs(place).max() < 1e-6
+    assert (np.abs(visited).max(axis=0) <= 1e3 * PART * limits.travel + 1e-6).all()
+    assert slowest / 60e3 == pytest.approx(SHARE * limits.speed.min())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"travel": None}, "travel is missing"),
+        ({"speed": -1}, "speed"),
+        ({"axes": ["X"]}, "two or three names"),
+        ({"length_unit": "inch"}, "length_unit: needs one of"),
+        ({"jerk": 3}, "there is no field 'jerk'"),
+    ],
+)
+def test_limits_that_cannot_be_used(change, words):
+    fields = {key: value for key, value in (GIVEN | change).items() if value is not None}
+    with pytest.raises(MachineError, match=words):
+        read_limits(PATH, fields)
