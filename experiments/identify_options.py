@@ -44,7 +44,7 @@ class Identify(Common):
     """linear: sample period [ms], where there is no column of time."""
     control_unit: str = "control unit"
     """linear: unit of the commands, for tables and figures."""
-    most_order: int = 4  # an integrator and two resonances
+    most_order: int = 3  # a time constant and a resonance
     """linear: highest order of an axis beside its integrator, 1 to 8."""
     most_delay: int = 10  # samples; a fieldbus with three to spare
     """linear: longest delay that is looked for [samples], at most 40."""

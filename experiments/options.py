@@ -370,19 +370,20 @@ class Bench(Common):
     Times are ratios against something run beside it; hardware and versions are named.
     """
 
-    what: Positional[Literal["mpc", "lq", "gantry", "tuners"]] = (
+    what: Positional[Literal["mpc", "lq", "gantry", "tuners", "identify"]] = (
         "mpc"  # it has to fit a sample period
     )
     """Timed part of the library.
     mpc: one step of the constrained controllers, by part and by solver.
     lq: whole runs of the LQ contouring controller.
     gantry: the gantry in every engine.
-    tuners: the tuner against searches without slopes, hours; `uv run --group bench`."""
+    tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
+    identify: random axes, recorded and identified again, minutes each."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
     Gantry: machines at once, 1000 when not given."""
     seeds: int = 20  # quartiles of fewer say little
-    """Tuners: random starts of every search."""
+    """Tuners: random starts of every search. Identify: machines of two axes."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Complex, Float
 from scipy.signal import lfilter
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from tuning.identification.estimates import (
     CONFIDENCE,
@@ -96,6 +96,21 @@ def response_of(fit: AxisFit, estimate: Estimate) -> Response:
     factor = float(norm.ppf((1 + CONFIDENCE) / 2))
     half = factor * np.sqrt(np.maximum(largest, 0.0))
     return Response(frequency, np.exp(value), np.where(np.isfinite(half), half, np.inf))
+
+
+def inside_region(
+    off: Complex[np.ndarray, " F"],
+    slopes: Complex[np.ndarray, "F p"],
+    covariance: Float[np.ndarray, "p p"],
+) -> np.ndarray:
+    """Whether errors of ln G lie in its 95 % ellipse, frequency by frequency."""
+    parts = np.stack([np.real(slopes), np.imag(slopes)], axis=1)  # (F, 2, p)
+    spread = parts @ covariance @ np.swapaxes(parts, 1, 2)
+    errors = np.stack([np.real(off), np.imag(off)], axis=1)
+    size = np.trace(spread, axis1=1, axis2=2)[:, None, None]
+    spread = spread + 1e-9 * size * np.eye(2)  # a response of one direction has no area
+    distance = np.einsum("fi,fij,fj->f", errors, np.linalg.inv(spread), errors)
+    return distance < chi2.ppf(CONFIDENCE, 2)
 
 
 def correlations(fit: AxisFit) -> Float[np.ndarray, " lags"]:

@@ -34,8 +34,7 @@ from tuning.identification.linear.output_error import (
 
 FEWEST = 500  # samples
 LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
-POOR = 0.5  # part of the variance explained on held-out data below which a model is refused
-FAIR = 0.99  # and below which it is doubted
+FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
 COLOURED = 0.1  # correlation of the errors that is said
 FRICTION_SEEN = 0.01  # part of the largest command
 SURE = 5.0  # standard deviations
@@ -174,10 +173,10 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     estimate = evidence.estimate_of(fit)
     response = evidence.response_of(fit, estimate)
     held_out, explained = _held_out(used, choice)
-    if explained < POOR:
+    if explained <= 0 or not np.isfinite(response.band[1]):
         raise ValueError(
-            f"{name}: the best model explains {100 * max(explained, 0):.0f} % of the speed that "
-            "it was not fitted to; are the columns the command and the position of one axis?"
+            f"{name}: the command does not explain the position; are the columns those of one "
+            "axis? Otherwise record a livelier program: jcontour identify --excite"
         )
     late = sum(value < TELLS for d, value in found.rivals.items() if d > fit.model.delay)
     return LinearAxis(
@@ -246,8 +245,6 @@ def _held_out(record: AxisRecord, choice: Choice) -> tuple[np.ndarray, float]:
 def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> float:
     """Relative uncertainty: what the intervals say, and what two halves of the record disagree."""
     low, high = response.band
-    if not np.isfinite(high):
-        return 1.0
     inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))
     width = float(response.half_width[inner].max())
     middle = len(record.position) // 2
@@ -277,16 +274,10 @@ def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
 def _notes(axis: LinearAxis) -> list[str]:
     """Doubts about one axis, one line each."""
     notes, name = [], axis.name
-    low, high = axis.response.band
-    if not np.isfinite(high):
-        notes.append(
-            f"{name}: the data show no frequency to 10 %; record a livelier program "
-            "(jcontour identify --excite)"
-        )
     if axis.explained < FAIR:
         notes.append(
-            f"{name}: explains {100 * axis.explained:.1f} % of the speed that it was not fitted "
-            "to; a good model of a good drive explains more than 99 %"
+            f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of the "
+            "speed that it was not fitted to; of a quiet drive it is more than 99 %"
         )
     if axis.late:
         notes.append(

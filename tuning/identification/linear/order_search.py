@@ -8,7 +8,6 @@ gives a model without.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -29,12 +28,11 @@ TRAINING = 0.7  # of the record
 FIRST_TERMS = 24  # coefficients of the whitening filter before any model
 NOISE_TERMS = 60  # and at most of the one after: counts on top of a drift have a long memory
 BEGIN = 120  # rows that no structure is judged by: its delay and filter reach before the record
-CLOSE = 2  # delays of each order that are fitted to the end
 MORE = 2  # samples of delay beyond the best of a smaller order that are tried
 GLANCES = 2  # of model and noise filter in turn, while delays are compared
 BLOCK = 200  # samples whose mean counts as one independent value of the squared error
 STANDARD_ERRORS = 3.0
-STEPS = 8  # of Gauss-Newton while orders are compared
+STEPS = 5  # of Gauss-Newton while orders and delays are compared
 TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
 ROUNDS = 3  # of model and filter in turn
 
@@ -86,22 +84,20 @@ def chosen(
     cut = int(TRAINING * len(record.position))
     training, rest = record.part(0, cut), record.part(cut, len(record.position))
     first = disturbance_filter(training.command, training.position, FIRST_TERMS)
-    tried: list[_Tried] = []
+    tried: list[AxisFit] = []
     for i in integrators:
         latest = most_delay
         for n in range(1 - min(i, 1), most_poles + 1):
             structures = [Structure(n, n + i, i, d) for d in range(latest + 1)]
-            order = [one for s in structures if (one := _tried(training, s, first)) is not None]
-            order.sort(key=lambda one: one.variance)
-            tried += order[:CLOSE]
-            if order and n > 0:  # with one pole more the delay is less, or hardly more
-                latest = min(order[0].fit.model.delay + MORE, most_delay)
+            glances = [one for s in structures if (one := _glance(training, s, first)) is not None]
+            if not glances:
+                continue
+            tried.append(_walked(training, min(glances, key=_left), most_delay))
+            if n > 0:  # with one pole more the delay is less, or hardly more
+                latest = min(tried[-1].model.delay + MORE, most_delay)
     if not tried:
         raise ValueError("no stable model explains the record")
-    found = []
-    for one in tried:
-        fit = fitted(training, structure_of(one.fit.model), one.filter, one.fit.model, STEPS)
-        found.append(Candidate(fit, predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))))
+    found = [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in tried]
     found.sort(key=lambda one: one.loss)
     fit = _alternated(training, _smallest(found).fit)
     return Choice(Candidate(fit, predicted(rest, fit, fit.filter)), found)
@@ -156,24 +152,15 @@ def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
 
 
 def _likelihood(fit: AxisFit) -> float:
-    """Minus its logarithm, but for a constant: from the variance of what no past explains."""
-    errors = whitened(fit.residual, fit.filter)[BEGIN:]
-    return 0.5 * len(errors) * float(np.log(np.var(errors)))
+    """Minus its logarithm, but for a constant."""
+    return 0.5 * (len(fit.residual) - BEGIN) * float(np.log(_left(fit)))
 
 
-class _Tried(NamedTuple):
-    """A structure after a glance: its fit, the filter of its own residual, and what that leaves."""
-
-    fit: AxisFit
-    filter: Float[np.ndarray, " w"]
-    variance: float
-
-
-def _tried(
+def _glance(
     record: AxisRecord, structure: Structure, filter_: Float[np.ndarray, " w"]
-) -> _Tried | None:
-    """Model and noise filter in turn: what is left is the likelihood of the two together."""
-    best = None
+) -> AxisFit | None:
+    """Quick model, and the noise filter of its own residual, in turn; the better of two."""
+    tried: list[AxisFit] = []
     for _ in range(GLANCES):
         try:
             fit = simulated(record, started(record, structure, filter_), filter_)
@@ -182,10 +169,33 @@ def _tried(
         if not np.isfinite(fit.residual).all():
             break
         filter_ = whitening(fit.residual, NOISE_TERMS)
-        left = float(np.var(whitened(fit.residual, filter_)[BEGIN:]))
-        if best is None or left < best.variance:
-            best = _Tried(fit, filter_, left)
+        tried.append(replace(fit, filter=filter_))
+    return min(tried, key=_left, default=None)
+
+
+def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
+    """Model refined by a few steps, its delay moved while that leaves less."""
+    best = _refined_a_little(record, start)
+    for way in (1, -1):
+        while 0 <= best.model.delay + way <= most_delay:
+            model = replace(best.model, delay=best.model.delay + way)
+            other = _refined_a_little(record, replace(best, model=model))
+            if _left(other) >= _left(best):
+                break
+            best = other
     return best
+
+
+def _refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
+    """A few steps of Gauss-Newton; then the noise filter of what they leave."""
+    structure = structure_of(start.model)
+    fit = fitted(record, structure, start.filter, start.model, STEPS, start.drag)
+    return replace(fit, filter=whitening(fit.residual, NOISE_TERMS))
+
+
+def _left(fit: AxisFit) -> float:
+    """Variance of what neither the model nor the past explains [m^2]."""
+    return float(np.var(whitened(fit.residual, fit.filter)[BEGIN:]))
 
 
 def _smallest(found: list[Candidate]) -> Candidate:

@@ -90,5 +90,5 @@ def test_what_cannot_be_used_is_refused(record):
 
 def test_crossed_columns_are_refused(record):
     crossed = replace(record, position=record.position[:, ::-1])
-    with pytest.raises(ValueError, match="are the columns the command and the position"):
+    with pytest.raises(ValueError, match="are the columns those of one"):
         identify_machine(crossed, 2, 2)
