@@ -31,7 +31,7 @@ class Identify(Common):
     seed: int = 0  # any number: the same one repeats the data
     """Seed of the noise of --demo."""
     axes: tuple[str, ...] = ("X", "Y")
-    """linear: names of two or three axes; their columns are x_command, x_position, ..."""
+    """linear: names of one to three axes; their columns are x_command, x_position, ..."""
     time_column: str | None = None
     """linear: name of the column of time; time_ms and t_us say their unit."""
     command_columns: tuple[str, ...] = ()

@@ -34,6 +34,8 @@ def command(flags: Identify) -> int:
     log, source = _log(flags)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
     found = identify_machine(record, flags.most_order, flags.most_delay)
+    if len(flags.axes) == 1:
+        found = found.twice("Y" if flags.axes[0] != "Y" else "X")
     name = "identified" if flags.data is None else flags.data.stem
     text = run_folder.json_text(machine_fields(found, name, flags.control_unit)) + "\n"
     machine_from(text.encode(), name)  # what the other commands refuse is not written
@@ -57,9 +59,9 @@ def command(flags: Identify) -> int:
 def _check(flags: Identify) -> None:
     if flags.demo == (flags.data is not None):
         raise ValueError("identify: needs a log, or --demo for simulated data, and not both")
-    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (2, 3):
+    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
         raise ValueError(
-            f"axes: needs two or three different names, received {' '.join(flags.axes)}"
+            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
         )
     if not 1 <= flags.most_order <= MOST_POLES:
         raise ValueError(f"most-order: needs 1 to {MOST_POLES}, received {flags.most_order}")
@@ -120,9 +122,12 @@ def _result(
         for one in axes
         if abs(one.gain) > GAIN_ASKED
     ]
+    words = list(log.words)
+    if len(flags.axes) == 1:
+        words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
     return LinearMachineResult(
         data=source,
-        words=list(log.words),
+        words=words,
         samples=len(log.command),
         dt=log.dt,
         control_unit=flags.control_unit,

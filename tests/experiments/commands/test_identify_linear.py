@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+from experiments.benchmarks.emps_record import emps_record
 from experiments.cli import main
 from experiments.commands import identify_linear
 from experiments.files.results.linear_result import LinearMachineResult
@@ -12,6 +14,7 @@ from experiments.files.results.stored import read_result
 from experiments.machines.from_file import load_machine
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import console_of
+from jcontour.plants import emps
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +68,7 @@ def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
     ("flags", "words"),
     [
         ([], "needs a log, or --demo"),
-        (["--demo", "--axes", "X"], "two or three different names"),
+        (["--demo", "--axes", "X", "X"], "one to three different names"),
         (["--demo", "--most-order", "0"], "most-order: needs 1 to 8"),
         (["--demo", "--most-delay", "-1"], "most-delay: needs 0 to 40"),
         (["--demo", "--axes", "A", "B"], "simulated data have X and Y"),
@@ -77,3 +80,24 @@ def test_bad_input_is_told_in_one_line(flags, words, capsys):
     assert main(["identify", "--machine", "linear", *flags]) == 2
     told = capsys.readouterr().err
     assert words in told and len(told.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys):
+    """Columns named as in DATA_EMPS.mat, simulated: the file holds the axis twice."""
+    time = emps.SAMPLE_PERIOD * np.arange(24_000)
+    knots = np.random.default_rng(0).uniform(0.0, 0.24, 25)
+    part = np.minimum(time % 1.0 / 0.9, 1.0)
+    whole, smooth = time.astype(int), part**3 * (10 - 15 * part + 6 * part**2)
+    reference = knots[whole] + (knots[whole + 1] - knots[whole]) * smooth
+    voltage, counted = emps_record(reference, 0)
+    savemat(tmp_path / "emps.mat", {"t": time, "qm": counted, "vir": voltage, "qg": reference})
+    flags = ["--machine", "linear", "--axes", "X", "--command-columns", "vir"]
+    flags += ["--position-columns", "qm", "--length-unit", "m", "--most-order", "1"]
+    folder = tmp_path / "run"
+    assert main(["identify", str(tmp_path / "emps.mat"), *flags, "--out", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "the machine file has X twice" in printed and "dry friction takes" in printed
+    result = read_result(folder, LinearMachineResult)
+    assert result.axes[0].gain == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.02)
+    assert load_machine(folder / "machine.json").model.axes == 2

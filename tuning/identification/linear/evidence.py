@@ -155,10 +155,15 @@ def noise_of(position: Float[np.ndarray, " T"]) -> float:
 
 
 def resolution_of(position: Float[np.ndarray, " T"]) -> float:
-    """Smallest step between two neighbouring samples [m], the count of the encoder."""
-    steps = np.abs(np.diff(position))
-    steps = steps[steps > 1e-12 * max(float(np.ptp(position)), 1e-300)]
-    return float(steps.min()) if steps.size else 0.0
+    """Smallest step between any two positions [m], the count of the encoder.
+
+    Where they are not counted it is a tenth of what noise as large would count.
+    """
+    places = np.unique(position)
+    steps = np.diff(places)
+    steps = steps[steps > 1e-9 * max(float(np.ptp(position)), 1e-300)]
+    least = float(steps.min()) if steps.size else 0.0
+    return max(least, 0.1 * np.sqrt(12) * noise_of(position))
 
 
 def coupling(fit: AxisFit, other: Float[np.ndarray, " T"]) -> tuple[float, float]:

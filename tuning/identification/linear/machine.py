@@ -125,6 +125,17 @@ class LinearMachineFound:
         A, B, C = (block_diag(*matrices) for matrices in zip(*parts, strict=True))
         return LinearPlant(A, B, C, self.record.dt)
 
+    def twice(self, name: str) -> "LinearMachineFound":
+        """A machine of two such axes, from a record of one."""
+        record, one = self.record, self.axes[0]
+        both = replace(
+            record,
+            axes=(one.name, name),
+            command=np.repeat(record.command, 2, axis=1),
+            position=np.repeat(record.position, 2, axis=1),
+        )
+        return replace(self, record=both, axes=[one, replace(one, name=name)])
+
     @property
     def gain(self) -> float:
         """Relative uncertainty of every input gain."""
@@ -140,7 +151,7 @@ def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) ->
     """Models, intervals and doubts of all axes of a record.
 
     Args:
-        record: of two or three axes.
+        record: of one axis or more.
         most_poles: largest order beside the integrator.
         most_delay: largest delay [samples].
 
@@ -276,8 +287,8 @@ def _notes(axis: LinearAxis) -> list[str]:
     notes, name = [], axis.name
     if axis.explained < FAIR:
         notes.append(
-            f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of the "
-            "speed that it was not fitted to; of a quiet drive it is more than 99 %"
+            f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
+            "the speed that it was not fitted to; of a quiet drive more than 99 %"
         )
     if axis.late:
         notes.append(

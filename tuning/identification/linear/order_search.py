@@ -32,6 +32,7 @@ MORE = 2  # samples of delay beyond the best of a smaller order that are tried
 GLANCES = 2  # of model and noise filter in turn, while delays are compared
 BLOCK = 200  # samples whose mean counts as one independent value of the squared error
 STANDARD_ERRORS = 3.0
+DRAGGED = 3  # of Gauss-Newton at a glance, where friction has to be found as well
 STEPS = 5  # of Gauss-Newton while orders and delays are compared
 TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
 ROUNDS = 3  # of model and filter in turn
@@ -163,7 +164,11 @@ def _glance(
     tried: list[AxisFit] = []
     for _ in range(GLANCES):
         try:
-            fit = simulated(record, started(record, structure, filter_), filter_)
+            model = started(record, structure, filter_)
+            if record.drags:  # the start has none of them
+                fit = fitted(record, structure, filter_, model, DRAGGED)
+            else:
+                fit = simulated(record, model, filter_)
         except (ValueError, np.linalg.LinAlgError):
             break
         if not np.isfinite(fit.residual).all():

@@ -245,8 +245,8 @@ def _evaluated(
     missed = whitened(moved - answer, filter_)[first:]
     linear = _solved(seen, missed)
     residual = moved - answer - before @ _solved(before[begin:], (moved - answer)[begin:])
-    output = record.position - residual
     residual[:begin] = 0.0
+    output = record.position - residual
     errors = missed - seen @ linear
     jacobian = np.zeros((len(errors), 0))
     if slopes:

@@ -61,6 +61,9 @@ def test_signs_and_counts():
     assert set(np.unique(signs)) == {-1.0, 0.0}
     assert (signs[60:140] == -1).all() and not signs[:40].any()
     assert evidence.resolution_of(np.zeros(5)) == 0.0
+    smooth = np.random.default_rng(0).standard_normal(4000)
+    assert evidence.noise_of(smooth) == pytest.approx(1.0, rel=0.1)
+    assert evidence.resolution_of(smooth) == pytest.approx(0.35, rel=0.1)
 
 
 def test_another_axis_in_the_errors():
