@@ -156,9 +156,9 @@ def _reference(program: str, rows: int, axis: int) -> Float[np.ndarray, " T"]:
 def _compared(
     axis: RecordedAxis, found: LinearAxis, record: MachineRecord, k: int, program: str, seed: int
 ) -> HiddenResult:
-    bandwidth = _bandwidth(axis)
-    hertz = np.geomspace(0.3, bandwidth, FREQUENCIES)
-    truth, model = _response(axis, hertz), found.fit.model
+    highest = bandwidth(axis)
+    hertz = np.geomspace(0.3, highest, FREQUENCIES)
+    truth, model = response(axis, hertz), found.fit.model
     value, slopes = model.log_terms(2 * np.pi * hertz)
     off = value - np.log(truth)
     off = off.real + 1j * np.angle(np.exp(1j * off.imag))
@@ -173,7 +173,7 @@ def _compared(
         delay=delay,
         found=model.delay,
         told=delay in found.rivals and abs(found.rivals[delay]) < 5.0,
-        bandwidth=bandwidth,
+        bandwidth=highest,
         error=float(np.abs(np.exp(off) - 1).max()),
         inside=float(np.mean(region)),
         held_out=_held_out_ratio(axis, found, record, k),
@@ -185,12 +185,13 @@ def _held_out_ratio(axis: RecordedAxis, found: LinearAxis, record: MachineRecord
     whole = AxisRecord(record.dt, record.command[:, k], record.position[:, k])
     cut = int(TRAINING * len(whole.position))
     training, rest = whole.part(0, cut), whole.part(cut, len(whole.position))
-    fit = simulated(training, _true_model(axis))
+    fit = simulated(training, true_model(axis))
     truth = predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))
     return float(np.sqrt(found.choice.best.loss / np.mean(truth**2)))
 
 
-def _true_model(axis: RecordedAxis) -> AxisModel:
+def true_model(axis: RecordedAxis) -> AxisModel:
+    """The axis as an identification would have it, from its Markov parameters."""
     A, B, C, late = sampled_axis(axis.axis, DT)
     below = np.poly(np.linalg.eigvals(A)).real
     markov, x = [], B[:, 0]
@@ -204,7 +205,8 @@ def _true_model(axis: RecordedAxis) -> AxisModel:
     return AxisModel(below[1:], above, integrators, late, DT)
 
 
-def _response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
+def response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
+    """Transfer from the command to the position, sampled."""
     A, B, C, late = sampled_axis(axis.axis, DT)
     z = np.exp(2j * np.pi * hertz * DT)
     return np.array(
@@ -212,10 +214,10 @@ def _response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.
     )
 
 
-def _bandwidth(axis: RecordedAxis) -> float:
+def bandwidth(axis: RecordedAxis) -> float:
     """Frequency at which the loop's answer to its reference has fallen by 3 dB [Hz]."""
     hertz = np.geomspace(0.3, 200.0, 800)
-    G, z = _response(axis, hertz), np.exp(2j * np.pi * hertz * DT)
+    G, z = response(axis, hertz), np.exp(2j * np.pi * hertz * DT)
     if axis.takes == "speed":
         loop = axis.loop[0] * G
         closed = loop / (1 + loop)

@@ -41,6 +41,7 @@ def test_the_record_obeys_the_balance_of_forces():
     assert np.abs(voltage).max() < emps.LARGEST_VOLTAGE
 
 
+@pytest.mark.slow
 def test_all_four_numbers_within_one_percent():
     u, y = emps_record(program(), 1)
     record = MachineRecord(DT, ("X", "Y"), np.stack([u, u], 1), np.stack([y, y], 1))

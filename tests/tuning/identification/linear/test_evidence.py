@@ -19,10 +19,10 @@ TRUTH = AxisModel(
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
-    """200 axes with rounded, noisy positions: 95 % of 6 frequencies, give or take 3 deviations."""
+    """60 axes with rounded, noisy positions: 95 % of 6 frequencies, give or take 3 deviations."""
     A, B, C, _ = sampled_axis(speed_axis(K, T), DT)
     inside = []
-    for seed in range(200):
+    for seed in range(60):
         random = np.random.default_rng(seed)
         u = np.repeat(random.standard_normal(ROWS // 8), 8)
         x, y = np.zeros(2), np.zeros(ROWS)
