@@ -161,7 +161,7 @@ def _compared(
     truth, model = response(axis, hertz), found.fit.model
     value, slopes = model.log_terms(2 * np.pi * hertz)
     off = value - np.log(truth)
-    off = off.real + 1j * np.angle(np.exp(1j * off.imag))
+    off = np.real(off) + 1j * np.angle(np.exp(1j * np.imag(off)))
     size = slopes.shape[1]
     region = evidence.inside_region(off, slopes, found.estimate.covariance[:size, :size])
     delay = round(axis.axis.delay / DT)

@@ -1,5 +1,6 @@
 """`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,8 @@ DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time const
 def command(flags: Identify) -> int:
     """Read, fit, check, store and print; exit code."""
     _check(flags)
+    if flags.demo:
+        flags = replace(flags, control_unit="V")
     log, source = _log(flags)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
     found = identify_machine(record, flags.most_order, flags.most_delay)

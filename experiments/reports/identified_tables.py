@@ -30,14 +30,14 @@ def show(result: LinearMachineResult, console: Console) -> None:
     rows = [_cells(one) for one in result.axes]
     title = f"Identified machine; gains are per {result.control_unit}"
     console.print(tables.plain_table(title, HEADINGS, rows, text_columns=2))
-    speeds = "  ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
-    accelerations = "  ".join(f"{value:.3g}" for value in result.limits["acceleration"])
-    commands = "  ".join(f"{value:.4g}" for value in result.limits["control"])
+    speeds = ", ".join(f"{1e3 * value:.4g}" for value in result.limits["speed"])
+    accelerations = ", ".join(f"{value:.3g}" for value in result.limits["acceleration"])
+    commands = ", ".join(f"{value:.4g}" for value in result.limits["control"])
     late = f" and up to {result.delay} sample more of delay" if result.delay else ""
     tables.say(
         console,
         f"Family: every gain to {100 * result.gain:.2g} %{late}",
-        f"Limits in the file, the largest of the record: {speeds} mm/s, {accelerations} m/s^2, "
+        f"Limits in the file, the largest of the record: {speeds} mm/s; {accelerations} m/s^2; "
         f"{commands} {result.control_unit}. Change them to those of the machine.",
         *(f"NOTE: {note}" for note in result.notes),
     )
