@@ -17,7 +17,7 @@ from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.machine import LinearAxis, MachineRecord, identify_machine
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import NOISE_TERMS, TRAINING
+from tuning.identification.linear.order_search import NOISE_TERMS, TELLS, TRAINING
 from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
@@ -172,7 +172,7 @@ def _compared(
         states=len(axis.axis.A),
         delay=delay,
         found=model.delay,
-        told=delay in found.rivals and abs(found.rivals[delay]) < 5.0,
+        told=delay in found.rivals and found.rivals[delay] < TELLS,
         bandwidth=highest,
         error=float(np.abs(np.exp(off) - 1).max()),
         inside=float(np.mean(region)),

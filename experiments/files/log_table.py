@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from experiments.files.checks import line
+
 MOST_BYTES = 512 * 2**20
 COMMENTS = ("#", "%", "//")
 SEPARATORS = "\t;,"
@@ -46,15 +48,17 @@ def _csv(path: Path, content: bytes) -> Table:
     except UnicodeDecodeError:
         raise ValueError(f"{path}: cannot be read as text; export it as CSV") from None
     lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith(COMMENTS)
+        (number, words)
+        for number, words in enumerate(text.splitlines(), 1)
+        if words.strip() and not words.lstrip().startswith(COMMENTS)
     ]
     if not lines:
         raise ValueError(f"{path}: is empty")
     separator = max(SEPARATORS, key=lambda one: lines[0][1].count(one))
     comma = separator != ","  # then it may stand in numbers, as in 0,001
-    rows = list(csv.reader((line for _, line in lines), delimiter=separator, skipinitialspace=True))
+    rows = list(
+        csv.reader((words for _, words in lines), delimiter=separator, skipinitialspace=True)
+    )
     named = not all(_is_number(word, comma) for word in rows[0])
     heads = [word.strip().lower() for word in rows[0]] if named else []
     heads = heads or [str(k + 1) for k in range(len(rows[0]))]
@@ -89,7 +93,7 @@ def _mat(path: Path) -> dict[str, np.ndarray]:
         found = loadmat(path)
     except Exception as error:  # a damaged file fails in many ways
         raise ValueError(
-            f"{path}: not a readable MAT file ({_line(error)}); save it as version 7 or older"
+            f"{path}: not a readable MAT file ({line(error)}); save it as version 7 or older"
         ) from None
     return {name: values for name, values in found.items() if not name.startswith("__")}
 
@@ -101,7 +105,7 @@ def _netcdf(path: Path) -> dict[str, np.ndarray]:
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
             return {str(name): np.asarray(dataset[name]) for name in dataset.variables}
     except Exception as error:  # a damaged file fails in many ways
-        raise ValueError(f"{path}: not a readable netCDF file ({_line(error)})") from None
+        raise ValueError(f"{path}: not a readable netCDF file ({line(error)})") from None
 
 
 def _vectors(found: dict[str, np.ndarray]) -> Table:
@@ -118,7 +122,3 @@ def _vectors(found: dict[str, np.ndarray]) -> Table:
             for k in range(long.shape[1]):
                 table[f"{name.lower()}_{k + 1}"] = long[:, k].astype(float)
     return table
-
-
-def _line(error: Exception) -> str:
-    return str(error).splitlines()[0][:120] if str(error) else type(error).__name__

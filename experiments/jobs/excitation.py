@@ -4,8 +4,8 @@ As CSV: a sum of sines over each axis, of frequencies that no other axis has (co
 from an axis's own answer) and of phases at which they seldom meet (Schroeder, IEEE Trans.
 Information Theory 16, 1970). As G-code: moves to and fro that get shorter, each axis by itself and
 then all together; their corners shake the axis up to frequencies that no smooth contour reaches.
-Speed and acceleration stay within half of the limits, positions within a tenth of the travel
-either side of the start.
+The speed stays within half of its limit, positions within a tenth of the travel either side of the
+start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
 """
 
 from collections.abc import Sequence
@@ -61,17 +61,18 @@ def read_limits(path: Path | str, fields: Any) -> Excited:
                 "acceleration, and may have axes, length_unit, dt"
             )
     unit = given.get("length_unit", "mm")
-    if unit not in checks.METRES:
+    if not isinstance(unit, str) or unit not in checks.METRES:
         raise checks.MachineError(f"length_unit: needs one of {', '.join(checks.METRES)}")
-    names = tuple(given.get("axes", ("X", "Y")))
-    if len(names) not in (2, 3):
-        raise checks.MachineError("axes: needs two or three names")
-    metre, count = checks.METRES[unit], len(names)
+    asked = given.get("axes", ["X", "Y"])
+    if not isinstance(asked, list) or len(asked) not in (2, 3):
+        raise checks.MachineError("axes: needs a list of two or three names")
+    metre, count = checks.METRES[unit], len(asked)
 
     def each(name: str) -> np.ndarray:
         return checks.per_axis(name, given[name], count) * metre
 
     dt = checks.number("dt", given.get("dt", 1e-3), above=0.0)
+    names = tuple(checks.axis_names(asked, count))
     return Excited(names, dt, each("travel"), each("speed"), each("acceleration"))
 
 

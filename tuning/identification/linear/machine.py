@@ -243,7 +243,7 @@ def _held_out(record: AxisRecord, choice: Choice) -> tuple[np.ndarray, float]:
     cut = int(TRAINING * len(record.position))
     rest, fit = record.part(cut, len(record.position)), choice.best.fit
     output = simulated(rest, fit.model, drag=fit.drag).output
-    window = max(evidence.WINDOW, 1)
+    window = evidence.WINDOW
 
     def speed(signal: np.ndarray) -> np.ndarray:
         return signal[window:] - signal[:-window]
