@@ -12,14 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import METRES
+from experiments.files.clock import EvenPart, longest_even_part
 from experiments.files.log_table import Table, read_table
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
 TIME_WORDS = ("time", "t", "timestamp")
-JITTER = 0.01  # of a sample: more is no even sampling
-LEAST_PART = 0.25  # of a record without gap or reset that is worth going on with
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,9 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
         dt, keep = columns.period, slice(0, len(command))
     else:
         seconds = SECONDS[_unit(time_name, SECONDS) or "s"]
-        dt, keep, said = even_part(path, _column(path, table, time_name) * seconds)
-        words += said
+        part = _even_part(path, _column(path, table, time_name) * seconds)
+        dt, keep = part.dt, part.rows
+        words += [part.words] if part.words else []
     command, position = command[keep], position[keep]
     both = zip([*commands, *positions], [*command.T, *position.T], strict=True)
     for name, values in both:
@@ -98,40 +98,11 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     return Log(dt, command, position, tuple(words))
 
 
-def even_part(
-    path: Path, time: Float[np.ndarray, " T"], split: bool = True
-) -> tuple[float, slice, list[str]]:
-    """Sample period [s], the longest evenly sampled part of a record, and words about the rest.
-
-    Raises:
-        ValueError: time stands still or jitters, or, where it is not to be split, has a gap; the
-            first place is named.
-    """
-    if len(time) < 3:
-        raise ValueError(f"{path}: needs at least three samples, has {len(time)}")
-    steps = np.diff(time)
-    period = float(np.median(steps))
-    if not period > 0:
-        raise ValueError(f"{path}: the column time has to grow, as seconds do")
-    off = np.flatnonzero(~(np.abs(steps - period) <= JITTER * period))
-    edges = np.concatenate([[0], off + 1, [len(time)]])
-    longest = int(np.argmax(np.diff(edges)))
-    start, end = int(edges[longest]), int(edges[longest + 1])
-    if off.size and (not split or end - start < max(LEAST_PART * len(time), 3)):
-        raise ValueError(
-            f"{path}: samples are not evenly spaced: after {time[off[0]]:g} s comes "
-            f"{time[off[0] + 1]:g} s, the others are {period:g} s apart"
-        )
-    words = []
-    if off.size:
-        resets = int((steps[off] <= 0).sum())
-        words.append(
-            f"time: {off.size - resets} gaps and {resets} restarts of the clock, the first after "
-            f"{time[off[0]]:g} s; used is the longest part without, "
-            f"{time[start]:g} s to {time[end - 1]:g} s"
-        )
-    dt = float((time[end - 1] - time[start]) / (end - 1 - start))
-    return dt, slice(start, end), words
+def _even_part(path: Path, time: Float[np.ndarray, " T"]) -> EvenPart:
+    try:
+        return longest_even_part(time)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _named(

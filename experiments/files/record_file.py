@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.files.clock import even_period
 from experiments.files.run_folder import write
 from tuning.identification.records import Record
 
@@ -36,7 +37,6 @@ REQUIRED = ("time", "motor_position", "current_q")
 COLUMNS = ("test", "time", *SIGNALS)
 ONLY_TEST = "data"  # its name where there is no column for it
 LEAST_ROWS, MOST_ROWS = 100, 2_000_000
-JITTER = 0.01  # of a period, by which a row may be early or late
 
 
 class RecordError(ValueError):
@@ -152,14 +152,9 @@ def _record(test: str, rows: np.ndarray, table: dict[str, np.ndarray]) -> Record
 
 def _period(test: str, time: np.ndarray) -> float:
     """Time between rows [s]."""
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    odd = np.flatnonzero(np.abs(steps - usual) > JITTER * usual)
-    if usual <= 0 or odd.size:
-        k = odd[0] if odd.size else 0
+    try:
+        return even_period(time)
+    except ValueError as error:
         raise RecordError(
-            f"time: needs a uniform clock in test {test!r}, received {time[k]:.9g} s "
-            f"and then {time[k + 1]:.9g} s where the usual step is {usual:.4g} s; "
-            "resample the data, or make what follows a test of its own"
-        )
-    return float((time[-1] - time[0]) / len(steps))
+            f"test {test!r}: {error}; resample the data, or make what follows a test of its own"
+        ) from None

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.files.checks import METRES
-from experiments.files.log_file import even_part
+from experiments.files.clock import even_period
 from experiments.files.log_table import read_table
 
 NAMES = ("time", "control", "position")
@@ -44,5 +44,8 @@ def read_step(path: Path, unit: str) -> StepRecord:
             f"{', '.join(table)}"
         )
     time, control, position = (table[name] for name in NAMES)
-    dt, _, _ = even_part(path, time, split=False)
+    try:
+        dt = even_period(time)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     return StepRecord(dt, control, METRES[unit] * position)

@@ -84,11 +84,11 @@ LATE = 1e-3 * np.arange(ROWS) + 5e-4 * (np.arange(ROWS) > 60)
         ([*lines(), "0.12,,3"], "motor_position: row 121, of test 'data', is empty"),
         (
             lines(LATE),
-            "time: needs a uniform clock in test 'data', received 0.06 s and then 0.0615 s "
-            "where the usual step is 0.001 s",
+            "test 'data': samples are not evenly spaced: after 0.06 s comes 0.0615 s, "
+            "the others are 0.001 s apart; resample the data, or make",
         ),
-        (lines(np.zeros(ROWS)), "time: needs a uniform clock"),
-        (lines(1e-3 * np.arange(ROWS)[::-1]), "time: needs a uniform clock"),
+        (lines(np.zeros(ROWS)), "test 'data': the column time has to grow"),
+        (lines(1e-3 * np.arange(ROWS)[::-1]), "test 'data': the column time has to grow"),
     ],
 )
 def test_bad_files(tmp_path, content, says):
