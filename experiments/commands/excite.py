@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.files import run_folder
 from experiments.identify_options import Identify
-from experiments.jobs.excitation import PART, Excited, gcode, read_limits, sines
+from experiments.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
 from experiments.reports import tables
 
 CSV, GCODE = "excite.csv", "excite.ngc"
@@ -42,12 +42,23 @@ def command(flags: Identify) -> int:
     tables.say(
         tables.console_of(),
         f"{folder / CSV}: set-points [mm] every {1e3 * limits.dt:g} ms, {used}",
-        f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way",
+        f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
+        f"{_who_moves(limits)}",
         "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
         f"Run one of them on the machine as it is, and record: {columns}",
         "Then: jcontour identify LOG.csv --machine linear",
     )
     return 0
+
+
+def _who_moves(limits: Excited) -> str:
+    """Letters of the program, where they are not the names of the axes."""
+    moved = letters(limits)
+    if moved == limits.axes:
+        return ""
+    return "; " + ", ".join(
+        f"{letter} moves {name}" for letter, name in zip(moved, limits.axes, strict=True)
+    )
 
 
 def _read(path: Path) -> object:

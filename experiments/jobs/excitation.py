@@ -28,6 +28,7 @@ LINES = 40  # frequencies of each axis
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
 REPEATS = 3
+LETTERS = "XYZABCUVW"  # that move an axis
 
 
 @dataclass(frozen=True)
@@ -121,20 +122,32 @@ def strokes(limits: Excited, axis: int) -> list[float]:
     return [longest * RATIO**k for k in range(count)]
 
 
+def letters(limits: Excited) -> tuple[str, ...]:
+    """Letters that move the axes in G-code: their names, or X, Y, Z in their order.
+
+    Names are taken where each is a letter that moves an axis: X2 or Table would be another word.
+    """
+    names = tuple(name.upper() for name in limits.axes)
+    if len(set(names)) == len(names) and all(len(one) == 1 and one in LETTERS for one in names):
+        return names
+    return tuple(LETTERS[: len(names)])
+
+
 def gcode(limits: Excited) -> str:
     """The moves as a program: relative, in millimetres, at half of each axis's speed."""
+    moved = letters(limits)
     lines = [
         "; moves to and fro that show what the axes do: record commands and positions meanwhile",
         "; start in the middle of the travel, with nothing in the way",
         "G21 G91",
     ]
-    for k, name in enumerate(limits.axes):
+    for k, (name, letter) in enumerate(zip(limits.axes, moved, strict=True)):
         lines.append(f"; {name} alone")
-        lines += _moves([name], strokes(limits, k), SHARE * float(limits.speed[k]))
+        lines += _moves([letter], strokes(limits, k), SHARE * float(limits.speed[k]))
     slowest = SHARE * float(limits.speed.min())
     shared = min((strokes(limits, k) for k in range(len(limits.axes))), key=len)
     lines.append("; all axes")
-    lines += _moves(list(limits.axes), shared, slowest)
+    lines += _moves(moved, shared, slowest)
     return "\n".join([*lines, "G90", "M2", ""])
 
 
@@ -143,6 +156,6 @@ def _moves(axes: Sequence[str], lengths: Sequence[float], speed: float) -> list[
     for length in lengths:
         for _ in range(REPEATS):
             for way in (1, -1, -1, 1):
-                words = " ".join(f"{name}{1e3 * way * length:.4f}" for name in axes)
+                words = " ".join(f"{letter}{1e3 * way * length:.4f}" for letter in axes)
                 lines.append(f"G1 {words} F{6e4 * speed:.1f}")
     return lines

@@ -19,6 +19,14 @@ def test_both_programs_are_written(tmp_path, capsys):
     assert (folder / "excite.ngc").read_text().strip().endswith("M2")
 
 
+def test_who_moves_whom_is_told_where_the_names_are_no_letters(tmp_path, capsys):
+    limits = tmp_path / "limits.json"
+    named = {"travel": 400, "speed": 250, "acceleration": 2000, "axes": ["table", "spindle"]}
+    limits.write_text(json.dumps(named))
+    assert main(["identify", "--excite", str(limits), "--out", str(tmp_path / "run")]) == 0
+    assert "X moves table, Y moves spindle" in " ".join(capsys.readouterr().out.split())
+
+
 def test_what_cannot_be_read_is_told(tmp_path, capsys):
     path = tmp_path / "limits.json"
     assert main(["identify", "--excite", str(path)]) == 2

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.files.checks import MachineError
-from experiments.jobs.excitation import PART, SHARE, gcode, read_limits, sines
+from experiments.jobs.excitation import PART, SHARE, gcode, letters, read_limits, sines
 
 GIVEN = {"travel": [400, 300], "speed": 250, "acceleration": [2000, 1500]}
 PATH = "limits.json"
@@ -47,6 +47,25 @@ def test_the_program_ends_where_it_began_and_stays_within_the_travel(limits):
     assert np.abs(place).max() < 1e-6
     assert (np.abs(visited).max(axis=0) <= 1e3 * PART * limits.travel + 1e-6).all()
     assert slowest / 60e3 == pytest.approx(SHARE * limits.speed.min())
+
+
+@pytest.mark.parametrize(
+    ("names", "moved"),
+    [
+        (["Y", "x"], ("Y", "X")),
+        (["U", "C"], ("U", "C")),
+        (["left drive", "X2"], ("X", "Y")),
+        (["F", "M"], ("X", "Y")),
+        (["x", "X"], ("X", "Y")),
+    ],
+)
+def test_every_move_is_a_word_that_moves_an_axis(names, moved):
+    limits = read_limits(PATH, GIVEN | {"axes": names})
+    assert letters(limits) == moved
+    program = gcode(limits).splitlines()
+    used = {word[0] for line in program if line.startswith("G1") for word in line.split()[1:-1]}
+    assert used == set(moved)
+    assert {f"; {name} alone" for name in names} <= set(program)
 
 
 @pytest.mark.parametrize(
