@@ -33,9 +33,9 @@ def _along_the_beam(x: float) -> ContourEntry:
 
 
 CONTOURS = {
-    "circle": _contour("circle of 1 mm radius, constant feed"),
-    "square": _contour("square of 2 mm, constant feed, corners and all"),
-    "ellipse": _contour("ellipse of 6 x 3 mm at constant feed"),
+    "circle": _contour("circle of 1 mm radius"),
+    "square": _contour("square of 2 mm, with sharp corners"),
+    "ellipse": _contour("ellipse of 6 x 3 mm"),
     "lemniscate": _contour("figure of eight 6 mm wide, crosses itself"),
     "wave": _contour("cubic spline through five points, open"),
     "bracket": _contour("bracket with fillets, holes and a slot, 12 x 8 mm, G-code"),

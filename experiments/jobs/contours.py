@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from experiments.jobs.job import TOOLPATHS, Job, Pace, at_constant_feed, from_file
+from experiments.jobs.job import TOOLPATHS, Job, Pace, along_contour, from_file
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import circle, ellipse, lemniscate, polygon, spline
 from jcontour.geometry.periodic_splines import polar_lobes
@@ -22,18 +22,18 @@ BEAM_POINTS = 48  # that a spline goes through
 def square(pace: Pace) -> Job:
     """Square with sides of 2 mm."""
     corners = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]
-    return at_constant_feed("square", polygon(corners), pace)
+    return along_contour("square", polygon(corners), pace)
 
 
 def wave(pace: Pace) -> Job:
     """Open wave, 6 mm long."""
     points = [[0.0, 0.0], [1e-3, 1.5e-3], [3e-3, -0.5e-3], [4.5e-3, 1e-3], [6e-3, 0.0]]
-    return at_constant_feed("wave", spline(points), pace)
+    return along_contour("wave", spline(points), pace)
 
 
 def ring(pace: Pace) -> Job:
     """Circle of 50 mm diameter."""
-    return at_constant_feed("ring", circle(25e-3), pace)
+    return along_contour("ring", circle(25e-3), pace)
 
 
 def rounded_square(pace: Pace) -> Job:
@@ -41,7 +41,7 @@ def rounded_square(pace: Pace) -> Job:
     x = [1, 0.9, 0, -0.9, -1, -0.9, 0, 0.9, 1]
     y = [0, 0.9, 1, 0.9, 0, -0.9, -1, -0.9, 0]
     points = 25e-3 * np.array([x, y]).T
-    return at_constant_feed("rounded-square", spline(points), pace)
+    return along_contour("rounded-square", spline(points), pace)
 
 
 def along_the_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Job]:
@@ -53,7 +53,7 @@ def along_the_beam(name: str, x: float, outline: Outline) -> Callable[[Pace], Jo
     def make(pace: Pace) -> Job:
         around = np.linspace(0.0, 2 * np.pi, BEAM_POINTS, endpoint=False)
         contour = spline(outline(around).T + np.array([x, 0.0]), closed=True)
-        return at_constant_feed(name, contour, pace._replace(feed=pace.feed or BEAM_FEED))
+        return along_contour(name, contour, pace._replace(feed=pace.feed or BEAM_FEED))
 
     return make
 
@@ -80,19 +80,19 @@ def oval_outline(angle: np.ndarray) -> np.ndarray:
     return np.array([[0.03], [0.05]]) * np.array([np.cos(angle), np.sin(angle)])
 
 
-def _at_constant_feed(name: str, contour: Callable[[], Contour]) -> Callable[[Pace], Job]:
-    return lambda pace: at_constant_feed(name, contour(), pace)
+def _along(name: str, contour: Callable[[], Contour]) -> Callable[[Pace], Job]:
+    return lambda pace: along_contour(name, contour(), pace)
 
 
 BUILT_IN: dict[str, Callable[[Pace], Job]] = {  # the lines that describe them: the catalogue's
-    "circle": _at_constant_feed("circle", lambda: circle(1e-3)),
+    "circle": _along("circle", lambda: circle(1e-3)),
     "square": square,
-    "ellipse": _at_constant_feed("ellipse", lambda: ellipse(3e-3, 1.5e-3)),
-    "lemniscate": _at_constant_feed("lemniscate", lambda: lemniscate(3e-3)),
+    "ellipse": _along("ellipse", lambda: ellipse(3e-3, 1.5e-3)),
+    "lemniscate": _along("lemniscate", lambda: lemniscate(3e-3)),
     "wave": wave,
     "bracket": lambda pace: from_file(TOOLPATHS / "bracket.ngc", pace),
     "cam": lambda pace: from_file(TOOLPATHS / "cam.ngc", pace),
-    "lobes": _at_constant_feed("lobes", lambda: polar_lobes(30e-3, 10e-3, 4)),
+    "lobes": _along("lobes", lambda: polar_lobes(30e-3, 10e-3, 4)),
     "ring": ring,
     "rounded-square": rounded_square,
     "ring-left": along_the_beam("ring-left", -0.55, ring_outline),

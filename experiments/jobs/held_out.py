@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.jobs.job import Job, Pace, at_constant_feed
-from experiments.jobs.motion_laws import AlongPath, along_path
+from experiments.jobs.job import Job, Pace, at_constant_feed, from_rest_to_rest
 from experiments.jobs.random_shapes import rounded_polygon
 from experiments.jobs.scale import Scale, scale_of, sharpest_corner
 from experiments.jobs.stretches import beginning, curve_feed, moved, shortened
@@ -92,17 +91,11 @@ def _from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float, sam
     farthest = feed * pace.machine.model.dt * samples
     if float(contour.length) > farthest:  # more is not planned, and then thrown away
         contour = beginning(contour, farthest)
-    run = _run(contour, pace, feed)
-    if run.arc.size > samples:
-        contour = beginning(contour, float(run.arc[samples - 1]))
-        run = _run(contour, pace, feed)
-    every = np.ones(run.arc.size, bool)
-    return Job(name, contour, run.arc, every, True, run.words, aside=run.aside, planned=run.planned)
-
-
-def _run(contour: Contour, pace: Pace, feed: float) -> AlongPath:
-    pieces = contour.rate.shape
-    return along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace)
+    run = from_rest_to_rest(name, contour, pace, feed)
+    if run.samples <= samples:
+        return run
+    contour = beginning(contour, float(run.arc[samples - 1]))
+    return from_rest_to_rest(name, contour, pace, feed)
 
 
 def _at_constant_feed(name: str, contour: Contour, pace: Pace, feed: float, samples: int) -> Job:

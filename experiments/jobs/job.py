@@ -135,10 +135,7 @@ def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
 
     A closed contour is run twice and scored the second time, when the entry has died out.
     """
-    machine, axes = pace.machine.name, pace.machine.model.axes
-    if contour.axes > axes:
-        raise ValueError(f"contour: {name} needs {contour.axes} axes, {machine} has {axes}")
-    contour = _lifted(contour, axes)
+    contour = _on_axes(name, contour, pace)
     dt, feed = pace.machine.model.dt, pace.override * pace.feed_or_default
     arc = constant_feed(contour, feed, dt)
     laps = 2 if bool(contour.closed) else 1
@@ -146,6 +143,28 @@ def at_constant_feed(name: str, contour: Contour, pace: Pace) -> Job:
         arc = feed * dt * np.arange(int(laps * float(contour.length) / (feed * dt)) + 1)
     scored = arc >= (laps - 1) * float(contour.length)
     return Job(name, contour, arc, scored, False, f"constant {feed / MM_PER_MIN:.4g} mm/min")
+
+
+def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
+    """Run at the pace's feed: constant, or by its feed law where the machine states acceleration.
+
+    Such a machine passes no sharp corner at feed.
+
+    Raises:
+        ValueError: the contour has more axes than the machine.
+    """
+    if pace.machine.limits.acceleration is None:
+        return at_constant_feed(name, contour, pace)
+    contour = _on_axes(name, contour, pace)
+    return from_rest_to_rest(name, contour, pace, pace.override * pace.feed_or_default)
+
+
+def from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float) -> Job:
+    """Run by the pace's feed law at one feed [m/s]; every sample is scored."""
+    pieces = contour.rate.shape
+    run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace)
+    every = np.ones(run.arc.size, bool)
+    return Job(name, contour, run.arc, every, True, run.words, aside=run.aside, planned=run.planned)
 
 
 def from_file(path: Path, pace: Pace) -> Job:
@@ -207,6 +226,14 @@ def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
     """Number of the piece that the contour is on at every arc length [m]."""
     started = np.searchsorted(np.asarray(contour.start), arc, side="right")
     return np.clip(started - 1, 0, contour.rate.size - 1)
+
+
+def _on_axes(name: str, contour: Contour, pace: Pace) -> Contour:
+    """The contour on all axes of the pace's machine."""
+    machine, axes = pace.machine.name, pace.machine.model.axes
+    if contour.axes > axes:
+        raise ValueError(f"contour: {name} needs {contour.axes} axes, {machine} has {axes}")
+    return _lifted(contour, axes)
 
 
 def _lifted(contour: Contour, axes: int) -> Contour:

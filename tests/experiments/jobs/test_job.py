@@ -8,12 +8,14 @@ import pytest
 from experiments.catalogue.choices import machine_named
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs import job
-from experiments.jobs.job import Pace, from_file
+from experiments.jobs.job import Pace, along_contour, from_file
 from experiments.jobs.pace import ACCELERATION
 from experiments.shared_options import MachineFlags
+from jcontour.geometry.contours import polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
+SQUARE = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]  # [m]
 
 
 def test_a_program_that_takes_for_ever(tmp_path):
@@ -54,6 +56,25 @@ def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
     found = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
     assert found.ignored == ("1 TEXT (layer notes)",) and found.line_at(0) == 20
     assert 0 < np.count_nonzero(~found.scored) < found.samples / 2
+
+
+def test_a_machine_that_states_its_acceleration_runs_contours_within_half_of_it():
+    """A square of 2 mm with sharp corners, at constant feed on the machine that states none."""
+    free = along_contour("square", polygon(SQUARE), Pace(MACHINES["bridgeport"](), None, None))
+    assert not free.at_rest and free.feed_law == "constant 3000 mm/min"
+    pace = Pace(machine_named(EXAMPLE), None, None)
+    job = along_contour("square", polygon(SQUARE), pace)
+    assert job.at_rest and job.scored.all() and job.arc[0] == 0
+    place = np.asarray(job.reference(pace.machine.model.dt, 1).position)
+    needed = np.abs(np.diff(place, 2, axis=0)).max(axis=0) / pace.machine.model.dt**2
+    assert (needed < 1.01 * np.array([1.5, 1.25])).all() and (needed > [1.4, 1.2]).all()
+
+
+def test_a_contour_of_more_axes_than_the_machine_is_refused():
+    pace = Pace(machine_named(EXAMPLE), None, None)
+    corkscrew = spline([[0.0, 0.0, 0.0], [1e-3, 0.0, 1e-3], [1e-3, 1e-3, 2e-3]])
+    with pytest.raises(ValueError, match="contour: screw needs 3 axes, example-mill has 2"):
+        along_contour("screw", corkscrew, pace)
 
 
 def test_drawings_without_a_unit_name_the_flag(tmp_path):
