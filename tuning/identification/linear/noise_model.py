@@ -26,15 +26,18 @@ def whitening(residual: Float[np.ndarray, " T"], most: int) -> Float[np.ndarray,
     first, second = np.diff(residual), np.diff(residual, 2)  # of samples k-1..k, and k-2..k
     lags = most - 2
     rows = len(second) - lags
-    columns = [residual[1 + lags : -1], first[lags:-1]]
-    columns += [second[lags - i : len(second) - i] for i in range(1, lags + 1)]
-    both = np.stack([*columns, second[lags:]], axis=1)
-    scale = np.sqrt(np.einsum("ij,ij->j", both, both))
+    place = np.stack([residual[1 + lags : -1], first[lags:-1]])
+    past = np.stack([place @ second[lags - i : len(second) - i] for i in range(lags + 1)], axis=1)
+    gram = np.empty((lags + 3, lags + 3))  # the second difference itself comes last
+    order = np.append(np.arange(1, lags + 1), 0)
+    gram[:2, :2], gram[:2, 2:] = place @ place.T, past[:, order]
+    gram[2:, :2] = gram[:2, 2:].T
+    gram[2:, 2:] = _products(second, lags)[np.ix_(order, order)]
+    scale = np.sqrt(np.diag(gram))
     if not scale[-1] > 0:
         return WHITE
     scale = np.where(scale > 0, scale, 1.0)
-    both = both / scale
-    gram = both.T @ both + RIDGE * np.eye(both.shape[1])
+    gram = gram / np.outer(scale, scale) + RIDGE * np.eye(len(gram))
     triangle = np.linalg.cholesky(gram).T
     left = np.cumsum(triangle[::-1, -1] ** 2)[::-1]  # squares left with 0, 1, ... columns
     criterion = rows * np.log(left) + 2 * np.arange(len(left))
@@ -44,6 +47,21 @@ def whitening(residual: Float[np.ndarray, " T"], most: int) -> Float[np.ndarray,
     w = np.convolve(ahead, [1.0, -2.0, 1.0])
     w[1:3] -= found[0] * np.array([1.0, 0.0]) + found[1] * np.array([1.0, -1.0])
     return w
+
+
+def _products(signal: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, "n n"]:
+    """Products of a signal with itself, sum_k s(k-i) s(k-j) over k = lags.., of lags 0..`lags`.
+
+    A row follows from the one before by a sample more at the beginning and one less at the end.
+    """
+    count = len(signal)
+    found = np.empty((lags + 1, lags + 1))
+    found[0] = [signal[lags:] @ signal[lags - j : count - j] for j in range(lags + 1)]
+    begin, end = signal[lags - 1 :: -1], signal[: count - 1 - lags : -1]  # latest first
+    for i in range(lags):
+        found[i + 1, 0] = found[0, i + 1]
+        found[i + 1, 1:] = found[i, :-1] + begin[i] * begin - end[i] * end
+    return found
 
 
 def disturbance_filter(
