@@ -1,9 +1,9 @@
 """Order and delay of an axis model, by what it predicts of data that it was not fitted to.
 
 Every structure, with the noise filter of its own residual, is fitted to the first part of the
-record and predicts the rest one step ahead. Of all within three standard errors of the best (of the
-paired difference of the squared errors) the smallest is taken: a record that does not show a mode
-gives a model without.
+record and predicts the rest one step ahead. Of all that the best does not clearly beat the smallest
+is taken: a record that does not show a mode gives a model without. Clearly: by the likelihood of
+the rest, and not in one place alone.
 """
 
 from collections.abc import Sequence
@@ -23,6 +23,7 @@ from tuning.identification.linear.output_error import (
     started,
     structure_of,
 )
+from tuning.identification.linear.resonance import with_resonance
 
 TRAINING = 0.7  # of the record
 FIRST_TERMS = 24  # coefficients of the whitening filter before any model
@@ -31,7 +32,8 @@ BEGIN = 120  # rows that no structure is judged by: its delay and filter reach b
 MORE = 2  # samples of delay beyond the best of a smaller order that are tried
 GLANCES = 2  # of model and noise filter in turn, while delays are compared
 BLOCK = 200  # samples whose mean counts as one independent value of the squared error
-STANDARD_ERRORS = 3.0
+LIKELIER = 10.0  # gain in log-likelihood of the rest: of a dozen models one gains 5 by chance
+BURSTS = 1.5  # standard errors of its mean: one corner that alone is better gives 1, two give 1.4
 DRAGGED = 3  # of Gauss-Newton at a glance, where friction has to be found as well
 STEPS = 5  # of Gauss-Newton while orders and delays are compared
 TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
@@ -98,6 +100,11 @@ def chosen(
                 latest = min(tried[-1].model.delay + MORE, most_delay)
     if not tried:
         raise ValueError("no stable model explains the record")
+    tried += [
+        _walked(training, replace(one, model=with_resonance(training, one)), most_delay)
+        for one in tried
+        if len(one.model.denominator) + 2 <= most_poles
+    ]
     found = [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in tried]
     found.sort(key=lambda one: one.loss)
     fit = _alternated(training, _smallest(found).fit)
@@ -217,7 +224,7 @@ def _size(one: Candidate) -> int:
 
 def _clearly_better(best: Candidate, other: Candidate) -> bool:
     rows = min(len(best.held_out), len(other.held_out))
-    gain = other.held_out[-rows:] ** 2 - best.held_out[-rows:] ** 2
-    blocks = np.array_split(gain, max(rows // BLOCK, 2))
-    means = np.array([block.mean() for block in blocks])
-    return bool(means.mean() > STANDARD_ERRORS * means.std(ddof=1) / np.sqrt(len(means)))
+    one, two = best.held_out[-rows:] ** 2, other.held_out[-rows:] ** 2
+    means = np.array([part.mean() for part in np.array_split(two - one, max(rows // BLOCK, 2))])
+    likelier = 0.5 * rows * np.log(two.mean() / one.mean()) > LIKELIER
+    return bool(likelier and means.mean() > BURSTS * means.std(ddof=1) / np.sqrt(len(means)))

@@ -180,7 +180,7 @@ def _equation_error(
         columns += [shifted(answer, i) for i in range(1, m + 1)]
     columns += [time**i for i in range(structure.integrators + 1)]
     first = skip + n + m + structure.delay
-    found = _solved(np.stack(columns, axis=1)[first:], y_[first:])
+    found = solved(np.stack(columns, axis=1)[first:], y_[first:])
     return _inside(np.concatenate([[1.0], found[:n]])), found[n : n + m]
 
 
@@ -197,7 +197,7 @@ def _refined(
     fit = _evaluated(record, structure, filter_, start, drag)
     fallen = 0
     for _ in range(iterations):
-        step = _solved(fit.jacobian, -fit.errors)
+        step = solved(fit.jacobian, -fit.errors)
         scale = 1.0
         for _ in range(HALVINGS):
             a = fit.model.denominator + scale * step[:n]
@@ -243,8 +243,8 @@ def _evaluated(
     seen = np.stack([whitened(one, filter_) for one in before.T], axis=1)[first:]
     moved = record.position - record.position[0]
     missed = whitened(moved - answer, filter_)[first:]
-    linear = _solved(seen, missed)
-    residual = moved - answer - before @ _solved(before[begin:], (moved - answer)[begin:])
+    linear = solved(seen, missed)
+    residual = moved - answer - before @ solved(before[begin:], (moved - answer)[begin:])
     residual[:begin] = 0.0
     output = record.position - residual
     errors = missed - seen @ linear
@@ -288,7 +288,7 @@ def _filtered(below: np.ndarray, signal: np.ndarray) -> np.ndarray:
     return np.asarray(lfilter([1.0], below, signal))
 
 
-def _solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
+def solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Least squares over columns of any size; a column of zeros gets zero."""
     scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     scale = np.where(scale > 0, scale, 1.0)

@@ -1,0 +1,91 @@
+"""Where a resonance may be beside a model that has none.
+
+A fit that begins at smooth models falls into one of them when the record shows a resonance by its
+corners only. So a pair of poles is laid on a grid of frequencies and dampings,
+
+    z = exp((-zeta +- i sqrt(1 - zeta^2)) w),
+
+beside the poles of the model, and the numerator behind every delay is found by linear least squares
+under the model's noise filter. The delays of a pair share one QR factorisation.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import lfilter
+
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.noise_model import whitened
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    AxisRecord,
+    Structure,
+    driven,
+    shifted,
+    solved,
+)
+
+FREQUENCIES = np.geomspace(0.05, 1.5, 13)  # [rad/sample]: 8 to 240 Hz of 1 kHz
+DAMPINGS = (0.05, 0.2)
+
+
+def with_resonance(record: AxisRecord, base: AxisFit) -> AxisModel:
+    """The model with the pair of poles, numerator and delay that leave the least of a record.
+
+    Args:
+        record: of the axis.
+        base: model without the pair, with its noise filter; the delay is at most its own.
+    """
+    smooth, drag = base.model, zip(base.drag, record.drags, strict=True)
+    i, poles = smooth.integrators, len(smooth.denominator) + 2
+    structure = Structure(poles, poles + i, i, 0)
+    command = record.command + sum(f * signal for f, signal in drag)
+    drive = whitened(driven(command, structure), base.filter)
+    position = whitened(record.position - record.position[0], base.filter)
+    first = len(base.filter) + structure.zeros + smooth.delay
+    tried = [
+        found
+        for pair in _pairs()
+        for found in _numerators(
+            np.convolve(np.concatenate([[1.0], smooth.denominator]), pair),
+            drive,
+            position,
+            structure,
+            smooth.delay,
+            first,
+        )
+    ]
+    _, below, above, delay = min(tried, key=lambda one: one[0])
+    return AxisModel(below[1:], above, i, delay, record.dt)
+
+
+def _pairs() -> Iterator[Float[np.ndarray, " 3"]]:
+    """Denominators of the grid."""
+    for w in FREQUENCIES:
+        for zeta in DAMPINGS:
+            radius = np.exp(-zeta * w)
+            yield np.array([1.0, -2 * radius * np.cos(w * np.sqrt(1 - zeta**2)), radius**2])
+
+
+def _numerators(
+    below: np.ndarray,
+    drive: np.ndarray,
+    position: np.ndarray,
+    structure: Structure,
+    most_delay: int,
+    first: int,
+) -> Iterator[tuple[float, np.ndarray, np.ndarray, int]]:
+    """What is left [m^2], denominator, numerator and delay, for every delay up to one."""
+    m, answer = structure.zeros, np.asarray(lfilter([1.0], below, drive))
+    time = np.linspace(-1, 1, len(drive))
+    columns = [shifted(answer, k) for k in range(1, m + most_delay + 1)]
+    columns += [time**k for k in range(structure.integrators + 1)]
+    both = np.stack([*columns, position], axis=1)[first:]
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    last = list(range(m + most_delay, len(columns)))
+    for delay in range(most_delay + 1):
+        chosen = triangle[:, [*range(delay, delay + m), *last]]
+        found = solved(chosen, triangle[:, -1])
+        left = triangle[:, -1] - chosen @ found
+        yield float(left @ left), below, found[:m], delay
