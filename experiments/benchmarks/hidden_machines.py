@@ -1,22 +1,31 @@
 """Random axes whose records are all that an identification sees, and which then tell the truth."""
 
 import numpy as np
+from jaxtyping import Float
 
+from experiments.jobs.excitation import Excited, sines
 from jcontour.linear.continuous_axes import (
     force_axis,
     position_axis,
+    sampled_axis,
     speed_axis,
     with_resonance,
 )
-from tuning.identification.linear.recording import RecordedAxis, Takes
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.machine import MachineRecord
+from tuning.identification.linear.recording import RecordedAxis, Takes, recorded
 
 KINDS: tuple[Takes, ...] = ("speed", "position", "force")
 COUNTS = (0.1e-6, 1e-6)  # encoder [m]
+DT, SECONDS = 1e-3, 60.0
+LIMITS = Excited(("X", "Y"), DT, np.full(2, 0.4), np.full(2, 0.25), np.full(2, 2.0))
+PROGRAMS = ("contour", "excite")
 
 
-def hidden_axis(random: np.random.Generator, dt: float) -> RecordedAxis:
-    """A random axis with a cascade that is stable with room."""
-    kind = KINDS[int(random.integers(len(KINDS)))]
+def hidden_axis(random: np.random.Generator, dt: float, takes: Takes | None = None) -> RecordedAxis:
+    """A random axis with a cascade that is stable with room; of any kind, or of the one given."""
+    drawn = KINDS[int(random.integers(len(KINDS)))]
+    kind = takes or drawn
     delay = dt * float(random.integers(4))
     constant = float(np.exp(random.uniform(np.log(4e-3), np.log(40e-3))))
     gain = float(np.exp(random.uniform(np.log(0.5), np.log(2.0))))
@@ -37,3 +46,41 @@ def hidden_axis(random: np.random.Generator, dt: float) -> RecordedAxis:
         axis = with_resonance(axis, 2 * np.pi * random.uniform(40, 90), random.uniform(0.05, 0.2))
     count = float(np.exp(random.uniform(*np.log(COUNTS))))
     return RecordedAxis(axis, kind, count, 0.5 * count, float(random.uniform(0, 0.003)), loop)
+
+
+def hidden_record(axes: list[RecordedAxis], program: str, seed: int) -> MachineRecord:
+    """What is recorded while the axes run one of `PROGRAMS` under their cascades."""
+    rows = int(SECONDS / DT)
+    signals = []
+    for k, one in enumerate(axes):
+        random = np.random.default_rng([seed, k])
+        signals.append(recorded(one, _reference(program, rows, k), DT, random))
+    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    return MachineRecord(DT, ("X", "Y"), u, y)
+
+
+def _reference(program: str, rows: int, axis: int) -> Float[np.ndarray, " T"]:
+    """Arcs of three sizes and lines between corners; or the sines of `--excite`, repeated."""
+    time = DT * np.arange(rows)
+    if program == "excite":
+        return np.resize(sines(LIMITS)[:-1, axis], rows)
+    arcs = sum(
+        size * np.sin(2 * np.pi * hertz * time + axis)
+        for size, hertz in ((0.02, 0.3), (0.004, 1.7), (0.001, 6.0))
+    )
+    return arcs + 0.05 * DT * np.cumsum(np.sign(np.sin(2 * np.pi * (0.21 + 0.1 * axis) * time)))
+
+
+def true_model(axis: RecordedAxis) -> AxisModel:
+    """The axis as an identification would have it, from its Markov parameters."""
+    A, B, C, late = sampled_axis(axis.axis, DT)
+    below = np.poly(np.linalg.eigvals(A)).real
+    markov, x = [], B[:, 0]
+    for _ in range(len(A)):
+        markov.append((C @ x).item())
+        x = A @ x
+    above = np.convolve(below, markov)[: len(A)]
+    integrators = 0 if axis.takes == "position" else 1
+    if integrators:
+        below, _ = np.polydiv(below, [1.0, -1.0])
+    return AxisModel(below[1:], above, integrators, late, DT)

@@ -8,24 +8,26 @@ import numpy as np
 from jaxtyping import Complex, Float
 from rich.console import Console
 
-from experiments.benchmarks.hidden_machines import hidden_axis
-from experiments.jobs.excitation import Excited, sines
+from experiments.benchmarks.hidden_machines import (
+    DT,
+    PROGRAMS,
+    SECONDS,
+    hidden_axis,
+    hidden_record,
+    true_model,
+)
 from experiments.options import Bench
 from experiments.reports import tables
 from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence
-from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.machine import LinearAxis, MachineRecord, identify_machine
 from tuning.identification.linear.noise_model import whitening
 from tuning.identification.linear.order_search import NOISE_TERMS, TELLS, TRAINING
 from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
-from tuning.identification.linear.recording import RecordedAxis, recorded
+from tuning.identification.linear.recording import RecordedAxis
 
-DT, SECONDS = 1e-3, 60.0
 MOST_POLES, MOST_DELAY = 3, 10
 FREQUENCIES = 24
-LIMITS = Excited(("X", "Y"), DT, np.full(2, 0.4), np.full(2, 0.25), np.full(2, 2.0))
-PROGRAMS = ("contour", "excite")
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> IdentifyBench:
         for machine in range(flags.seeds):
             seeds = (2 * machine, 2 * machine + 1)
             axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
-            record = _record(axes, program, machine)
+            record = hidden_record(axes, program, machine)
             began = time.perf_counter()
             found = identify_machine(record, MOST_POLES, MOST_DELAY)
             seconds.append(time.perf_counter() - began)
@@ -131,28 +133,6 @@ def _line(one: HiddenResult) -> str:
     )
 
 
-def _record(axes: list[RecordedAxis], program: str, seed: int) -> MachineRecord:
-    rows = int(SECONDS / DT)
-    signals = []
-    for k, one in enumerate(axes):
-        random = np.random.default_rng([seed, k])
-        signals.append(recorded(one, _reference(program, rows, k), DT, random))
-    u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
-    return MachineRecord(DT, ("X", "Y"), u, y)
-
-
-def _reference(program: str, rows: int, axis: int) -> Float[np.ndarray, " T"]:
-    """Arcs of three sizes and lines between corners; or the sines of `--excite`, repeated."""
-    time = DT * np.arange(rows)
-    if program == "excite":
-        return np.resize(sines(LIMITS)[:-1, axis], rows)
-    arcs = sum(
-        size * np.sin(2 * np.pi * hertz * time + axis)
-        for size, hertz in ((0.02, 0.3), (0.004, 1.7), (0.001, 6.0))
-    )
-    return arcs + 0.05 * DT * np.cumsum(np.sign(np.sin(2 * np.pi * (0.21 + 0.1 * axis) * time)))
-
-
 def _compared(
     axis: RecordedAxis, found: LinearAxis, record: MachineRecord, k: int, program: str, seed: int
 ) -> HiddenResult:
@@ -188,21 +168,6 @@ def _held_out_ratio(axis: RecordedAxis, found: LinearAxis, record: MachineRecord
     fit = simulated(training, true_model(axis))
     truth = predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))
     return float(np.sqrt(found.choice.best.loss / np.mean(truth**2)))
-
-
-def true_model(axis: RecordedAxis) -> AxisModel:
-    """The axis as an identification would have it, from its Markov parameters."""
-    A, B, C, late = sampled_axis(axis.axis, DT)
-    below = np.poly(np.linalg.eigvals(A)).real
-    markov, x = [], B[:, 0]
-    for _ in range(len(A)):
-        markov.append((C @ x).item())
-        x = A @ x
-    above = np.convolve(below, markov)[: len(A)]
-    integrators = 0 if axis.takes == "position" else 1
-    if integrators:
-        below, _ = np.polydiv(below, [1.0, -1.0])
-    return AxisModel(below[1:], above, integrators, late, DT)
 
 
 def response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from experiments.benchmarks.hidden_machines import true_model
 from experiments.benchmarks.identify import (
     HiddenResult,
     IdentifyBench,
     bandwidth,
     response,
     show,
-    true_model,
 )
 from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance

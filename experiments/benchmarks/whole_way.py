@@ -1,0 +1,164 @@
+"""`jcontour bench whole_way`: log of a hidden machine, identify, tune, and back on that machine.
+
+Beside it the same with the true model in the machine file, its limits and its family unchanged:
+what is lost is lost by identifying.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rich.console import Console
+from scipy.linalg import block_diag
+
+from experiments.benchmarks.hidden_machines import (
+    DT,
+    KINDS,
+    hidden_axis,
+    hidden_record,
+    true_model,
+)
+from experiments.benchmarks.identify import MOST_DELAY, MOST_POLES
+from experiments.machines.from_file import machine_from
+from experiments.machines.identified import machine_fields
+from experiments.options import Bench, Tune
+from experiments.reports import tables
+from experiments.runs.searching import NothingSound, searched
+from experiments.runs.tuning import tuning_run
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.metrics import score
+from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.recording import RecordedAxis
+
+
+@dataclass(frozen=True)
+class Way:
+    """One hidden machine.
+
+    Attributes:
+        seed, takes: which one.
+        delays: true ones of its axes [samples].
+        errors: by contour, the RMS contour error on the hidden machine [m]: tuned on the
+            identified model, and on the true one.
+        gain, late: family of the identified machine file.
+        diverged: whether any run of the identified design did, or every point of its search.
+    """
+
+    seed: int
+    takes: str
+    delays: tuple[int, ...]
+    errors: dict[str, tuple[float, float]]
+    gain: float
+    late: int
+    diverged: bool
+
+    @property
+    def ratio(self) -> float:
+        """Mean error over the contours, over that of tuning on the true machine."""
+        identified, true = np.mean(list(self.errors.values()), axis=0)
+        return float(identified / true)
+
+    @property
+    def worst(self) -> float:
+        """Largest of the ratios of single contours."""
+        return max(one / true for one, true in self.errors.values())
+
+
+@dataclass(frozen=True)
+class WholeWayBench:
+    """One row for every machine."""
+
+    machines: list[Way]
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
+    """Machines of two axes of one kind, from logs of arcs and lines to their contour errors."""
+    ways = []
+    for seed in range(flags.seeds):
+        takes = KINDS[seed % len(KINDS)]
+        random = np.random.default_rng([seed, 16])
+        axes = [hidden_axis(random, DT, takes) for _ in range(2)]
+        ways.append(_way(axes, seed))
+        tell(_line(ways[-1]))
+        jax.clear_caches()  # every machine has programs of its own: they would fill the memory
+    return WholeWayBench(ways)
+
+
+def show(console: Console, result: WholeWayBench) -> None:
+    """One line for every machine."""
+    rows = [
+        [
+            str(way.seed),
+            way.takes,
+            " ".join(map(str, way.delays)),
+            f"{1e6 * np.mean([one for one, _ in way.errors.values()]):.3g}",
+            f"{1e6 * np.mean([true for _, true in way.errors.values()]):.3g}",
+            f"{way.ratio:.3f}",
+            f"{way.worst:.3f}",
+            "yes" if way.diverged else "no",
+        ]
+        for way in result.machines
+    ]
+    columns = ["machine", "takes", "delays", "identified\num", "true model\num", "ratio"]
+    columns += ["worst contour", "diverged"]
+    console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
+    ratios = [way.ratio for way in result.machines]
+    tables.say(console, f"ratio: median {np.median(ratios):.3f}, largest {max(ratios):.3f}")
+
+
+def _line(way: Way) -> str:
+    return (
+        f"{way.seed} {way.takes}: {way.ratio:.3f} of the error with the true model, "
+        f"worst contour {way.worst:.3f}{', diverged' if way.diverged else ''}"
+    )
+
+
+def _way(axes: list[RecordedAxis], seed: int) -> Way:
+    found = identify_machine(hidden_record(axes, "contour", seed), MOST_POLES, MOST_DELAY)
+    fields = machine_fields(found, "identified", "unit")
+    truth = true_fields(axes, fields)
+    identified, lost = _errors(fields, truth)
+    best, _ = _errors(truth, truth)
+    delays = tuple(round(one.axis.delay / DT) for one in axes)
+    errors = {name: (identified.get(name, np.inf), best[name]) for name in best}
+    return Way(seed, axes[0].takes, delays, errors, found.gain, found.late, lost)
+
+
+def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[str, Any]:
+    """The machine file with the true model: its own states and delays."""
+    models = [true_model(one) for one in axes]
+    shared = min(one.delay for one in models)
+    parts = [one.realisation(one.delay - shared) for one in models]
+    A, B, C = (np.asarray(block_diag(*three)).tolist() for three in zip(*parts, strict=True))
+    model = {"A": A, "B": B, "C": C, "known_delay": shared}
+    return fields | model | {"encoder_resolution": min(one.count for one in axes)}
+
+
+def _errors(fields: dict[str, Any], truth: dict[str, Any]) -> tuple[dict[str, float], bool]:
+    """RMS contour errors on the true machine of what is tuned on a file; whether a run diverged.
+
+    No errors where every point of the search diverged.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "machine.json"
+        path.write_text(json.dumps(fields))
+        quiet = tables.console_of(quiet=True)
+        try:
+            found = searched(tuning_run(Tune(plant=str(path))), Path(place), lambda _: None, quiet)
+        except NothingSound:
+            return {}, True
+    controller = found.run.controller(found.tuned.weights)
+    machine = machine_from(json.dumps(truth).encode(), "true")
+    plant = machine.true_family(found.run.design.fed)[0]
+    errors, diverged = {}, False
+    for job in found.run.scenarios.jobs:
+        reference = job.reference(DT, controller.preview)
+        metrics = score(simulate(plant, controller, reference), reference)
+        errors[job.name] = float(metrics.rms_contour_error)
+        diverged |= bool(metrics.diverged)
+    return errors, diverged

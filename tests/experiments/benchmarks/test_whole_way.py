@@ -1,0 +1,43 @@
+import json
+
+import numpy as np
+import pytest
+
+from experiments.benchmarks.hidden_machines import DT, hidden_axis
+from experiments.benchmarks.identify import response
+from experiments.benchmarks.whole_way import Way, WholeWayBench, measured, show, true_fields
+from experiments.machines.from_file import machine_from
+from experiments.options import Bench
+from experiments.reports.tables import console_of
+
+HERTZ = np.array([0.5, 5.0, 60.0])
+
+
+@pytest.mark.parametrize("takes", ["speed", "position", "force"])
+def test_the_true_file_answers_as_the_hidden_axes(takes):
+    """Delays of the two axes differ: one is in the states, the other shared."""
+    axes = [hidden_axis(np.random.default_rng(seed), DT, takes) for seed in (3, 5)]
+    assert len({one.axis.delay for one in axes}) == 2
+    fields = true_fields(axes, {"dt": DT, "name": "kept"})
+    assert fields["name"] == "kept"
+    model = machine_from(json.dumps(fields).encode(), "true").model
+    A, B, C = (np.asarray(one) for one in (model.A, model.B, model.C))
+    z = np.exp(2j * np.pi * HERTZ * DT)
+    answers = np.array([C @ np.linalg.solve(one * np.eye(len(A)) - A, B) for one in z])
+    for k, axis in enumerate(axes):
+        assert np.allclose(answers[:, k, k], response(axis, HERTZ), rtol=1e-4)
+    assert not answers[:, 0, 1].any()
+
+
+def test_ratios_of_the_mean_and_of_the_worst_contour(capsys):
+    way = Way(0, "speed", (0, 1), {"circle": (3e-6, 1e-6), "square": (6e-6, 5e-6)}, 0.02, 0, True)
+    assert way.ratio == pytest.approx(1.5) and way.worst == pytest.approx(3.0)
+    show(console_of(), WholeWayBench([way]))
+    printed = capsys.readouterr().out
+    assert "1.500" in printed and "3.000" in printed and "yes" in printed
+
+
+@pytest.mark.slow
+def test_a_hidden_drive_is_tuned_as_if_it_were_known():
+    (way,) = measured(Bench(what="whole_way", seeds=1), lambda _: None).machines
+    assert not way.diverged and way.ratio < 1.1
