@@ -9,7 +9,7 @@ import numpy as np
 from jcontour.geometry import contours
 from jcontour.geometry.drawings.drawn_pieces import drawn_pieces
 from jcontour.geometry.drawings.joining import Stroke, joined, without_doubles
-from jcontour.geometry.drawings.segments import Drawn, Line, Segment, is_finite
+from jcontour.geometry.drawings.segments import Drawn, Line, Segment, is_finite, vanishes
 from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
 from jcontour.geometry.toolpaths import Toolpath
 
@@ -40,7 +40,7 @@ class Drawing:
             raise ToolpathError(
                 f"line {line}: a point is farther than {FARTHEST:g} m away: is the unit right?"
             )
-        segments = [segment for segment in segments if not _vanishes(segment)]
+        segments = [segment for segment in segments if not vanishes(segment)]
         self.count += len(segments)
         if self.count > MOST_MOVES:
             raise ToolpathError(f"line {line}: more than {MOST_MOVES} segments")
@@ -87,10 +87,6 @@ def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpa
     contour = contours.from_pieces(pieces, error, contours.NEWTON_STEPS if smooth else 0)
     line = np.array([line for _, line in drawn])[owner]
     return Toolpath(contour, np.where(is_rapid, np.nan, feed), is_rapid, line, told)
-
-
-def _vanishes(segment: Segment) -> bool:
-    return isinstance(segment, Line) and abs(segment.end - segment.start) < SHORTEST
 
 
 def _near(segment: Segment) -> bool:

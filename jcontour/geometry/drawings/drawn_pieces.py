@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment
+from jcontour.geometry.drawings.segments import Arc, Curve, Line, Segment, vanishes
 from jcontour.geometry.drawings.smooth_curves import Ellipses, RationalCurves, pairs
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
-from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
+from jcontour.geometry.toolpath_rules import ToolpathError
 
 FIT_TOLERANCE = 1e-8  # [m] a tenth of what drawings are promised to be read to
 NM = 1e-9  # [m]
@@ -51,13 +51,13 @@ def drawn_pieces(segments: Sequence[Segment]) -> DrawnPieces:
     """
     lines, arcs, ellipses, curves = [], [], [], []
     for i, segment in enumerate(segments):
+        if vanishes(segment):
+            continue
         if isinstance(segment, Line):
-            if abs(segment.end - segment.start) >= SHORTEST:
-                lines.append((i, segment))
+            lines.append((i, segment))
         elif isinstance(segment, Curve):
-            if _size(segment) >= SHORTEST:
-                curves.append((i, segment))
-        elif max(abs(segment.first), abs(segment.second)) * abs(segment.sweep) >= SHORTEST:
+            curves.append((i, segment))
+        else:
             (arcs if segment.is_circular() else ellipses).append((i, segment))
     groups, error = [], 0.0
     if lines:
@@ -120,7 +120,3 @@ def _fitted(smooth: Ellipses | RationalCurves) -> tuple[_Group, float]:
 
 def _owners(numbered: list) -> np.ndarray:
     return np.array([owner for owner, _ in numbered])
-
-
-def _size(curve: Curve) -> float:
-    return max(abs(curve.at(t) - curve.start) for t in (0.25, 0.5, 0.75, 1.0))

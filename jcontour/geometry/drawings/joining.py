@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 
 from jcontour.geometry.drawings.affine import Planar, similarity
-from jcontour.geometry.drawings.segments import Drawn, Line, Segment
+from jcontour.geometry.drawings.segments import Drawn, Line, Segment, vanishes
 from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
 
 Stroke = list[Drawn]  # segments that meet
@@ -154,8 +154,9 @@ def _meeting(contour: Stroke, gap: float) -> Stroke:
         moved = _moved(segment, at, end)
         if moved is segment and abs(segment.start - at) >= SHORTEST:
             found.append(Drawn(Line(at, segment.start), line))
-        found.append(Drawn(moved, line))
-        at = moved.end
+        if not vanishes(moved):
+            found.append(Drawn(moved, line))
+            at = moved.end
     if closes and abs(at - first) >= SHORTEST:
         found.append(Drawn(Line(at, first), contour[-1].line))
     return found
@@ -167,7 +168,7 @@ def _moved(segment: Segment, start: Planar, end: Planar) -> Segment:
         return segment
     chord = abs(segment.end - segment.start)
     size = max(chord, abs(segment.middle() - segment.start))
-    if size > MOST_CURLED * min(chord, abs(end - start)):
+    if size >= MOST_CURLED * min(chord, abs(end - start)):
         return segment
     return segment.placed(similarity((segment.start, segment.end), (start, end)))
 

@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from jcontour.geometry.drawings.affine import Affine, Planar
+from jcontour.geometry.toolpath_rules import SHORTEST
 
 ROUND = 1e-9  # of the half axes: ellipses that are this close to a circle are circles
 STANDS = 1e-12  # of a curve's size: a derivative this small has no direction
@@ -165,6 +166,17 @@ class Drawn(NamedTuple):
 
     segment: Segment
     line: int
+
+
+def vanishes(segment: Segment) -> bool:
+    """Whether a segment is too short to be cut."""
+    if isinstance(segment, Line):
+        size = abs(segment.end - segment.start)
+    elif isinstance(segment, Arc):
+        size = max(abs(segment.first), abs(segment.second)) * abs(segment.sweep)
+    else:
+        size = max(abs(segment.at(t) - segment.start) for t in (0.25, 0.5, 0.75, 1.0))
+    return size < SHORTEST
 
 
 def is_finite(segment: Segment) -> bool:

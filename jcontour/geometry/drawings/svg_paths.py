@@ -48,7 +48,10 @@ def _given(data: str, at: int, kind: str, line: int) -> tuple[list[float], int]:
             raise ToolpathError(
                 f"line {line}: {kind} needs {COUNTS[kind]} numbers, received {shown(data[at:])}"
             )
-        given.append(float(match[1]))
+        value = float(match[1])
+        if not math.isfinite(value):
+            raise ToolpathError(f"line {line}: the number {shown(match[1])} is too large")
+        given.append(value)
         at = match.end()
     return given, at
 

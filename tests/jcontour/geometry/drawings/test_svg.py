@@ -107,6 +107,13 @@ def test_transforms_act_from_right_to_left(drawn, svg):
     np.testing.assert_allclose(np.hypot(x + 0.5 * y, y), 10, atol=20 * NM)
 
 
+def test_what_has_no_size_is_not_cut(svg):
+    """A circle of no radius, seen through a transform; it is no last rapid move either."""
+    body = '<path d="M0 0H9"/><g transform="scale(0,0)"><circle cx="7" r="4"/></g>'
+    toolpath = svg(body)
+    assert toolpath.rapid.size == 1
+
+
 def test_viewports_symbols_and_use(drawn, svg):
     """A viewBox of 10 x 10 in 40 x 20 is doubled and in the middle, or stretched."""
     inner = '<svg x="10" y="5" width="40" height="20" viewBox="0 0 10 10" {}>{}</svg>'
@@ -166,6 +173,7 @@ LAUGHS = "<!DOCTYPE svg [<!ENTITY a0 'ha'>{}]>\n".format(
         ('<path d="L1 1"/>', "", "line 2: path data cannot be read from 'L1 1'"),
         ('<path d="M0 0 K3"/>', "", "line 2: path data cannot be read from 'K3'"),
         ('<path d="M0 0 A1 1 0 2 1 3 3"/>', "", "line 2: A needs 7 numbers"),
+        ('<path d="M0 0 A1 1 1e3000 0 1 3 3"/>', "", "line 2: the number '1e3000' is too large"),
         ('<circle r="1em"/>', "", "line 2: r needs a length in px, mm"),
         ('<line x2="1e9"/>', "", "line 2: a point is farther than 100 m away"),
         ('<line x2="1e999"/>', "", "line 2: a point is farther than 100 m away"),
