@@ -10,12 +10,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.jobs.motion_laws import Aside, Planned, along_path
+from experiments.jobs.motion_laws import Aside, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
+from jcontour.motion.cornering import Planned
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
 

@@ -8,12 +8,10 @@ from jaxtyping import Bool, Float
 
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
-from jcontour.motion.blending import BlendedPath
+from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.feed_laws import trapezoidal
 from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
-from jcontour.motion.smoothing import smooth_path
 
 UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
@@ -36,13 +34,6 @@ class Aside(NamedTuple):
     def some(self, samples: slice) -> "Aside":
         """Some of the samples."""
         return Aside(self.offset[samples], self.tangent[samples])
-
-
-class Planned(NamedTuple):
-    """A jerk-limited motion, and the path with blends that it runs along."""
-
-    around: BlendedPath
-    motion: JerkLimitedMotion
 
 
 class AlongPath(NamedTuple):
@@ -101,16 +92,14 @@ def axis_limits(pace: Pace) -> AxisLimits:
 def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, words: str) -> AlongPath:
     allowed = rapid[1:] == rapid[:-1]
     alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
-    around = smooth_path(contour, pace.corner_tolerance, allowed, alike)
-    motion = jerk_limited(around.path, around.feed(feed), axis_limits(pace))
+    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, allowed, alike)
+    around, motion = planned
     followed = motion.sampled(pace.machine.model.dt)
     arc = around.true_arc(followed)
     place, tangent = _on(around.path, followed)
     blend = f"corners within {pace.corner_tolerance / UM:.4g} um"
     law = f"jerk-limited, {words}, {blend if pace.corner_tolerance else 'stops in corners'}"
-    return AlongPath(
-        arc, law, Aside(place - _on(contour, arc)[0], tangent), Planned(around, motion)
-    )
+    return AlongPath(arc, law, Aside(place - _on(contour, arc)[0], tangent), planned)
 
 
 def _on(contour: Contour, arc: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from experiments.files.results.run_metrics import MotionSummary
-from experiments.jobs.motion_laws import Planned
+from jcontour.motion.cornering import Planned
 
 POINTS = 20_000  # times at which it is looked at
 NEAR = 0.98  # of a limit: there it acts

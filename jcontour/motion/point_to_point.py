@@ -14,7 +14,7 @@ from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, in_time
 
 
-class _Pieces(NamedTuple):
+class Phases(NamedTuple):
     """Stretches of constant jerk: time [s] and motion at which each begins."""
 
     start: Float[np.ndarray, " P"]
@@ -39,6 +39,10 @@ class PointToPoint:
         feed: greatest speed [m/s].
         acceleration: greatest acceleration [m/s^2].
         jerk: greatest jerk [m/s^3]; infinite for a trapezoid.
+
+    Attributes:
+        duration: [s].
+        phases: its stretches of constant jerk.
 
     Raises:
         ValueError: a value is not above zero, or one other than the jerk is not finite.
@@ -67,11 +71,11 @@ class PointToPoint:
             (jerk_time, -peak, j),
         )
         self.duration = 2 * rise + cruise
-        self._pieces = _joined(*zip(*stretches, strict=True))
+        self.phases = _joined(*zip(*stretches, strict=True))
 
     def __call__(self, time: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Arc length [m] at times [s]; the end is held."""
-        p = self._pieces
+        p = self.phases
         i = np.searchsorted(p.start, time, side="right") - 1
         t = time - p.start[i]
         arc = p.arc[i] + t * (p.speed[i] + t * (p.acceleration[i] / 2 + t * p.jerk[i] / 6))
@@ -128,9 +132,9 @@ def _times(
     return jerk_time, rise, cruise, jerk * jerk_time if jerk_time > 0 else acceleration
 
 
-def _joined(duration, acceleration, jerk) -> _Pieces:
+def _joined(duration, acceleration, jerk) -> Phases:
     """Stretches one after the other from rest, those of no duration left out."""
     T, a, j = (np.asarray(row)[np.asarray(duration) > 0] for row in (duration, acceleration, jerk))
     speed = np.cumsum(T * (a + T * j / 2)) - T * (a + T * j / 2)
     travelled = T * (speed + T * (a / 2 + T * j / 6))
-    return _Pieces(np.cumsum(T) - T, np.cumsum(travelled) - travelled, speed, a, j)
+    return Phases(np.cumsum(T) - T, np.cumsum(travelled) - travelled, speed, a, j)

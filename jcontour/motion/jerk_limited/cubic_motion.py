@@ -112,10 +112,12 @@ def through(time: Float[np.ndarray, " k"], arc: Float[np.ndarray, " k"]) -> Cubi
 
 
 def joined(motions: list[CubicMotion]) -> CubicMotion:
-    """One motion after the other, each in places of its own."""
+    """One motion after the other, each in places of its own, without cells of no duration."""
     ends = np.cumsum([0.0, *(motion.time[-1] - motion.time[0] for motion in motions)])
     times = [
         motion.time[:-1] - motion.time[0] + end for motion, end in zip(motions, ends, strict=False)
     ]
-    coefficients = np.concatenate([motion.coefficients for motion in motions])
-    return CubicMotion(np.concatenate([*times, ends[-1:]]), coefficients)
+    time = np.concatenate([*times, ends[-1:]])
+    lasts = np.diff(time) > 0
+    coefficients = np.concatenate([motion.coefficients for motion in motions])[lasts]
+    return CubicMotion(time[np.append(lasts, True)], coefficients)

@@ -1,4 +1,4 @@
-"""Jerk-limited motion along a contour, planned as a whole in two passes."""
+"""Jerk-limited motion along a contour, planned as a whole in two passes; lines in closed form."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
@@ -28,6 +28,7 @@ from jcontour.motion.jerk_limited.cubic_motion import (
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.optimum import fullest, quickest
+from jcontour.motion.jerk_limited.straight import straight_motions
 from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
 
 ROOM = 0.02  # of every limit that is left at the start of a pass
@@ -40,6 +41,7 @@ QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
 SPARSE = 0.1  # of the cells elsewhere
 MOST_SAMPLES = 20_000_000
 ROUNDING = 1e-6  # of a sample
+EXACT = 1 - 1e-10  # of the rate's square where the old motion is the quickest: limits keep a gap
 
 
 @dataclass(frozen=True)
@@ -193,12 +195,25 @@ def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLim
     feed = np.broadcast_to(feed, pieces.extent.shape)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    stretch = np.append(0, np.cumsum(~smooth))
     stops = starts[np.concatenate([[True], ~smooth, [True]])]
+    task = _Task(contour, limits, feed, stops, pieces)
+    lines = straight_motions(pieces, feed, limits, stretch)
+    bends = np.array([line is None for line in lines])
+    ramp = np.full(1, mesh.launch_length(limits))
+    old = joined(
+        [
+            ramped(np.array(ends), ramp) if line is None else line
+            for ends, line in zip(pairwise(stops), lines, strict=True)
+        ]
+    )
+    if not bends.any():
+        return _planned(task, old, *_own_cells(task, old), bends, tightenings=0)
     place, piece = mesh.nodes(contour, pieces, feed, limits, stops)
-    old = ramped(stops, np.full(stops.size - 1, mesh.launch_length(limits)))
-    cells, node = mesh.cells_between(place, piece, pieces, old)
-    motion = _planned(_Task(contour, limits, feed, stops, pieces), old, cells, node, 0)
-    again = _again(motion)
+    kept = bends[stretch[piece]] | (place == starts[piece])
+    cells, node = mesh.cells_between(place[kept], piece[kept], pieces, old)
+    motion = _planned(task, old, cells, node, bends, tightenings=0)
+    again = _again(task, motion, lines, bends)
     return motion if again is None else min(motion, again, key=lambda one: one.duration)
 
 
@@ -217,10 +232,27 @@ def _planned(
     old: CubicMotion,
     cells: Cells,
     node: Float[np.ndarray, " n"],
+    bends: Bool[np.ndarray, " stretches"],
     tightenings: int,
 ) -> JerkLimitedMotion:
-    """Quickest warp of an old motion, slowed down by what passes between the points."""
+    """Quickest warp of an old motion; the old one is it already in stretches that do not bend."""
     begins = (cells.elapsed == 0) & (old.coefficients[cells.cell, 1] == 0)
+    open_ = bends[np.cumsum(begins) - 1]
+    square = np.full((open_.size, 3), EXACT)
+    gap = 0.0
+    if bends.any():
+        square[open_], gap = _quickest(task, old, cells.taken(open_), begins[open_], tightenings)
+    return JerkLimitedMotion(*task, old, cells, Warp.of(node, square), gap)
+
+
+def _quickest(
+    task: _Task,
+    old: CubicMotion,
+    cells: Cells,
+    begins: Bool[np.ndarray, " n"],
+    tightenings: int,
+) -> tuple[Float[np.ndarray, "n 3"], float]:
+    """Square of the rate in every cell, and about the time that is left to gain [s]."""
     unknowns = ordinates(cells.length, begins)
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns)
     stretch = np.cumsum(begins) - 1
@@ -238,11 +270,9 @@ def _planned(
         found, left = quickest(parts, unknowns, start, stretch, exceeds)
         gap = np.where(exceeds, left, gap)
         slower[again] = _slower(task, old, cells.taken(again), unknowns.of(found)[again])
-    square = unknowns.of(found)
-    most = np.ones(stretch[-1] + 1)
+    most = np.ones(every.size)
     np.minimum.at(most, stretch, slower)
-    warp = Warp.of(node, square * most[stretch, None])
-    return JerkLimitedMotion(*task, old, cells, warp, float(gap.sum()))
+    return unknowns.of(found) * most[stretch, None], float(gap.sum())
 
 
 def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
@@ -282,20 +312,28 @@ def _peak(values: Float[np.ndarray, "n k m"]) -> Float[np.ndarray, " n"]:
     return (np.abs(values).max(axis=1) + between).max(axis=1)
 
 
-def _again(motion: JerkLimitedMotion) -> JerkLimitedMotion | None:
+def _again(
+    task: _Task,
+    motion: JerkLimitedMotion,
+    lines: list[CubicMotion | None],
+    bends: Bool[np.ndarray, " stretches"],
+) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
     smoothed = []
-    for time in motion.shared(mesh.cell_time(motion.limits)):
-        one = through(time, motion.at(time).arc)
+    for time, line in zip(motion.shared(mesh.cell_time(motion.limits)), lines, strict=True):
+        one = line or through(time, motion.at(time).arc)
         if one is None:
             return None
         smoothed.append(one)
     old = joined(smoothed)
-    task = _Task(motion.path, motion.limits, motion.feed, motion.stops, motion._pieces)
+    return _planned(task, old, *_own_cells(task, old), bends, TIGHTENINGS)
+
+
+def _own_cells(task: _Task, old: CubicMotion) -> tuple[Cells, Float[np.ndarray, " nodes"]]:
+    """Cells of a motion's own nodes, and the times of these."""
     middle = 0.5 * np.diff(old.time)
     count = np.arange(middle.size)
     starts = np.append(0.0, np.cumsum(task.pieces.extent))
     arc = old.on_cell(count, middle).arc
     piece = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, task.feed.size - 1)
-    cells = Cells(piece, starts[piece], np.zeros(middle.size), count, 2 * middle)
-    return _planned(task, old, cells, old.time, TIGHTENINGS)
+    return Cells(piece, starts[piece], np.zeros(middle.size), count, 2 * middle), old.time

@@ -1,0 +1,114 @@
+"""Motion of limited jerk along a contour: past its corners, or with stops where they are quicker.
+
+A blend takes a corner within a tolerance, often at a crawl; far away from it the tool could have
+been quicker to a stop in the corner. Both are compared between two stops of the blended motion,
+over all of the corners in between. The time of a line from rest to rest is known in closed form.
+That of a curve is estimated from its length and the most that limits allow anywhere on it, so that
+it is rather too short. Where stops look quicker, the path is planned again without blends there.
+"""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jcontour.geometry.contour import Contour
+from jcontour.geometry.pieces import Piece
+from jcontour.motion.blending import BlendedPath
+from jcontour.motion.jerk_limited.conditions import path_derivatives
+from jcontour.motion.jerk_limited.joints import unpadded
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.mesh import SAMPLES
+from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
+from jcontour.motion.point_to_point import PointToPoint
+from jcontour.motion.smoothing import smooth_path
+
+WORTH = 1e-3  # of the duration: a smaller gain needs no second plan, unless it decides
+
+
+class Planned(NamedTuple):
+    """A jerk-limited motion, and the path with blends that it runs along."""
+
+    around: BlendedPath
+    motion: JerkLimitedMotion
+
+
+def cornered(
+    contour: Contour,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    tolerance: float,
+    allowed: Bool[np.ndarray, " joints"] | None = None,
+    alike: Bool[np.ndarray, " joints"] | None = None,
+) -> Planned:
+    """Quickest motion that is found within a tolerance of a contour, from rest to rest.
+
+    On lines it is never slower than one that stops in every corner.
+
+    >>> from jcontour.geometry import contours
+    >>> limits = AxisLimits.of(2, acceleration=[0.1, 10.0], jerk=[1.0, 1000.0])
+    >>> corner = contours.polyline([[0.0, 0.0], [10e-3, 1e-3], [10e-3, 30e-3]])
+    >>> cornered(corner, np.full(2, 0.1), limits, 2e-6).motion.stops.size
+    2
+
+    Args:
+        contour: one contour, not a stack.
+        feed: greatest speed on every piece [m/s].
+        limits: of the axes.
+        tolerance: greatest distance from the contour [m]; 0 stops in every corner.
+        allowed: see `smooth_path`.
+        alike: see `smooth_path`.
+
+    Raises:
+        ValueError: as `smooth_path` and `jerk_limited`.
+    """
+
+    def planned(allowed: Bool[np.ndarray, " joints"] | None) -> Planned:
+        around = smooth_path(contour, tolerance, allowed, alike)
+        return Planned(around, jerk_limited(around.path, around.feed(feed), limits))
+
+    best = latest = planned(allowed)
+    passed = np.ones(feed.size - 1, bool) if allowed is None else allowed
+    while (stopping := _better_stopped(latest, feed, limits)).any():
+        passed = passed & ~stopping
+        latest = planned(passed)
+        best = min(best, latest, key=lambda one: one.motion.duration)
+    return best
+
+
+def _better_stopped(
+    planned: Planned, feed: Float[np.ndarray, " P"], limits: AxisLimits
+) -> Bool[np.ndarray, " joints"]:
+    """Joints between pieces that a motion passes, and rather should stop in."""
+    around, motion = planned
+    pieces = unpadded(around.contour)
+    starts = np.append(0.0, np.cumsum(pieces.extent))
+    none = np.zeros(feed.size - 1, bool)
+    middle = around.true_arc(motion.stops)[1:-1]
+    stretch = np.searchsorted(middle, 0.5 * (starts[1:] + starts[:-1]))
+    blended = np.diff(motion.reached(motion.stops))
+    law, least = _laws(pieces, feed, limits)
+    several = np.bincount(stretch, minlength=blended.size) > 1
+    stopped = np.bincount(stretch, least, blended.size)
+    for k in np.flatnonzero(several & (stopped < blended)):
+        first, last = np.searchsorted(stretch, [k, k + 1])
+        stopped[k] = sum(PointToPoint(*row).duration for row in law[first:last])
+    gain = np.where(several, blended - stopped, 0.0)
+    slow = gain > 0
+    if gain[slow].sum() < WORTH * motion.duration and gain.sum() <= 0:
+        return none
+    return slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
+
+
+def _laws(pieces: Piece, feed: Float[np.ndarray, " P"], limits: AxisLimits):
+    """Length, speed, acceleration and jerk (P, 4) of every piece, and a bound of its time [s]."""
+    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
+    direction, bend, _ = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    with np.errstate(divide="ignore"):
+        speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
+        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
+    speed = np.minimum(np.minimum(feed, speed), turning)
+    length = pieces.extent
+    ramps = np.maximum(2 * np.sqrt(length / acceleration), np.cbrt(32 * length / jerk))
+    return np.stack([length, speed, acceleration, jerk], axis=1), np.maximum(length / speed, ramps)

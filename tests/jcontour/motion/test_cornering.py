@@ -1,0 +1,36 @@
+"""Corners passed or stopped in, whichever is quicker, against closed forms."""
+
+import numpy as np
+
+from jcontour.geometry import contours
+from jcontour.motion.blending import blended
+from jcontour.motion.cornering import cornered
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.planning import jerk_limited
+
+LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)
+# two lines that turn by 113 degrees: around them within a tolerance is slower than a stop
+SHARP = 1e-3 * np.array([[0.0, 0.0], [30.0, 0.0], [20.0, 24.0]])
+
+
+def test_a_corner_that_is_slow_to_pass_is_stopped_in():
+    path, feed = contours.polyline(SHARP), 0.01
+    passed = jerk_limited(blended(path, 2e-6).path, feed, LIMITS)
+    planned = cornered(path, np.full(2, feed), LIMITS, 2e-6)
+    stopped = jerk_limited(path, feed, LIMITS)
+    assert planned.motion.duration == stopped.duration < passed.duration
+    assert planned.around.deviation == 0.0 and planned.motion.stops.size == 3
+
+
+def test_joints_that_are_not_allowed_stay_stops():
+    path = contours.polyline(1e-3 * np.array([[0, 0], [30, 0], [60, 5], [60, 30]]))
+    allowed = np.array([True, False])
+    planned = cornered(path, np.full(3, 0.1), LIMITS, 20e-6, allowed)
+    assert planned.motion.stops.size == 3
+
+
+def test_a_corner_that_is_quick_to_pass_is_passed():
+    path = contours.polyline(1e-3 * np.array([[0.0, 0.0], [30.0, 0.0], [60.0, 5.0]]))
+    planned = cornered(path, np.full(2, 0.1), LIMITS, 20e-6)
+    assert planned.motion.stops.size == 2 and planned.around.deviation > 0
+    assert planned.motion.duration < jerk_limited(path, 0.1, LIMITS).duration
