@@ -370,21 +370,25 @@ class Bench(Common):
     Times are ratios against something run beside it; hardware and versions are named.
     """
 
-    what: Positional[Literal["mpc", "lq", "gantry", "tuners", "identify", "whole_way"]] = (
-        "mpc"  # it has to fit a sample period
-    )
+    what: Positional[
+        Literal["mpc", "lq", "gantry", "tuners", "identify", "whole_way", "motion"]
+    ] = "mpc"  # it has to fit a sample period
     """Timed part of the library.
     mpc: one step of the constrained controllers, by part and by solver.
     lq: whole runs of the LQ contouring controller.
     gantry: the gantry in every engine.
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
     identify: random axes, recorded and identified again, minutes each.
-    whole_way: from the log of a hidden machine to the contour error there, minutes each."""
+    whole_way: from the log of a hidden machine to the contour error there, minutes each.
+    motion: random toolpaths, planned and compared with their limits."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
     Gantry: machines at once, 1000 when not given."""
     seeds: int = 20  # quartiles of fewer say little
-    """Tuners: random starts of every search. Identify, whole_way: machines of two axes."""
+    """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
+    Motion: paths."""
+    first_seed: int = 0
+    """Motion: seed of the first path."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights

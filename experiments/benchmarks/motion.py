@@ -1,0 +1,79 @@
+"""`jcontour bench motion`: limits and tolerances of motions on random toolpaths, on all cores."""
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from rich.console import Console
+
+from experiments.benchmarks.random_paths import KINDS, Checked, checked
+from experiments.options import Bench
+from experiments.reports import tables
+
+SLACK = 1e-9  # relative, of every promise
+PROMISES = ("feed", "speed", "acceleration", "jerk", "deviation", "stopping")
+AT_ONCE = 8  # paths that a process is given
+TOLD = 500  # paths between two lines of progress
+
+
+@dataclass(frozen=True)
+class MotionBench:
+    """One row for every path, and the time of all of them together [s]."""
+
+    paths: list[Checked]
+    seconds: float
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> MotionBench:
+    """Paths of seeds one after the other, in a process for each core."""
+    seeds = range(flags.first_seed, flags.first_seed + flags.seeds)
+    processes = min(os.cpu_count() or 1, flags.seeds)
+    began = time.perf_counter()
+    rows: list[Checked] = []
+    # a process that starts afresh: threads of JAX do not survive a fork
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        for row in pool.imap_unordered(checked, seeds, chunksize=AT_ONCE):
+            rows.append(row)
+            if broken(row):
+                tell(f"seed {row.seed}: exceeds {', '.join(broken(row))}")
+            if len(rows) % TOLD == 0:
+                tell(f"{len(rows)} paths")
+    return MotionBench(sorted(rows), time.perf_counter() - began)
+
+
+def broken(row: Checked) -> list[str]:
+    """Promises that a motion breaks; a ratio that is not finite breaks one, too."""
+    known = [name for name in PROMISES if name != "stopping" or row.kind != "lines and arcs"]
+    return [name for name in known if not getattr(row, name) <= 1 + SLACK]
+
+
+def show(console: Console, result: MotionBench) -> None:
+    """One line for every kind of path: the worst ratio of each promise, and its seed."""
+    cells = []
+    for kind in KINDS:
+        some = [row for row in result.paths if row.kind == kind]
+        if some:
+            count = sum(bool(broken(row)) for row in some)
+            worst = [_worst(some, name) for name in PROMISES]
+            cells.append([kind, str(len(some)), str(count), *worst])
+    columns = ["path", "number", "broken", *PROMISES]
+    console.print(tables.plain_table("Random toolpaths", columns, cells, text_columns=1))
+    seconds = [row.seconds for row in result.paths]
+    tables.say(
+        console,
+        "each: the greatest over its limit, less 1, and the seed of its path; stopping: duration "
+        "over that with a stop in every corner",
+        f"{len(seconds)} paths in {result.seconds:.3g} s; to plan one takes "
+        f"{np.median(seconds):.2g} s, at most {max(seconds):.2g} s",
+    )
+
+
+def _worst(rows: list[Checked], name: str) -> str:
+    known = [row for row in rows if np.isfinite(getattr(row, name))]
+    if not known:
+        return "-"
+    worst = max(known, key=lambda row: getattr(row, name))
+    return f"{getattr(worst, name) - 1:.2g}\n({worst.seed})"
