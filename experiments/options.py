@@ -242,6 +242,9 @@ class Certify(Bounded):
 
     run: Positional[Path] = Path()
     """Run folder of `jcontour tune` or `jcontour simulate`, of a linear machine."""
+    cells: int = 0  # each takes seconds, on a long part half a minute
+    """Prove it for all gains of the family's box too, cut into at most so many cells per delay.
+    16 are enough for two axes of 10 %. 0: for the plants of the family alone."""
     out: Path | None = None
     """Run folder; runs/certify-<time> when not given. It must not hold another run."""
 

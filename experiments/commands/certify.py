@@ -43,10 +43,12 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
     loop = stored_loop(flags.run)
     machine = linear_machine(loop.machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
-    count = len(loop.jobs) * len(machine.family_names)
+    if flags.cells < 0:
+        raise ValueError(f"cells: needs at least zero, received {flags.cells}")
+    count = len(loop.jobs) * (len(machine.family_names) + (flags.cells > 0) * (machine.delay + 1))
     rows, worst = [], None
     with tables.console_of(quiet=flags.json).status("proving") as status:
-        for one in certified_runs(loop, bounds):
+        for one in certified_runs(loop, bounds, flags.cells):
             rows.append(one.row)
             status.update(f"proving: {len(rows)} of {count} runs done")
             if worst is None or one.row.bound > worst.row.bound:
@@ -61,6 +63,7 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
         force=bounds.force,
         encoder=bounds.encoder,
         control_limit=None if limit is None else tuple(np.asarray(limit, float).tolist()),
+        gain=machine.gain if flags.cells > 0 else None,
         rows=rows,
     )
     folder = created(flags, "certify")

@@ -122,23 +122,22 @@ class LinearMachine(Machine):
 
     def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders that do not round, or their state measured."""
-        late = self._late_family()
-        return late if fed == "state" else [Encoders(plant) for plant in late]
+        return [self.exact_plant(gains, late, fed) for _, gains, late in self.members]
 
-    def _late_family(self) -> list[Delayed]:
-        depth = max(self.delay, 1)
-        late = []
-        for _, gains, delay in self.members:
-            plant = with_input_gains(self.model, gains)
-            late.append(Delayed(plant, jnp.asarray(delay), depth, plant.inputs))
-        return late
+    def exact_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
+        """The machine with other input gains and more delay, its encoders without counts."""
+        plant = with_input_gains(self.model, gains)
+        plant = Delayed(plant, jnp.asarray(late), max(self.delay, 1), plant.inputs)
+        return plant if fed == "state" else Encoders(plant)
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders that round to whole counts; a state is measured as it is."""
-        late = self._late_family()
-        if fed == "state":
-            return late
-        return [Quantised(Encoders(plant), self.encoder_resolution) for plant in late]
+        return [self.true_plant(gains, late, fed) for _, gains, late in self.members]
+
+    def true_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
+        """The same with whole counts."""
+        plant = self.exact_plant(gains, late, fed)
+        return plant if fed == "state" else Quantised(plant, self.encoder_resolution)
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
         """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""

@@ -38,11 +38,25 @@ def sentences(result: CertifiedResult) -> list[str]:
     return [
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
         f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
-        "and for each plant of the table, started on the path. Not for plants between them.",
+        _plants(result.gain),
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
         f"{controls}.",
     ]
+
+
+def _plants(gain: float | None) -> str:
+    """Plants that the proof is of."""
+    if gain is None:
+        return (
+            "and for each plant of the table, started on the path. Not for plants between them: "
+            "`--cells 16` proves it for all their gains."
+        )
+    low, high = digits(1 - gain), digits(1 + gain)
+    return (
+        f"for every constant gain from {low} to {high} on each axis and every whole sample of "
+        "delay, started on the path. Not for gains that change, nor parts of a sample."
+    )
 
 
 def _cells(row: CertifiedRow) -> list[str]:

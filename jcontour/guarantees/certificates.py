@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.guarantees.affine import NotAffine
 from jcontour.guarantees.attacks import Attack, worst_attack
-from jcontour.guarantees.distance import distance_bounds, frames_along
+from jcontour.guarantees.distance import Frames, distance_bounds, frames_along
 from jcontour.guarantees.disturbed_loop import Box, DisturbedLoop, disturbed_loop
 from jcontour.guarantees.peak_bounds import peak_bounds
 from jcontour.motion.references import Reference
@@ -121,20 +121,35 @@ def certificate_of(
         NotAffine: a control may reach its limit.
         ValueError: the box does not fit, or the undisturbed run leaves its contour.
     """
-    _check_box(loop, box)
+    check_box(loop, box)
     frames = frames_along(reference, loop.output)
-    basis = np.concatenate([frames.normals, frames.tangent[:, None]], axis=1)
-    rows = basis @ np.asarray(loop.C)
+    rows = frames.basis @ np.asarray(loop.C)
     spread, control = _peaks(loop, rows, box)
-    _check_limits(plant, controller, control, box)
-    if basis.shape[1] == 1:
-        bound, nominal = frames.lag + spread[:, 0], frames.lag
-    else:
-        across = np.linalg.norm(spread[:, :-1], axis=1)
-        bound = distance_bounds(reference, loop.output, frames, across, spread[:, -1])
-        nominal = frames.error
-    scored, bound = np.asarray(reference.mask)[: reference.steps], (1 + ROUNDING) * bound
+    check_limits(plant, controller, control, box)
+    bound, nominal = error_bounds(reference, loop.output, frames, spread)
+    scored = np.asarray(reference.mask)[: reference.steps]
     return Certificate(bound, nominal, control, rows, spread, scored, loop, box)
+
+
+def error_bounds(
+    reference: Reference,
+    output: Float[Array | np.ndarray, "T m"],
+    frames: Frames,
+    spread: Float[np.ndarray, "T m"],
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """Largest error that counts at every sample, and the error without disturbance [m].
+
+    Args:
+        reference: with the true geometry.
+        output: y of the undisturbed run [m].
+        frames: at that run.
+        spread: largest deviations from it, across the path and then along it [m].
+    """
+    if spread.shape[1] == 1:
+        return (1 + ROUNDING) * (frames.lag + spread[:, 0]), frames.lag
+    across = np.linalg.norm(spread[:, :-1], axis=1)
+    bound = distance_bounds(reference, output, frames, across, spread[:, -1])
+    return (1 + ROUNDING) * bound, frames.error
 
 
 def _peaks(
@@ -150,7 +165,8 @@ def _peaks(
     return found[:, :m], (1 + ROUNDING) * controls
 
 
-def _check_box(loop: DisturbedLoop, box: Box) -> None:
+def check_box(loop: DisturbedLoop, box: Box) -> None:
+    """Raise ValueError unless the box has a bound for every control and measured number."""
     p, q = loop.D.shape[1:]
     if box.force.shape != (p,) or box.noise.shape != (q,):
         raise ValueError(
@@ -159,7 +175,7 @@ def _check_box(loop: DisturbedLoop, box: Box) -> None:
         )
 
 
-def _check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
+def check_limits(plant: Plant, controller: Controller, control: np.ndarray, box: Box) -> None:
     """Raise NotAffine where a control may reach a limit, or what limits is not the control."""
     for name, limit in _limits(controller):
         if name != ".limit" or isinstance(controller, Cascade):

@@ -42,6 +42,11 @@ class Frames(NamedTuple):
     error: Float[np.ndarray, " T"]
     lag: Float[np.ndarray, " T"]
 
+    @property
+    def basis(self) -> Float[np.ndarray, "T m m"]:
+        """Normals and then the tangent, as rows."""
+        return np.concatenate([self.normals, self.tangent[:, None]], axis=1)
+
 
 def frames_along(reference: Reference, output: Float[Array | np.ndarray, "T m"]) -> Frames:
     """Frames of a run.

@@ -87,9 +87,8 @@ def worst_case(
     """
     counts = _counting(reference, window)
     frames = frames_along(reference, loop.output)
-    basis = np.concatenate([frames.normals, frames.tangent[:, None]], axis=1)
-    rows = basis @ np.asarray(loop.C)
-    spread, controls = np.split(_peaks(loop, rows, box), [basis.shape[1]], axis=1)
+    rows = frames.basis @ np.asarray(loop.C)
+    spread, controls = np.split(_peaks(loop, rows, box), [rows.shape[1]], axis=1)
     errors = _errors(reference, np.asarray(loop.output), frames, spread)
     k, side = _largest(errors, counts)
     uses = (np.abs(np.asarray(loop.control)) + controls) / limit

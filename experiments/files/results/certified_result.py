@@ -61,6 +61,7 @@ class CertifiedResult:
         force: bound on what adds to each control [control unit].
         encoder: bound on the error of each measured number [m].
         control_limit: of each control; None where the machine states none.
+        gain: relative; rows hold for all gains within it; None where for the plants alone.
         rows: one per contour and plant.
     """
 
@@ -71,6 +72,7 @@ class CertifiedResult:
     force: float
     encoder: float
     control_limit: tuple[float, ...] | None
+    gain: float | None
     rows: list[CertifiedRow]
 
     @property

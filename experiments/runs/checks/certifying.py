@@ -1,7 +1,9 @@
 """Certificates of a stored loop on every contour and every plant of a linear machine."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -15,6 +17,8 @@ from experiments.runs.checks.stored_loops import StoredLoop
 from jcontour.controller import Controller
 from jcontour.guarantees.attacks import Attack
 from jcontour.guarantees.certificates import Certificate, certificate
+from jcontour.guarantees.gain_cells import GainCell
+from jcontour.guarantees.gain_certificates import gain_certificate
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.disturbances import Disturbed
@@ -48,54 +52,83 @@ class Proven(NamedTuple):
     Attributes:
         name: of the plant.
         plant: without sensors that count.
+        true: with whole counts.
     """
 
     job: Task
     name: str
     plant: Plant
+    true: Plant
     reference: Reference
     found: Certificate
 
 
-def certificates_of(loop: StoredLoop, bounds: Bounds) -> Iterator[Proven]:
-    """Certificates of all contours and plants, one after the other.
+def certified_runs(loop: StoredLoop, bounds: Bounds, cells: int) -> Iterator[CertifiedRun]:
+    """Certificates and attacks of all contours and plants, one after the other.
+
+    Args:
+        loop: of a linear machine.
+        bounds: of what acts on it.
+        cells: most cells of the gains between the members, see `gain_certificates`; zero for the
+            members alone.
 
     Raises:
         ValueError: a loop has no certificate; contour and plant are named.
     """
-    machine = linear_machine(loop.machine)
-    plants = dict(zip(machine.family_names, machine.exact_family(loop.fed), strict=True))
-    box = box_of(next(iter(plants.values())), bounds, machine, loop.fed)
-    for job in loop.jobs:
+    for proven in _of_members(loop, bounds):
+        yield _attacked(loop.controller, proven)
+    if cells > 0:
+        for proven in _of_all_gains(loop, bounds, cells):
+            yield _attacked(loop.controller, proven)
+
+
+def _of_members(loop: StoredLoop, bounds: Bounds) -> Iterator[Proven]:
+    """Certificates of all contours on every member of the family."""
+    machine, fed = linear_machine(loop.machine), loop.fed
+    box = box_of(machine.nominal(fed), bounds, machine, fed)
+    plants = zip(
+        machine.family_names, machine.exact_family(fed), machine.true_family(fed), strict=True
+    )
+    for job, (name, plant, true) in product(loop.jobs, list(plants)):
         reference = job.reference(machine.model.dt, loop.controller.preview)
-        for name, plant in plants.items():
-            try:
-                found = certificate(plant, loop.controller, reference, box)
-            except ValueError as error:
-                raise ValueError(f"{job.name}, {name}: {error}") from None
-            yield Proven(job, name, plant, reference, found)
+        with _named(job, name):
+            found = certificate(plant, loop.controller, reference, box)
+        yield Proven(job, name, plant, true, reference, found)
 
 
-def certified_runs(loop: StoredLoop, bounds: Bounds) -> Iterator[CertifiedRun]:
-    """Certificates and attacks of all contours and plants, one after the other.
+def _of_all_gains(loop: StoredLoop, bounds: Bounds, cells: int) -> Iterator[Proven]:
+    """Certificates of all contours at every delay, each for all gains."""
+    machine, fed = linear_machine(loop.machine), loop.fed
+    box, one = box_of(machine.nominal(fed), bounds, machine, fed), np.ones(machine.model.inputs)
+    gains = GainCell((1 - machine.gain) * one, (1 + machine.gain) * one)
+    for job, late in product(loop.jobs, range(machine.delay + 1)):
+        reference = job.reference(machine.model.dt, loop.controller.preview)
+        name = f"all gains, {late} late"
+        with _named(job, name):
+            plant = machine.exact_plant(one, late, fed)
+            found = gain_certificate(plant, loop.controller, reference, box, gains, cells)
+        worst = found.gains, late, fed
+        attacked = machine.exact_plant(*worst), machine.true_plant(*worst)
+        yield Proven(job, name, *attacked, reference, found.whole)
 
-    Raises:
-        ValueError: as `certificates_of`.
-    """
-    machine = linear_machine(loop.machine)
-    true = dict(zip(machine.family_names, machine.true_family(loop.fed), strict=True))
-    for proven in certificates_of(loop, bounds):
-        yield _attacked(loop.controller, proven, true[proven.name])
+
+@contextmanager
+def _named(job: Task, plant: str) -> Iterator[None]:
+    """Name contour and plant where there is no certificate."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{job.name}, {plant}: {error}") from None
 
 
-def _attacked(controller: Controller, proven: Proven, true_plant: Plant) -> CertifiedRun:
+def _attacked(controller: Controller, proven: Proven) -> CertifiedRun:
     plant, reference, found = proven.plant, proven.reference, proven.found
     attacks = found.attacks()
     errors = [_error(attack.on(plant), controller, reference) for attack in attacks]
     most = int(np.argmax([_largest(error, found) for error in errors]))
     counted = None
-    if isinstance(true_plant, Quantised):
-        forced = Disturbed(true_plant, force=jax.device_put(attacks[most].force))
+    if isinstance(proven.true, Quantised):
+        forced = Disturbed(proven.true, force=jax.device_put(attacks[most].force))
         counted = _largest(_error(forced, controller, reference), found)
     row = CertifiedRow(
         contour=proven.job.name,

@@ -26,6 +26,7 @@ RESULT = CertifiedResult(
     force=0.1,
     encoder=4e-7,
     control_limit=(10.0, 3.0),
+    gain=None,
     rows=[ROW],
 )
 
@@ -37,6 +38,12 @@ def test_assumptions_attack_place_and_controls_are_said():
     assert "An attack reaches 75 % of the largest bound" in text
     assert "largest contour error 8 um at X 1, Y 2 mm" in text
     assert "No control exceeds 2.5 A, within the machine's 3." in text
+
+
+def test_the_plants_of_the_proof_are_said():
+    assert "Not for plants between them" in " ".join(sentences(RESULT))
+    every = " ".join(sentences(replace(RESULT, gain=0.1)))
+    assert "every constant gain from 0.9 to 1.1 on each axis" in every
 
 
 def test_a_control_beyond_its_limit_is_said():
