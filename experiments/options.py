@@ -374,7 +374,7 @@ class Bench(Common):
     """
 
     what: Positional[
-        Literal["mpc", "lq", "gantry", "tuners", "identify", "whole_way", "motion"]
+        Literal["mpc", "lq", "gantry", "tuners", "identify", "whole_way", "motion", "certificates"]
     ] = "mpc"  # it has to fit a sample period
     """Timed part of the library.
     mpc: one step of the constrained controllers, by part and by solver.
@@ -383,15 +383,16 @@ class Bench(Common):
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
     identify: random axes, recorded and identified again, minutes each.
     whole_way: from the log of a hidden machine to the contour error there, minutes each.
-    motion: random toolpaths, planned and compared with their limits."""
+    motion: random toolpaths, planned and compared with their limits.
+    certificates: a certified bound with its slopes, and random laps against it."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
-    Gantry: machines at once, 1000 when not given."""
+    Gantry: machines at once, 1000 when not given. Certificates: laps at once."""
     seeds: int = 20  # quartiles of fewer say little
     """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
-    Motion: paths."""
+    Motion: paths. Certificates: batches of laps."""
     first_seed: int = 0
-    """Motion: seed of the first path."""
+    """Motion, certificates: seed of the first path or batch."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
