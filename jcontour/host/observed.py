@@ -12,6 +12,7 @@ from jaxtyping import ArrayLike, Float
 
 from jcontour.controller import check_period
 from jcontour.controllers.observers.kalman import (
+    DisturbedState,
     ObserverMemory,
     OffsetFreeMemory,
     check_gain,
@@ -21,13 +22,6 @@ from jcontour.controllers.observers.kalman import (
 from jcontour.host.controller import HostController, HostWrapper
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
-
-
-class DisturbedState(NamedTuple):
-    """Estimates of the state x and of a constant load d of the controls."""
-
-    state: Float[np.ndarray, " n"]
-    disturbance: Float[np.ndarray, " p"]
 
 
 class ObservedHost(HostWrapper):

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.host.observed import DisturbedState
+from jcontour.controllers.observers.kalman import DisturbedState
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.mpc.condense import Prediction
 from jcontour.riccati.algebraic import check_dare, dare
@@ -152,11 +152,11 @@ class OffsetFreeForm(_WholeState):
 
     def state(self, measurement: DisturbedState) -> Float[np.ndarray, " n"]:
         """Estimate of the state."""
-        return measurement.state
+        return np.asarray(measurement.state)
 
     def disturbance(self, A, B, before, control, measurement: DisturbedState) -> Disturbance:
         """Estimate of the load: w = 0."""
-        return Disturbance(np.zeros(A.shape[0]), measurement.disturbance)
+        return Disturbance(np.zeros(A.shape[0]), np.asarray(measurement.disturbance))
 
 
 class VelocityForm(Form):

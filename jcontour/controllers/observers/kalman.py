@@ -7,6 +7,7 @@ form feeds xh and does not need it. The offset-free form estimates a constant di
 controls beside the state, and cancels it; `integral_lqg` has an integral instead.
 """
 
+import abc
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -124,6 +125,13 @@ class PredictorObserver(_Observer):
         return ObserverMemory(predicted, inner), control
 
 
+class DisturbedState(NamedTuple):
+    """Estimates of the state x and of a constant load d of the controls; NumPy's on the host."""
+
+    state: Float[Array, " n"] | Float[np.ndarray, " n"]
+    disturbance: Float[Array, " p"] | Float[np.ndarray, " p"]
+
+
 class OffsetFreeMemory(NamedTuple):
     """The predicted state and disturbance, and the memory of the wrapped controller."""
 
@@ -132,33 +140,30 @@ class OffsetFreeMemory(NamedTuple):
     inner: Any
 
 
-class OffsetFreeObserver(Wrapper):
-    """Filter form with a constant disturbance d, so that no constant load leaves an error.
+class _LoadObserver(Wrapper):
+    """Filter form with a constant disturbance d of the controls.
 
-        x(k+1) = A x + B (u + d),   u = u_inner - d_f
+        x(k+1) = A x + B (u + d)
     A control at its limit does not disturb the estimate, which is driven by the u that acts.
 
     Args:
-        controller: fed the estimate of x.
+        controller: fed the estimate.
         model: model of the machine without disturbance; its output is the tool.
         gain: filter gain L (n + p, q) of [x, d]; see `offset_free_gain`.
         measured: C (q, n) of the measurement.
-        limit: limit of the control, +-: one number or one for each; none when infinite.
 
     Raises:
-        ValueError: as `FilterObserver`, for [x, d]; or a limit is not above zero.
+        ValueError: as `FilterObserver`, for [x, d].
     """
 
     controller: Controller
     model: LinearPlant
     gain: Float[Array, "both q"] = eqx.field(converter=jnp.asarray)
     measured: Float[Array, "q n"] = eqx.field(converter=jnp.asarray)
-    limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
 
     def __check_init__(self):
         A, C = with_disturbance(self.model, self.measured)
         check_gain(A, C, self.gain)
-        check_limit(self.limit)
 
     def design_model(self) -> LinearPlant:
         """Model that it is designed on."""
@@ -178,15 +183,58 @@ class OffsetFreeObserver(Wrapper):
     def step(
         self, memory: OffsetFreeMemory, plan: Any, measurement: Any
     ) -> tuple[OffsetFreeMemory, Float[Array, " p"]]:
-        """Correction, control, cancellation, prediction: the model is driven by u + d."""
+        """Correction, control, prediction: the model is driven by u + d."""
         n = self.model.states
         correction = self.gain @ (row(measurement) - self.measured @ memory.estimate)
         filtered = memory.estimate + correction[:n]
         disturbance = memory.disturbance + correction[n:]
-        inner, control = self.controller.step(memory.inner, plan, filtered)
-        control = jnp.clip(control - disturbance, -self.limit, self.limit)
+        inner, control = self.answer(memory.inner, plan, DisturbedState(filtered, disturbance))
         predicted = self.model.step(filtered, control + disturbance)
         return OffsetFreeMemory(predicted, disturbance, inner), control
+
+    @abc.abstractmethod
+    def answer(
+        self, inner: Any, plan: Any, known: DisturbedState
+    ) -> tuple[Any, Float[Array, " p"]]:
+        """Next memory of the wrapped controller, and the control that acts."""
+
+
+class OffsetFreeObserver(_LoadObserver):
+    """The disturbance is cancelled, u = u_inner - d: no constant load leaves an error.
+
+    Args:
+        controller: fed the estimate of x.
+        limit: limit of the control, +-: one number or one for each; none when infinite.
+
+    Raises:
+        ValueError: as `FilterObserver`, for [x, d]; or a limit is not above zero.
+    """
+
+    limit: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray, default=np.inf)
+
+    def __check_init__(self):
+        check_limit(self.limit)
+
+    def answer(
+        self, inner: Any, plan: Any, known: DisturbedState
+    ) -> tuple[Any, Float[Array, " p"]]:
+        """Control of the wrapped controller without the disturbance, cut by the limit."""
+        inner, control = self.controller.step(inner, plan, known.state)
+        return inner, jnp.clip(control - known.disturbance, -self.limit, self.limit)
+
+
+class OffsetFreeTold(_LoadObserver):
+    """The wrapped controller is told of the load, and cancels it within limits of its own.
+
+    Args:
+        controller: fed `DisturbedState`; its control acts as it is.
+    """
+
+    def answer(
+        self, inner: Any, plan: Any, known: DisturbedState
+    ) -> tuple[Any, Float[Array, " p"]]:
+        """Answer of the wrapped controller."""
+        return self.controller.step(inner, plan, known)
 
 
 def kalman_gain(

@@ -6,8 +6,8 @@ import qpsolvers
 import scipy.linalg
 
 from jcontour.controllers.lq.contouring_lq import OutputTerminal, RiccatiTerminal
+from jcontour.controllers.observers.kalman import DisturbedState
 from jcontour.geometry.contours import circle
-from jcontour.host.observed import DisturbedState
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
 from jcontour.mpc.condense import predict

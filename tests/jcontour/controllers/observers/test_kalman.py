@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from jcontour.controller import Controller, Wrapper
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,
+    OffsetFreeTold,
     PredictorObserver,
     kalman_gain,
     offset_free_gain,
@@ -184,6 +186,34 @@ def test_without_a_load_integral_action_is_state_feedback(thesis_model, thesis_f
     np.testing.assert_allclose(
         found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
     )
+
+
+class Cancelling(Wrapper):
+    """Is told of the load, and takes it from the control."""
+
+    controller: Controller
+
+    def initial_memory(self, reference):
+        return self.controller.initial_memory(reference)
+
+    def step(self, memory, plan, measurement):
+        inner, control = self.controller.step(memory, plan, measurement.state)
+        return inner, control - measurement.disturbance
+
+
+def test_who_is_told_of_the_load_may_cancel_it_himself(thesis_model, thesis_feedback):
+    gain = offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
+    task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, 1e-3)
+    machine = Disturbed(Sensed(thesis_model, lambda x: x[:2]), jnp.full((1, 1), 0.5))
+    wanted, found = (
+        simulate(machine, observer, task).control
+        for observer in (
+            OffsetFreeObserver(thesis_feedback, thesis_model, gain, MOTOR),
+            OffsetFreeTold(Cancelling(thesis_feedback), thesis_model, gain, MOTOR),
+        )
+    )
+    assert np.abs(wanted).max() > 0.1
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_at_a_limit_the_disturbance_is_not_mistaken(thesis_model, thesis_feedback):
