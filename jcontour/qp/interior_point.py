@@ -1,0 +1,370 @@
+"""Primal-dual interior point for `StagedQP`: traceable, batched by `vmap`, differentiable.
+
+With a slack s >= 0 and a multiplier l >= 0 for every finite limit g' v <= b, Newton's method on
+    H v + h + G' l = 0 along the model,    s + G v - t = b,    s l = mu
+as mu goes to zero, with Mehrotra's predictor and corrector (SIAM J. Optimization 2, 1992). A limit
+that gives way has t >= 0 beyond it, at a price r a unit, and g >= 0 with l + g = r, t g = mu. Each
+step is one Riccati sweep with
+    H + G' W G,    W = 1 / (s / l + t / g)
+as of the linear-quadratic problem without limits (Rao, Wright & Rawlings, J. Optimization Theory
+and Applications 99, 1998).
+
+Derivative: by the implicit function theorem at the answer, with the last W: one sweep. Where a
+limit is about to become active it is between those of either side. An answer that is not solved has
+NaN for a derivative, in both directions.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from jcontour.qp.staged import (
+    StagedQP,
+    Trajectory,
+    another_step,
+    costates,
+    drifted,
+    factorised,
+    rollout,
+    slopes,
+    step_of,
+)
+
+MOST = 40  # iterations; 8 to 12 are usual
+CLOSE = 1e-15  # mu over its first value at which it ends: a weak limit is then off by 1e-7
+CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation missed
+MISSED = 1e-11  # by this, over the limit's width
+SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
+INWARD = 0.995  # of the way to the nearest limit
+ROOM = 0.5  # of a limit's width that a slack begins with, at least
+FIRST = 10.0  # first mu, over what the limits could cost each of them
+# of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
+SOFTENED = 1e-6
+PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
+
+
+class Answer(NamedTuple):
+    """Answer to a problem.
+
+    Attributes:
+        trajectory: the controls, and the states that they lead to.
+        multipliers: of the upper limits, and of the lower ones; zero where there is none.
+        residual: largest of three: what violates a limit, over the limit's width; what the
+            Lagrangian's slope with a control is, over the largest term in it; multipliers times
+            slacks, over the terms of the cost. Infinite where a limit or a penalty is none.
+        solved: whether it is at most 1e-6; never where a number is not finite.
+        iterations: until then.
+        beyond: largest amount by which a limit that gives way is exceeded.
+    """
+
+    trajectory: Trajectory
+    multipliers: Float[Array, "2 N r"]
+    residual: Float[Array, ""]
+    solved: Bool[Array, ""]
+    iterations: Int[Array, ""]
+    beyond: Float[Array, ""]
+
+
+class _Point(NamedTuple):
+    """A point of the path: slacks s, t and multipliers l, g of every limit (2, N, r)."""
+
+    at: Trajectory
+    s: Array
+    l: Array  # noqa: E741
+    t: Array
+    g: Array
+
+
+class _Limits(NamedTuple):
+    """Limits as one-sided ones, upper before lower (2, N, r).
+
+    Attributes:
+        bound: g' v <= bound; zero where there is none.
+        there: whether there is one.
+        gives: whether it gives way.
+        price: of a unit beyond it; 1 where it does not.
+        width: half of what lies between two limits, or the size of a single one.
+    """
+
+    bound: Array
+    there: Array
+    gives: Array
+    price: Array
+    width: Array
+
+
+def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
+    """Answer to a problem; its trajectory has derivatives with respect to every number of it.
+
+    A problem without an answer, or with numbers that are not finite, is not `solved`: what its
+    trajectory holds then means nothing, and its derivative is NaN.
+
+    Args:
+        qp: the problem.
+        guess: controls to begin with; zero when not given. They change the last digits at most.
+    """
+    if guess is None:
+        guess = jnp.zeros((qp.h.shape[0], qp.B.shape[1]), qp.h.dtype)
+    return _answer(qp, lax.stop_gradient(guess))
+
+
+@jax.custom_jvp
+def _answer(qp: StagedQP, guess: Float[Array, "N p"]) -> Answer:
+    return _solved(qp, guess)[0]
+
+
+@_answer.defjvp
+def _answer_jvp(primals, tangents):
+    qp, guess = primals
+    answer, point, limits = _solved(qp, guess)
+    step = _tangent(qp, answer, point, limits, tangents[0])
+    known = jnp.where(answer.solved, 1.0, jnp.nan)  # a factor: slopes go through it both ways
+    step = jax.tree.map(lambda change: change * known, step)
+    still = jax.tree.map(_zero_tangent, answer)
+    return answer, still._replace(trajectory=step)
+
+
+def _zero_tangent(leaf: Array):
+    if jnp.issubdtype(leaf.dtype, jnp.floating):
+        return jnp.zeros_like(leaf)
+    return jnp.zeros(leaf.shape, jax.dtypes.float0)
+
+
+def _tangent(qp: StagedQP, answer: Answer, point: _Point, limits: _Limits, dqp) -> Trajectory:
+    """Change of the trajectory with the numbers of the problem: linear in it."""
+    at, multipliers = answer.trajectory, answer.multipliers
+    behind = costates(qp, _summed(slopes(qp, at), _pulled(qp, multipliers)))
+
+    def equations(qp: StagedQP):
+        model = jnp.concatenate([qp.A, qp.B], axis=1)
+        slope = _summed(slopes(qp, at), _pulled(qp, multipliers))
+        slope = Trajectory(slope.stages + behind @ model, slope.end)
+        value = jnp.where(limits.there, _rows(qp, at), 0.0) - _one_sided(qp).bound
+        return slope, at.stages @ model.T + qp.c, value, qp.x0
+
+    _, (slope, added, value, start) = jax.jvp(equations, (qp,), (dqp,))
+    weight, share = _softened(point, limits)
+    H = qp.H + _gram(qp, weight)
+    x, end = drifted(qp, start, added)
+    free = jnp.concatenate([x, jnp.zeros((x.shape[0], qp.B.shape[1]), x.dtype)], axis=1)
+    h, h_end = slope.stages + jnp.einsum("jab,jb->ja", H, free), slope.end + qp.H_end @ end
+    factors = factorised(qp, H, jnp.zeros_like(h), jnp.zeros_like(h_end))
+
+    def nearer(_, found):
+        _, change = found  # of the multipliers
+        pushed = weight * value + share * change
+        step = another_step(qp, factors, h + _pulled(qp, pushed).stages, h_end)
+        step = _summed(step, Trajectory(free, end))
+        return step, pushed + weight * jnp.where(limits.there, _rows(qp, step), 0.0)
+
+    nothing = Trajectory(jnp.zeros_like(free), jnp.zeros_like(end)), jnp.zeros_like(value)
+    return lax.fori_loop(0, PASSES, nearer, nothing)[0]
+
+
+def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, _Point, _Limits]:
+    limits = _one_sided(qp)
+    count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
+    first, mu0 = _start(qp, guess, limits, count)
+
+    def unfinished(state):
+        point, k, goes_on = state
+        mu, missed = _progress(qp, point, limits, count)
+        later = (missed > MISSED) & (mu > CLOSEST * mu0)
+        return goes_on & (k < MOST) & ((mu > CLOSE * mu0) | later)
+
+    def iterate(state):
+        point, k, _ = state
+        following = _iterated(qp, point, limits, count)
+        # near the end W is so large that rounding may leave no factors: the point before is kept
+        finite = jnp.isfinite(_gap(following) + jnp.sum(following.at.stages))
+        kept = jax.tree.map(partial(jnp.where, finite), following, point)
+        return kept, k + 1, finite
+
+    begun = first, jnp.asarray(0), jnp.asarray(True)
+    point, k, _ = lax.while_loop(unfinished, iterate, begun)
+    return _checked(qp, point, limits, k), point, limits
+
+
+def _start(qp: StagedQP, guess, limits: _Limits, count) -> tuple[_Point, Array]:
+    """The guess, with mu from what leads from there to the minimum without limits.
+
+    Where that minimum is within the limits it is the answer, and no iteration follows.
+    """
+    at = rollout(qp, guess)
+    slope = slopes(qp, at)
+    free = step_of(qp, factorised(qp, qp.H, *slope))
+    gain = -0.5 * (jnp.sum(slope.stages * free.stages) + slope.end @ free.end)
+    tiny = jnp.finfo(gain.dtype).tiny ** 0.5
+    mu = jnp.maximum(FIRST * gain / count, tiny)
+    slack = limits.bound - _rows(qp, at)
+    s = jnp.where(limits.there, jnp.maximum(slack, ROOM * limits.width), 1.0)
+    l = jnp.where(limits.there, mu / s, 0.0)  # noqa: E741
+    l = jnp.where(limits.gives, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
+    g = jnp.where(limits.gives, limits.price - l, 1.0)
+    t = jnp.where(limits.gives, mu / g, 0.0)
+    without = Trajectory(at.stages + free.stages, at.end + free.end)
+    room = limits.bound - _rows(qp, without)
+    within = jnp.all(jnp.where(limits.there, room > 0, True))
+    nothing = jnp.zeros_like(s)
+    price = jnp.where(limits.gives, limits.price, 1.0)
+    answer = _Point(without, jnp.where(limits.there, room, 1.0), nothing, nothing, price)
+    first = _Point(at, s, l, t, g)
+    return jax.tree.map(lambda one, other: jnp.where(within, one, other), answer, first), mu
+
+
+def _iterated(qp: StagedQP, point: _Point, limits: _Limits, count) -> _Point:
+    """Predictor, corrector, and the step that both share the matrix of."""
+    at, s, l, t, g = point  # noqa: E741
+    there, gives = limits.there, limits.gives
+    slope = slopes(qp, at)
+    missed = jnp.where(there, s + _rows(qp, at) - t - limits.bound, 0.0)
+    price_missed = jnp.where(gives, l + g - limits.price, 0.0)
+    mu = _gap(point) / count
+    weight = _weight(point, limits)
+    over_l, over_g = jnp.where(there, 1 / l, 0.0), jnp.where(gives, 1 / g, 0.0)
+
+    def pull(c1, c2):
+        """What a step adds to the multipliers where the trajectory stays."""
+        return jnp.where(there, missed - c1 * over_l + (c2 - t * price_missed) * over_g, 0.0)
+
+    def right(pushed):
+        return _summed(slope, _pulled(qp, l + weight * pushed))
+
+    def changes(step: Trajectory, pushed, c1, c2):
+        dl = weight * (jnp.where(there, _rows(qp, step), 0.0) + pushed)
+        ds = -(c1 + s * dl) * over_l
+        dg = jnp.where(gives, -price_missed - dl, 0.0)
+        dt = -(c2 + t * dg) * over_g
+        return ds, dl, dt, dg
+
+    c1, c2 = s * l, t * jnp.where(gives, g, 0.0)
+    pushed = pull(c1, c2)
+    factors = factorised(qp, qp.H + _gram(qp, weight), *right(pushed))
+    ds, dl, dt, dg = changes(step_of(qp, factors), pushed, c1, c2)
+    far = _longest(point, (ds, dl, dt, dg), limits)
+    ahead = _Point(at, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
+    target = jnp.clip(_gap(ahead) / (count * mu), 0.0, 1.0) ** 3 * mu
+    c1 = jnp.where(there, c1 + ds * dl - target, 0.0)
+    c2 = jnp.where(gives, c2 + dt * dg - target, 0.0)
+    pushed = pull(c1, c2)
+    step = another_step(qp, factors, *right(pushed))
+    ds, dl, dt, dg = changes(step, pushed, c1, c2)
+    far = _longest(point, (ds, dl, dt, dg), limits)
+    far = jnp.where(far < 1, INWARD * far, 1.0)
+    moved = Trajectory(at.stages + far * step.stages, at.end + far * step.end)
+    return _Point(moved, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
+
+
+def _longest(point: _Point, changes, limits: _Limits):
+    """Part of a step, at most all, after which every slack and multiplier is still positive."""
+    longest = jnp.ones((), point.s.dtype)
+    ds, dl, dt, dg = changes
+    for value, change, counts in (
+        (point.s, ds, limits.there),
+        (point.l, dl, limits.there),
+        (point.t, dt, limits.gives),
+        (point.g, dg, limits.gives),
+    ):
+        falls = counts & (change < 0)
+        part = jnp.where(falls, -value / jnp.where(falls, change, 1.0), 1.0)
+        longest = jnp.minimum(longest, jnp.min(part, initial=1.0))
+    return longest
+
+
+def _gap(point: _Point):
+    """Sum of s l and t g; g is 1 where t is zero."""
+    return jnp.sum(point.s * point.l) + jnp.sum(point.t * point.g)
+
+
+def _progress(qp: StagedQP, point: _Point, limits: _Limits, count):
+    """The path's mu, and the largest miss of an equation of a limit, over the limit's width."""
+    missed = jnp.where(limits.there, point.s + _rows(qp, point.at) - point.t - limits.bound, 0.0)
+    return _gap(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
+
+
+def _checked(qp: StagedQP, point: _Point, limits: _Limits, iterations) -> Answer:
+    """The answer, with its residuals found anew."""
+    n, l = qp.x0.size, point.l  # noqa: E741
+    at = rollout(qp, point.at.stages[:, n:])
+    over = jnp.where(limits.there, _rows(qp, at) - limits.bound, 0.0)
+    beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
+    hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
+    gives = jnp.where(limits.gives, beyond, 0.0)
+    cost, pulled = slopes(qp, at), _pulled(qp, l)
+    behind = costates(qp, _summed(cost, pulled))
+    terms = cost.stages[:, n:], pulled.stages[:, n:], behind @ qp.B
+    tiny = jnp.finfo(l.dtype).tiny ** 0.5
+    size = jnp.maximum(jnp.max(jnp.abs(jnp.stack(terms))), tiny)
+    dual = jnp.max(jnp.abs(sum(terms))) / size
+    costs = jnp.sum(jnp.abs(cost.stages * at.stages)) + jnp.sum(jnp.abs(cost.end * at.end))
+    costs = jnp.maximum(costs, jnp.maximum(jnp.sum(l * jnp.abs(limits.bound)), tiny))
+    gap = jnp.sum(l * left) + jnp.sum((limits.price - l) * gives)
+    residual = jnp.maximum(hard, jnp.maximum(dual, gap / costs))
+    residual = jnp.where(_stated(qp), residual, jnp.inf)
+    return Answer(at, l, residual, residual <= SOLVED, iterations, jnp.max(gives, initial=0.0))
+
+
+def _stated(qp: StagedQP):
+    """Whether no limit is NaN or crossed, and every penalty is one."""
+    known = (qp.lower <= qp.upper) & (qp.lower < jnp.inf) & (qp.upper > -jnp.inf)
+    return jnp.all(known) & jnp.all(qp.penalty > 0)
+
+
+def _weight(point: _Point, limits: _Limits):
+    """W of every limit."""
+    return jnp.where(limits.there, point.l / _slack(point, limits), 0.0)
+
+
+def _softened(point: _Point, limits: _Limits):
+    """W with larger slacks, and the share of these that was added."""
+    more = SOFTENED * limits.width
+    slack = _slack(point, limits) + more
+    there = limits.there
+    return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0)
+
+
+def _slack(point: _Point, limits: _Limits):
+    """Slack over multiplier, times the multiplier: s + l t / g."""
+    way = jnp.where(limits.gives, point.t / point.g, 0.0)
+    return point.s + way * point.l
+
+
+def _one_sided(qp: StagedQP) -> _Limits:
+    bound = jnp.stack([qp.upper, -qp.lower])
+    there = jnp.isfinite(bound)
+    both = jnp.all(there, axis=0)
+    bound = jnp.where(there, bound, 0.0)
+    largest = jnp.max(jnp.abs(bound), axis=0)
+    one = jnp.where(largest > 0, largest, 1.0)
+    half = jnp.where(both, 0.5 * jnp.sum(bound, axis=0), one)
+    width = jnp.broadcast_to(jnp.where(half > 0, half, one), bound.shape)
+    penalty = jnp.broadcast_to(qp.penalty, bound.shape)
+    gives = there & jnp.isfinite(penalty)
+    return _Limits(bound, there, gives, jnp.where(gives, penalty, 1.0), width)
+
+
+def _rows(qp: StagedQP, at: Trajectory):
+    """Values g' v of the one-sided limits."""
+    value = at.stages @ qp.D.T
+    return jnp.stack([value, -value])
+
+
+def _pulled(qp: StagedQP, multipliers) -> Trajectory:
+    """Slope G' l of the limits; none reaches the last state."""
+    stages = (multipliers[0] - multipliers[1]) @ qp.D
+    return Trajectory(stages, jnp.zeros_like(qp.x0))
+
+
+def _gram(qp: StagedQP, weight):
+    """Sum of W d d' over the rows d of every stage."""
+    v = qp.D.shape[1]
+    squares = (qp.D[:, :, None] * qp.D[:, None, :]).reshape(-1, v * v)
+    return (jnp.sum(weight, axis=0) @ squares).reshape(-1, v, v)
+
+
+def _summed(one: Trajectory, other: Trajectory) -> Trajectory:
+    return Trajectory(one.stages + other.stages, one.end + other.end)

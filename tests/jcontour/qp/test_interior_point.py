@@ -1,0 +1,210 @@
+"""The batched interior point against DAQP, in NumPy against its conditions, and its derivative."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.qp.interior_point import SOLVED, solve
+from jcontour.qp.solvers import DAQP
+
+SIZES = {"stages": 6, "states": 4, "controls": 2}
+many, single = jax.jit(jax.vmap(solve)), jax.jit(solve)
+
+
+@pytest.fixture(scope="module")
+def boxed(staged_problems):
+    return staged_problems(2, 16, **SIZES)
+
+
+@pytest.fixture(scope="module")
+def limited(staged_problems):
+    return staged_problems(3, 16, **SIZES, rows=3)
+
+
+@pytest.fixture(scope="module")
+def giving(limited):
+    """The same, tighter: some rows give way, and nothing holds all of them."""
+    never = limited.penalty.at[:, 2:].set(jnp.array([3.0, 300.0, 30.0]))
+    nearer = limited.upper.at[:, :, 2:].add(-2.0)
+    apart = jnp.minimum(limited.lower, nearer - 0.1)
+    return limited._replace(penalty=never, upper=nearer, lower=apart)
+
+
+def controls_of(answer, qp):
+    return np.asarray(answer.trajectory.stages[..., qp.x0.shape[-1] :])
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param("boxed", marks=pytest.mark.slow), "limited", "giving"]
+)
+def test_answers_are_those_of_daqp(kind, request, one_of, condensed):
+    qp = request.getfixturevalue(kind)
+    found = many(qp)
+    assert found.solved.all() and float(found.residual.max()) <= SOLVED
+    active = 0
+    for k in range(6):
+        dense, _, _ = condensed(one_of(qp, k))
+        wanted = DAQP().solve(dense)
+        controls = controls_of(found, qp)[k].ravel()
+        size = np.abs(wanted.z).max()
+        np.testing.assert_allclose(
+            controls, wanted.z[: controls.size], rtol=0, atol=1e-6 * max(size, 1.0)
+        )
+        active += np.count_nonzero(np.abs(wanted.multipliers) > 1e-9)
+        slack = wanted.z[controls.size :].max(initial=0.0)
+        assert float(found.beyond[k]) == pytest.approx(slack, abs=1e-6 * max(size, 1.0))
+    assert active > 20
+    assert (float(found.beyond.max()) > 0.1) is (kind == "giving")
+
+
+def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
+    found = many(limited)
+    assert kkt(limited, controls_of(found, limited), found.multipliers).max() <= SOLVED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_of_20000_random_problems_none_is_wrong_without_a_flag(seed, staged_problems, kkt):
+    random = np.random.default_rng(seed)
+    sizes = {"stages": 5 + seed % 4 * 5, "states": 2 + seed % 7, "controls": 1 + seed % 3}
+    qp = staged_problems(100 + seed, 1000, **sizes, rows=seed % 4)
+    scale = jnp.asarray(10.0 ** random.uniform(-6, 6, 1000))  # costs in any unit
+    qp = qp._replace(
+        H=qp.H * scale[:, None, None, None],
+        h=qp.h * scale[:, None, None],
+        H_end=qp.H_end * scale[:, None, None],
+        h_end=qp.h_end * scale[:, None],
+    )
+    found = many(qp)
+    faults = kkt(qp, controls_of(found, qp), found.multipliers)
+    solved = np.asarray(found.solved)
+    assert faults[solved].max() <= SOLVED
+    assert solved.all()
+
+
+def test_without_an_active_limit_the_first_step_is_the_answer(boxed, one_of, condensed):
+    far = boxed._replace(lower=boxed.lower - 1e3, upper=boxed.upper + 1e3)
+    found = many(far)
+    dense, F, G = condensed(one_of(far, 3))
+    wanted = F + G @ np.linalg.solve(dense.H, -dense.g)
+    np.testing.assert_allclose(found.trajectory.stages[3], wanted, rtol=0, atol=1e-10)
+    assert found.solved.all() and not found.iterations.any() and not found.multipliers.any()
+
+
+@pytest.mark.slow
+def test_vmap_is_a_loop_and_jit_is_no_jit(giving, one_of):
+    """Each member alone: the iterations of the others change nothing."""
+    together = many(giving)
+    for k in (0, 5):
+        for alone in (single(one_of(giving, k)),) + (k == 5) * (
+            jax.disable_jit()(solve)(one_of(giving, k)),
+        ):
+            np.testing.assert_allclose(
+                alone.trajectory.stages, together.trajectory.stages[k], rtol=0, atol=1e-8
+            )
+            assert alone.iterations == together.iterations[k]
+
+
+@pytest.mark.slow
+def test_where_it_begins_changes_the_last_digits_only(limited):
+    guess = jnp.asarray(np.random.default_rng(4).standard_normal((16, 6, 2)))
+    found = jax.jit(jax.vmap(solve))(limited, guess)
+    np.testing.assert_allclose(
+        found.trajectory.stages, many(limited).trajectory.stages, rtol=0, atol=1e-7
+    )
+
+
+def spoiled(qp):
+    """Problems without an answer, each in a way of its own, and one that has one."""
+    beyond = jnp.full_like(qp.lower[0, 2], 50.0)
+    contradiction = qp.lower.at[0, 2].set(beyond), qp.upper.at[0, 2].set(beyond + 1.0)
+    lower = contradiction[0].at[1, 0, 1].set(qp.upper[1, 0, 1] + 1.0).at[2, 0, 0].set(jnp.nan)
+    upper = contradiction[1].at[3, 1, 0].set(-jnp.inf)
+    return qp._replace(
+        lower=lower.at[7, 1, 0].set(jnp.inf),
+        upper=upper,
+        x0=qp.x0.at[4, 0].set(jnp.nan),
+        H=qp.H.at[5].multiply(-1.0),
+        penalty=qp.penalty.at[6, 2].set(-1.0),
+    )
+
+
+def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
+    qp = spoiled(limited)
+    found = many(qp)
+    assert not found.solved[:8].any() and found.solved[8:].all()
+
+    @jax.jit
+    def slope(qp):
+        return jax.grad(lambda qp: jnp.sum(many(qp).trajectory.stages[:, 0] ** 2))(qp)
+
+    slopes, known = slope(qp), np.asarray(found.solved)
+    np.testing.assert_array_equal(np.isfinite(slopes.x0).all(axis=1), known)
+    for leaf in jax.tree.leaves(slopes):
+        assert np.isfinite(np.asarray(leaf)[known]).all()
+    still = jax.tree.map(jnp.zeros_like, qp)
+    moved = jax.jit(lambda d: jax.jvp(lambda q: many(q).trajectory.stages, (qp,), (d,))[1])(
+        still._replace(h=jnp.ones_like(qp.h))
+    )
+    np.testing.assert_array_equal(np.isnan(moved).any(axis=(1, 2)), ~known)
+
+
+@pytest.mark.parametrize("kind", ["limited", pytest.param("giving", marks=pytest.mark.slow)])
+def test_derivatives_are_those_of_differences(kind, request, one_of):
+    """Along a random direction of every number, both modes, away from changes of the active set."""
+    qp = one_of(request.getfixturevalue(kind), 1)
+    random = np.random.default_rng(6)
+    pull = jnp.asarray(random.standard_normal((6, 6)))
+
+    def direction(leaf):
+        moves = jnp.asarray(random.standard_normal(leaf.shape))
+        return jnp.where(jnp.isfinite(leaf), moves, 0.0)
+
+    moves = jax.tree.map(direction, qp)._replace(penalty=jnp.zeros_like(qp.penalty))
+    turned = moves.H + moves.H.swapaxes(-1, -2), moves.H_end + moves.H_end.T
+    moves = moves._replace(H=turned[0], H_end=turned[1])
+
+    def stages(size):
+        moved = jax.tree.map(lambda leaf, d: leaf + size * d, qp, moves)
+        return solve(moved).trajectory.stages
+
+    step, found = 1e-5, jax.jit(stages)
+    difference = (np.asarray(found(step)) - np.asarray(found(-step))) / (2 * step)
+    forward = np.asarray(jax.jit(lambda: jax.jvp(stages, (0.0,), (1.0,))[1])())
+    reverse = jax.jit(jax.grad(lambda size: jnp.sum(pull * stages(size))))(0.0)
+    assert single(qp).multipliers.max() > 1e-3
+    np.testing.assert_allclose(forward, difference, rtol=0, atol=1e-5 * np.abs(difference).max())
+    assert float(reverse) == pytest.approx(float(np.sum(pull * forward)), rel=1e-7)
+
+
+@pytest.mark.slow
+def test_at_a_change_of_the_active_set_the_derivative_is_between_its_sides(boxed, one_of):
+    """The limit is put exactly where the answer without it is."""
+    far = one_of(boxed, 0)
+    far = far._replace(lower=far.lower - 1e3, upper=far.upper + 1e3)
+    u = controls_of(single(far), far)[2, 1]
+
+    @jax.jit
+    def slope(side):
+        edge = far._replace(upper=far.upper.at[2, 1].set(u + side))
+        pushed = jnp.zeros_like(far.h).at[2, -1].set(-1.0)
+        return jax.jvp(
+            lambda size: solve(edge._replace(h=edge.h + size * pushed)).trajectory.stages[2, -1],
+            (0.0,),
+            (1.0,),
+        )[1]
+
+    free, at, held = (float(slope(side)) for side in (1e-3, 0.0, -1e-3))
+    assert free > 1e-3 and held == pytest.approx(0.0, abs=1e-6)
+    assert -1e-6 <= at <= free + 1e-6
+
+
+def test_equal_limits_fix_a_control(boxed, one_of, condensed):
+    qp = one_of(boxed, 4)
+    qp = qp._replace(lower=qp.lower.at[1, 0].set(0.2), upper=qp.upper.at[1, 0].set(0.2))
+    found, (dense, _, _) = single(qp), condensed(qp)
+    assert found.solved
+    np.testing.assert_allclose(
+        controls_of(found, qp).ravel(), DAQP().solve(dense).z, rtol=0, atol=2e-6
+    )
