@@ -55,6 +55,10 @@ class Controller(eqx.Module):
         """Model that the controller is designed on; None for one without a model."""
         return None
 
+    def unlimited(self) -> "Controller":
+        """The controller that margins are of: without limits that it plans for, if it has any."""
+        return self
+
 
 class Wrapper(Controller):
     """A controller around another one: it changes what goes into it or what comes out of it."""
@@ -69,6 +73,10 @@ class Wrapper(Controller):
     def prepare(self, reference: Reference) -> Plan:
         """Plan of the wrapped controller."""
         return self.controller.prepare(reference)
+
+    def unlimited(self) -> Controller:
+        """Wrapper around the controller without its limits."""
+        return eqx.tree_at(lambda one: one.controller, self, self.controller.unlimited())
 
 
 def whole_preview(preview: float | int) -> int:

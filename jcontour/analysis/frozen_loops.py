@@ -156,7 +156,11 @@ def linear_machine(plant: Plant, state: State, control: Float[Array, " p"]) -> L
 def linear_law(
     controller: Controller, plan: Plan, memory: Memory, measurement: Any
 ) -> tuple[LinearLaw, Float[Array, " p"]]:
-    """A controller linearised at a memory and a measurement, and its control there."""
+    """A controller linearised at a memory and a measurement, and its control there.
+
+    One that plans for limits is linearised without them: at a limit there is no loop.
+    """
+    controller = controller.unlimited()
     moving, fixed = eqx.partition(memory, eqx.is_inexact_array)
     seen, unseen = eqx.partition(measurement, eqx.is_inexact_array)
 

@@ -132,13 +132,13 @@ def limit_rows(model: LinearPlant, prediction: Prediction, limits: Limits) -> Ro
     """Rows of all limits (`full_limits`) but those on the control, which are the box."""
     kinds = [
         _rows_of(F, G, getattr(limits, name), name in SOFT)
-        for name, (F, G) in _limited_signals(model, prediction).items()
+        for name, (F, G) in limited_signals(model, prediction).items()
     ]
     C, F, lower, upper, size, soft = (np.concatenate(column) for column in zip(*kinds, strict=True))
     return Rows(C / size[:, None], F / size[:, None], lower / size, upper / size, size, soft)
 
 
-def _limited_signals(
+def limited_signals(
     model: LinearPlant, prediction: Prediction
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Maps (F, G) of every limited signal but the control, by the name of its limit."""
