@@ -18,6 +18,7 @@ from experiments.catalogue.machines import (
     GANTRY,
     GANTRY_WITH_FRICTION,
     GANTRY_WITHOUT_FRICTION,
+    LIMITED,
     LINEAR,
 )
 
@@ -69,6 +70,11 @@ CONTROLLERS = {
     "contouring-lq-riccati-state": _lq("Riccati terminal, fed the true state"),
     "contouring-lq-blocks": _lq(
         "the same, seeing 200 samples or more; its horizon moves on in blocks"
+    ),
+    "constrained-lq": ControllerEntry(
+        "contouring LQ that keeps to the machine's limits: a quadratic program at every sample",
+        LIMITED,
+        lq_designs,
     ),
     "preview-lq": _lq(
         "finite-preview LQ tracking (Tomizuka & Whitney), offset-free observer; beta unused"

@@ -12,6 +12,7 @@ from experiments.catalogue.entries import MakeDesign
 @cache
 def lq_designs() -> Mapping[str, MakeDesign]:
     """Receding-horizon LQ on a machine given by A, B, C."""
+    from experiments.designs.constrained_lq import constrained_lq
     from experiments.designs.lq import blockwise_lq, contouring_lq, preview_lq
 
     return {
@@ -22,6 +23,7 @@ def lq_designs() -> Mapping[str, MakeDesign]:
         "contouring-lq-state": contouring_lq(fed="state"),
         "contouring-lq-riccati-state": contouring_lq("riccati", "state"),
         "contouring-lq-blocks": blockwise_lq(),
+        "constrained-lq": constrained_lq,
         "preview-lq": preview_lq(),
         "preview-lq-state": preview_lq("state"),
     }

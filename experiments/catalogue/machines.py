@@ -78,6 +78,10 @@ def _is_linear(machine: "Machine") -> bool:
     return isinstance(machine, LinearMachine)
 
 
+def _states_limits(machine: "Machine") -> bool:
+    return _is_linear(machine) and any(limit is not None for limit in machine.limits)
+
+
 def _is_flexible(machine: "Machine") -> bool:
     from experiments.machines.flexible_axis import FlexibleMachine
 
@@ -105,6 +109,7 @@ def _has_no_dry_friction(machine: "Machine") -> bool:
 
 
 LINEAR = Requirement("a machine given by A, B, C", _is_linear)
+LIMITED = Requirement("a machine given by A, B, C that states limits", _states_limits)
 FLEXIBLE_AXIS = Requirement("a flexible axis", _is_flexible)
 FLEXIBLE_AXES = Requirement("two flexible axes or more, for a contour", _has_flexible_axes)
 GANTRY = Requirement("a gantry", _is_gantry)

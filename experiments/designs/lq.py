@@ -229,9 +229,9 @@ class LQDesign(Design):
                 file = "gains.csv" if k == 0 else f"gains-{job.name}.csv"
                 save_gains(plan, job.samples, self.machine.model.dt, folder / file)
         if isinstance(controller, FilterObserver | PredictorObserver | OffsetFreeObserver):
-            run_folder.write_json(folder / "observer.json", self._observer_file(controller.gain))
+            run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
 
-    def _observer_file(self, gain: Array) -> dict[str, Any]:
+    def observer_file(self, gain: Array) -> dict[str, Any]:
         """Equations and matrices of the observer; floats in JSON come back to the last bit."""
         model = self.model
         return {

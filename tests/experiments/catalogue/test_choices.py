@@ -19,6 +19,7 @@ from experiments.catalogue.machines import (
     GANTRY,
     GANTRY_WITH_FRICTION,
     GANTRY_WITHOUT_FRICTION,
+    LIMITED,
     LINEAR,
     MACHINES,
 )
@@ -27,9 +28,9 @@ from experiments.options import Simulate
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"
 ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXES}
 SUITED = {  # machine -> the kinds that it is of
-    "bridgeport": [LINEAR],
-    "xy-table": [LINEAR],
-    "emps": [LINEAR],
+    "bridgeport": [LINEAR, LIMITED],
+    "xy-table": [LINEAR, LIMITED],
+    "emps": [LINEAR, LIMITED],
     "flexible-axis": [FLEXIBLE_AXIS],
     "flexible-axes": [FLEXIBLE_AXIS, FLEXIBLE_AXES],
     "gantry": [GANTRY, GANTRY_WITHOUT_FRICTION],

@@ -23,6 +23,7 @@ def test_every_controller_that_reads_the_sensors_is_tried():
         "contouring-lq-kalman",
         "contouring-lq-predictor",
         "contouring-lq-blocks",
+        "constrained-lq",
         "preview-lq",
         "linear-cascade",
         "linear-cascade-feedforward",

@@ -1,0 +1,59 @@
+"""LQ contouring with the machine's limits in the loop, as the commands see it.
+
+It is tuned like the controller without limits, and begins where that one begins.
+"""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+from experiments.designs.first_loop import first_loop
+from experiments.designs.loop_weights import LoopWeights
+from experiments.designs.lq import TERMINALS, LQDesign, contouring_lq
+from experiments.files import run_folder
+from experiments.jobs.replays import Scenarios
+from experiments.machines.linear import LinearMachine
+from experiments.shared_options import Controlled
+from jcontour.controller import Controller
+from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.mpc.constrained_lq import ConstrainedLQ
+from jcontour.mpc.limits import Limits
+
+
+class ConstrainedLQDesign(LQDesign):
+    """Contouring LQ under limits at every sample, behind an observer of state and load."""
+
+    def build(self, weights: LoopWeights) -> Controller:
+        """Controller behind its observer."""
+        model, terminal = self.model, TERMINALS[self.terminal]
+        limits = Limits.within(**self.machine.limits._asdict())
+        inner = ConstrainedLQ(model, weights.cost, self.preview, limits, terminal)
+        return OffsetFreeTold(inner, model, self.gain(weights), model.C)
+
+    def begun(self) -> "ConstrainedLQDesign":
+        """The same with the weights of the first loop without limits."""
+        free = super().build
+        found = first_loop(self.machine, free, self.start, self.preview, self.fed)
+        return replace(self, start=found._replace(**self.given), at_first_loop=True)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The observer; there is no gain schedule, a quadratic program is solved instead."""
+        return {"observer.json": "the observer's equations and matrices; u is the program's answer"}
+
+    def save(self, controller: Controller, scenarios: Scenarios, folder: Path) -> None:
+        """The observer as a drive would load it."""
+        assert isinstance(controller, OffsetFreeTold)
+        run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
+
+
+def constrained_lq(
+    name: str, line: str, machine: LinearMachine, flags: Controlled
+) -> ConstrainedLQDesign:
+    """The design; the flags choose its terminal.
+
+    Raises:
+        ValueError: as the design without limits.
+    """
+    free = contouring_lq()(name, line, machine, flags)
+    found = ConstrainedLQDesign(**{one.name: getattr(free, one.name) for one in fields(free)})
+    return replace(found, line="receding-horizon LQ contouring under limits")

@@ -1,0 +1,61 @@
+"""LQ under limits as a design: what it is, where it begins, what it stores, who gets none."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for, machine_named
+from experiments.options import Simulate
+from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.mpc.constrained_lq import ConstrainedLQ
+from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking import TrackingMPC
+from jcontour.qp.solvers import DAQP
+
+FLAGS = Simulate(controller="constrained-lq", preview=3)
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return machine_named("experiments/machines/example.json")
+
+
+@pytest.fixture(scope="module")
+def design(machine):
+    return design_for(machine, FLAGS)
+
+
+def test_it_keeps_to_every_limit_of_the_machine(machine, design):
+    controller = design.build(design.start)
+    assert type(controller) is OffsetFreeTold and type(controller.controller) is ConstrainedLQ
+    rows = controller.controller.rows
+    np.testing.assert_array_equal(rows.upper[0, :4], [250.0, 250.0, 60.0, 60.0])
+    assert rows.soft.tolist() == [False] * 4 + [True] * (len(rows.soft) - 4)
+    assert np.nanmax(rows.upper[np.isfinite(rows.upper)]) == pytest.approx(250.0)
+
+
+def test_it_begins_where_the_controller_without_limits_begins(machine, design):
+    free = design_for(machine, Simulate(preview=3))
+    assert design.start == free.start and design.free() == free.free()
+    assert design.tunable().late == free.tunable().late
+
+
+def test_verify_replays_it_on_the_host(design):
+    limits = Limits.within(control=100.0)
+    host = design.constrained(design.start, limits, DAQP())
+    assert type(host.controller) is TrackingMPC
+
+
+def test_its_observer_is_stored(design, tmp_path):
+    design.save(design.build(design.start), None, tmp_path)
+    stored = json.loads((tmp_path / "observer.json").read_text())
+    np.testing.assert_array_equal(stored["A"], design.model.A)
+    assert design.files.keys() == {"observer.json"}
+
+
+def test_a_machine_without_limits_is_answered(machine):
+    free = replace(machine, limits=type(machine.limits)())
+    with pytest.raises(ValueError, match="constrained-lq needs .* that states limits"):
+        design_for(free, FLAGS)
