@@ -374,10 +374,21 @@ class Bench(Common):
     """
 
     what: Positional[
-        Literal["mpc", "lq", "gantry", "tuners", "identify", "whole_way", "motion", "certificates"]
+        Literal[
+            "mpc",
+            "qp",
+            "lq",
+            "gantry",
+            "tuners",
+            "identify",
+            "whole_way",
+            "motion",
+            "certificates",
+        ]
     ] = "mpc"  # it has to fit a sample period
     """Timed part of the library.
     mpc: one step of the constrained controllers, by part and by solver.
+    qp: many problems of constrained control at once, with their slopes.
     lq: whole runs of the LQ contouring controller.
     gantry: the gantry in every engine.
     tuners: the tuner against searches without slopes, hours; `uv run --group bench`.
@@ -387,7 +398,8 @@ class Bench(Common):
     certificates: a certified bound with its slopes, and random laps against it."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
-    Gantry: machines at once, 1000 when not given. Certificates: laps at once."""
+    Gantry: machines at once, 1000 when not given. Certificates: laps at once.
+    QP: problems at once, 128 when not given."""
     seeds: int = 20  # quartiles of fewer say little
     """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
     Motion: paths. Certificates: batches of laps."""
