@@ -1,0 +1,141 @@
+"""Finite responses of a model that changes from sample to sample, and what they add to signals.
+
+    x(k+1) = A_k x(k) + B_k u(k) + E_k w(k),   |w_i(k)| <= 1
+The answer to w(k) is X_kj w(k) in the state and U_kj w(k) in the control, at sample k+1+j:
+    X_k0 = E_k,   X_k(j+1) = A_(k+1+j) X_kj + B_(k+1+j) U_kj,   X_kN = 0.
+A machine whose model switches along its path is of this form: an answer that begins before a switch
+ends after it. No set is handed over to another, which Yuan's Algorithm 3 and (5.43) leave open. The
+models have to be known ahead, as those along a known path are.
+
+At sample t a plan that was made j samples before has lost
+    h_tj = sum_{i=1..j} |c_t X_(t-i)(i-1) + d_t U_(t-i)(i-1)|_1
+of the room of a signal c_t x + d_t u; h_tN is its peak.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jcontour.sets.disturbed_model import Numbers
+from jcontour.sets.finite_responses import AT_REST, FiniteResponse
+
+
+class VaryingModel(NamedTuple):
+    """Matrices A (S, n, n), B (S, n, p) and E (S, n, q) of S samples."""
+
+    A: Float[np.ndarray, "S n n"]
+    B: Float[np.ndarray, "S n p"]
+    E: Float[np.ndarray, "S n q"]
+
+    def with_input_delay(self) -> "VaryingModel":
+        """The model whose control acts one sample later; the waiting one is a state, after x."""
+        S, n, p = self.B.shape
+        A = np.concatenate([self.A, self.B], axis=2)
+        A = np.concatenate([A, np.zeros((S, p, n + p))], axis=1)
+        B = np.concatenate([np.zeros((S, n, p)), np.broadcast_to(np.eye(p), (S, p, p))], axis=1)
+        E = np.concatenate([self.E, np.zeros((S, p, self.E.shape[2]))], axis=1)
+        return VaryingModel(A, B, E)
+
+
+@dataclass(frozen=True)
+class VaryingResponse:
+    """Responses to the disturbances of samples 0..R-1, R = S - N.
+
+    Attributes:
+        model: of S samples.
+        state: X (R, M, n, q), M = N + 1, the last one of each zero.
+        control: U (R, N, p, q).
+    """
+
+    model: VaryingModel
+    state: Float[np.ndarray, "R M n q"]
+    control: Float[np.ndarray, "R N p q"]
+
+    @property
+    def length(self) -> int:
+        """Number of samples N."""
+        return self.control.shape[1]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples R."""
+        return len(self.control)
+
+    def growth(self, state: Numbers, control: Numbers) -> Float[np.ndarray, "R r M"]:
+        """Loss of room h_tj of signals c_t x + d_t u, for plans that are j = 0..N samples old.
+
+        Before sample 0 nothing acted.
+
+        Args:
+            state: c (R, r, n).
+            control: d (R, r, p).
+        """
+        c, d = np.asarray(state, float), np.asarray(control, float)
+        sizes = np.zeros((*c.shape[:2], self.length + 1))
+        for i in range(1, self.length + 1):
+            answers = c[i:] @ self.state[:-i, i - 1] + d[i:] @ self.control[:-i, i - 1]
+            sizes[i:, :, i] = np.abs(answers).sum(axis=-1)
+        return np.cumsum(sizes, axis=-1)
+
+    def attack(self, state: Numbers, sample: int) -> Float[np.ndarray, "N q"]:
+        """Disturbances w(t-N)..w(t-1) that drive c x to its peak at a sample t >= N.
+
+        Args:
+            state: c (n,).
+            sample: t.
+        """
+        c, N = np.asarray(state, float), self.length
+        rows = [c @ self.state[sample - i, i - 1] for i in range(N, 0, -1)]
+        return np.sign(np.stack(rows))
+
+
+def brought_to_rest_along(
+    model: VaryingModel, patterns: Sequence[FiniteResponse], which: Int[np.ndarray, " S"]
+) -> VaryingResponse:
+    """Responses that come to rest on the model of every sample.
+
+    The controls are those of a pattern, changed by as little as brings the state to rest: the
+    pattern is made for a model that is near, its sizes E may be others.
+
+    Args:
+        model: of S samples.
+        patterns: responses of N samples, all of one shape.
+        which: pattern of the disturbance of every sample (S,).
+
+    Raises:
+        ValueError: there are no more samples than N, or no controls bring the state to rest.
+    """
+    controls = np.stack([one.control for one in patterns])
+    N, p = controls.shape[1:3]
+    R, n = len(model.A) - N, model.A.shape[1]
+    if R < 1:
+        raise ValueError(f"model: needs more than {N} samples, received {len(model.A)}")
+    U = controls[np.asarray(which)[:R]]
+    after, reach = np.broadcast_to(np.eye(n), (R, n, n)), np.zeros((R, n, N, p))
+    for j in range(N - 1, -1, -1):  # from the last sample backwards
+        A, B = model.A[1 + j : 1 + j + R], model.B[1 + j : 1 + j + R]
+        reach[:, :, j], after = after @ B, after @ A
+    wide = reach.reshape(R, n, N * p)
+    units = np.abs(wide).max(axis=2, keepdims=True)
+    units = np.where(units > 0, units, 1.0)
+    back = np.linalg.pinv(wide / units)
+    for _ in range(2):  # the second one takes away the rounding of the first
+        missed = _states(model, U)[:, -1] / units
+        U = U - (back @ missed).reshape(U.shape)
+    X = _states(model, U)
+    if (np.abs(X[:, -1]).max(axis=(0, 2)) > AT_REST * np.abs(X).max(axis=(0, 1, 3))).any():
+        raise ValueError(f"patterns: responses of {N} samples cannot be brought to rest")
+    X[:, -1] = 0.0
+    return VaryingResponse(model, X, U)
+
+
+def _states(model: VaryingModel, U: Float[np.ndarray, "R N p q"]) -> Float[np.ndarray, "R M n q"]:
+    R = len(U)
+    states = [model.E[:R]]
+    for j in range(U.shape[1]):
+        A, B = model.A[1 + j : 1 + j + R], model.B[1 + j : 1 + j + R]
+        states.append(A @ states[-1] + B @ U[:, j])
+    return np.stack(states, axis=1)

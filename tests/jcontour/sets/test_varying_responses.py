@@ -1,0 +1,119 @@
+"""Responses of models that change on the way, against constant models and simulated policies."""
+
+import numpy as np
+import pytest
+
+from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.least_peaks import least_peak
+from jcontour.sets.varying_responses import VaryingModel, brought_to_rest_along
+
+SAMPLES, LENGTH = 40, 6
+DT = 0.1
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def slide(mass: float) -> DisturbedModel:
+    """A mass on a spring of 9 N/m under 0.2 N, forward Euler."""
+    return DisturbedModel.of(
+        [[1, DT], [-9 * DT / mass, 1]], [0, DT / mass], np.array([0, 0.2 * DT / mass])
+    )
+
+
+def along(models: list[DisturbedModel]) -> VaryingModel:
+    return VaryingModel(*(np.stack([getattr(one, name) for one in models]) for name in "ABE"))
+
+
+@pytest.fixture(scope="module")
+def patterns():
+    return [
+        least_peak(one, one.state_signals(["x"], [1, 0]), one.control_signals(1.0), LENGTH).response
+        for one in (slide(1.0), slide(1.5))
+    ]
+
+
+@pytest.fixture(scope="module")
+def switched(patterns):
+    """A mass that changes at every seventh sample."""
+    which = np.arange(SAMPLES) // 7 % 2
+    model = along([slide(1.5 if heavy else 1.0) for heavy in which])
+    return brought_to_rest_along(model, patterns, which)
+
+
+def position(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    row = np.broadcast_to(np.array([1.0, 0.0]), (samples, 1, 2))
+    return row, np.zeros((samples, 1, 1))
+
+
+def test_on_a_constant_model_they_are_the_pattern(patterns):
+    which = np.zeros(SAMPLES, int)
+    found = brought_to_rest_along(along([slide(1.0)] * SAMPLES), patterns, which)
+    assert found.samples == SAMPLES - LENGTH
+    np.testing.assert_allclose(found.control[5], patterns[0].control, atol=1e-12)
+    np.testing.assert_allclose(found.state[5], patterns[0].state, atol=1e-12)
+    growth = found.growth(*position(found.samples))
+    wanted = patterns[0].growth([1.0, 0.0], [0.0])
+    np.testing.assert_allclose(growth[LENGTH + 3, 0], wanted, atol=1e-12)
+
+
+def test_before_the_first_sample_nothing_acted(switched):
+    growth = switched.growth(*position(switched.samples))[:, 0]
+    assert growth[0].max() == 0.0
+    assert growth[2, 2] > 0 and growth[2, 2] == growth[2, -1]
+
+
+def test_every_answer_ends_at_rest_over_the_switches(switched):
+    model, N = switched.model, LENGTH
+    for k in range(switched.samples):
+        x = model.E[k]
+        for j in range(N):
+            x = model.A[k + 1 + j] @ x + model.B[k + 1 + j] @ switched.control[k, j]
+        assert np.abs(x).max() < 1e-14
+
+
+def test_the_attack_reaches_the_peak_and_nothing_exceeds_it(switched, rng):
+    row, still = position(switched.samples)
+    peaks = switched.growth(row, still)[:, 0, -1]
+    end = 21
+    w = np.zeros((switched.samples, 1))
+    w[end - LENGTH : end] = switched.attack(row[end, 0], end)
+    assert driven(switched, w)[end, 0] == pytest.approx(peaks[end], rel=1e-12)
+    for _ in range(20):
+        x = driven(switched, rng.uniform(-1, 1, (switched.samples, 1)))[: switched.samples, 0]
+        assert (np.abs(x) <= peaks * (1 + 1e-9)).all()
+
+
+def driven(found, w: np.ndarray) -> np.ndarray:
+    """States under the policy u(k) = sum_j U_(k-1-j)j w(k-1-j)."""
+    model, x, states = found.model, np.zeros(2), []
+    for k in range(found.samples):
+        states.append(x)
+        u = sum(
+            (found.control[k - 1 - j, j] @ w[k - 1 - j] for j in range(min(k, LENGTH))),
+            start=np.zeros(1),
+        )
+        x = model.A[k] @ x + model.B[k] @ u + model.E[k] @ w[k]
+    return np.array(states)
+
+
+def test_a_late_control_waits_in_the_state(switched, rng):
+    model = switched.model
+    late = model.with_input_delay()
+    x, line = rng.normal(size=2), rng.normal(size=1)
+    u, w = rng.normal(size=1), rng.normal(size=1)
+    found = late.A[3] @ np.append(x, line) + late.B[3] @ u + late.E[3] @ w
+    wanted = model.A[3] @ x + model.B[3] @ line + model.E[3] @ w
+    np.testing.assert_allclose(found, np.append(wanted, u), atol=1e-15)
+
+
+def test_bad_input(patterns):
+    short = along([slide(1.0)] * LENGTH)
+    with pytest.raises(ValueError, match="model: needs more than 6 samples"):
+        brought_to_rest_along(short, patterns, np.zeros(LENGTH, int))
+    fixed = along([slide(1.0)] * SAMPLES)
+    stuck = fixed._replace(B=np.zeros_like(fixed.B))
+    with pytest.raises(ValueError, match="cannot be brought to rest"):
+        brought_to_rest_along(stuck, patterns, np.zeros(SAMPLES, int))
