@@ -88,6 +88,9 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/papers/mcnab_tsao": "experiments/papers/test_mcnab_tsao.py",
     "experiments/papers/synchronisation": "experiments/papers/test_synchronisation.py",
     "experiments/papers/yuan_bounded": "experiments/papers/test_yuan_bounded.py",
+    "experiments/papers/yuan_contouring_bounded": (
+        "experiments/papers/test_yuan_contouring_bounded.py"
+    ),
     "experiments/papers/yuan_gantry": "experiments/papers/test_yuan_gantry.py",
     "experiments/papers/yuan_tracking": "experiments/papers/test_yuan_tracking.py",
     "experiments/papers/zpetc": "experiments/papers/test_zpetc.py",

@@ -54,7 +54,8 @@ def _twist(result: Result) -> Claim:
 def _error(result: Result) -> Claim:
     words = (
         f"{1e3 * result.path.peak_contour_error_m:.3g} mm with the follower; "
-        "the thesis's masses, bounds and set-based controller are not to be had"
+        "the thesis's masses and bounds are not printed, its controllers are in "
+        "yuan-contouring-bounded"
     )
     claim = f"contour error of at most {PRINTED_PEAK_MM} mm"
     return Claim("Fig. 5.14", claim, words, Verdict.EXPERIMENTAL)

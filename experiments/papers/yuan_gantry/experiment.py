@@ -3,7 +3,8 @@
 Its resonances, its twist along a path, its head emulated by a motor bench, and three engines.
 Hardly a mass or a stiffness of the machine is printed. Ours solve (5.12) for the two
 anti-resonances that are. These two are therefore an input of the model, and everything else
-follows from it. The thesis's set-based controllers are not built here.
+follows from it. A plain follower drives the path; the thesis's set-based controllers are those of
+`yuan_contouring_bounded`.
 """
 
 from dataclasses import asdict, dataclass, replace

@@ -98,12 +98,18 @@ def _ringing(polynomial: Float[Array, " d"]) -> float:
     return float(np.abs(roots[np.abs(roots.imag) > 0][0]) / (2 * np.pi))
 
 
-def reference_path() -> Reference:
-    """Fig. 5.11: line, full circle, line, with a trapezoid of speed over the whole."""
+def reference_path(preview: int = 1, dwell: float = 0.0) -> Reference:
+    """Fig. 5.11: line, full circle, line, with a trapezoid of speed over the whole.
+
+    Args:
+        preview: samples of future to append.
+        dwell: rest before and after [s].
+    """
     start, corner, end = [RADIUS, -RADIUS], [RADIUS, 0.0], [RADIUS, RADIUS]
     contour = chain([line(start, corner), circle(RADIUS), line(corner, end)])
     law = PointToPoint(float(contour.length), FEED, ACCELERATION)
-    return in_time(contour, law, SAMPLE * np.ceil(law.duration / SAMPLE), SAMPLE)
+    duration = SAMPLE * np.ceil((law.duration + 2 * dwell) / SAMPLE)
+    return in_time(contour, law, duration, SAMPLE, preview, dwell)
 
 
 def along_the_path() -> PathRun:

@@ -1,0 +1,1 @@
+"""Yuan, chapter 5: contouring with a guaranteed error."""

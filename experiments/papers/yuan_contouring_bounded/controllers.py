@@ -1,0 +1,202 @@
+"""The thesis's two contouring controllers along a tube: rows that they keep, and what is promised.
+
+CEBC-1 (section 5.3) keeps the tracking error of each axis, one controller for the head and one for
+the beam. By Lemma 5.1 and Remark 5.1 the contour error is below
+    (|x* - x_h| + d |theta|) + |y* - y_e|.
+CEBC-2 (section 5.4) keeps the distance from the path: |nu| across and |tau| along it, in the frame
+of the reference point. On lines and arcs of radius R the contour error is below |nu| + tau^2 / 2R.
+No polygon, and no set that waits for its turn, is needed.
+"""
+
+from time import thread_time
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE
+from experiments.papers.yuan_contouring_bounded.tubes import SPARE, Part, Tube
+from experiments.papers.yuan_gantry.runs import RADIUS
+from jcontour.host.controller import HostController, Stepped, StepReport
+from jcontour.motion.references import Reference
+from jcontour.mpc.bounded_along import BoundedAlong, KeptRows
+from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.sets.varying_responses import VaryingResponse
+
+CURRENT = 10.0  # [A] limit of every motor: ours, as in the library's gantry
+SLOW = 125  # samples of half a period of a slow disturbance
+
+
+class Promise(NamedTuple):
+    """What a controller keeps.
+
+    Attributes:
+        contour: largest contour error [m].
+        axes: largest tracking error of the tool along X and Y [m]; None where none is kept.
+        twist: largest |theta| [rad].
+    """
+
+    contour: float
+    axes: tuple[float, float] | None
+    twist: float
+
+
+class Parted(HostController):
+    """Controllers of disjoint parts of the machine; it keeps the processor time of every step.
+
+    Each step is done twice and the lesser time kept: what else the computer does is not counted.
+
+    Args:
+        parts: states and inputs of each, of the machine's six states and three motors.
+        controllers: of the parts.
+    """
+
+    def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedAlong, ...]):
+        self.parts, self.controllers = parts, controllers
+        self.preview = max(one.preview for one in controllers)
+        self.seconds: list[float] = []
+
+    def prepare(self, reference: Reference) -> Any:
+        """Plans of all."""
+        return tuple(one.prepare(reference) for one in self.controllers)
+
+    def initial_memory(self, reference: Reference) -> Any:
+        """Memories of all."""
+        return tuple(one.initial_memory(reference) for one in self.controllers)
+
+    def step(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
+        """Step of each on its own states.
+
+        Raises:
+            Unsolved: a QP has no answer.
+        """
+        began = thread_time()
+        found = self._stepped(memory, plan, measurement)
+        middle = thread_time()
+        self._stepped(memory, plan, measurement)
+        self.seconds.append(min(middle - began, thread_time() - middle))
+        return found
+
+    def _stepped(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
+        control, memories, reports = np.zeros(3), [], []
+        each = zip(self.parts, self.controllers, memory, plan, strict=True)
+        for part, one, inner, row in each:
+            seen = measurement[[i for i in part.states if i < len(measurement)]]
+            following, found, report = one.step(inner, row, seen)
+            control[list(part.inputs)] = found
+            memories.append(following)
+            reports.append(report)
+        return tuple(memories), control, _joined(reports)
+
+    def warm(self, reference: Reference) -> None:
+        """Solve once, so that no time of a step is that of compiling."""
+        plans, memory = self.prepare(reference), self.initial_memory(reference)
+        for one, plan, inner in zip(self.controllers, plans, memory, strict=True):
+            row = type(plan)(*(leaf[0] for leaf in plan))
+            one.step(inner, row, row.state[: len(row.state) - inner.waiting.size])
+        self.seconds.clear()
+
+
+def _joined(reports: list[StepReport]) -> StepReport:
+    return StepReport(
+        sum(one.active for one in reports),
+        max(one.residual for one in reports),
+        sum(one.iterations for one in reports),
+    )
+
+
+def controller(tube: Tube) -> tuple[Parted, Promise]:
+    """Controllers of all parts, and what they promise together.
+
+    Raises:
+        ValueError: a limit leaves no room; it names the signal.
+    """
+    made = [
+        _part_controller(tube, part, response)
+        for part, response in zip(tube.design.parts, tube.responses, strict=True)
+    ]
+    whole, bend = Parted(tube.design.parts, tuple(made)), _bend(tube)
+    if not tube.design.apart:
+        across, along = made[0].kept.limit[0, :2] + bend
+        return whole, Promise(float(across + along**2 / (2 * RADIUS)), None, float(tube.state[2]))
+    kept = [float(one.kept.limit[0, 0]) for one in made]
+    # what the states of the other part do to the tool along this axis
+    axes = [
+        size + bend + float((np.abs(tube.machine.tool[:, axis]) @ _others(tube, part)).max())
+        for axis, (size, part) in enumerate(zip(kept, tube.design.parts, strict=True))
+    ]
+    return whole, Promise(sum(axes), (axes[0], axes[1]), float(tube.state[2]))
+
+
+def _bend(tube: Tube) -> float:
+    """Second order of the tool in the deviation: |dx theta| + (|x_h| + d) theta^2 / 2 [m]."""
+    x, theta = tube.state[0], tube.state[2]
+    reach = float(np.abs(tube.machine.run.state[:, 0]).max() + thesis_gantry().tool_offset)
+    return float(x * theta + reach * theta**2 / 2)
+
+
+def _others(tube: Tube, part: Part) -> Float[np.ndarray, " n"]:
+    state = tube.state.copy()
+    state[list(part.states)] = 0.0
+    return state
+
+
+def _part_controller(tube: Tube, part: Part, response: VaryingResponse) -> BoundedAlong:
+    """Controller of a part: its rows of the tool first, then the tube of its states."""
+    R, states, inputs = response.samples, list(part.states), list(part.inputs)
+    machine = tube.machine
+    directions, names = _directions(machine.reference, part, R)
+    off = machine.run.output[:R] - np.asarray(machine.reference.position)[:R]
+    rows = directions @ machine.tool[:R, :, states]
+    value = np.einsum("krm,km->kr", directions, off)
+    peaks = response.growth(rows, np.zeros((*rows.shape[:2], len(inputs))))[..., -1]
+    most = SPARE * (np.abs(value) + peaks).max(axis=0)
+    each = np.broadcast_to(np.eye(len(states)), (R, len(states), len(states)))
+    kept = KeptRows(
+        (*names, *(f"state {i}" for i in states)),
+        np.concatenate([rows, each], axis=1),
+        np.concatenate([value, np.zeros((R, len(states)))], axis=1),
+        np.broadcast_to(np.concatenate([most, tube.state[states]]), (R, len(most) + len(states))),
+    )
+    nominal = machine.control[:R, inputs]
+    # currents that wait are states: their limit is the same
+    room = np.minimum(CURRENT - np.abs(nominal), tube.current[inputs])
+    late = tube.design.late
+    return BoundedAlong(machine.state[:R, states], nominal, response, kept, room, late)
+
+
+def _directions(reference: Reference, part: Part, samples: int) -> tuple[np.ndarray, tuple]:
+    """Unit rows (R, r, 2) of the tool that a part keeps, and their names."""
+    tangent = np.asarray(reference.tangent)[:samples]
+    if len(part.inputs) == 3:
+        normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+        return np.stack([normal, tangent], axis=1), ("across", "along")
+    axis = 0 if part.inputs == (0,) else 1
+    return np.broadcast_to(np.eye(2)[axis], (samples, 1, 2)), ("xy"[axis],)
+
+
+def attack(tube: Tube, whole: Parted, steps: int) -> Float[np.ndarray, "T p"]:
+    """Disturbances of the motors [A] that drive the tool to its peak, to and fro.
+
+    Every N samples they aim at the side of the path that is opposite to the last one's.
+    """
+    found, design = np.zeros((steps, 3)), tube.design
+    tangent = np.asarray(tube.machine.reference.tangent)
+    parts = zip(design.parts, tube.responses, whole.controllers, strict=True)
+    for axis, (part, response, one) in enumerate(parts):
+        N, inputs = response.length, list(part.inputs)
+        for turn, end in enumerate(range(N, steps + 1, N)):
+            side = -1.0 if turn % 2 else 1.0
+            if design.apart:  # both axes towards one side of the path
+                side *= np.sign((-tangent[end, 1], tangent[end, 0])[axis]) or 1.0
+            worst = response.attack(one.kept.state[end, 0], end)[:, : len(inputs)]
+            found[end - N : end, inputs] = side * worst
+    return DISTURBANCE * found
+
+
+def random_forces(steps: int) -> Float[np.ndarray, "T p"]:
+    """Disturbances of the motors [A]: from one end to the other, slowly, then at random."""
+    half = steps // 2
+    slow = np.where(np.arange(half) // SLOW % 2 == 0, 1.0, -1.0)[:, None] * np.ones(3)
+    fast = np.sign(np.random.default_rng(0).normal(size=(steps - half, 3)))
+    return DISTURBANCE * np.concatenate([slow, fast])

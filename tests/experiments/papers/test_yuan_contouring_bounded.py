@@ -1,0 +1,224 @@
+"""Yuan's contouring controllers: verdicts on made-up results, tubes and runs on the gantry."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.files.results.stored import from_json, to_json
+from experiments.papers.verdicts import Verdict
+from experiments.papers.yuan_contouring_bounded.claims import claims
+from experiments.papers.yuan_contouring_bounded.controllers import controller, random_forces
+from experiments.papers.yuan_contouring_bounded.experiment import QUICK_STEPS, Settings, run
+from experiments.papers.yuan_contouring_bounded.figures import draw, errors
+from experiments.papers.yuan_contouring_bounded.machine import POINTS, driven
+from experiments.papers.yuan_contouring_bounded.result import (
+    ATTACKED,
+    CEBC1,
+    CEBC2,
+    EVERY,
+    FOUR,
+    FRICTION,
+    GANTRY,
+    GUIDES,
+    ONE,
+    LoopRow,
+    Result,
+)
+from experiments.papers.yuan_contouring_bounded.runs import (
+    EXACT,
+    LATE_TRACKED,
+    RUBBED,
+    SWITCHED,
+    TRACKED,
+    loop_row,
+    polygons,
+    tube,
+)
+from experiments.papers.yuan_gantry.runs import SAMPLE
+from jcontour.plants.gantry.gantry import Gantry
+from jcontour.plants.gantry.linear_models import tangent
+from jcontour.plants.gantry.parameters import thesis_gantry
+
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+
+
+def row(name: str, models: str, promised: float, **others) -> LoopRow:
+    """A made-up run that reaches nine tenths of its promise."""
+    return LoopRow(
+        **{
+            "name": name,
+            "models": models,
+            "machine": GANTRY,
+            "acting": ATTACKED,
+            "states": 6,
+            "length": 8,
+            "promised_um": promised,
+            "reached_um": 0.9 * promised,
+            "promised_axes_um": (30.0, 10.0) if name == CEBC1 else None,
+            "reached_axes_um": (20.0, 9.0),
+            "promised_twist_urad": 20.0,
+            "reached_twist_urad": 10.0,
+            "remainder_a": 0.1,
+            "closed": 0.9,
+            "motor_share": 1.0,
+            "remainder_share": 0.5,
+            "current_a": 3.0,
+            "active": 0.5,
+            "unsolved": 0,
+            "median_ms": 0.1,
+            "slowest_ms": 0.2,
+            "samples": 4,
+            "diverged": False,
+            "contour_error_um": np.zeros(4),
+            **others,
+        }
+    )
+
+
+def made_up() -> Result:
+    return Result(
+        source="",
+        settings={},
+        polygons=polygons(),
+        loops=(
+            row(CEBC1, FOUR, 40.0),
+            row(CEBC2, ONE, 5.0),
+            row(CEBC2, FOUR, 4.0),
+            row(CEBC2, EVERY, 3.0),
+            row(CEBC2, EVERY, 4.0, machine=GUIDES, acting=FRICTION),
+            row(CEBC2, EVERY, 10.0, states=9),
+        ),
+    )
+
+
+def verdicts(result: Result) -> dict[str, Verdict]:
+    return {one.claim: one.verdict for one in claims(result)}
+
+
+def without(result: Result, place: int, **others) -> dict[str, Verdict]:
+    loops = list(result.loops)
+    loops[place] = replace(loops[place], **others)
+    return verdicts(replace(result, loops=tuple(loops)))
+
+
+def of(found: dict[str, Verdict], words: str) -> Verdict:
+    (one,) = [verdict for claim, verdict in found.items() if words in claim]
+    return one
+
+
+def test_verdicts_follow_the_numbers():
+    result = made_up()
+    found = verdicts(result)
+    assert of(found, "bounded tracking errors") is YES
+    assert of(found, "X and Y stay within") is YES
+    assert of(found, "contour error itself") is YES
+    assert of(found, "smaller contour error") is YES
+    assert of(found, "stay feasible") is PARTLY
+    assert of(found, "10 and 10 sides") is NO
+    assert of(found, "more linearisation points") is PARTLY
+    assert of(found, "longer time") is NO
+    assert of(found, "one sample late") is Verdict.EXPERIMENTAL
+    assert of(found, "nonlinear friction") is Verdict.EXPERIMENTAL
+    assert of(without(result, 0, reached_um=41.0), "bounded tracking errors") is NO
+    assert of(without(result, 0, closed=1.01), "bounded tracking errors") is NO
+    assert of(without(result, 0, reached_axes_um=(31.0, 9.0)), "X and Y stay within") is NO
+    assert of(without(result, 3, unsolved=1), "contour error itself") is NO
+    assert of(without(result, 3, unsolved=1), "stay feasible") is NO
+    assert of(without(result, 3, promised_um=41.0), "smaller contour error") is NO
+    assert of(without(result, 1, promised_um=3.5), "more linearisation points") is NO
+    assert of(without(result, 3, median_ms=1.0), "longer time") is YES
+
+
+def test_a_quick_run_says_nothing_of_what_it_leaves_out():
+    result = made_up()
+    quick = replace(result, loops=(result.loops[0], result.loops[3]))
+    found = verdicts(quick)
+    assert not any("linearisation" in one or "friction" in one for one in found)
+
+
+def test_polygons_of_algorithm_2():
+    found = polygons()
+    assert (found.inner, found.outer) == (10, 11)
+    assert found.printed_side_mm == pytest.approx(84 * np.cos(np.pi / 10), rel=1e-12)
+    assert found.printed_side_mm < found.radius_mm < found.side_mm
+
+
+def test_a_result_is_stored_and_drawn(tmp_path):
+    result = made_up()
+    stored = from_json(to_json(result), Result)
+    assert stored.loops[0].label == "CEBC-1, four places"
+    assert stored.loops[5].place == "gantry late, worst"
+    assert len(errors(result).axes) == len(result.loops)
+    assert [path.exists() for path in draw(result, tmp_path)] == [True]
+
+
+def test_parts_hold_every_state_and_motor_once():
+    for design in (EXACT, TRACKED, LATE_TRACKED):
+        states = sorted(state for part in design.parts for state in part.states)
+        motors = sorted(motor for part in design.parts for motor in part.inputs)
+        assert states == list(range(6 + 3 * design.late)) and motors == [0, 1, 2]
+
+
+def test_random_forces_stay_in_their_box():
+    force = random_forces(1000)
+    assert force.shape == (1000, 3) and np.abs(force).max() == 0.5
+    assert (force[:125] == 0.5).all() and (force[125:250] == -0.5).all()
+
+
+@pytest.mark.slow
+def test_models_switch_half_way_between_the_places_of_linearisation():
+    machine = driven(16, 0)
+    model, which = machine.switched(tangent, POINTS)
+    heads = machine.run.state[: len(which), 0]
+    assert np.abs(heads - np.asarray(POINTS)[which]).max() <= 0.025 + 1e-9
+    assert len(np.unique(which)) == 4
+    exact = machine.exact
+    near = np.abs(np.abs(heads) - 0.075) < 1e-4
+    assert np.abs(exact.A[near] - model.A[near]).max() < 1e-4 * np.abs(exact.A).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("design", [EXACT, SWITCHED])
+def test_the_tube_covers_the_error_of_its_models_on_the_machine_itself(design):
+    """One sample of the gantry from corners of the tube, motors at their worst."""
+    found, rng = tube(design), np.random.default_rng(1)
+    run, model = found.machine.run, found.model
+    k = rng.integers(0, len(run.A), 400)
+    e = found.state * rng.choice([-1.0, 1.0], size=(400, 6))
+    du = found.current * rng.choice([-1.0, 1.0], size=(400, 3))
+    w = 0.5 * rng.choice([-1.0, 1.0], size=(400, 3))
+    step = jax.vmap(Gantry(thesis_gantry(), SAMPLE).step)
+    after = step(jnp.asarray(run.state[k] + e), jnp.asarray(run.control[k] + du + w))
+    predicted = np.einsum("kij,kj->ki", model.A[k], e) + np.einsum("kij,kj->ki", model.B[k], du)
+    predicted += np.einsum("kij,kj->ki", model.E[k], 2 * w)
+    error = np.abs(np.asarray(after) - run.state[k + 1] - predicted)
+    assert (error <= found.remainder).all()
+    assert found.closed <= 1
+
+
+@pytest.mark.slow
+def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
+    result = run(Settings(quick=True), None)
+    for one in result.loops:
+        assert one.kept and one.samples == QUICK_STEPS
+        assert one.motor_share <= 1 + 1e-9 and one.remainder_share <= 1
+    exact, late = result.loop(CEBC2, EVERY), result.loop(CEBC2, EVERY, late=True)
+    for one in (exact, late):
+        assert one.promised_um <= 200.0 and one.reached_um >= 0.9 * one.promised_um
+
+
+@pytest.mark.slow
+def test_friction_is_inside_its_box():
+    found = loop_row(RUBBED, GUIDES, FRICTION, 700)
+    assert found.kept and found.motor_share <= 1 and found.remainder_share <= 1
+
+
+@pytest.mark.slow
+def test_a_controller_states_what_it_keeps():
+    whole, promise = controller(tube(TRACKED))
+    assert promise.axes is not None
+    assert promise.contour == pytest.approx(sum(promise.axes), rel=1e-12)
+    assert len(whole.controllers) == 2
