@@ -80,7 +80,7 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
 
     def kernel(x, y):
         lanes = Lanes.of(pl.program_id(0), 1, members)
-        start = x[lanes.index]
+        start = x[lanes.number]
 
         def body(_, values):
             for _ in range(unrolled):
@@ -88,7 +88,7 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
             return values
 
         ends = jax.lax.fori_loop(0, CHAIN, body, tuple(start * (1 + k) for k in range(chains)))
-        y[lanes.index] = sum(ends[1:], ends[0])
+        y[lanes.number] = sum(ends[1:], ends[0])
 
     def run(x):
         return launch(kernel, members // LANES, [Operand(x)], [(members,)])[0]
