@@ -8,6 +8,7 @@ write the same numbers, so nothing is masked.
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from math import prod
 from typing import Any, NamedTuple
@@ -119,6 +120,33 @@ class Batch(NamedTuple):
         return own, stride
 
 
+@dataclass(frozen=True)
+class Flat:
+    """Rows of numbers behind one index: half of the instructions of two, which all take compiling.
+
+    Attributes:
+        ref: the numbers.
+        columns: of a row.
+    """
+
+    ref: Any
+    columns: int
+
+    @property
+    def dtype(self) -> Any:
+        """Type of the numbers."""
+        return self.ref.dtype
+
+    def __getitem__(self, place):
+        return self.ref[self._flat(*place)]
+
+    def __setitem__(self, place, numbers) -> None:
+        self.ref[self._flat(*place)] = numbers
+
+    def _flat(self, row, column):
+        return column if isinstance(row, int) and row == 0 else row * self.columns + column
+
+
 class Lanes(NamedTuple):
     """Lanes of one program: flat number, step and member of the batch, (L,) each."""
 
@@ -146,18 +174,28 @@ def launch(
     results: Sequence[tuple[int, ...]],
     lanes: int = LANES,
 ) -> Any:
-    """Run `kernel` with every array whole; without a GPU it is interpreted, for tests."""
+    """Run `kernel` with every array whole; without a GPU it is interpreted, for tests.
+
+    Operands and results are rows of numbers (row, column), or plain rows (column,).
+    """
     dtype = operands[0].array.dtype
+    shapes = [*(operand.array.shape for operand in operands), *results]
+
+    def flat_kernel(*refs):
+        pairs = zip(refs, shapes, strict=True)
+        kernel(*(Flat(ref, shape[1]) if len(shape) == 2 else ref for ref, shape in pairs))
+
     # JAX means to replace its Triton backend; the other one has no float64
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The Pallas Triton backend is deprecated")
-        return pl.pallas_call(
-            kernel,
-            out_shape=[jax.ShapeDtypeStruct(shape, dtype) for shape in results],
+        found = pl.pallas_call(
+            flat_kernel,
+            out_shape=[jax.ShapeDtypeStruct((prod(shape),), dtype) for shape in results],
             grid=(programs,),
             interpret=not on_gpu(),
             compiler_params=triton.CompilerParams(num_warps=max(lanes // WARP, 1), num_stages=1),
-        )(*(operand.array for operand in operands))
+        )(*(operand.array.reshape(-1) for operand in operands))
+    return [array.reshape(shape) for array, shape in zip(found, results, strict=True)]
 
 
 def batch_last(function: Callable[..., list[Array]]) -> Callable[..., list[Array]]:
