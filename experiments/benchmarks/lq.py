@@ -31,7 +31,13 @@ from experiments.reports import tables
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line
-from jcontour.kernels.dispatch import multiplications, on_gpu, suits_lanes
+from jcontour.kernels.dispatch import (
+    multiplications,
+    on_gpu,
+    rank_one_multiplications,
+    suits_lanes,
+    suits_rank_one,
+)
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference, along
 from jcontour.plants import bridgeport
@@ -257,15 +263,22 @@ def machine(states: tuple[int, ...]) -> LinearPlant:
 
 def formulation(case: Case) -> str:
     """Formulation that `receding_horizon_plan` chooses here: kernels or XLA."""
-    return "kernels" if suits_lanes(case.plant.pattern, case.plant) else "XLA"
+    pattern = case.plant.pattern
+    if suits_rank_one(pattern, case.preview, case.plant):
+        return "rank one"
+    return "kernels" if suits_lanes(pattern, case.plant) else "XLA"
 
 
 def work(case: Case) -> float:
-    """Floating-point operations of the Riccati sweeps of one run, over the plant's non-zeros.
+    """Floating-point operations of the gains of one run, over the plant's non-zeros.
 
     Everything else in a run is not counted.
     """
-    return 2.0 * case.references.steps * case.preview * multiplications(case.plant.pattern)
+    pattern, preview = case.plant.pattern, case.preview
+    step = preview * multiplications(pattern)
+    if suits_rank_one(pattern, preview, case.plant):
+        step = rank_one_multiplications(pattern, preview)
+    return 2.0 * case.references.steps * step
 
 
 def looped(loop: Callable, steps: int) -> float:

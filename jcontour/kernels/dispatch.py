@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.linear.plant import Pattern
+from jcontour.linear.plant import Pattern, decoupled_axes
 from jcontour.tracing import is_concrete
 
 # of one stage, unrolled: 8 coupled states; beyond, the derivative takes minutes to compile
@@ -17,6 +17,10 @@ MOST_MULTIPLICATIONS = 1500
 # for the cost to go: 9 states in float64, 13 in float32; a lane with more spills, and XLA's sweep
 # is faster
 MOST_REGISTERS = 110
+# of A, B and C: 16 states in two axes; the closed loop reads them at every step
+MOST_NON_ZEROS = 160
+LONGEST_SYSTEM = 10  # samples of a window: half a minute to compile, a minute for 12
+WIDEST_AXIS = 8  # states: its constant part has as many numbers per sample
 # [samples] below, the plain sweep is faster (on a CPU: N_p = 55 forward and 150 backward). Lanes
 # are faster up to 1700, but their derivative keeps numbers for every sample that a step sees.
 SHORTEST_WINDOW = {"cpu": 80, "gpu": 150, "lanes": 500}
@@ -37,12 +41,51 @@ def suits_lanes(pattern: Pattern, *arrays) -> bool:
 
     The sweep in XLA takes all.
     """
-    types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
-    if not on_gpu() or types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
+    size = _number_size(arrays)
+    if not on_gpu() or size is None:
         return False
     n = len(pattern.A)
-    registers = (n * (n + 1) // 2 + n) * types.pop().itemsize // 4
+    registers = (n * (n + 1) // 2 + n) * size // 4
     return registers <= MOST_REGISTERS and multiplications(pattern) <= MOST_MULTIPLICATIONS
+
+
+def suits_loop(pattern: Pattern, *arrays) -> bool:
+    """Whether the GPU's kernel of the closed loop takes a plant and numbers of these types."""
+    non_zeros = sum(sum(map(sum, matrix)) for matrix in pattern)
+    return on_gpu() and _number_size(arrays) is not None and non_zeros <= MOST_NON_ZEROS
+
+
+def suits_rank_one(pattern: Pattern, preview: int, *arrays) -> bool:
+    """Whether `rank_one_lanes` takes a plant and a window, and is faster than a sweep.
+
+    The axes have to be decoupled, with one output each, and the plant too large for `suits_lanes`.
+    """
+    axes = decoupled_axes(pattern)
+    if not on_gpu() or _number_size(arrays) is None or suits_lanes(pattern, *arrays):
+        return False
+    if preview > LONGEST_SYSTEM:
+        return False
+    if any(len(axis.outputs) != 1 or len(axis.states) > WIDEST_AXIS for axis in axes):
+        return False
+    return rank_one_multiplications(pattern, preview) < preview * multiplications(pattern)
+
+
+def rank_one_multiplications(pattern: Pattern, preview: int) -> int:
+    """Multiplications of one step of `rank_one_lanes`.
+
+    They are those of the system, its elimination, its solutions, the errors and the gains.
+    """
+    n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
+    triangle = preview * (preview + 1) // 2
+    return triangle * (4 * m + preview // 3 + 2 * p) + preview * p * (n + m)
+
+
+def _number_size(arrays) -> int | None:
+    """Bytes of a number; None where the types are not those of the kernels."""
+    types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
+    if types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
+        return None
+    return types.pop().itemsize
 
 
 def multiplications(pattern: Pattern) -> int:

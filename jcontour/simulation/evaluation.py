@@ -16,7 +16,7 @@ import numpy as np
 
 from jcontour.controller import Controller, Plan
 from jcontour.geometry.contours import stack as stack_contours
-from jcontour.kernels.dispatch import suits_lanes
+from jcontour.kernels.dispatch import suits_loop
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
@@ -122,7 +122,7 @@ def _followed(
         static and type(plant) is LinearPlant and score is score_signals
     ):  # a wrapper may measure less than the state
         start = start_state(plant, reference)
-        if suits_lanes(plant.pattern, plant, plan, start):
+        if suits_loop(plant.pattern, plant, plan, start):
             # imported here: it loads Pallas, which a CPU has no use for
             from jcontour.kernels.lane_score import lane_score
 

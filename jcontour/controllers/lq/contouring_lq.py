@@ -19,7 +19,7 @@ from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
 from jcontour.motion.references import Reference
 from jcontour.riccati.algebraic import check_dare, dare
-from jcontour.riccati.receding_horizon import CostToGo, output_cost, receding_horizon_plan
+from jcontour.riccati.receding_horizon import CostToGo, RankOne, output_cost, receding_horizon_plan
 from jcontour.tracing import is_concrete
 
 
@@ -170,14 +170,17 @@ class ContouringLQ(PlannedFeedback):
         if stage is None:
             stage = np.ones(self.preview, model.A.dtype)
         seen = reference.steps + self.preview
-        Q = contour_weight(weights.alpha, weights.beta, reference.tangent[:seen])
-        terminal = None
+        tangent = reference.tangent[:seen]
+        Q = contour_weight(weights.alpha, weights.beta, tangent)
+        parts, terminal = None, None
+        if not weights.rho.ndim:
+            parts = RankOne(weights.alpha + weights.beta, weights.beta, tangent)
         if not isinstance(self.terminal, OutputTerminal):
             ends = slice(self.preview, seen)
             cost = self.terminal.cost(model, weights, Q, reference.position[:seen], ends)
             terminal = CostToGo(stage[-1] * cost.H, stage[-1] * cost.g)
         R = control_weight(model, weights)
-        return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal)
+        return receding_horizon_plan(model, Q, reference.position[:seen], stage, R, terminal, parts)
 
 
 def check_stage(weights: LQWeights, preview: int) -> None:

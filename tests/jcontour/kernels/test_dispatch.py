@@ -60,6 +60,40 @@ def test_a_plant_that_would_unroll_too_far_is_left_to_xla(
     )
 
 
+def axes_of(states: int, axes: int) -> Pattern:
+    """Decoupled axes with so many states each."""
+    one = np.eye(axes)
+    blocks = np.kron(one, np.ones((states, states)))
+    return Pattern.of(blocks, np.kron(one, np.ones((states, 1))), np.kron(one, np.ones(states)))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "preview", "wanted"),
+    [
+        (axes_of(4, 3), 10, True),
+        (axes_of(8, 2), 10, True),
+        (axes_of(4, 2), 10, False),  # the sweep's kernels take it
+        (axes_of(4, 3), 11, False),
+        (axes_of(9, 2), 10, False),
+        (Pattern.of(np.eye(12), np.ones((12, 3)), np.ones((3, 12))), 10, False),  # coupled
+    ],
+)
+def test_large_machines_of_decoupled_axes_have_kernels_of_their_own(
+    monkeypatch, pattern, preview, wanted
+):
+    assert not dispatch.suits_rank_one(pattern, preview, jnp.zeros(1)) or dispatch.on_gpu()
+    monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
+    assert dispatch.suits_rank_one(pattern, preview, jnp.zeros(1)) == wanted
+    assert not dispatch.suits_rank_one(pattern, preview, jnp.zeros(1), np.zeros(1, np.float32))
+
+
+def test_the_closed_loop_of_larger_machines_has_a_kernel_too(monkeypatch):
+    monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
+    assert dispatch.suits_loop(axes_of(8, 2), jnp.zeros(1))
+    assert not dispatch.suits_loop(axes_of(16, 1), jnp.zeros(1))
+    assert not dispatch.suits_loop(axes_of(4, 2), jnp.zeros(1, np.float16))
+
+
 def test_multiplications_are_counted_over_what_is_not_zero():
     dense = Pattern.of(np.ones((3, 3)), np.ones((3, 1)), np.ones((1, 3)))
     assert dispatch.multiplications(dense) == 3 * 3 + 6 + 9 * 3 + 9 * 3 // 2
