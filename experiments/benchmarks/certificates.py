@@ -125,7 +125,7 @@ def _bound_and_slopes() -> tuple[float, float, float, float]:
             found = family.attacked(loop.controller(logs), references, attack)
             return jnp.asarray(found.error)[0, 0]
 
-        return jax.jacfwd(error)(logs)
+        return jax.grad(error)(logs)
 
     def both(logs):
         values, attack = worst(logs)

@@ -29,7 +29,8 @@ def command(flags: Certify) -> int:
     then = [
         f"The attack, the bound and both errors at every sample: {ATTACK}",
         "Next: --force and --encoder-um say what acts on your machine; `jcontour tune` again with "
-        "other limits where the bound is too large.",
+        "other limits where the bound is too large; `jcontour tolerance` says what predictive "
+        "control can promise instead.",
     ]
     return finished(folder, found, flags, show_certified, then)
 

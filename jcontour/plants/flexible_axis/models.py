@@ -20,7 +20,7 @@ def zoh_model(parameters: AxisParameters, dt: float) -> LinearPlant:
     Raises:
         ValueError: `dt` is not above zero.
     """
-    A, B = jax.vmap(lambda A, B: zoh(A, B, dt))(*_rates(parameters))
+    A, B = jax.vmap(lambda A, B: zoh(A, B, dt))(*rate_matrices(parameters))
     return _side_by_side(A, B, dt)
 
 
@@ -32,12 +32,12 @@ def euler_model(parameters: AxisParameters, dt: float) -> LinearPlant:
     Raises:
         ValueError: `dt` is not above zero.
     """
-    A, B = _rates(parameters)
+    A, B = rate_matrices(parameters)
     return _side_by_side(jnp.broadcast_to(jnp.eye(4), A.shape) + dt * A, dt * B, dt)
 
 
-def _rates(p: AxisParameters) -> tuple[Float[Array, "m 4 4"], Float[Array, "m 4 1"]]:
-    """dx/dt = A x + B u of every axis."""
+def rate_matrices(p: AxisParameters) -> tuple[Float[Array, "m 4 4"], Float[Array, "m 4 1"]]:
+    """Rates of every axis, dx/dt = A x + B u, x = (x_m, v_m, x_e, v_e)."""
     values = (p.motor_mass, p.tool_mass, p.stiffness, p.damping, p.friction.viscous)
     M, m, k, c, b = (jnp.broadcast_to(value, (p.axes,)) for value in values)
     zero, one = jnp.zeros(p.axes), jnp.ones(p.axes)

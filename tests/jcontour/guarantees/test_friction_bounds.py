@@ -1,0 +1,77 @@
+"""Bounds under stick, slip, cogging and counts: never exceeded on the true axis, and close."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import line
+from jcontour.guarantees.affine import NotAffine
+from jcontour.guarantees.friction_bounds import cogging_size, cogging_slope, friction_bounds
+from jcontour.motion.point_to_point import PointToPoint, thesis_task_a, thesis_task_b
+from jcontour.motion.references import along, in_time
+from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
+from jcontour.plants.wrappers.encoders import CountingEncoders
+from jcontour.sensors import motors
+from jcontour.simulation.closed_loop import simulate
+
+COUNT = 1e-6  # [m]
+
+
+def cascade(limit=10.0, **gains):
+    found = {"position": 30.0, "velocity": 55.67, "integral_time": 0.04} | gains
+    return Cascade(CascadeGains(**found), motors(1), 1e-3, limit=limit)
+
+
+def run(axis, controller, reference):
+    """Errors and controls of the true axis."""
+    found = simulate(CountingEncoders(axis, motors(1), COUNT), controller, reference)
+    wanted = np.asarray(reference.position)[: reference.steps, 0]
+    return np.abs(np.asarray(found.output)[:, 0] - wanted), np.abs(np.asarray(found.control)[:, 0])
+
+
+def test_cogging_stays_below_its_size_and_slope():
+    p = thesis_axis()
+    x = np.linspace(0.0, 0.0875, 4001)
+    force = np.array(p.cogging(jnp.asarray(x)))
+    assert 0.8 * cogging_size(p) < np.abs(force).max() <= cogging_size(p)
+    steepest = np.abs(np.diff(force) / np.diff(x)).max()
+    assert 0.5 * cogging_slope(p) < steepest <= cogging_slope(p)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task, least", [(thesis_task_a, 0.80), (thesis_task_b, 0.83)])
+def test_the_thesis_tasks_stay_below_their_bound_and_come_close(task, least):
+    axis, reference = FlexibleAxis(thesis_axis(), 1e-3), task()
+    found = friction_bounds(axis, cascade(), reference, COUNT)
+    error, control = run(axis, cascade(), reference)
+    assert np.all(error <= found.bound) and np.all(control <= found.control)
+    assert error.max() > least * found.bound.max()
+    assert 0.4 < found.known.mean() < 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_other_motions_and_gains_stay_below_too(seed):
+    """Feedforward makes the friction of these motions almost vanish from the error."""
+    random = np.random.default_rng(seed)
+    law = PointToPoint(random.uniform(0.002, 0.02), random.uniform(0.03, 0.1), random.uniform(1, 4))
+    reference = in_time(line([0.0], [law.distance]), law, 0.6, 1e-3, 1, dwell=0.05)
+    gains = {"position": random.uniform(20, 40), "feedforward": random.uniform(0, 1)}
+    controller, axis = cascade(**gains, viscous=3.0), FlexibleAxis(thesis_axis(), 1e-3)
+    found = friction_bounds(axis, controller, reference, COUNT)
+    error, control = run(axis, controller, reference)
+    assert np.all(error <= found.bound) and np.all(control <= found.control)
+    assert error.max() > 0.3 * found.bound.max()
+
+
+@pytest.mark.slow
+def test_what_has_no_bound_is_told():
+    axis = FlexibleAxis(thesis_axis(), 1e-3)
+    moving = along(line([0.0], [0.01]), 1e-4 * np.arange(40), 1e-3, 1, at_rest=False)
+    with pytest.raises(ValueError, match="reference: needs to begin at rest"):
+        friction_bounds(axis, cascade(), moving, COUNT)
+    law = PointToPoint(0.01, 0.1, 4.0)
+    short = in_time(line([0.0], [0.01]), law, 0.2, 1e-3, 1, dwell=0.02)
+    with pytest.raises(NotAffine, match=r"limit: a control of up to .* its limit of 2;"):
+        friction_bounds(axis, cascade(limit=2.0), short, COUNT)
