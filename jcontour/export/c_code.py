@@ -81,7 +81,7 @@ def c_plan(plan: DrivePlan, name: str, precision: Precision) -> str:
     if plan.w is not None:
         tables.append(_constant("MEMORY", plan.w, "w, a row for every sample", precision))
         members.append(f"    sample.memory = &MEMORY[{plan.w.shape[1]} * k];")
-    if _set(plan) != "0":
+    if _set(plan) == "USED[k]":
         used = whole_numbers(plan.used)
         head = "/* gain set of every sample */\nstatic const unsigned short USED[]"
         wide = head.replace("short", "long") if plan.used.max() > 65535 else head

@@ -6,8 +6,8 @@ import pytest
 from jcontour.export.drive_law import Correction, DriveLaw, drive_plan, replayed
 
 
-def random_law(seed, n, q, p, full):
-    """A stable law and a plan of 40 samples, of two gain sets."""
+def random_law(seed, n, q, p, full, sets=2):
+    """A stable law and a plan of 40 samples, of two gain sets or one for each."""
     random = np.random.default_rng(seed)
 
     def matrix(*shape):
@@ -27,8 +27,8 @@ def random_law(seed, n, q, p, full):
         E=matrix(n, q) if n else None,
         limit=np.array([0.5] + [np.inf] * (p - 1)) if full else np.full(p, np.inf),
     )
-    F, D = matrix(2, p, n), matrix(2, p, q) if full or not n else np.zeros((2, p, q))
-    used = np.array([0, 1, 0, 0] * 10)
+    F, D = matrix(sets, p, n), matrix(sets, p, q) if full or not n else np.zeros((sets, p, q))
+    used = np.array([0, 1, 0, 0] * 10) if sets == 2 else np.arange(40)
     w = matrix(40, n) if full else np.zeros((40, n))
     return law, drive_plan(F[used], D[used], matrix(40, p), w)
 
@@ -37,6 +37,7 @@ LAWS = {
     "every term": (0, 3, 2, 2, True),
     "no memory": (1, 0, 2, 1, False),
     "few": (2, 2, 1, 1, False),
+    "gains of every sample": (3, 2, 2, 1, True, 40),
 }
 
 
