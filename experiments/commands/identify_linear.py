@@ -7,11 +7,12 @@ import numpy as np
 
 from experiments.files import run_folder
 from experiments.files.log_file import Log, LogColumns, read_log
-from experiments.files.results.linear_result import LinearMachineResult
+from experiments.files.results.linear_result import LinearAxisResult, LinearMachineResult
 from experiments.files.results.stored import write_result
 from experiments.identify_options import Identify
 from experiments.machines.from_file import machine_from
 from experiments.machines.identified import axis_result, largest, machine_fields
+from experiments.machines.machine_behaviour import GRAVITY
 from experiments.reports.identified_tables import show
 from experiments.runs.lifecycle import finished
 from jcontour.linear.continuous_axes import speed_axis
@@ -25,6 +26,8 @@ from tuning.identification.linear.recording import RecordedAxis, recorded
 MODEL, DATA = "machine.json", "data.csv"
 MOST_POLES, MOST_DELAY = 8, 40
 GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
+QUESTIONED = 100 * GRAVITY  # [m/s^2] in a record: no feed drive moves with more
+SLOWEST = 0.1  # [s] between samples of a drive's record
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
 
@@ -119,12 +122,7 @@ def _result(
     flags: Identify, log: Log, source: str, found: LinearMachineFound
 ) -> LinearMachineResult:
     axes = [axis_result(one) for one in found.axes]
-    asked = [
-        f"{one.name}: {one.gain:.3g} m{'/s' if one.integrators else ''} per {flags.control_unit} "
-        "is more than any drive has; is --length-unit right?"
-        for one in axes
-        if abs(one.gain) > GAIN_ASKED
-    ]
+    limits = largest(found)
     words = list(log.words)
     if len(flags.axes) == 1:
         words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
@@ -135,12 +133,29 @@ def _result(
         dt=log.dt,
         control_unit=flags.control_unit,
         axes=axes,
-        limits=largest(found),
+        limits=limits,
         gain=found.gain,
         delay=found.late,
-        notes=[*asked, *found.notes],
+        notes=[*_questions(log.dt, flags, axes, limits["acceleration"]), *found.notes],
         model=MODEL,
     )
+
+
+def _questions(
+    dt: float, flags: Identify, axes: list[LinearAxisResult], acceleration: list[float]
+) -> list[str]:
+    """What cannot be true of a machine, most likely a wrong unit."""
+    lines = []
+    if dt > SLOWEST:
+        lines.append(f"time: a sample every {dt:g} s is slow; is the column in ms? Call it time_ms")
+    for one, moved in zip(axes, acceleration, strict=True):
+        if moved > QUESTIONED or abs(one.gain) > GAIN_ASKED:
+            lines.append(
+                f"{one.name}: {moved / GRAVITY:.3g} g in the record, and {one.gain:.3g} "
+                f"m{'/s' if one.integrators else ''} per {flags.control_unit}, are more than any "
+                "drive has; is --length-unit right?"
+            )
+    return lines
 
 
 def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:

@@ -105,8 +105,10 @@ def opened(folder: Path, command: str) -> dict[str, Any]:
         RunError: it is not a run folder, or that of another command.
     """
     found = read_json(folder, SETTINGS)
-    if not isinstance(found.get("flags"), dict) or found.get("command") != command:
+    if found.get("command") != command:
         raise RunError(f"{folder}: holds a run of {found.get('command')!r}, not of {command!r}")
+    if not isinstance(found.get("flags"), dict):
+        raise RunError(f"{folder}: a run of another version of jcontour (it has no flags)")
     return found
 
 

@@ -83,6 +83,23 @@ def test_bad_input_is_told_in_one_line(flags, words, capsys):
 
 
 @pytest.mark.slow
+def test_wrong_units_are_questioned(demo, tmp_path, capsys):
+    """Nanometres taken for metres, and a time of milliseconds for one of seconds."""
+    rows = np.loadtxt(demo / "data.csv", delimiter=",", skiprows=1)
+    heads = "time,x_command,y_command,x_position_m,y_position_m"
+    for factors, words in (
+        ([1, 1, 1, 1e9, 1e9], "g in the record, and 2.5e+07 m/s per control unit"),
+        ([1e3, 1, 1, 1, 1], "time: a sample every 1 s is slow; is the column in ms?"),
+    ):
+        np.savetxt(tmp_path / "log.csv", rows * factors, "%.10g", ",", header=heads, comments="")
+        flags = ["--machine", "linear", "--most-order", "1", "--most-delay", "4", "--json"]
+        flags += ["--out", str(tmp_path / words[0])]
+        main(["identify", str(tmp_path / "log.csv"), *flags])
+        notes = json.loads(capsys.readouterr().out)["notes"]
+        assert any(words in note for note in notes), notes
+
+
+@pytest.mark.slow
 def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys):
     """Columns named as in DATA_EMPS.mat, simulated: the file holds the axis twice."""
     time = emps.SAMPLE_PERIOD * np.arange(24_000)

@@ -22,6 +22,15 @@ def test_a_run_folder_is_made_once(tmp_path):
     assert list(tmp_path.iterdir()) == [folder]
 
 
+def test_a_run_of_another_command_or_version_is_told(tmp_path):
+    folder = run_folder.create(tmp_path / "run", "tune", Flags(), [])
+    with pytest.raises(run_folder.RunError, match="holds a run of 'tune', not of 'front'"):
+        run_folder.opened(folder, "front")
+    (folder / run_folder.SETTINGS).write_text('{"command": "tune"}')
+    with pytest.raises(run_folder.RunError, match="a run of another version of jcontour"):
+        run_folder.opened(folder, "tune")
+
+
 def test_an_empty_folder_is_taken(tmp_path):
     (tmp_path / "run").mkdir()
     assert run_folder.create(tmp_path / "run", "tune", Flags(), []).is_dir()

@@ -22,6 +22,7 @@ from tuning.identification.linear.output_error import (
     AxisFit,
     driven,
     shifted,
+    solved,
     structure_of,
 )
 
@@ -199,3 +200,15 @@ def halves_apart(first: Response, second: Response, highest: float) -> float:
     if not shown.any():
         return 0.0
     return float(np.abs(first.value[shown] / second.value[shown] - 1).max())
+
+
+def fastest_growth(command: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"]) -> float:
+    """Largest pole of a second-order least-squares model: the part by which it grows a sample.
+
+    y(k) = -a_1 y(k-1) - a_2 y(k-2) + b_1 u(k-1) + b_2 u(k-2) + c: unbiased where the noise comes to
+    the equation, as it does where an unstable axis enlarges it.
+    """
+    u, y = command, position
+    columns = np.column_stack([y[1:-1], y[:-2], u[1:-1], u[:-2], np.ones(len(y) - 2)])
+    found = solved(columns, y[2:])
+    return float(np.abs(np.roots([1.0, -found[0], -found[1]])).max())

@@ -41,6 +41,7 @@ SURE = 5.0  # standard deviations
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
+RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,12 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     response = evidence.response_of(fit, estimate)
     held_out, explained = _held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
+        pole = evidence.fastest_growth(command, position)
+        if pole > RUNS_AWAY:
+            raise ValueError(
+                f"{name}: what fits is unstable, it grows by {100 * (pole - 1):.2g} % a sample "
+                "without its loop; only axes that stand still by themselves are identified"
+            )
         raise ValueError(
             f"{name}: the command does not explain the position; are the columns those of one "
             "axis? Otherwise record a livelier program: jcontour identify --excite"

@@ -92,3 +92,15 @@ def test_crossed_columns_are_refused(record):
     crossed = replace(record, position=record.position[:, ::-1])
     with pytest.raises(ValueError, match="are the columns those of one"):
         identify_machine(crossed, 2, 2)
+
+
+def test_an_axis_that_runs_away_without_its_loop_is_refused(record):
+    """y(k+1) = 1.02 y(k) + 0.02 u(k), held by u = 8 (r - y)."""
+    random, asked = np.random.default_rng(4), reference(5)
+    u, y = np.zeros(ROWS), np.zeros(ROWS)
+    for k in range(ROWS - 1):
+        u[k] = 8 * (asked[k] - y[k]) + 2e-3 * random.standard_normal()
+        y[k + 1] = 1.02 * y[k] + 0.02 * u[k] + 1e-6 * random.standard_normal()
+    both = replace(record, command=np.stack([u, u], axis=1), position=np.stack([y, y], axis=1))
+    with pytest.raises(ValueError, match="X: what fits is unstable, it grows by 2 % a sample"):
+        identify_machine(both, 1, 2)
