@@ -46,6 +46,7 @@ class Way:
         errors: by contour, the RMS contour error on the hidden machine [m]: tuned on the
             identified model, and on the true one.
         gain, late: family of the identified machine file.
+        sound: whether both searches found weights that keep all limits.
         diverged: whether any run of the identified design did, or every point of its search.
     """
 
@@ -55,6 +56,7 @@ class Way:
     errors: dict[str, tuple[float, float]]
     gain: float
     late: int
+    sound: bool
     diverged: bool
 
     @property
@@ -74,6 +76,21 @@ class WholeWayBench:
     """One row for every machine."""
 
     machines: list[Way]
+
+
+@dataclass(frozen=True)
+class _OnTheMachine:
+    """A tuned design on the true machine.
+
+    Attributes:
+        errors: RMS contour error by contour [m]; none where every point of the search diverged.
+        sound: whether the weights keep all limits.
+        diverged: whether any run did, or every point of the search.
+    """
+
+    errors: dict[str, float]
+    sound: bool
+    diverged: bool
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
@@ -100,12 +117,13 @@ def show(console: Console, result: WholeWayBench) -> None:
             f"{1e6 * np.mean([true for _, true in way.errors.values()]):.3g}",
             f"{way.ratio:.3f}",
             f"{way.worst:.3f}",
+            "yes" if way.sound else "no",
             "yes" if way.diverged else "no",
         ]
         for way in result.machines
     ]
     columns = ["machine", "takes", "delays", "identified\num", "true model\num", "ratio"]
-    columns += ["worst contour", "diverged"]
+    columns += ["worst contour", "limits kept", "diverged"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
     ratios = [way.ratio for way in result.machines]
     tables.say(console, f"ratio: median {np.median(ratios):.3f}, largest {max(ratios):.3f}")
@@ -113,8 +131,9 @@ def show(console: Console, result: WholeWayBench) -> None:
 
 def _line(way: Way) -> str:
     return (
-        f"{way.seed} {way.takes}: {way.ratio:.3f} of the error with the true model, "
-        f"worst contour {way.worst:.3f}{', diverged' if way.diverged else ''}"
+        f"{way.seed} {way.takes}: {way.ratio:.3f} of the error with the true model, worst contour "
+        f"{way.worst:.3f}{'' if way.sound else ', limits not kept'}"
+        f"{', diverged' if way.diverged else ''}"
     )
 
 
@@ -122,11 +141,13 @@ def _way(axes: list[RecordedAxis], seed: int) -> Way:
     found = identify_machine(hidden_record(axes, "contour", seed), MOST_POLES, MOST_DELAY)
     fields = machine_fields(found, "identified", "unit")
     truth = true_fields(axes, fields)
-    identified, lost = _errors(fields, truth)
-    best, _ = _errors(truth, truth)
+    identified, known = _tuned_on(fields, truth), _tuned_on(truth, truth)
     delays = tuple(round(one.axis.delay / DT) for one in axes)
-    errors = {name: (identified.get(name, np.inf), best[name]) for name in best}
-    return Way(seed, axes[0].takes, delays, errors, found.gain, found.late, lost)
+    errors = {
+        name: (identified.errors.get(name, np.inf), one) for name, one in known.errors.items()
+    }
+    sound, lost = identified.sound and known.sound, identified.diverged
+    return Way(seed, axes[0].takes, delays, errors, found.gain, found.late, sound, lost)
 
 
 def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[str, Any]:
@@ -139,11 +160,8 @@ def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[st
     return fields | model | {"encoder_resolution": min(one.count for one in axes)}
 
 
-def _errors(fields: dict[str, Any], truth: dict[str, Any]) -> tuple[dict[str, float], bool]:
-    """RMS contour errors on the true machine of what is tuned on a file; whether a run diverged.
-
-    No errors where every point of the search diverged.
-    """
+def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> _OnTheMachine:
+    """What is tuned on a file, run on the true machine."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "machine.json"
         path.write_text(json.dumps(fields))
@@ -151,7 +169,7 @@ def _errors(fields: dict[str, Any], truth: dict[str, Any]) -> tuple[dict[str, fl
         try:
             found = searched(tuning_run(Tune(plant=str(path))), Path(place), lambda _: None, quiet)
         except NothingSound:
-            return {}, True
+            return _OnTheMachine({}, False, True)
     controller = found.run.controller(found.tuned.weights)
     machine = machine_from(json.dumps(truth).encode(), "true")
     plant = machine.true_family(found.run.design.fed)[0]
@@ -161,4 +179,4 @@ def _errors(fields: dict[str, Any], truth: dict[str, Any]) -> tuple[dict[str, fl
         metrics = score(simulate(plant, controller, reference), reference)
         errors[job.name] = float(metrics.rms_contour_error)
         diverged |= bool(metrics.diverged)
-    return errors, diverged
+    return _OnTheMachine(errors, found.tuned.feasible, diverged)
