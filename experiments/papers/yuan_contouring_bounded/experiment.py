@@ -29,7 +29,7 @@ class Settings:
     """Flags of `jcontour reproduce yuan-contouring-bounded`."""
 
     quick: bool = False
-    """Half of the runs, along the first fifth of the path."""
+    """Four runs of ten, along the first fifth of the path."""
 
 
 def run(settings: Settings, folder: Path) -> Result:

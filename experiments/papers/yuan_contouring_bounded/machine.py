@@ -80,9 +80,13 @@ class Driven(NamedTuple):
         return found
 
 
-@cache
 def driven(preview: int, late: int) -> Driven:
     """The machine along the path, with this preview."""
+    return Driven(*_along_the_path(preview), late)
+
+
+@cache
+def _along_the_path(preview: int) -> tuple[Reference, MachineRun]:
     gantry, reference = Gantry(thesis_gantry(), SAMPLE), reference_path(preview, DWELL)
     currents = currents_along(gantry.parameters, reference.position, SAMPLE)
-    return Driven(reference, machine_run(gantry, reference, currents, NEAR, 1.0), late)
+    return reference, machine_run(gantry, reference, currents, NEAR, 1.0)

@@ -58,6 +58,7 @@ LATE_EXACT = Design(CEBC2, EVERY, None, POINTS, False, (3.0, 3.0), LENGTH, late=
 RUBBED = Design(CEBC2, EVERY, None, POINTS, False, (2.0, 2.0), LENGTH, turning=0.12)
 ROWS = (
     (TRACKED, GANTRY, ATTACKED),
+    (TRACKED, TWIN, ATTACKED),
     (CENTRED, GANTRY, ATTACKED),
     (SWITCHED, GANTRY, ATTACKED),
     (EXACT, GANTRY, ATTACKED),
@@ -67,7 +68,7 @@ ROWS = (
     (LATE_TRACKED, GANTRY, ATTACKED),
     (LATE_EXACT, GANTRY, ATTACKED),
 )
-QUICK = (0, 3, 5, 8)  # rows of a quick run
+QUICK = (0, 4, 6, 9)  # rows of a quick run
 
 
 def polygons() -> Polygons:

@@ -8,7 +8,7 @@ from experiments.reports.tables import digits, plain_table
 
 KEPT = (
     "controller, models",
-    "machine,\ndisturbances",
+    "machine,\nwhat acts",
     "states",
     "promised\num",
     "reached\num",
@@ -19,7 +19,7 @@ KEPT = (
 )
 BOXES = (
     "controller, models",
-    "machine,\ndisturbances",
+    "machine,\nwhat acts",
     "model\nerror A",
     "needed\nof it",
     "met\nof it",
