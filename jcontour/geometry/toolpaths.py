@@ -16,7 +16,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
     told       in `ignored`, as they move nothing here: G4, G40, G43, G61, G64, G96, G97, all other
-               M codes, and D, E, H, S, T; tools have no length
+               M codes, and D, E, H, S, T; tools have no length; lines of grbl that begin with $
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
                that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) is

@@ -110,7 +110,8 @@ class _Reader:
             return
         found = self.named.get(link[1:])
         if found is None:
-            raise ToolpathError(f"line {element.line}: there is no element {shown(link)}")
+            self.drawing.leave_out("use of a missing element")
+            return
         if used == DEEPEST_USE:
             raise ToolpathError(
                 f"line {element.line}: {shown(link)} uses itself, or {DEEPEST_USE} deep"

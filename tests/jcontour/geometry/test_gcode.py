@@ -27,6 +27,14 @@ def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
     assert toolpath.ignored == ("G64", "M3", "M5", "M6", "M8", "P", "S", "T")
 
 
+def test_lines_for_the_sender_are_told(traced):
+    toolpath = parse_gcode("$H\n $32 = 1\nG21 G90 F600\nG1 X3\n$H\nG1 X5")
+    assert toolpath.ignored == ("$32", "$H")
+    np.testing.assert_allclose(traced.lengths(toolpath), [3, 2])
+    with pytest.raises(ToolpathError, match=r"line 2: .* is a jog of grbl"):
+        parse_gcode("G1 X1 F600\n$J=G91 X5 F100")
+
+
 def test_an_arc_in_two_pieces_is_one_line():
     toolpath = parse_gcode(HEAD + "G0 X10\nG3 X10.004 Y0 I-10.001 J0\nG1 Y-3")
     assert len(toolpath.line) == 3

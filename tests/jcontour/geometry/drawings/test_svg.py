@@ -180,7 +180,7 @@ LAUGHS = "<!DOCTYPE svg [<!ENTITY a0 'ha'>{}]>\n".format(
         ('<path d="M0 0A1e200 1 0 0 1 1 1"/>', "", "line 2: a point is farther|a number is too"),
         ('<g transform="turn(3)"/>', "", r"line 2: transform cannot be read from 'turn\(3\)'"),
         ('<g transform="rotate(1 2)"/>', "", "line 2: transform cannot be read"),
-        ('<use href="#none"/>', "", "line 2: there is no element '#none'"),
+        ('<use href="#none"/>', "", "no lines or curves are drawn; left out: 1 use of a missing"),
         ('<g id="a"><use href="#a"/></g>', "", "line 2: '#a' uses itself, or 32 deep"),
         ('<polygon points="0 0 a"/>', "", "line 2: points needs numbers, received 'a'"),
     ],
