@@ -44,13 +44,19 @@ def structured_text(
         p=p,
         n=max(n, 1),
         inputs="\n".join(line for line in inputs if line),
-        constants="\n".join(
-            _variable(name, one.size, kind, one) for name, one in constants if one is not None
-        ),
+        constants=_constants([(name, one) for name, one in constants if one is not None], kind),
         body="\n".join(
             [*_start(law), *_correction(law), *_control(law, plan), *_memory(law, plan)]
         ),
     )
+
+
+def _constants(given: Sequence[tuple[str, np.ndarray]], kind: str) -> str:
+    """Their part of the block; a part without any variable is no structured text."""
+    if not given:
+        return ""
+    lines = (_variable(name, one.size, kind, one) for name, one in given)
+    return "\n".join(["VAR CONSTANT", *lines, "END_VAR", ""])
 
 
 def _there(matrix: np.ndarray | None) -> bool:
@@ -152,10 +158,7 @@ END_VAR
 VAR_OUTPUT
     control : ARRAY[1..$p] OF $kind; (* u *)
 END_VAR
-VAR CONSTANT
-$constants
-END_VAR
-VAR
+${constants}VAR
     x : ARRAY[1..$n] OF $kind; (* memory *)
     after : ARRAY[1..$n] OF $kind;
     miss : ARRAY[1..$q] OF $kind;

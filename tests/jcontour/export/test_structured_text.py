@@ -1,8 +1,16 @@
-"""The block is run: its statements are turned into Python one by one."""
+"""The block is run: its statements are turned into Python one by one.
 
+Where matiec is installed it compiles the block too: `iec2c` on the path, and `MATIEC_LIB` naming
+the folder of its standard library.
+"""
+
+import os
 import re
+import shutil
+import subprocess
 
 import numpy as np
+import pytest
 
 from jcontour.export.structured_text import structured_text
 
@@ -39,6 +47,7 @@ def test_the_block_gives_the_controls_of_the_law(law_and_plan, recorded):
     law, plan = law_and_plan
     y, u = recorded
     text = structured_text(law, plan, ["machine *) END_IF; (*"], "double")
+    assert "VAR CONSTANT\nEND_VAR" not in text  # no compiler takes a part without variables
     code, names = as_python(text)
     one = np.zeros(1)
     names |= {"x": np.zeros(law.states + 1), "after": np.zeros(law.states + 1)}
@@ -63,3 +72,17 @@ def test_the_declared_sizes_are_those_of_the_numbers(law_and_plan):
     for size, values in re.findall(r"ARRAY\[1\.\.(\d+)\] OF REAL := \[([^\]]*)\]", text):
         assert len(values.split(",")) == int(size)
     assert "LREAL" not in text
+
+
+@pytest.mark.skipif(
+    shutil.which("iec2c") is None or "MATIEC_LIB" not in os.environ, reason="no matiec here"
+)
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_an_open_compiler_takes_the_block(law_and_plan, tmp_path, precision):
+    law, plan = law_and_plan
+    path = tmp_path / "controller.st"
+    path.write_text(structured_text(law, plan, ["machine *) END_IF; (*"], precision))
+    words = ["iec2c", "-I", os.environ["MATIEC_LIB"], "-T", str(tmp_path), str(path)]
+    done = subprocess.run(words, text=True, capture_output=True)
+    assert done.returncode == 0 and "DRIVECONTROLLER" in (tmp_path / "POUS.h").read_text(), done
+    assert "error" not in done.stderr and "warning" not in done.stderr, done.stderr
