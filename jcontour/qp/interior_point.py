@@ -248,8 +248,9 @@ def _iterated(qp: StagedQP, point: _Point, limits: _Limits, count) -> _Point:
     far = _longest(point, (ds, dl, dt, dg), limits)
     ahead = _Point(at, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
     target = jnp.clip(_gap(ahead) / (count * mu), 0.0, 1.0) ** 3 * mu
-    c1 = jnp.where(there, c1 + ds * dl - target, 0.0)
-    c2 = jnp.where(gives, c2 + dt * dg - target, 0.0)
+    share = far**2  # of the correction: as much as of the step that it corrects was possible
+    c1 = jnp.where(there, c1 + share * ds * dl - target, 0.0)
+    c2 = jnp.where(gives, c2 + share * dt * dg - target, 0.0)
     pushed = pull(c1, c2)
     step = another_step(qp, factors, *right(pushed))
     ds, dl, dt, dg = changes(step, pushed, c1, c2)

@@ -66,10 +66,11 @@ def test_conditions_of_optimality_hold_in_numpy(limited, kkt):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_of_20000_random_problems_none_is_wrong_without_a_flag(seed, staged_problems, kkt):
-    random = np.random.default_rng(seed)
-    sizes = {"stages": 5 + seed % 4 * 5, "states": 2 + seed % 7, "controls": 1 + seed % 3}
-    qp = staged_problems(100 + seed, 1000, **sizes, rows=seed % 4)
-    scale = jnp.asarray(10.0 ** random.uniform(-6, 6, 1000))  # costs in any unit
+    """Costs in any unit; four sizes, with and without rows of states."""
+    kind, random = seed % 4, np.random.default_rng(seed)
+    size = {"stages": 5 * kind + 5, "states": 2 * kind + 2, "controls": kind % 3 + 1, "rows": kind}
+    qp = staged_problems(100 + seed, 1000, **size)
+    scale = jnp.asarray(10.0 ** random.uniform(-6, 6, 1000))
     qp = qp._replace(
         H=qp.H * scale[:, None, None, None],
         h=qp.h * scale[:, None, None],
