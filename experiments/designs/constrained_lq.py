@@ -5,6 +5,7 @@ It is tuned like the controller without limits, and begins where that one begins
 
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import ClassVar
 
 from experiments.designs.first_loop import first_loop
 from experiments.designs.loop_weights import LoopWeights
@@ -21,6 +22,8 @@ from jcontour.mpc.limits import Limits
 
 class ConstrainedLQDesign(LQDesign):
     """Contouring LQ under limits at every sample, behind an observer of state and load."""
+
+    keeps_limits: ClassVar[bool] = True
 
     def build(self, weights: LoopWeights) -> Controller:
         """Controller behind its observer."""

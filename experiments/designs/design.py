@@ -48,6 +48,8 @@ class Design(abc.ABC):
     learns: bool = field(default=False, kw_only=True)
 
     limitable = False  # whether `constrained` has an answer
+    # whether the controller itself keeps to the machine's limits: the search then need not
+    keeps_limits: ClassVar[bool] = False
     # samples that a tuned tool may be behind, where no flag limits it: a loop of 20 1/s at 1 ms
     lag: ClassVar[float] = 50.0
     # names that stand for several weights

@@ -154,7 +154,8 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     limits = _lag_limit(machine, design, references) | named_limits(flags)
     limits |= _effort_limit(flags, usual, problem, design.start)
     stated = _stated_limits(machine)
-    limits |= asked | {f"{name}_use": RESERVED for name in _named(stated)}
+    kept = [] if design.keeps_limits else _named(stated)
+    limits |= asked | {f"{name}_use": RESERVED for name in kept}
     if flags.objective == "certified" and stated.control is not None:
         limits[CERTIFIED_USE] = RESERVED
     problem = replace(

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.options import Simulate
+from experiments.options import Simulate, Tune
+from experiments.runs.tuning import tuning_run
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.limits import Limits
@@ -40,6 +41,15 @@ def test_it_begins_where_the_controller_without_limits_begins(machine, design):
     free = design_for(machine, Simulate(preview=3))
     assert design.start == free.start and design.free() == free.free()
     assert design.tunable().late == free.tunable().late
+
+
+def test_the_search_has_no_limits_of_the_machine_but_the_loop_has():
+    flags = Tune(parts=("circle",), plant="experiments/machines/example.json", preview=3)
+    free = {name for name in tuning_run(flags).limits if name.endswith("_use")}
+    assert free == {"speed_use", "acceleration_use", "control_use", "increment_use"}
+    run = tuning_run(replace(flags, controller="constrained-lq"))
+    assert not any(name.endswith("_use") for name in run.limits)
+    assert run.problem.axis_limits is not None
 
 
 def test_verify_replays_it_on_the_host(design):
