@@ -87,6 +87,19 @@ class LimitRows(eqx.Module):
     size: Float[np.ndarray, " r"]
     beside: tuple[bool, bool] = eqx.field(static=True)
 
+    def none(self) -> "LimitRows":
+        """No row, beside the same numbers."""
+        cut = slice(0)
+        lower, upper = self.lower[:, cut], self.upper[:, cut]
+        none = self.D[cut], self.load[cut], lower, upper, self.soft[cut], self.size[cut]
+        return LimitRows(*none, self.beside)
+
+    def kept(self, control: Float[Array, " p"]) -> Float[Array, " p"]:
+        """A control, cut by the limits on controls."""
+        if not len(self.D):
+            return control
+        return jnp.clip(control, self.lower[0, : control.size], self.upper[0, : control.size])
+
 
 class ConstrainedLQ(Controller):
     """Receding-horizon LQ contouring that keeps to limits, one quadratic program a sample.
@@ -136,9 +149,7 @@ class ConstrainedLQ(Controller):
 
     def unlimited(self) -> "ConstrainedLQ":
         """The same with nothing in its way: `ContouringLQ`, with the memory of this one."""
-        lower, upper = self.rows.lower, self.rows.upper
-        free = np.full(lower.shape, -np.inf), np.full(upper.shape, np.inf)
-        return eqx.tree_at(lambda one: (one.rows.lower, one.rows.upper), self, free)
+        return eqx.tree_at(lambda one: one.rows, self, self.rows.none())
 
     def prepare(self, reference: Reference) -> Ahead:
         """Costs of the horizon of every step.
@@ -163,9 +174,7 @@ class ConstrainedLQ(Controller):
         state = motion.state(position, increment)
         onward = motion.state(position + increment, increment)
         control = jnp.linalg.lstsq(model.B, onward - model.A @ state)[0]
-        p = self.model.inputs
-        kept = jnp.clip(control, self.rows.lower[0, :p], self.rows.upper[0, :p])
-        return LimitedMemory(kept, position - increment, jnp.zeros((), int))
+        return LimitedMemory(self.rows.kept(control), position - increment, jnp.zeros((), int))
 
     def step(
         self,

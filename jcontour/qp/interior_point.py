@@ -185,7 +185,8 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, _Point, _
         return kept, k + 1, finite
 
     begun = first, jnp.asarray(0), jnp.asarray(True)
-    point, k, _ = lax.while_loop(unfinished, iterate, begun)
+    unlimited = qp.D.shape[0] == 0  # nothing to iterate, and nothing to compile
+    point, k, _ = begun if unlimited else lax.while_loop(unfinished, iterate, begun)
     return _checked(qp, point, limits, k), point, limits
 
 
