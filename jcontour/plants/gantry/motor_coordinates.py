@@ -8,12 +8,17 @@ needed. A controller of the motors uses the models of `linear_models` in these c
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.plants.gantry.linear_models import Linearisation, tangent, tool_plant
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, check_on_beam
+
+HOMED = np.array(
+    [0.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+)  # readings that are zero where the tool is at y = 0
 
 
 class MotorEncoders(eqx.Module):
@@ -23,7 +28,7 @@ class MotorEncoders(eqx.Module):
 
     def __call__(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
         """Readings (x_h, y_1 - d, y_2 - d) [m] and their speeds [m/s] in a state."""
-        return self.parameters.motors(state).at[1:3].add(-self.parameters.tool_offset)
+        return self.parameters.motors(state) - HOMED * self.parameters.tool_offset
 
     def state(self, reading: Float[Array, "6"]) -> Float[Array, "6"]:
         """State with these readings."""
