@@ -23,7 +23,7 @@ from jcontour.kernels.gain_lanes import (
     weigh,
 )
 from jcontour.kernels.lanes import WARP, Batch, Lanes, batch_last, in_pieces, launch, vectors
-from jcontour.kernels.window_sweep import cost_entries
+from jcontour.kernels.packed_stage import cost_entries
 from jcontour.linear.plant import Pattern
 
 

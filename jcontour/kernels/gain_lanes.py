@@ -31,8 +31,8 @@ from jcontour.kernels.lanes import (
     launch,
     vectors,
 )
+from jcontour.kernels.packed_stage import definite_inverse
 from jcontour.kernels.packing import seen_entries
-from jcontour.kernels.window_sweep import definite_inverse
 from jcontour.linear.plant import Pattern, decoupled_axes
 
 WRITTEN_OUT = 1  # stages at most: more save 3 %, and double the time to compile

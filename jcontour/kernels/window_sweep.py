@@ -25,7 +25,15 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from jcontour.kernels.packing import Block, Packing, congruence, packing, seen_entries
+from jcontour.kernels.packed_stage import (
+    cost_entries,
+    cost_in_front,
+    extended,
+    packed_cost,
+    packed_stage,
+    stage_maps,
+)
+from jcontour.kernels.packing import packing, seen_entries
 from jcontour.linear.plant import Pattern
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
@@ -80,17 +88,6 @@ def window_plan(
     return F.reshape(-1, *F.shape[2:])[:steps], f.reshape(-1, *f.shape[2:])[:steps]
 
 
-def cost_entries(Q: Float[Array, "S m m"], y_d: Float[Array, "S m"]) -> Float[Array, "q S"]:
-    """Entries of [Q, -Q y_d] of every sample."""
-    outputs = range(y_d.shape[1])
-    even = [[(Q[:, a, b] + Q[:, b, a]) / 2 for b in outputs] for a in outputs]
-    rows = []
-    for a, b in seen_entries(len(outputs)).T:
-        of_Q = b < len(outputs)
-        rows.append(even[a][b] if of_Q else -sum(even[a][c] * y_d[:, c] for c in outputs))
-    return jnp.stack(rows)
-
-
 def _windows(cost: Float[Array, "q S"], count: int, length: int) -> Float[Array, "count q window"]:
     """Samples that every block of steps looks at: its own, and the preview ahead of its last."""
     own, end = cost[:, : count * length].reshape(-1, count, length), cost[:, None, count * length :]
@@ -111,7 +108,7 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
         return jax.jvp(partial(_swept, pattern), primals, _without_symbols(tangents))
     given = tangents[3]._asdict()
     moved = {name: t for name, t in given.items() if t is not None and not _still(t)}
-    maps = _maps(pattern, *model)
+    maps = stage_maps(pattern, *model)
     gains = _sweep(pattern, maps, data)
     plan = _in_time(pattern, gains)
 
@@ -134,7 +131,7 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
 
 def _swept(pattern: Pattern, A, B, C, data: SweepData):
     """Gains F, f by the sweep itself, whose derivative is that of every operation."""
-    return _in_time(pattern, _sweep(pattern, _maps(pattern, A, B, C), data))
+    return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
 
 
 def _still(tangent) -> bool:
@@ -178,101 +175,21 @@ def _in_time(pattern: Pattern, gains: Gains):
     return gains.first[:, back].transpose(2, 0, 1), -gains.first[:, -1].T
 
 
-def _extended(order, A, B, C):
-    """Matrices A, B, C with the states in the packing's order and the 1 behind them."""
-
-    def bordered(M):
-        corner = np.zeros(np.add(M.shape, 1), M.dtype)
-        corner[-1, -1] = 1
-        return jnp.pad(M, (0, 1)) + corner
-
-    return bordered(A[order][:, order]), jnp.pad(B[order], ((0, 1), (0, 0))), bordered(C[:, order])
-
-
-def _maps(pattern: Pattern, A, B, C) -> list[tuple[Array | np.ndarray, Array | np.ndarray]]:
-    """Matrix from H to Hz and matrix from Q to C' Q C, for every block."""
-    pack = packing(pattern)
-    A, B, C = _extended(pack.order, A, B, C)
-    M, seen = jnp.concatenate([A, B], axis=1), seen_entries(C.shape[0] - 1)
-
-    def of_block(block: Block):
-        ahead = congruence(M, block.entries, block.of_H)
-        return ahead, congruence(C, block.of_H, seen[:, block.weighed])
-
-    return [of_block(block) for block in pack.blocks]
-
-
-class Stage(NamedTuple):
-    """One stage of the sweep: Hz block by block, its rows Hz_ux, K and G."""
-
-    Hz: list[Array]
-    Hux: list[Array]
-    K: list[Array]
-    G: list[list[Array]]
-
-
-def _stage(pack: Packing, maps, R: Float[Array, "p p"], H: list[Array]) -> Stage:
-    """Best control of one stage, before the cost to go H."""
-    inputs = range(R.shape[0])
-    Hz = [ahead @ h for (ahead, _), h in zip(maps, H, strict=True)]
-    Hux = [jnp.concatenate([Hz[c][first:last] for c, first, last in row]) for row in pack.rows]
-
-    def of_inputs(u: int, v: int) -> Array:
-        block, row = pack.square[u, v]
-        return Hz[block][row] + R[u, v]
-
-    G = definite_inverse([[of_inputs(u, v) for v in inputs] for u in inputs])
-    K = [reduce(add, (G[u][v][None] * Hux[v] for v in inputs)) for u in inputs]
-    return Stage(Hz, Hux, K, G)
-
-
 def _sweep(pattern: Pattern, maps, data: SweepData) -> Gains:
-    pack = packing(pattern)
-    inputs, preview = range(data.R.shape[0]), data.stage.shape[0]
+    pack, preview = packing(pattern), data.stage.shape[0]
     steps = data.cost.shape[1] - preview
 
-    def weighed(j, scale):
-        """Entries of C' Q C of every block."""
-        cost = scale * jax.lax.dynamic_slice_in_dim(data.cost, j, steps, axis=1)
-        for block, (_, source) in zip(pack.blocks, maps, strict=True):
-            row = cost[block.weighed]
-            # a product with one row fuses, a matmul does not
-            yield source * row if len(row) == 1 else source @ row
-
     def back(H, stage):
-        found = _stage(pack, maps, data.R, H)
-        H = []
-        for hz, cost, block in zip(found.Hz, weighed(*stage), pack.blocks, strict=True):
-            i, k = block.of_H
-            forced = reduce(add, (found.Hux[u][i] * found.K[u][k] for u in inputs))
-            H.append(hz[: i.size] - forced + cost)
-        return H, jnp.stack(found.K)
+        j, scale = stage
+        cost = scale * jax.lax.dynamic_slice_in_dim(data.cost, j, steps, axis=1)
+        found = packed_stage(pack, maps, data.R, H)
+        return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
 
-    place = np.append(pack.order, pack.order.size)
-    end = jnp.concatenate([data.H, data.g[:, :, None]], axis=2)
-    H = [end[:, place[i], place[k]].T for i, k in (block.of_H for block in pack.blocks)]
+    H = packed_cost(pack, data.H, data.g)
     H, later = jax.lax.scan(back, H, (jnp.arange(preview - 1, 0, -1), data.stage[:-1][::-1]))
-    first = _stage(pack, maps, data.R, H)
+    first = packed_stage(pack, maps, data.R, H)
     G = jnp.stack([jnp.stack(row) for row in first.G])
     return Gains(jnp.stack(first.K), later, G)
-
-
-def definite_inverse(M: list[list[Array]]) -> list[list[Array]]:
-    """Inverse of a positive definite matrix whose entries are vectors over time.
-
-    Gauss-Jordan, which needs no pivots for such a matrix.
-    """
-    for k in range(len(M)):
-        pivot = 1 / M[k][k]
-        row = [pivot if j == k else entry * pivot for j, entry in enumerate(M[k])]
-        M = [row if i == k else _eliminated(old, row, k) for i, old in enumerate(M)]
-    return M
-
-
-def _eliminated(old: list[Array], row: list[Array], k: int) -> list[Array]:
-    """Row `old` without its entry k, which is taken off with the row of pivot k, `row`."""
-    factor = old[k]
-    return [-factor * row[k] if j == k else entry - factor * row[j] for j, entry in enumerate(old)]
 
 
 def _trajectories(
@@ -280,7 +197,7 @@ def _trajectories(
 ) -> SweepData:
     """Cotangents of the data, from those of the plan."""
     pack = packing(pattern)
-    A, B, C = _extended(pack.order, A, B, C)
+    A, B, C = extended(pack.order, A, B, C)
     (size, p), preview = B.shape, data.stage.shape[0]
     steps = data.cost.shape[1] - preview
     along = _closed_step(A, B, C)

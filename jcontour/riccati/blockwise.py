@@ -5,9 +5,9 @@ sample for N_p steps: the first of them sees 2 N_p - 1 samples, the last one N_p
 gives the gains of them all, so a sample costs two stages, however far it sees:
     (H, g) at the end from the terminal cost, then eqs. 12 and 13 of McNab & Tsao down to the first
     step of the block; eq. 11 at each of its steps
-The blocks are swept side by side (on a GPU by `kernels.block_lanes`), and the last one ends with
-the run. A run of at most N_p steps is one block: its gains are those of the whole path, the limit
-of every receding horizon.
+The blocks are swept side by side (by `kernels.block_sweep`, on a GPU by `kernels.block_lanes`), and
+the last one ends with the run. A run of at most N_p steps is one block: its gains are those of the
+whole path, the limit of every receding horizon.
 """
 
 from functools import partial
@@ -16,9 +16,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jcontour.kernels.block_sweep import block_sweep
 from jcontour.kernels.dispatch import suits_lanes
 from jcontour.linear.plant import AffinePlan, LinearPlant
-from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
+from jcontour.riccati.receding_horizon import (
+    MOST_STATES,
+    CostToGo,
+    first_control,
+    one_stage_back,
+)
 
 
 def block_ends(steps: int, preview: int) -> slice:
@@ -46,7 +52,12 @@ def blockwise_plan(
     """
     if suits_lanes(model.pattern, model, Q, y_d, R, terminal):
         return _by_lanes(preview, model, Q, y_d, R, terminal)
-    return swept(preview, model, Q, y_d, R, terminal)
+    if model.states > MOST_STATES:
+        return swept(preview, model, Q, y_d, R, terminal)
+    steps, matrices = Q.shape[0] - preview, (model.A, model.B, model.C)
+    data = _seen(steps, preview), preview, *matrices, Q, y_d, R, *terminal
+    F, f = block_sweep(model.pattern, *data)
+    return AffinePlan(_in_time(F, steps), _in_time(f, steps))
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
@@ -70,7 +81,7 @@ _by_lanes.defvjp(_lanes_fwd, _lanes_bwd)
 
 
 def swept(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:
-    """Plan of `blockwise_plan` with the blocks side by side in XLA."""
+    """Plan of `blockwise_plan` as the equations say it; the faster forms are tested equal to it."""
     steps = Q.shape[0] - preview
     seen = _seen(steps, preview)
 

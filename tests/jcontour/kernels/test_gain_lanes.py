@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
-from jcontour.kernels.window_sweep import cost_entries
+from jcontour.kernels.packed_stage import cost_entries
 from jcontour.linear.plant import Pattern
 from jcontour.riccati.receding_horizon import CostToGo, readable_plan
 
