@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -17,14 +18,19 @@ def test_one_stage_is_the_readable_one(problems):
     plant = problems.machine((2, 1), 2, 2)
     Q, y_d, _, R, end = problems.data(plant, 3, 1)
     pack, maps = packing(plant.pattern), stage_maps(plant.pattern, plant.A, plant.B, plant.C)
-    found = packed_stage(pack, maps, R, packed_cost(pack, *end))
-    before = cost_in_front(pack, maps, found, cost_entries(Q, y_d)[:, :3])
-    plan = first_control(plant, R, end)
-    gains = jnp.stack(found.K)[:, np.argsort(pack.order)]
-    problems.close(jnp.moveaxis(gains, -1, 0), plan.F, 1e-12)
-    problems.close(jnp.stack([K[-1] for K in found.K], axis=1), -plan.f, 1e-12)
-    wanted = one_stage_back(plant, R, CostToGo(*end), Q[:3], y_d[:3])
-    problems.close(before, packed_cost(pack, *wanted), 1e-12)
+
+    def packed():
+        found = packed_stage(pack, maps, R, packed_cost(pack, *end))
+        before = cost_in_front(pack, maps, found, cost_entries(Q, y_d)[:, :3])
+        K = jnp.moveaxis(jnp.stack(found.K), -1, 0)
+        return K[..., np.argsort(pack.order)], -K[..., -1], before
+
+    def readable():
+        cost = CostToGo(*end)
+        before = one_stage_back(plant, R, cost, Q[:3], y_d[:3])
+        return *jax.tree.leaves(first_control(plant, R, cost)), packed_cost(pack, *before)
+
+    problems.close(problems.quick(packed)(), problems.quick(readable)(), 1e-12)
 
 
 def test_inverse_of_positive_definite_matrices():
