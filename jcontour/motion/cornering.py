@@ -49,8 +49,8 @@ def cornered(
     >>> from jcontour.geometry import contours
     >>> limits = AxisLimits.of(2, acceleration=[0.1, 10.0], jerk=[1.0, 1000.0])
     >>> corner = contours.polyline([[0.0, 0.0], [10e-3, 1e-3], [10e-3, 30e-3]])
-    >>> cornered(corner, np.full(2, 0.1), limits, 2e-6).motion.stops.size
-    2
+    >>> cornered(corner, np.full(2, 0.1), limits, 2e-6).motion.stops.size  # one in the corner
+    3
 
     Args:
         contour: one contour, not a stack.
