@@ -40,6 +40,7 @@ CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation mi
 MISSED = 1e-11  # by this, over the limit's width
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
 INWARD = 0.995  # of the way to the nearest limit
+FAR = 0.5  # part of a predicted step beyond which it is corrected in full
 ROOM = 0.5  # of a limit's width that a slack begins with, at least
 FIRST = 10.0  # first mu, over what the limits could cost each of them
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
@@ -249,7 +250,7 @@ def _iterated(qp: StagedQP, point: _Point, limits: _Limits, count) -> _Point:
     far = _longest(point, (ds, dl, dt, dg), limits)
     ahead = _Point(at, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
     target = jnp.clip(_gap(ahead) / (count * mu), 0.0, 1.0) ** 3 * mu
-    share = far**2  # of the correction: as much as of the step that it corrects was possible
+    share = jnp.where(far > FAR, 1.0, far)  # where little of the step was possible
     c1 = jnp.where(there, c1 + share * ds * dl - target, 0.0)
     c2 = jnp.where(gives, c2 + share * dt * dg - target, 0.0)
     pushed = pull(c1, c2)
