@@ -84,7 +84,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
         qp, active = tight(random_problems(batch))
         times.append(_together(qp, batch))
         tell(f"{batch} problems: {times[-1].solving:.4g} ms")
-    few, _ = tight(random_problems(min(*batches, ONE_BY_ONE)))
+    few, _ = tight(random_problems(min(max(batches), ONE_BY_ONE)))
     for solver in (DAQP(), ProxQP()):
         times.append(_one_by_one(solver, few))
         tell(f"{solver.name}, one by one: {times[-1].solving:.4g} ms")
