@@ -2,22 +2,24 @@
 
 A blend takes a corner within a tolerance, often at a crawl; far away from it the tool could have
 been quicker to a stop in the corner. Both are compared between two stops of the blended motion,
-over all of the corners in between. The time of a line from rest to rest is known in closed form.
-That of a curve is estimated from its length and the most that limits allow anywhere on it, so that
-it is rather too short. Where stops look quicker, the path is planned again without blends there.
+over all of the corners in between. Pieces that meet smoothly, as two arcs of one circle do, are
+one leg: nothing makes a motion stop between them. The time of a line from rest to rest is known in
+closed form. That of a curve is estimated from its length and the most that limits allow anywhere on
+it, so that it is rather too short. Where stops look quicker, the path is planned again without
+blends there. A joint that is stopped in once stays so: there is an end.
 """
 
 from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
 from jcontour.motion.jerk_limited.conditions import path_derivatives
-from jcontour.motion.jerk_limited.joints import unpadded
+from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.mesh import SAMPLES
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
@@ -70,7 +72,7 @@ def cornered(
 
     best = latest = planned(allowed)
     passed = np.ones(feed.size - 1, bool) if allowed is None else allowed
-    while (stopping := _better_stopped(latest, feed, limits)).any():
+    while (stopping := passed & _better_stopped(latest, feed, limits)).any():
         passed = passed & ~stopping
         latest = planned(passed)
         best = min(best, latest, key=lambda one: one.motion.duration)
@@ -80,35 +82,42 @@ def cornered(
 def _better_stopped(
     planned: Planned, feed: Float[np.ndarray, " P"], limits: AxisLimits
 ) -> Bool[np.ndarray, " joints"]:
-    """Joints between pieces that a motion passes, and rather should stop in."""
+    """Joints between legs that a motion passes, and rather should stop in."""
     around, motion = planned
     pieces = unpadded(around.contour)
+    found = ~joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    first = np.flatnonzero(np.append(True, found))  # piece of every leg
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    none = np.zeros(feed.size - 1, bool)
+    ends = starts[np.append(first, feed.size)]
     middle = around.true_arc(motion.stops)[1:-1]
-    stretch = np.searchsorted(middle, 0.5 * (starts[1:] + starts[:-1]))
+    stretch = np.searchsorted(middle, 0.5 * (ends[1:] + ends[:-1]))
     blended = np.diff(motion.reached(motion.stops))
-    law, least = _laws(pieces, feed, limits)
+    law, least = _laws(pieces, first, feed, limits)
     several = np.bincount(stretch, minlength=blended.size) > 1
     stopped = np.bincount(stretch, least, blended.size)
     for k in np.flatnonzero(several & (stopped < blended)):
-        first, last = np.searchsorted(stretch, [k, k + 1])
-        stopped[k] = sum(PointToPoint(*row).duration for row in law[first:last])
+        legs = slice(*np.searchsorted(stretch, [k, k + 1]))
+        exact = [PointToPoint(*row).duration for row in law[legs]]
+        stopped[k] = np.maximum(exact, least[legs]).sum()
     gain = np.where(several, blended - stopped, 0.0)
     slow = gain > 0
-    if gain[slow].sum() < WORTH * motion.duration and gain.sum() <= 0:
-        return none
-    return slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
+    worth = gain[slow].sum() >= WORTH * motion.duration or gain.sum() > 0
+    found[found] = worth & slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
+    return found
 
 
-def _laws(pieces: Piece, feed: Float[np.ndarray, " P"], limits: AxisLimits):
-    """Length, speed, acceleration and jerk (P, 4) of every piece, and a bound of its time [s]."""
+def _laws(
+    pieces: Piece, first: Int[np.ndarray, " L"], feed: Float[np.ndarray, " P"], limits: AxisLimits
+) -> tuple[Float[np.ndarray, "L 4"], Float[np.ndarray, " L"]]:
+    """Length, speed, acceleration and jerk of every leg, and a bound of its time [s]."""
     everywhere = jax.tree.map(lambda rows: rows[None], pieces)
     direction, bend, _ = path_derivatives(everywhere, SAMPLES * pieces.extent)
     with np.errstate(divide="ignore"):
         speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
         turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
     speed = np.minimum(np.minimum(feed, speed), turning)
-    length = pieces.extent
-    ramps = np.maximum(2 * np.sqrt(length / acceleration), np.cbrt(32 * length / jerk))
-    return np.stack([length, speed, acceleration, jerk], axis=1), np.maximum(length / speed, ramps)
+    length = np.add.reduceat(pieces.extent, first)
+    cruise = np.add.reduceat(pieces.extent / speed, first)
+    most = [np.maximum.reduceat(rows, first) for rows in (speed, acceleration, jerk)]
+    ramps = np.maximum(2 * np.sqrt(length / most[1]), np.cbrt(32 * length / most[2]))
+    return np.stack([length, *most], axis=1), np.maximum(cruise, ramps)

@@ -61,3 +61,13 @@ def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     [line] = next_steps(flags)
     assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
     assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune"]
+
+
+@pytest.mark.slow
+def test_two_half_circles_on_unequal_axes(tmp_path, machine_fields):
+    machine, part = tmp_path / "unequal.json", tmp_path / "circle.ngc"
+    limits = machine_fields["limits"] | {"acceleration": [4000.0, 12000.0]}
+    machine.write_text(json.dumps(machine_fields | {"limits": limits}))
+    part.write_text("G21 G90 F3000\nG2 X2 Y0 I1 J0\nG2 X0 Y0 I-1 J0\n")
+    result = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult)
+    assert result.motion is not None and result.motion.stops == 0

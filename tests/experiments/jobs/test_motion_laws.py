@@ -83,6 +83,16 @@ def test_short_moves_at_one_feed_become_a_curve(tmp_path):
     assert found.samples * 1e-3 < 1.1 * np.pi * 10e-3 / 0.05
 
 
+def test_a_circle_in_two_arcs_on_unequal_axes_has_no_stop(tmp_path):
+    path = tmp_path / "circle.ngc"
+    path.write_text("G21 G90 F3000\nG2 X2 Y0 I1 J0\nG2 X0 Y0 I-1 J0\n")
+    machine = machine_named(EXAMPLE)
+    unequal = machine.limits._replace(acceleration=np.array([3.0, 9.0]))
+    flags = MachineFlags(plant=EXAMPLE, feed_law="jerk")
+    found = from_file(path, Pace.of(flags, replace(machine, limits=unequal)))
+    assert found.planned is not None and found.planned.motion.stops.size == 2
+
+
 def test_a_motion_that_is_not_the_quickest_is_told():
     planned = MotionSummary(
         cycle_time=10.0,

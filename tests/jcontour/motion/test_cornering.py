@@ -34,3 +34,25 @@ def test_a_corner_that_is_quick_to_pass_is_passed():
     planned = cornered(path, np.full(2, 0.1), LIMITS, 20e-6)
     assert planned.motion.stops.size == 2 and planned.around.deviation > 0
     assert planned.motion.duration < jerk_limited(path, 0.1, LIMITS).duration
+
+
+def test_no_stop_between_arcs_of_one_circle():
+    """The two half turns are the full circle, which has no joint; on unequal axes, too."""
+    limits = AxisLimits.of(2, acceleration=[1.0, 3.0], jerk=[50.0, 150.0])
+    start, centre = np.array([1e-3, 0.0]), np.zeros(2)
+    halves = [contours.arc(start, centre, np.pi), contours.arc(-start, centre, np.pi)]
+    whole = contours.chain([contours.arc(start, centre, 2 * np.pi)])
+    planned = cornered(contours.chain(halves), np.full(2, 0.05), limits, 2e-6)
+    assert planned.motion.stops.size == 2
+    quickest = jerk_limited(whole, 0.05, limits).duration
+    np.testing.assert_allclose(planned.motion.duration, quickest, rtol=2e-3)
+
+
+def test_lines_in_parts_are_stopped_in_as_whole_ones_are():
+    """Nothing stops between the parts: the time from rest to rest is that of the whole line."""
+    parts = np.linspace(SHARP[:-1], SHARP[1:], 4, endpoint=False)
+    path = contours.polyline(np.vstack([*np.swapaxes(parts, 0, 1), SHARP[-1:]]))
+    planned = cornered(path, np.full(8, 0.01), LIMITS, 2e-6)
+    stopped = jerk_limited(contours.polyline(SHARP), 0.01, LIMITS)
+    assert planned.motion.stops.size == 3 and planned.around.deviation == 0.0
+    np.testing.assert_allclose(planned.motion.duration, stopped.duration, rtol=1e-9)
