@@ -43,6 +43,14 @@ def test_faults_name_the_file(tmp_path):
         listed(Path("points.csv"), 2)
 
 
+def test_a_program_without_moves_is_a_fault(tmp_path):
+    path = tmp_path / "still.ngc"
+    path.write_text("G21 M3\nG1 Z1 F100\n")
+    with pytest.raises(ToolpathError, match=r"still\.ngc: the program has no moves along X or Y$"):
+        listed(path, 2)
+    assert len(listed(path, 3)) == 3
+
+
 def test_a_drawing_has_arcs_curves_and_the_rapid_moves_between(tmp_path):
     path = tmp_path / "part.svg"
     path.write_text(
