@@ -9,9 +9,12 @@ step is one Riccati sweep with
 as of the linear-quadratic problem without limits (Rao, Wright & Rawlings, J. Optimization Theory
 and Applications 99, 1998).
 
-Derivative: by the implicit function theorem at the answer, with the last W: one sweep. Where a
-limit is about to become active it is between those of either side. An answer that is not solved has
-NaN for a derivative, in both directions.
+Derivative of the trajectory: by the implicit function theorem at the answer, with the last W: one
+sweep. The equations above, mu held, give the multipliers' change
+    dl = W (d(G v - b) + (t / g) dr):
+beyond a limit all of its price's change, W t / g = 1 nearly. Where a limit is about to become
+active the derivative is between those of either side. An answer that is not solved has NaN for a
+derivative, in both directions.
 """
 
 from functools import partial
@@ -101,6 +104,9 @@ class _Limits(NamedTuple):
 def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     """Answer to a problem; its trajectory has derivatives with respect to every number of it.
 
+    The trajectory alone has them: those of the multipliers, of the residual and of `beyond` are
+    zero. `beyond` follows from the trajectory, where its slope is needed.
+
     A problem without an answer, or with numbers that are not finite, is not `solved`: what its
     trajectory holds then means nothing, and its derivative is NaN.
 
@@ -144,11 +150,13 @@ def _tangent(qp: StagedQP, answer: Answer, point: _Point, limits: _Limits, dqp) 
         model = jnp.concatenate([qp.A, qp.B], axis=1)
         slope = _summed(slopes(qp, at), _pulled(qp, multipliers))
         slope = Trajectory(slope.stages + behind @ model, slope.end)
-        value = jnp.where(limits.there, _rows(qp, at), 0.0) - _one_sided(qp).bound
-        return slope, at.stages @ model.T + qp.c, value, qp.x0
+        sides = _one_sided(qp)
+        value = jnp.where(limits.there, _rows(qp, at), 0.0) - sides.bound
+        return slope, at.stages @ model.T + qp.c, value, sides.price, qp.x0
 
-    _, (slope, added, value, start) = jax.jvp(equations, (qp,), (dqp,))
-    weight, share = _softened(point, limits)
+    _, (slope, added, value, price, start) = jax.jvp(equations, (qp,), (dqp,))
+    weight, share, paid = _softened(point, limits)
+    pushes = weight * value + paid * price
     H = qp.H + _gram(qp, weight)
     x, end = drifted(qp, start, added)
     free = jnp.concatenate([x, jnp.zeros((x.shape[0], qp.B.shape[1]), x.dtype)], axis=1)
@@ -157,7 +165,7 @@ def _tangent(qp: StagedQP, answer: Answer, point: _Point, limits: _Limits, dqp) 
 
     def nearer(_, found):
         _, change = found  # of the multipliers
-        pushed = weight * value + share * change
+        pushed = pushes + share * change
         step = another_step(qp, factors, h + _pulled(qp, pushed).stages, h_end)
         step = _summed(step, Trajectory(free, end))
         return step, pushed + weight * jnp.where(limits.there, _rows(qp, step), 0.0)
@@ -323,11 +331,13 @@ def _weight(point: _Point, limits: _Limits):
 
 
 def _softened(point: _Point, limits: _Limits):
-    """W with larger slacks, and the share of these that was added."""
+    """W with larger slacks, the share of these that was added, and W t / g."""
     more = SOFTENED * limits.width
     slack = _slack(point, limits) + more
     there = limits.there
-    return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0)
+    way = point.t * point.l
+    paid = way / (point.g * (point.s + more) + way)  # W t / g, also where rounding leaves no g
+    return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0), paid
 
 
 def _slack(point: _Point, limits: _Limits):

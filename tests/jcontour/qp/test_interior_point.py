@@ -7,6 +7,7 @@ import pytest
 
 from jcontour.qp.interior_point import SOLVED, solve
 from jcontour.qp.solvers import DAQP
+from jcontour.qp.staged import StagedQP
 
 SIZES = {"stages": 6, "states": 4, "controls": 2}
 many, single = jax.jit(jax.vmap(solve)), jax.jit(solve)
@@ -154,7 +155,7 @@ def test_what_has_no_answer_is_flagged_and_has_no_derivative(limited):
 @pytest.mark.parametrize("kind", ["limited", pytest.param("giving", marks=pytest.mark.slow)])
 def test_derivatives_are_those_of_differences(kind, request, one_of):
     """Along a random direction of every number, both modes, away from changes of the active set."""
-    qp = one_of(request.getfixturevalue(kind), 1)
+    qp = one_of(request.getfixturevalue(kind), 6)  # one that no full box holds beyond its limits
     random = np.random.default_rng(6)
     pull = jnp.asarray(random.standard_normal((6, 6)))
 
@@ -162,7 +163,7 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
         moves = jnp.asarray(random.standard_normal(leaf.shape))
         return jnp.where(jnp.isfinite(leaf), moves, 0.0)
 
-    moves = jax.tree.map(direction, qp)._replace(penalty=jnp.zeros_like(qp.penalty))
+    moves = jax.tree.map(direction, qp)
     turned = moves.H + moves.H.swapaxes(-1, -2), moves.H_end + moves.H_end.T
     moves = moves._replace(H=turned[0], H_end=turned[1])
 
@@ -174,9 +175,31 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
     difference = (np.asarray(found(step)) - np.asarray(found(-step))) / (2 * step)
     forward = np.asarray(jax.jit(lambda: jax.jvp(stages, (0.0,), (1.0,))[1])())
     reverse = jax.jit(jax.grad(lambda size: jnp.sum(pull * stages(size))))(0.0)
-    assert single(qp).multipliers.max() > 1e-3
+    held = single(qp)
+    assert held.multipliers.max() > 1e-3 and (float(held.beyond) > 1e-3) is (kind == "giving")
     np.testing.assert_allclose(forward, difference, rtol=0, atol=1e-5 * np.abs(difference).max())
     assert float(reverse) == pytest.approx(float(np.sum(pull * forward)), rel=1e-7)
+
+
+def test_beyond_a_limit_the_answer_moves_with_its_price():
+    """min u^2 / 2 - 5 u, u <= 1 at a price r: u = 5 - r up to r = 4, 1 from there."""
+    one, none = jnp.ones((1, 1)), jnp.zeros((1, 1))
+    row, never = jnp.array([[0.0, 1.0]]), jnp.full((1, 1), -jnp.inf)
+    H, h = jnp.diag(jnp.array([0.0, 1.0]))[None], jnp.array([[0.0, -5.0]])
+
+    def control(price):
+        start = jnp.zeros(1)
+        parts = (one, one, none, start, H, h, none, start, row, never, one, price[None])
+        found = solve(StagedQP(*parts))
+        return found.trajectory.stages[0, 1], found.solved
+
+    prices = jnp.array([2.0, 3.9, 4.1, 9.0])
+    (controls, solved), slopes = jax.jit(jax.vmap(jax.value_and_grad(control, has_aux=True)))(
+        prices
+    )
+    assert solved.all()
+    np.testing.assert_allclose(controls, [3.0, 1.1, 1.0, 1.0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(slopes, [-1.0, -1.0, 0.0, 0.0], rtol=0, atol=1e-6)
 
 
 @pytest.mark.slow
