@@ -1,6 +1,7 @@
 """Random toolpaths and limits of all sizes, and how near their motions come to what is promised."""
 
 import time
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ MOST_PIECES = 50
 INSIDE = 3  # random times in every cell
 BESIDE = 1e-9  # of a cell: so near its ends the motion is looked at, too
 LONGEST = 100.0  # that a side of the box takes, in times in which the acceleration builds up
+NEW = 0.6  # chance that a piece does not go on along the line or the circle of the one before
 ON_PATH = 2000  # points whose distance from the lines is measured
 
 
@@ -126,17 +128,36 @@ def _curve(random: np.random.Generator, count: int, axes: int, size: float) -> n
 
 
 def _with_arcs(random: np.random.Generator, points: Float[np.ndarray, "n 2"]) -> Contour:
-    """The path through points, some of it by arcs of up to three quarters of a turn."""
+    """Lines, and arcs of up to three quarters of a turn; some in parts that meet smoothly.
+
+    There are as many pieces as between the points; with parts, the last points are not reached.
+    """
+    count = len(points) - 1
+    begins = np.flatnonzero(np.append(True, random.uniform(size=count - 1) < NEW))
+    parts = np.diff(np.append(begins, count))
     pieces = []
-    for start, end in zip(points[:-1], points[1:], strict=True):
+    for start, end, number in zip(points[:-1], points[1:], parts, strict=False):
+        length = random.uniform(0.2, 1.0, number)
+        share = np.append(0.0, np.cumsum(length) / length.sum())
         if random.uniform() < 0.5:
-            pieces.append(line(start, end))
+            ends = start + share[:, None] * (end - start)
+            pieces += [line(*both) for both in pairwise(ends)]
             continue
         angle = random.uniform(0.1, 1.5 * np.pi) * random.choice([-1, 1])
         chord = end - start
         across = np.array([-chord[1], chord[0]]) / (2 * np.tan(angle / 2))
-        pieces.append(arc(start, (start + end) / 2 + across, angle))
+        centre = (start + end) / 2 + across
+        pieces += [
+            arc(_turned(start, centre, angle * first), centre, angle * (last - first))
+            for first, last in pairwise(share)
+        ]
     return chain(pieces)
+
+
+def _turned(point: Float[np.ndarray, "2"], centre: Float[np.ndarray, "2"], angle: float):
+    x, y = point - centre
+    cos, sin = np.cos(angle), np.sin(angle)
+    return centre + [x * cos - y * sin, x * sin + y * cos]
 
 
 def _peaks(planned: Planned, random: np.random.Generator) -> tuple[float, float, float, float]:

@@ -9,6 +9,7 @@ from experiments.benchmarks import random_paths
 from experiments.benchmarks.motion import broken
 from experiments.benchmarks.random_paths import KINDS, checked, random_path, stopping_time
 from jcontour.motion.cornering import Planned, cornered
+from jcontour.motion.jerk_limited.joints import joints
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 
@@ -22,6 +23,15 @@ def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     np.testing.assert_allclose(begin[1:], end[:-1], atol=1e-12)
     if path.points is not None:
         np.testing.assert_allclose(begin, path.points[:-1], atol=1e-15)
+
+
+def test_lines_and_arcs_go_on_smoothly_in_some_joints():
+    path = random_path(3)
+    found = joints(path.contour.pieces)
+    smooth = found.smooth(path.feed, float(path.limits.acceleration.min()))
+    arcs = np.asarray(path.contour.rate) > 0
+    assert smooth[arcs[1:] & arcs[:-1]].any() and smooth[~arcs[1:] & ~arcs[:-1]].any()
+    assert 0.2 < smooth.mean() < 0.6
 
 
 def test_time_of_stopping_in_closed_form():
