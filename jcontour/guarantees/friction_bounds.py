@@ -28,6 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jcontour.analysis.frozen_loops import unlimited
 from jcontour.controllers.feedback.cascade import Cascade
 from jcontour.guarantees.affine import NotAffine
 from jcontour.guarantees.disturbed_loop import DisturbedLoop, disturbed_loop
@@ -85,7 +86,7 @@ def friction_bounds(
         raise ValueError("reference: needs to begin at rest, where the motor sticks")
     plant = FineEncoders(frictionless(axis), Sensors((0,)))
     loop = disturbed_loop(plant, cascade, reference)
-    run = simulate(plant, cascade, reference)
+    run = simulate(plant, unlimited(cascade), reference)
     rows = (run.state[0] @ INNER.T, loop.output, loop.control, run.memory)
     free = np.concatenate([np.asarray(one) for one in rows], axis=1)
     noise = np.array([resolution / 2, resolution / axis.dt])

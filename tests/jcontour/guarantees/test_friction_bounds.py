@@ -7,7 +7,11 @@ import pytest
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contours import line
 from jcontour.guarantees.affine import NotAffine
-from jcontour.guarantees.friction_bounds import cogging_size, cogging_slope, friction_bounds
+from jcontour.guarantees.friction_bounds import (
+    cogging_size,
+    cogging_slope,
+    friction_bounds,
+)
 from jcontour.motion.point_to_point import PointToPoint, thesis_task_a, thesis_task_b
 from jcontour.motion.references import along, in_time
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
@@ -21,6 +25,22 @@ COUNT = 1e-6  # [m]
 def cascade(limit=10.0, **gains):
     found = {"position": 30.0, "velocity": 55.67, "integral_time": 0.04} | gains
     return Cascade(CascadeGains(**found), motors(1), 1e-3, limit=limit)
+
+
+def short_move(law=None):
+    """10 mm at 0.1 m/s in a run of 0.2 s."""
+    law = law or PointToPoint(0.01, 0.1, 4.0)
+    return in_time(line([0.0], [law.distance]), law, 0.2, 1e-3, 1, dwell=0.02)
+
+
+class Braked:
+    """Time law: up to a speed at 0.8 m/s^2, and down at 8 m/s^2."""
+
+    distance = 0.08 * (0.1 + 0.01) / 2
+
+    def __call__(self, time):
+        left = np.clip(0.11 - time, 0, 0.01)
+        return np.where(time < 0.1, 0.4 * np.minimum(time, 0.1) ** 2, self.distance - 4 * left**2)
 
 
 def run(axis, controller, reference):
@@ -37,6 +57,15 @@ def test_cogging_stays_below_its_size_and_slope():
     assert 0.8 * cogging_size(p) < np.abs(force).max() <= cogging_size(p)
     steepest = np.abs(np.diff(force) / np.diff(x)).max()
     assert 0.5 * cogging_slope(p) < steepest <= cogging_slope(p)
+
+
+def test_a_limit_that_is_not_reached_changes_nothing():
+    """Friction brakes too: the run without it would reach the limit, no true one does."""
+    axis, reference = FlexibleAxis(thesis_axis(), 1e-3), short_move(Braked())
+    gains = {"feedforward": 1.0, "inertia": 0.5, "viscous": 3.16}
+    free = friction_bounds(axis, cascade(np.inf, **gains), reference, COUNT)
+    limited = cascade(1.0001 * free.control.max(), **gains)
+    assert np.array_equal(friction_bounds(axis, limited, reference, COUNT).bound, free.bound)
 
 
 @pytest.mark.slow
@@ -65,13 +94,18 @@ def test_other_motions_and_gains_stay_below_too(seed):
     assert error.max() > 0.3 * found.bound.max()
 
 
-@pytest.mark.slow
 def test_what_has_no_bound_is_told():
     axis = FlexibleAxis(thesis_axis(), 1e-3)
     moving = along(line([0.0], [0.01]), 1e-4 * np.arange(40), 1e-3, 1, at_rest=False)
     with pytest.raises(ValueError, match="reference: needs to begin at rest"):
         friction_bounds(axis, cascade(), moving, COUNT)
-    law = PointToPoint(0.01, 0.1, 4.0)
-    short = in_time(line([0.0], [0.01]), law, 0.2, 1e-3, 1, dwell=0.02)
     with pytest.raises(NotAffine, match=r"limit: a control of up to .* its limit of 2;"):
-        friction_bounds(axis, cascade(limit=2.0), short, COUNT)
+        friction_bounds(axis, cascade(limit=2.0), short_move(), COUNT)
+
+
+def test_a_short_move_stays_below_its_bound():
+    axis, reference = FlexibleAxis(thesis_axis(), 1e-3), short_move()
+    found = friction_bounds(axis, cascade(), reference, COUNT)
+    error, control = run(axis, cascade(), reference)
+    assert np.all(error <= found.bound) and np.all(control <= found.control)
+    assert error.max() > 0.5 * found.bound.max()
