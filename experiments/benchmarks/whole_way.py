@@ -44,10 +44,11 @@ class Way:
         seed, takes: which one.
         delays: true ones of its axes [samples].
         errors: by contour, the RMS contour error on the hidden machine [m]: tuned on the
-            identified model, and on the true one.
+            identified model, inf where every point of that search diverged, and on the true one,
+            NaN where every point of that did; no contour where both did.
         gain, late: family of the identified machine file.
         sound: whether both searches found weights that keep all limits.
-        diverged: whether any run of the identified design did, or every point of its search.
+        diverged: whether any run of either design did, or every point of a search.
     """
 
     seed: int
@@ -60,15 +61,27 @@ class Way:
     diverged: bool
 
     @property
+    def means(self) -> tuple[float, float]:
+        """Mean errors over the contours [m], of both designs; NaN where there is no contour."""
+        pairs = list(self.errors.values()) or [(np.nan, np.nan)]
+        identified, true = np.mean(pairs, axis=0)
+        return float(identified), float(true)
+
+    @property
     def ratio(self) -> float:
-        """Mean error over the contours, over that of tuning on the true machine."""
-        identified, true = np.mean(list(self.errors.values()), axis=0)
-        return float(identified / true)
+        """Mean error over the contours, over that of tuning on the true machine, or NaN."""
+        return _over(*self.means)
 
     @property
     def worst(self) -> float:
-        """Largest of the ratios of single contours."""
-        return max(one / true for one, true in self.errors.values())
+        """Largest of the ratios of single contours; NaN where one is, and where there is none."""
+        ratios = [_over(one, true) for one, true in self.errors.values()]
+        return float(np.max(ratios or [np.nan]))
+
+
+def _over(identified: float, true: float) -> float:
+    """Ratio of two errors; NaN where tuning on the true machine has none."""
+    return identified / true if np.isfinite(true) else np.nan
 
 
 @dataclass(frozen=True)
@@ -79,7 +92,7 @@ class WholeWayBench:
 
 
 @dataclass(frozen=True)
-class _OnTheMachine:
+class OnTheMachine:
     """A tuned design on the true machine.
 
     Attributes:
@@ -113,8 +126,7 @@ def show(console: Console, result: WholeWayBench) -> None:
             str(way.seed),
             way.takes,
             " ".join(map(str, way.delays)),
-            f"{1e6 * np.mean([one for one, _ in way.errors.values()]):.3g}",
-            f"{1e6 * np.mean([true for _, true in way.errors.values()]):.3g}",
+            *(f"{1e6 * mean:.3g}" for mean in way.means),
             f"{way.ratio:.3f}",
             f"{way.worst:.3f}",
             "yes" if way.sound else "no",
@@ -125,8 +137,13 @@ def show(console: Console, result: WholeWayBench) -> None:
     columns = ["machine", "takes", "delays", "identified\num", "true model\num", "ratio"]
     columns += ["worst contour", "limits kept", "diverged"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
-    ratios = [way.ratio for way in result.machines]
-    tables.say(console, f"ratio: median {np.median(ratios):.3f}, largest {max(ratios):.3f}")
+    ratios = np.array([way.ratio for way in result.machines])
+    known = ratios[~np.isnan(ratios)]
+    if known.size:
+        line = f"ratio: median {np.median(known):.3f}, largest {np.max(known):.3f}"
+        tables.say(console, line)
+    if known.size < ratios.size:
+        tables.say(console, f"no ratio: {ratios.size - known.size} of {ratios.size} machines")
 
 
 def _line(way: Way) -> str:
@@ -144,9 +161,10 @@ def _way(axes: list[RecordedAxis], seed: int) -> Way:
     identified, known = _tuned_on(fields, truth), _tuned_on(truth, truth)
     delays = tuple(round(one.axis.delay / DT) for one in axes)
     errors = {
-        name: (identified.errors.get(name, np.inf), one) for name, one in known.errors.items()
+        name: (identified.errors.get(name, np.inf), known.errors.get(name, np.nan))
+        for name in known.errors or identified.errors
     }
-    sound, lost = identified.sound and known.sound, identified.diverged
+    sound, lost = identified.sound and known.sound, identified.diverged or known.diverged
     return Way(seed, axes[0].takes, delays, errors, found.gain, found.late, sound, lost)
 
 
@@ -160,7 +178,7 @@ def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[st
     return fields | model | {"encoder_resolution": min(one.count for one in axes)}
 
 
-def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> _OnTheMachine:
+def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> OnTheMachine:
     """What is tuned on a file, run on the true machine."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "machine.json"
@@ -169,7 +187,7 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> _OnTheMachine:
         try:
             found = searched(tuning_run(Tune(plant=str(path))), Path(place), lambda _: None, quiet)
         except NothingSound:
-            return _OnTheMachine({}, False, True)
+            return OnTheMachine({}, False, True)
     controller = found.run.controller(found.tuned.weights)
     machine = machine_from(json.dumps(truth).encode(), "true")
     plant = machine.true_family(found.run.design.fed)[0]
@@ -179,4 +197,4 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> _OnTheMachine:
         metrics = score(simulate(plant, controller, reference), reference)
         errors[job.name] = float(metrics.rms_contour_error)
         diverged |= bool(metrics.diverged)
-    return _OnTheMachine(errors, found.tuned.feasible, diverged)
+    return OnTheMachine(errors, found.tuned.feasible, diverged)

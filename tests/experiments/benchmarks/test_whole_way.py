@@ -1,11 +1,20 @@
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from experiments.benchmarks import whole_way
 from experiments.benchmarks.hidden_machines import DT, hidden_axis
 from experiments.benchmarks.identify import response
-from experiments.benchmarks.whole_way import Way, WholeWayBench, measured, show, true_fields
+from experiments.benchmarks.whole_way import (
+    OnTheMachine,
+    Way,
+    WholeWayBench,
+    measured,
+    show,
+    true_fields,
+)
 from experiments.machines.from_file import machine_from
 from experiments.options import Bench
 from experiments.reports.tables import console_of
@@ -36,6 +45,44 @@ def test_ratios_of_the_mean_and_of_the_worst_contour(capsys):
     show(console_of(), WholeWayBench([way]))
     printed = capsys.readouterr().out
     assert "1.500" in printed and "3.000" in printed and "yes" in printed
+
+
+TUNED = OnTheMachine({"circle": 3e-6, "square": 6e-6}, True, False)
+LOST = OnTheMachine({"circle": 3e-6, "square": np.nan}, True, True)
+NOTHING = OnTheMachine({}, False, True)
+
+
+@pytest.mark.parametrize(
+    ("identified", "known", "ratio", "worst"),
+    [
+        (TUNED, TUNED, 1.0, 1.0),
+        (NOTHING, TUNED, np.inf, np.inf),
+        (TUNED, NOTHING, np.nan, np.nan),
+        (NOTHING, NOTHING, np.nan, np.nan),
+        (LOST, TUNED, np.nan, np.nan),
+        (TUNED, LOST, np.nan, np.nan),
+    ],
+)
+def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, monkeypatch, capsys):
+    """The bench goes on; NaN is not lost behind a number."""
+    designs = iter([identified, known])
+    monkeypatch.setattr(whole_way, "_tuned_on", lambda *_: next(designs))
+    monkeypatch.setattr(whole_way, "hidden_record", lambda *_: None)
+    monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
+    found = SimpleNamespace(gain=0.02, late=0)
+    monkeypatch.setattr(whole_way, "identify_machine", lambda *_: found)
+    monkeypatch.setattr(whole_way, "machine_fields", lambda *_: {})
+    monkeypatch.setattr(whole_way, "true_fields", lambda *_: {})
+    told = []
+    result = measured(Bench(what="whole_way", seeds=1), told.append)
+    (way,) = result.machines
+    np.testing.assert_equal((way.ratio, way.worst), (ratio, worst))
+    assert way.diverged is (identified.diverged or known.diverged)
+    assert ("diverged" in told[0]) is way.diverged
+    show(console_of(), result)
+    printed = capsys.readouterr().out
+    assert f"{ratio:.3f}" in printed
+    assert ("no ratio: 1 of 1 machines" in printed) is bool(np.isnan(ratio))
 
 
 @pytest.mark.slow
