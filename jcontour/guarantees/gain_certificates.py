@@ -92,7 +92,8 @@ def gain_certificate(
     Raises:
         NotAffine: as `certificates.certificate`.
         UnstableLoop: the loop is not stable at a corner of a cell.
-        ValueError: likewise, the gains do not fit, or cells are too few: it is said how many close.
+        ValueError: likewise, the gains do not fit, a bound is not a number, or cells are too few:
+            it is said how many close.
     """
     loop = disturbed_loop(plant, controller, reference)
     check_box(loop, box)
@@ -161,7 +162,12 @@ def _bounded(loop: DisturbedLoop, cell: GainCell, reference: Reference, box: Box
         return _Bounded(cell, none, controls, 0, np.inf, np.inf, error.factor)
     bound, _ = error_bounds(reference, middle.output, frames, peaks.tool)
     scored = np.asarray(reference.mask)[: reference.steps]
-    at = int(np.argmax(np.where(scored, bound, -np.inf)))
+    at = int(np.argmax(np.where(scored, bound, -np.inf)))  # the first NaN, where there is one
+    if np.isnan(bound[at]):
+        raise ValueError(
+            f"gains {cell.low.tolist()} to {cell.high.tolist()}: "
+            f"the bound of the error is not a number at sample {at}"
+        )
     between = float(np.linalg.norm(peaks.between[at]))
     control = (1 + ROUNDING) * peaks.control
     return _Bounded(cell, bound, control, at, float(bound[at]), between)

@@ -1,9 +1,12 @@
 """Certificates for all gains of a box: members stay below, a corner comes close."""
 
+from types import SimpleNamespace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.guarantees import gain_certificates
 from jcontour.guarantees.certificates import certificate
 from jcontour.guarantees.disturbed_loop import Box, UnstableLoop
 from jcontour.guarantees.gain_cells import GainCell
@@ -90,3 +93,17 @@ def test_bad_gains_and_too_few_cells_are_told(lap):
     with pytest.raises(ValueError, match="gains: needs an interval for each of 2 controls"):
         narrow = GainCell(np.ones(1), np.ones(1))
         gain_certificate(lap.plant(), lap.controller, lap.reference, BOX, narrow)
+
+
+@pytest.mark.slow
+def test_a_bound_that_is_not_a_number_is_told(lap, monkeypatch):
+    """In the last cell: a largest one is looked for from the first."""
+    cells = iter([1.0, 1.0, np.nan])
+
+    def peaks(loop, *_):
+        tool = np.full((len(loop.C), 2), 1e-6 * next(cells))
+        return SimpleNamespace(tool=tool, between=tool, control=np.zeros(loop.control.shape))
+
+    monkeypatch.setattr(gain_certificates, "cell_peaks", peaks)
+    with pytest.raises(ValueError, match=r"gains \[1.0, .* to .*: the bound .* is not a number"):
+        lap.of(0.9, 1.1, 2)
