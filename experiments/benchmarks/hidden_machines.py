@@ -49,7 +49,7 @@ def hidden_axis(random: np.random.Generator, dt: float, takes: Takes | None = No
 
 
 def hidden_record(axes: list[RecordedAxis], program: str, seed: int) -> MachineRecord:
-    """What is recorded while the axes run one of `PROGRAMS` under their cascades."""
+    """Record of the axes while they run one of `PROGRAMS` under their cascades."""
     rows = int(SECONDS / DT)
     signals = []
     for k, one in enumerate(axes):

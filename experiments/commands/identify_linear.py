@@ -144,7 +144,7 @@ def _result(
 def _questions(
     dt: float, flags: Identify, axes: list[LinearAxisResult], acceleration: list[float]
 ) -> list[str]:
-    """What cannot be true of a machine, most likely a wrong unit."""
+    """One line for each number that no machine has; most likely a unit is wrong."""
     lines = []
     if dt > SLOWEST:
         lines.append(f"time: a sample every {dt:g} s is slow; is the column in ms? Call it time_ms")

@@ -38,7 +38,7 @@ def even_period(time: Float[np.ndarray, " T"]) -> float:
 
 
 def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
-    """What lies between two gaps, or restarts of the clock, of times [s].
+    """Longest part of times [s] without a gap and without a restart of the clock.
 
     Raises:
         ValueError: as `even_period`, but gaps and restarts are no fault while a quarter of the

@@ -138,7 +138,7 @@ def remainder(
     rows: Float[np.ndarray, "T r N"],
     size: Float[np.ndarray, " d"],
 ) -> Float[np.ndarray, "T r"]:
-    """What signals may differ from their interpolation between the corners of a cell.
+    """Largest difference of signals from their interpolation between the corners of a cell.
 
     Args:
         middle: the loop at the middle of the cell.

@@ -116,7 +116,7 @@ def gains_kernel(pattern: Pattern, preview: int, batch: Batch, *refs):
 
 
 def answers_kernel(pattern: Pattern, preview: int, batch: Batch, *refs):
-    """What the lanes' samples make of every push and of the state: Z, G Z and O."""
+    """Answers of the lanes' samples to every push and to the state: Z, G Z and O."""
     *data, pushed, answered, seen = refs
     n, p = len(pattern.A), len(pattern.B[0])
     lanes = Lanes.of(pl.program_id(0), preview, batch.members, WARP)

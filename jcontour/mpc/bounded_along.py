@@ -191,7 +191,7 @@ class BoundedAlong(HostController):
         return LateMemory(waiting), control, report
 
     def _reached(self, T: int) -> tuple[np.ndarray, np.ndarray]:
-        """What e_0 (T, N+1, n, n) and the moves (T, N+1, n, z) make of e_0..e_N."""
+        """Maps to e_0..e_N from e_0 (T, N+1, n, n) and from the moves (T, N+1, n, z)."""
         model, N = self.response.model, self.response.length
         n, p = model.B.shape[1:]
         powers, reach = [np.broadcast_to(np.eye(n), (T, n, n))], [np.zeros((T, n, N * p))]

@@ -50,7 +50,7 @@ class Trajectory(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """What a backward sweep leaves behind: u_j = -R^-1 (Y x_j + y) with R'R = H_uu + B' P B.
+    """Feedback law of a backward sweep: u_j = -R^-1 (Y x_j + y) with R'R = H_uu + B' P B.
 
     Attributes:
         Y: R'^-1 (H_ux + B' P A).

@@ -31,7 +31,7 @@ BOXES = (
 
 
 def show(result: Result, console: Console) -> None:
-    """What is kept, the boxes of the disturbances, Algorithm 2, statements."""
+    """Print the promises, the boxes of the disturbances, Algorithm 2 and the statements."""
     title = "Fig. 5.11: contour error, the thesis wants 4 mm"
     console.print(plain_table(title, KEPT, [_kept(row) for row in result.loops], 2))
     title = "What the tubes are made for, and what the runs met"

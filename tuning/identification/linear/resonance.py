@@ -76,7 +76,7 @@ def _numerators(
     most_delay: int,
     first: int,
 ) -> Iterator[tuple[float, np.ndarray, np.ndarray, int]]:
-    """What is left [m^2], denominator, numerator and delay, for every delay up to one."""
+    """Squared residual [m^2], denominator, numerator and delay, for every delay up to one."""
     m, answer = structure.zeros, np.asarray(lfilter([1.0], below, drive))
     time = np.linspace(-1, 1, len(drive))
     columns = [shifted(answer, k) for k in range(1, m + most_delay + 1)]
