@@ -41,7 +41,7 @@ class NoResponse(ValueError):
 
     Attributes:
         limiting: names of the signals whose limits are too small; empty where no response comes to
-            rest at all.
+            rest at all, and where the linear program's numbers are of too different sizes.
         needed: the smallest magnitudes of all these together, by name.
     """
 
@@ -84,17 +84,21 @@ def least_peak(
     _check(model, small, limited, length)
     still = _vanishing(model, vanishing)
     program = PeakProgram(model, [*small, *limited], len(small), length, still)
-    rough = program.solved(np.ones(model.states), 1.0)
-    if rough is None:
-        raise _impossible(program)
     # every state and the optimum itself are scaled to one: the solver's tolerances are absolute
-    states, controls = program.responses(rough, np.ones(model.states))
+    sizes = np.ones(model.states)
+    rough = program.solved(sizes, 1.0)
+    if rough is None:
+        sizes = _sizes(model)
+        rough = program.solved(sizes, 1.0)
+    if rough is None:
+        raise _impossible(program, sizes)
+    states, controls = program.responses(rough, sizes)
     scales = np.abs(states).max(axis=(0, 2))
     scales = np.where(scales > 0, scales, 1.0)
     size = max(float(rough.x[program.optimum]), np.finfo(float).tiny ** 0.25)
     fine = program.solved(scales, size)
     if fine is None:
-        fine, scales, size = rough, np.ones(model.states), 1.0
+        fine, scales, size = rough, sizes, 1.0
     _, controls = program.responses(fine, scales)
     response = brought_to_rest(model, controls, still)
     peaks = {signal.name: response.peak(signal) for signal in [*small, *limited]}
@@ -102,10 +106,16 @@ def least_peak(
     return LeastPeak(response, tolerance, peaks, program.limiting(fine))
 
 
-def _impossible(program: PeakProgram) -> NoResponse:
+def _sizes(model: DisturbedModel) -> Float[np.ndarray, " n"]:
+    """Second try of scales of the states: the largest push of a disturbance, one without any."""
+    found = np.abs(model.E).max(axis=1)
+    return np.where(found > 0, found, 1.0)
+
+
+def _impossible(program: PeakProgram, sizes: Float[np.ndarray, " n"]) -> NoResponse:
     """The exception, with the limits that are too small."""
-    N, ones = program.length, np.ones(program.model.states)
-    found = program.solved(ones, 1.0, soft=True) if program.bounded else None
+    N = program.length
+    found = program.solved(sizes, 1.0, soft=True) if program.bounded else None
     if found is None:
         return NoResponse(
             f"length: no response of {N} samples comes to rest; a longer one may, "
@@ -117,6 +127,15 @@ def _impossible(program: PeakProgram) -> NoResponse:
         for signal, excess in zip(program.bounded, program.excess(found), strict=True)
         if excess > EXCESS
     }
+    if not needed:
+        columns = (np.abs(program.model.E) / sizes[:, None]).max(axis=0)
+        ratio = columns.max() / columns[columns > 0].min() if columns.any() else 1.0
+        return NoResponse(
+            f"model: the limits leave room for a response of {N} samples, but the linear program "
+            "has no answer with them; its numbers are of too different sizes, columns of E by a "
+            f"factor of {ratio:.3g}",
+            {},
+        )
     limits = {signal.name: signal.limit for signal in program.bounded}
     told = [
         f"{name} at most {limits[name]:.6g}, {least:.6g} would do" for name, least in needed.items()

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.finite_responses import brought_to_rest
 from jcontour.sets.least_peaks import NoResponse, least_peak
+from jcontour.sets.peak_program import PeakProgram
 
 
 def signals(model, numbers):
@@ -107,6 +109,32 @@ def test_scale_changes_nothing(slide):
     whole = least_peak(slide, small, slide.control_signals(0.5), 10).tolerance
     part = least_peak(tiny, small, slide.control_signals(0.5e-9), 10).tolerance
     assert part == pytest.approx(1e-9 * whole, rel=1e-8)
+
+
+def test_units_of_the_states_change_nothing():
+    """Two coupled axes, their positions in a unit a thousand times that of the speeds."""
+    A = np.block([[np.eye(2), np.eye(2)], [np.zeros((2, 2)), np.eye(2)]])
+    B = np.array([[1.0, 0.3], [-0.2, 1.0], [1.0, 0.2], [-0.2, 1.0]])
+    E = np.concatenate([B, 1e-6 * np.eye(4)], axis=1)
+    found = []
+    for unit in (1.0, 1e-6):
+        u = unit * np.array([1e-3, 1e-3, 1.0, 1.0])
+        model = DisturbedModel.of(A * u[:, None] / u, B * u[:, None], E * u[:, None])
+        x = model.state_signals(["x"], [1, 0, 0, 0])
+        found.append(least_peak(model, x, model.control_signals(1.3), 8).tolerance / u[0])
+    assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+
+def test_a_program_that_the_solver_gives_up_is_said(slide, monkeypatch):
+    """No limit is too small, so none can be named: the sizes of the disturbances are."""
+    model = slide.with_disturbance(1e-6 * slide.E)
+    solved = PeakProgram.solved
+    monkeypatch.setattr(
+        PeakProgram, "solved", lambda *all, soft=False: solved(*all, soft) if soft else None
+    )
+    with pytest.raises(NoResponse, match=r"columns of E by a factor of 1e\+06") as refused:
+        least_peak(model, model.state_signals(["x"], [1, 0]), model.control_signals(4.0), 8)
+    assert refused.value.limiting == ()
 
 
 def test_a_state_out_of_reach_is_said(slide):
