@@ -3,7 +3,9 @@
     z(k+1) = f(z(k), v(k)),   A_k = df/dx, B_k = df/du, C_k = dy/dx at (z(k), v(k))
 The run minimises sum |y(z(k)) - y_d(k)|^2 / length^2 + sum |v(k) - u(k)|^2 / size^2 around given
 controls u, the inverse of the machine for one. Each round solves the linear-quadratic problem along
-the run before and drives the machine with its gains (Li & Todorov 2004). What is left between the
+the run before and drives the machine with its gains (Li & Todorov 2004). Second derivatives of f
+are left out, as Gauss and Newton do: the rounds converge linearly, the faster the smaller what is
+left of the sums. A run that the next round would still change is refused. What is left between the
 machine and these models is of second order in the deviation from the run.
 """
 
@@ -18,6 +20,8 @@ from jaxtyping import Float
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.sets.disturbed_model import Numbers
+
+SETTLED = 1e-6  # of a control's size: models and control fit the optimum to as many digits
 
 
 class MachineRun(NamedTuple):
@@ -46,7 +50,7 @@ def machine_run(
     controls: Numbers,
     length: float,
     size: Numbers,
-    rounds: int = 3,  # quadratic convergence from the inverse: the third changes rounding only
+    rounds: int = 3,  # from the inverse of a gantry the third changes rounding only
 ) -> MachineRun:
     """Run along all samples of a reference, preview included.
 
@@ -59,7 +63,8 @@ def machine_run(
         rounds: of improvement.
 
     Raises:
-        ValueError: shapes do not fit, a size is not above zero, or the run is not finite.
+        ValueError: shapes do not fit, a size is not above zero, the run is not finite, or one more
+            round would change a control by more than `SETTLED` of its size.
     """
     wanted, given = np.asarray(reference.position), np.asarray(controls, float)
     sizes = np.broadcast_to(np.asarray(size, float), given.shape[1:])
@@ -74,6 +79,13 @@ def machine_run(
     for _ in range(rounds):
         gains, pushes = _improved(run, wanted / length, given, length, sizes)
         run = _driven(plant, start, run.state, gains, pushes)
+    _, pushes = _improved(run, wanted / length, given, length, sizes)
+    change = float((np.abs(pushes - run.control) / sizes).max())
+    if not change <= SETTLED:
+        raise ValueError(
+            f"rounds: after {rounds} the next would change a control by {change:.3g} of its size; "
+            "more of them, or other controls to begin with"
+        )
     return run
 
 

@@ -9,6 +9,7 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.references import in_time
 from jcontour.mpc.machine_runs import machine_run
+from jcontour.plant import Plant
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.gantry.straight_beam import currents_along
@@ -67,6 +68,32 @@ def test_the_gantry_follows_a_line_within_a_nanometre():
     small = 1e-6 * np.array([1.0, -2.0, 0.5, 3.0, 1.0, -1.0])
     moved = np.asarray(gantry.step(z + small, v)) - found.state[k + 1]
     np.testing.assert_allclose(moved, found.A[k] @ small, atol=1e-10)
+
+
+class Stiffening(Plant):
+    """A slide whose spring stiffens: x'' = u - 200 x^3, by Euler."""
+
+    dt: float = DT
+
+    def initial_state(self, position, increment):
+        return jnp.stack([position[0], increment[0] / self.dt])
+
+    def step(self, state, control):
+        x, v = state
+        return jnp.stack([x + self.dt * v, v + self.dt * (control[0] - 200 * x**3)])
+
+    def output(self, state):
+        return state[:1]
+
+
+def test_a_run_that_has_not_settled_is_refused():
+    reference = in_time(line([0.0], [0.3]), PointToPoint(0.3, 1.0, 10.0), 0.3, DT, preview=4)
+    given = np.zeros((len(reference.position), 1))
+    with pytest.raises(ValueError, match="rounds: after 2 the next would change a control by"):
+        machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=2)
+    found = machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=4)
+    more = machine_run(Stiffening(), reference, given, 1e-3, 1.0, rounds=5)
+    assert np.abs(more.control - found.control).max() <= 1e-6
 
 
 def test_bad_input(slide, ramp):
