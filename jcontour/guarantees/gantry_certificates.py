@@ -2,25 +2,18 @@
 
     z(k+1) = M(k) z(k) + E(k) w(k) + rho(k),   |rho(k)| <= r(k)
 z is the deviation from the undisturbed run, M and E its Jacobians. rho is what the equation of
-motion bends: with J, H the first and second derivatives of the rates over all states that the tube
-allows, and d the deviation at a Runge-Kutta stage,
-    tau_i = 1/2 d_i' |H| d_i + h a_i |J| tau_(i-1)        of the rate at stage i
-    rho of a substep = h/6 (tau_1 + 2 tau_2 + 2 tau_3 + tau_4)
-J and H are intervals that contain all values, not samples (`second_derivatives`). The sensors bend
-likewise, which is an error of the measurement, and so does the tool. All these act like more
-disturbances: they make the tube wider, and the tube makes them larger. They have closed where
-what was assumed is at least what follows.
+motion bends (`gantry_bending`). The sensors bend likewise, which is an error of the measurement,
+and so does the tool. All these act like more disturbances: they make the tube wider, and the tube
+makes them larger. They have closed where what was assumed is at least what follows.
 """
 
-from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jcontour.analysis.frozen_loops import unlimited
 from jcontour.controller import Controller
@@ -39,19 +32,14 @@ from jcontour.guarantees.disturbed_loop import (
     loop_along,
 )
 from jcontour.guarantees.gained_loops import received_rows
+from jcontour.guarantees.gantry_bending import STATES, Bending, Sensors
 from jcontour.guarantees.intervals import ReachesZero
 from jcontour.guarantees.peak_bounds import peak_bounds
-from jcontour.guarantees.second_derivatives import Enclosure, enclosures
 from jcontour.motion.references import Reference
-from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
-from jcontour.plants.integrators import runge_kutta
+from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.wrappers.encoders import Sensed
 from jcontour.simulation.closed_loop import check_run, prepared, simulate
 
-Sensors = Callable[[Float[Array, "6"]], Float[Array, " r"]]
-STATES = 6
-SHARES = (0.0, 0.5, 0.5, 1.0)  # of a substep, that the stages lie ahead
-WEIGHTS = np.array([1.0, 2.0, 2.0, 1.0]) / 6
 ROUNDS = 8
 MARGIN = 1.05  # of a guess that is checked
 
@@ -66,21 +54,6 @@ class NonlinearCertificate(NamedTuple):
 
     whole: Certificate
     remainder: Float[np.ndarray, "T m"]
-
-
-class _Inside(NamedTuple):
-    """Every sample of the undisturbed run, substep by substep.
-
-    Attributes:
-        slopes: of the state after a substep by that before (T, S, 6, 6).
-        pushes: of it by the control (T, S, 6, 3).
-        low, high: of the states at all stages (T, 6).
-    """
-
-    slopes: Any
-    pushes: Any
-    low: Any
-    high: Any
 
 
 def gantry_certificate(
@@ -118,7 +91,7 @@ def gantry_certificate(
     linear = peak_bounds(loop, both, box.size, direct).bound
     m = rows.shape[1]
     more = tubes.under(both, bent, m)
-    curved = tubes.bend_of(gantry.output, states)
+    curved = tubes.bending.of(gantry.output, states)
     remainder = more[:, :m] + np.einsum("tsm,tm->ts", np.abs(frames.basis), curved)
     spread = linear[:, :m] + remainder
     control = np.abs(np.asarray(loop.control)) + linear[:, m:] + more[:, m:]
@@ -138,11 +111,7 @@ class _Tubes:
     ):
         self.sensors = sensors
         self.loop, self.run, self.control = loop, run, np.asarray(loop.control)
-        self.h, self.count = plant.dt / plant.substeps, plant.substeps
-        motion = EquationOfMotion.of(plant.parameters)
-        self.rates = partial(_rates, motion)
-        found = jax.jit(jax.vmap(partial(_inside, self.rates, self.h, self.count)))
-        self.inside = _Inside(*map(np.asarray, found(run, self.control)))
+        self.bending = Bending(plant, run, self.control)
         T, N = loop.M.shape[:2]
         self.lift = np.eye(N, STATES)
         unit = np.broadcast_to(self.lift.T, (T, STATES, N))
@@ -175,8 +144,8 @@ class _Tubes:
 
     def needed(self, states: np.ndarray, controls: np.ndarray) -> np.ndarray:
         """Bending of state and measurement in these tubes (T, 6 + q)."""
-        measured = self.bend_of(self.sensors, states)
-        return np.concatenate([self.remainder(states, controls), measured], axis=1)
+        measured = self.bending.of(self.sensors, states)
+        return np.concatenate([self.bending.remainder(states, controls), measured], axis=1)
 
     def under(self, rows: np.ndarray, bent: np.ndarray, first: int) -> np.ndarray:
         """Largest signals that bending makes (T, rows); rows from `first` on are controls."""
@@ -190,108 +159,3 @@ class _Tubes:
         direct[:, first:, STATES:] = np.abs(self.loop.D) * bent[:, None, STATES:]
         pushed = self.loop._replace(E=jnp.asarray(columns * bent[:, None]))
         return peak_bounds(pushed, rows, np.ones(bent.shape[1]), direct).bound
-
-    def bend_of(self, function: Sensors, states: np.ndarray) -> np.ndarray:
-        """What a function of the state may differ from its slope (T, r)."""
-        found = enclosures(function, self.run - states, self.run + states)
-        return np.stack([_quadratic(one, states) for one in found], axis=1) / 2
-
-    def remainder(self, states: np.ndarray, controls: np.ndarray) -> np.ndarray:
-        """What bending adds to the state in one sample (T, 6), from tubes at its begin.
-
-        The box of all stages is guessed and checked.
-        """
-        guess = self._stages(states, controls, None)[1]
-        for _ in range(ROUNDS):
-            guess = MARGIN * guess
-            bends = self._bends(guess, controls)
-            r, reached = self._stages(states, controls, bends)
-            if np.all(reached <= guess):
-                return r
-            guess = np.maximum(guess, reached)
-        raise ValueError("box: the tube within a sample does not close; disturbances are too large")
-
-    def _bends(self, width: np.ndarray, controls: np.ndarray) -> list[Enclosure]:
-        """Enclosures of the rates over all states and controls of every sample."""
-        low = np.concatenate([self.inside.low - width, self.control - controls], axis=1)
-        high = np.concatenate([self.inside.high + width, self.control + controls], axis=1)
-        return enclosures(self.rates, low, high)
-
-    def _stages(
-        self, states: np.ndarray, controls: np.ndarray, bends: list[Enclosure] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Remainder after the sample, and the largest deviation at its stages (T, 6).
-
-        Without enclosures, the deviations of the linear maps alone.
-        """
-        inside, T = self.inside, len(states)
-        slopes, pushes = np.broadcast_to(np.eye(STATES), (T, STATES, STATES)), np.zeros((T, 6, 3))
-        rest, reached = np.zeros((T, STATES)), np.zeros((T, STATES))
-        left: list[np.ndarray] = []
-        for s in range(self.count):
-            begin = _times(slopes, states) + _times(pushes, controls) + rest
-            if bends is None:
-                tau, most = np.zeros_like(begin), begin
-            else:
-                tau, most = self._substep(begin, controls, bends)
-            reached = np.maximum(reached, most)
-            R = inside.slopes[:, s]
-            left = [R @ one for one in left] + [np.eye(STATES) * tau[:, None]]
-            rest = sum(np.abs(one).sum(axis=2) for one in left)
-            slopes, pushes = R @ slopes, R @ pushes + inside.pushes[:, s]
-        end = _times(slopes, states) + _times(pushes, controls) + rest
-        return np.asarray(rest), np.maximum(reached, end)
-
-    def _substep(
-        self, begin: np.ndarray, controls: np.ndarray, bends: list[Enclosure]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Remainder of a substep, and the largest deviation at its stages."""
-        J = np.stack([one.slope.size for one in bends], axis=1)
-        most, tau, found = begin, np.zeros_like(begin), np.zeros_like(begin)
-        change = np.zeros_like(begin)
-        for share, weight in zip(SHARES, WEIGHTS, strict=True):
-            at = begin + share * self.h * change
-            both = np.concatenate([at, controls], axis=1)
-            curved = np.stack([_quadratic(one, both) for one in bends], axis=1) / 2
-            tau = curved + share * self.h * _times(J[:, :, :STATES], tau)
-            change = _times(J, both)
-            found, most = found + self.h * weight * tau, np.maximum(most, at)
-        return found, most
-
-
-def _times(matrices: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """|A| x of every sample."""
-    return np.einsum("tij,tj->ti", np.abs(matrices), sizes)
-
-
-def _quadratic(one: Enclosure, sizes: np.ndarray) -> np.ndarray:
-    """Largest d' H d over |d| <= sizes (T,)."""
-    return np.einsum("tij,ti,tj->t", one.bend.size, sizes, sizes)
-
-
-def _rates(motion: EquationOfMotion, both: Float[Array, "9"]) -> Float[Array, "6"]:
-    """Rates of the state under a control."""
-    q, v, control = both[:3], both[3:STATES], both[STATES:]
-    return jnp.stack([*v, *motion.acceleration(q, v, control)])
-
-
-def _inside(rates, h: float, count: int, state: Float[Array, "6"], control) -> _Inside:
-    """One sample of the run, substep by substep."""
-
-    def of(x, u):
-        return rates(jnp.concatenate([x, u]))
-
-    def step(x, u):
-        return runge_kutta(lambda x: of(x, u), x, h)
-
-    def substep(x, _):
-        k1 = of(x, control)
-        k2 = of(x + h / 2 * k1, control)
-        k3 = of(x + h / 2 * k2, control)
-        after = step(x, control)
-        stages = jnp.stack([x, x + h / 2 * k1, x + h / 2 * k2, x + h * k3, after])
-        slopes = jax.jacfwd(step, argnums=(0, 1))(x, control)
-        return after, (*slopes, stages.min(axis=0), stages.max(axis=0))
-
-    _, (slopes, pushes, low, high) = jax.lax.scan(substep, state, None, length=count)
-    return _Inside(slopes, pushes, low.min(axis=0), high.max(axis=0))
