@@ -125,6 +125,10 @@ def test_verdicts_follow_the_numbers():
     assert of(without(result, 0, reached_um=41.0), "bounded tracking errors") is NO
     assert of(without(result, 0, closed=1.01), "bounded tracking errors") is NO
     assert of(without(result, 0, reached_axes_um=(31.0, 9.0)), "X and Y stay within") is NO
+    for fault in ({"closed": 1.01}, {"unsolved": 1}, {"diverged": True}):
+        assert of(without(result, 0, **fault), "X and Y stay within") is NO
+        for place in (0, 3):
+            assert of(without(result, place, **fault), "smaller contour error") is NO
     assert of(without(result, 3, unsolved=1), "contour error itself") is NO
     assert of(without(result, 3, unsolved=1), "stay feasible") is NO
     assert of(without(result, 3, promised_um=41.0), "smaller contour error") is NO
