@@ -8,7 +8,6 @@ of the reference point. On lines and arcs of radius R the contour error is below
 No polygon, and no set that waits for its turn, is needed.
 """
 
-from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ SLOW = 125  # samples of half a period of a slow disturbance
 
 
 class Promise(NamedTuple):
-    """What a controller keeps.
+    """Bounds that a controller keeps.
 
     Attributes:
         contour: largest contour error [m].
@@ -42,9 +41,7 @@ class Promise(NamedTuple):
 
 
 class Parted(HostController):
-    """Controllers of disjoint parts of the machine; it keeps the processor time of every step.
-
-    Each step is done twice and the lesser time kept: what else the computer does is not counted.
+    """Controllers of disjoint parts of the machine.
 
     Args:
         parts: states and inputs of each, of the machine's six states and three motors.
@@ -54,7 +51,6 @@ class Parted(HostController):
     def __init__(self, parts: tuple[Part, ...], controllers: tuple[BoundedAlong, ...]):
         self.parts, self.controllers = parts, controllers
         self.preview = max(one.preview for one in controllers)
-        self.seconds: list[float] = []
 
     def prepare(self, reference: Reference) -> Any:
         """Plans of all."""
@@ -70,14 +66,6 @@ class Parted(HostController):
         Raises:
             Unsolved: a QP has no answer.
         """
-        began = thread_time()
-        found = self._stepped(memory, plan, measurement)
-        middle = thread_time()
-        self._stepped(memory, plan, measurement)
-        self.seconds.append(min(middle - began, thread_time() - middle))
-        return found
-
-    def _stepped(self, memory: Any, plan: Any, measurement: Any) -> Stepped:
         control, memories, reports = np.zeros(3), [], []
         each = zip(self.parts, self.controllers, memory, plan, strict=True)
         for part, one, inner, row in each:
@@ -87,14 +75,6 @@ class Parted(HostController):
             memories.append(following)
             reports.append(report)
         return tuple(memories), control, _joined(reports)
-
-    def warm(self, reference: Reference) -> None:
-        """Solve once, so that no time of a step is that of compiling."""
-        plans, memory = self.prepare(reference), self.initial_memory(reference)
-        for one, plan, inner in zip(self.controllers, plans, memory, strict=True):
-            row = type(plan)(*(leaf[0] for leaf in plan))
-            one.step(inner, row, row.state[: len(row.state) - inner.waiting.size])
-        self.seconds.clear()
 
 
 def _joined(reports: list[StepReport]) -> StepReport:

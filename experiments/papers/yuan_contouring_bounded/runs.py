@@ -30,6 +30,7 @@ from experiments.papers.yuan_contouring_bounded.result import (
     LoopRow,
     Polygons,
 )
+from experiments.papers.yuan_contouring_bounded.timed import Timed, seconds
 from experiments.papers.yuan_contouring_bounded.tubes import Design, Tube, tube_of
 from experiments.papers.yuan_gantry.runs import RADIUS, SAMPLE
 from jcontour.host.loop import HostRun, reported_loop
@@ -94,10 +95,10 @@ def loop_row(design: Design, machine: str, acting: str, steps: int | None) -> Lo
     force = None if acting == FRICTION else random_forces(reference.steps)
     if acting == ATTACKED:
         force = attack(found, whole, reference.steps)
-    whole.warm(reference)
-    run = reported_loop(_plant(design, machine, force), whole, reference, fallback="hold")
-    seen = _Seen(found, reference, machine, acting, force)
-    return _row(seen, promise, run, whole.seconds)
+    plant = _plant(design, machine, force)
+    reported_loop(plant, whole, reference.first(1))  # no time of a step is that of the first use
+    run = reported_loop(plant, Timed(whole), reference, fallback="hold")
+    return _row(_Seen(found, reference, machine, acting, force), promise, run)
 
 
 def _plant(design: Design, machine: str, force: np.ndarray | None) -> Plant:
@@ -121,12 +122,12 @@ class _Seen(NamedTuple):
     force: np.ndarray | None
 
 
-def _row(seen: _Seen, promise: Promise, run: HostRun, seconds: list[float]) -> LoopRow:
+def _row(seen: _Seen, promise: Promise, run: HostRun) -> LoopRow:
     rollout, design, reference = run.rollout, seen.tube.design, seen.reference
     contour = np.linalg.norm(np.asarray(contour_error(rollout.output, reference)), axis=1)
     tracked = np.abs(np.asarray(tracking_error(rollout.output, reference))).max(axis=0)
     motors, remainder = _in_boxes(seen.tube, rollout.measurement, rollout.control, seen.force)
-    axes = promise.axes
+    axes, times = promise.axes, seconds(rollout)
     return LoopRow(
         name=design.name,
         models=design.models,
@@ -147,8 +148,8 @@ def _row(seen: _Seen, promise: Promise, run: HostRun, seconds: list[float]) -> L
         current_a=float(np.abs(np.asarray(rollout.control)).max()),
         active=run.report.active_fraction,
         unsolved=run.report.fallbacks,
-        median_ms=1e3 * float(np.median(seconds)),
-        slowest_ms=1e3 * max(seconds),
+        median_ms=1e3 * float(np.median(times)),
+        slowest_ms=1e3 * float(times.max()),
         samples=reference.steps,
         diverged=bool(score(rollout, reference).diverged),
         contour_error_um=1e6 * contour,
@@ -189,7 +190,7 @@ def _in_boxes(found: Tube, states, controls, force: np.ndarray | None) -> tuple[
 
 
 def _acting_columns(found: Tube) -> Float[np.ndarray, "S n p"]:
-    """What the acting currents do to the machine's states in one sample, on the model."""
+    """Columns of the acting currents: the model's change of the machine's states in a sample."""
     if found.design.late:
         return found.model.A[:, :MOVING, MOVING : MOVING + 3]
     return found.model.B

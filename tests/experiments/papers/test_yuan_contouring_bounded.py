@@ -1,6 +1,7 @@
 """Yuan's contouring controllers: verdicts on made-up results, tubes and runs on the gantry."""
 
 from dataclasses import replace
+from time import thread_time
 
 import jax
 import jax.numpy as jnp
@@ -37,11 +38,15 @@ from experiments.papers.yuan_contouring_bounded.runs import (
     polygons,
     tube,
 )
+from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.runs import SAMPLE
+from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import tangent
 from jcontour.plants.gantry.parameters import thesis_gantry
+from jcontour.simulation.closed_loop import Rollout
 
+SPENT = 2e-3  # [s] processor time of a step of `Counting`, at least
 YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
 
 
@@ -76,6 +81,25 @@ def row(name: str, models: str, promised: float, **others) -> LoopRow:
             **others,
         }
     )
+
+
+class Counting(HostController):
+    """Twice the measurement, slowly; it counts its steps."""
+
+    preview, steps = 0, 0
+
+    def prepare(self, reference):
+        return None
+
+    def initial_memory(self, reference):
+        return 0
+
+    def step(self, memory, plan, measurement):
+        self.steps += 1
+        began = thread_time()
+        while thread_time() - began < SPENT:
+            pass
+        return memory + 1, 2.0 * measurement, StepReport()
 
 
 def made_up() -> Result:
@@ -218,6 +242,22 @@ def test_the_runs_stay_inside_and_the_attack_reaches_nine_tenths():
 def test_friction_is_inside_its_box():
     found = loop_row(RUBBED, GUIDES, FRICTION, 700)
     assert found.kept and found.motor_share <= 1 and found.remainder_share <= 1
+
+
+def test_a_timed_controller_solves_every_step_once():
+    inner = Counting()
+    timed, plan = Timed(inner), np.zeros(3)
+    memory = timed.initial_memory(None)
+    before = memory
+    memory, control, _ = timed.step(memory, plan, np.ones(1))
+    held = timed.held(memory, np.ones(1), control)
+    assert (inner.steps, memory.inner, control) == (1, 1, 2.0) and memory.seconds >= SPENT
+    assert held.inner == 1 and np.isnan(held.seconds)
+    rows = [before.seconds, memory.seconds, held.seconds]
+    run = Rollout(None, None, None, None, TimedMemory(None, np.array(rows)), None, memory)
+    assert seconds(run).tolist() == [memory.seconds] * 2  # not the held one
+    with pytest.raises(ValueError, match="no step of the run was solved"):
+        seconds(Rollout(None, None, None, None, TimedMemory(None, np.full(1, np.nan)), None, held))
 
 
 @pytest.mark.slow
