@@ -18,6 +18,7 @@ from jcontour.geometry.contours import circle, lemniscate, polygon
 from jcontour.host.loop import reported_loop
 from jcontour.host.observed import OffsetFreeHost
 from jcontour.motion.references import along
+from jcontour.mpc import constrained_lq
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.forms import OffsetFreeForm
 from jcontour.mpc.limits import Limits
@@ -145,6 +146,31 @@ def test_a_batch_of_loops_and_its_derivative(two_axes):
     step = 1e-5
     for k in range(3):
         ahead, behind = (float(alone(at[0].at[k].add(size))) for size in (step, -step))
+        assert slopes[k] == pytest.approx((ahead - behind) / (2 * step), rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_slopes_know_that_weights_price_a_limit_that_gives_way(two_axes, monkeypatch):
+    """A price so low that a limit on speed is exceeded: the answer moves with its curvature."""
+    monkeypatch.setattr(constrained_lq, "PRICE", 0.003)
+    reference = shape("circle", 25)
+    speed = 0.8 * sizes(two_axes, WEIGHTS, reference)["speed"]
+
+    @jax.jit
+    def output(logs):
+        weights = LQWeights(*jnp.exp(logs))
+        controller = ConstrainedLQ(two_axes, weights, N, Limits.within(speed=speed))
+        return simulate(two_axes, controller, reference).output
+
+    def error(logs):
+        return jnp.log(jnp.mean((output(logs) - reference.position[:25]) ** 2))
+
+    at = jnp.log(jnp.array([3.0, 50.0, 2e-8]))
+    fastest = np.abs(np.diff(output(at), axis=0)).max(axis=0) / two_axes.dt
+    assert (fastest > 1.01 * speed).any() and (fastest < 1.24 * speed).any()
+    slopes, step = jax.jit(jax.grad(error))(at), 1e-5
+    for k in range(3):
+        ahead, behind = (float(error(at.at[k].add(size))) for size in (step, -step))
         assert slopes[k] == pytest.approx((ahead - behind) / (2 * step), rel=1e-5, abs=1e-8)
 
 
