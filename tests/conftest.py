@@ -40,7 +40,14 @@ IGNORED_WARNINGS = (
 )
 
 
+# Most of the time of a short test is compiling: its programs are compiled without optimisation.
+# Commands that tests start inherit it.
+QUICKLY_COMPILED = "--xla_backend_optimization_level=0"
+
+
 def pytest_configure(config):
+    if "slow" not in config.option.markexpr.replace("not slow", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ['XLA_FLAGS']} {QUICKLY_COMPILED}"
     # commands that the tests stop with Ctrl-C heed it, though the tests run in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _keep_compiled_programs(config)
