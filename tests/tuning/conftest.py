@@ -18,7 +18,9 @@ class Gains(Loops):
 
     def matrices(self, controller, plants):
         gain = jnp.diagonal(plants.B, axis1=1, axis2=2) * controller.gains[None, :]
-        radius = jnp.max(jnp.abs(1 - gain), axis=1)
+        size = jnp.abs(1 - gain)
+        # taken, not compared: XLA may compute a number twice and round it differently
+        radius = jnp.take_along_axis(size, jnp.argmax(size, axis=1, keepdims=True), axis=1)[:, 0]
         stable = (radius < 1)[:, None] & (gain < 2)
         below = jnp.where(stable, 2 - gain, 1.0)
         largest = jnp.max(jnp.where(stable, 2 / below, jnp.inf), axis=1)
