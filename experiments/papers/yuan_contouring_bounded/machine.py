@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from experiments.papers.yuan_gantry.runs import SAMPLE, reference_path
+from jcontour.guarantees.gantry_bending import Bending
 from jcontour.motion.references import Reference
 from jcontour.mpc.machine_runs import MachineRun, machine_run
 from jcontour.plants.gantry.gantry import Gantry
@@ -61,6 +62,12 @@ class Driven(NamedTuple):
         """Derivative of the tool."""
         C = self.run.C
         return np.concatenate([C, np.zeros((*C.shape[:2], 3 * self.late))], axis=2)
+
+    @property
+    def bending(self) -> Bending:
+        """Bounds of what is of second order around the run."""
+        run = self.run
+        return Bending(Gantry(thesis_gantry(), SAMPLE), run.state[: len(run.A)], run.control)
 
     def switched(
         self, linear: Linearisation, points: tuple[float, ...]

@@ -4,9 +4,10 @@ A controller's model differs from the machine: by the coupling that it leaves ou
 its linearisation. Along the run the difference of the derivatives is known, and in a tube of states
 |e| <= Z and currents |du| <= V it is at most
     r = max_k |dA_k| Z + |dB_k| V
-per sample. r is a disturbance beside those of the motors. The tube grows with r, and r with it:
-both are computed in turn, with some spare, until r covers what its own tube needs. What is of
-second order in the deviation has a small box of its own, which runs are checked against.
+per sample, and what is of second order in the deviation at most rho(Z, V + w), a bound by intervals
+(`gantry_bending`). Their sum is a disturbance beside those of the motors w. The tube grows with it,
+and it with the tube: both are computed in turn, with some spare, until r covers what its own tube
+needs.
 """
 
 from dataclasses import dataclass, replace
@@ -15,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from experiments.papers.yuan_contouring_bounded.machine import MOVING, Driven
+from experiments.papers.yuan_contouring_bounded.machine import DISTURBANCE, MOVING, Driven
+from jcontour.guarantees.gantry_bending import Bending
 from jcontour.plants.gantry.linear_models import Linearisation, tangent
 from jcontour.sets.disturbed_model import DisturbedModel
 from jcontour.sets.finite_responses import FiniteResponse
@@ -29,8 +31,9 @@ from jcontour.sets.varying_responses import (
 SPARE = 1.02  # of every peak: at the peak itself nothing is left to optimise
 MARGIN = 1.05  # of the remainder: it converges geometrically
 ROUNDS = 5
-# [m, rad, m/s, rad/s] of second order and rounding: three times what runs meet
-SMALL = np.array([1e-10] * 3 + [1e-7] * 3)
+# [m, rad, m/s, rad/s], of second order: a first guess
+GUESS = np.array([1e-10] * 3 + [1e-7] * 3)
+ROUNDING = 1e-13  # of a sample in float64, in the same units
 SEEN = 1e-2  # of what the motors do to a state: smaller remainders shape no pattern
 ANGLES = np.pi * np.arange(4) / 4  # directions whose peaks are made small
 
@@ -96,7 +99,8 @@ class Tube:
         state: Z (n,), largest deviation of every state.
         current: V (3,), largest deviation of the commands [A].
         remainder: r (n,), largest model error per sample.
-        closed: share of r that the tube itself needs; the tube is proven where it is below one.
+        closed: share of r that the tube itself needs; the tube is proven where it is at most one,
+            but for disturbances that turn within a sample: their box is a choice.
     """
 
     design: Design
@@ -114,14 +118,17 @@ def tube_of(design: Design, machine: Driven) -> Tube:
 
     Raises:
         NoResponse: the currents do not suffice against motors and remainder.
+        ValueError: the tube within a sample does not close.
     """
-    model, which = design.modelled(machine)
-    small = _beside(design, model)
-    found = Tube(design, machine, model, (), np.zeros_like(small), np.zeros(3), small, np.inf)
+    (model, which), bending = design.modelled(machine), machine.bending
+    first = _turning(design, model)
+    first[:MOVING] += GUESS
+    found = Tube(design, machine, model, (), np.zeros_like(first), np.zeros(3), first, np.inf)
     for _ in range(ROUNDS):
         responses = tuple(_response(found, part, which) for part in design.parts)
         state, current = _sizes(found, responses)
         needed = _needed(found, state, current)
+        needed[:MOVING] += _bent(design, bending, state, current)
         closed = float((needed[:MOVING] / found.remainder[:MOVING]).max())
         found = replace(found, responses=responses, state=state, current=current, closed=closed)
         if closed <= 1:
@@ -130,11 +137,18 @@ def tube_of(design: Design, machine: Driven) -> Tube:
     return found
 
 
-def _beside(design: Design, model: VaryingModel) -> np.ndarray:
-    """What is no error of the linear models: of second order, or within a sample."""
-    found = design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
-    found[:MOVING] += SMALL
-    return found
+def _turning(design: Design, model: VaryingModel) -> np.ndarray:
+    """Box of the disturbances that turn within a sample (n,)."""
+    return design.turning * np.abs(model.E).sum(axis=2).max(axis=0)
+
+
+def _bent(design: Design, bending: Bending, state: np.ndarray, current: np.ndarray) -> np.ndarray:
+    """Bound of what is of second order in a tube, and of rounding (6,)."""
+    acting = state[MOVING : MOVING + 3] if design.late else current  # late: those that waited
+    samples = len(bending.run)
+    states = np.broadcast_to(state[:MOVING], (samples, MOVING))
+    currents = np.broadcast_to(acting + DISTURBANCE, (samples, 3))
+    return bending.remainder(states, currents).max(axis=0) + ROUNDING
 
 
 def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -150,14 +164,14 @@ def _sizes(tube: Tube, responses: tuple[VaryingResponse, ...]) -> tuple[np.ndarr
 
 
 def _needed(tube: Tube, state: np.ndarray, current: np.ndarray) -> np.ndarray:
-    """Model error in a tube, and what the motors of one part do to the states of another."""
+    """First order of the model error, what turns, and what motors of a part do to another."""
     exact = tube.machine.exact
     apart = np.abs(exact.A - tube.model.A) @ state + np.abs(exact.B - tube.model.B) @ current
     for part in tube.design.parts:
         others = [i for i in range(3) if i not in part.inputs]
         strange = np.abs(exact.E[:, list(part.states)][:, :, others]).sum(axis=2)
         apart[:, list(part.states)] += strange
-    return apart.max(axis=0) + _beside(tube.design, tube.model)
+    return apart.max(axis=0) + _turning(tube.design, tube.model)
 
 
 def _response(tube: Tube, part: Part, which: Int[np.ndarray, " S"]) -> VaryingResponse:
