@@ -242,7 +242,7 @@ class _Sample:
         return -float(self.force_at(jnp.full(1, at))[0]), width
 
     def _dry(self, speed: float) -> float:
-        return float(self.parameters.friction.dry(np.full(1, speed))[0])
+        return float(self.parameters.friction.dry(jnp.full(1, speed))[0])
 
     def _inside(
         self, size: np.ndarray, control: float, friction: float, excess: float, stop: float

@@ -34,7 +34,7 @@ class Interval(NamedTuple):
     @property
     def size(self) -> np.ndarray:
         """Largest absolute value."""
-        return np.maximum(np.abs(self.low), np.abs(self.high))
+        return np.asarray(np.maximum(np.abs(self.low), np.abs(self.high)))
 
     def plus(self, other: Operand) -> "Interval":
         """All sums."""

@@ -253,6 +253,11 @@ def test_friction_is_inside_its_box():
     assert found.kept and found.motor_share <= 1 and found.remainder_share <= 1
 
 
+def timed_run(seconds, last):
+    nothing = jnp.zeros((seconds.size, 1))
+    return Rollout(None, nothing, None, nothing, TimedMemory(None, seconds), None, last)
+
+
 def test_a_timed_controller_solves_every_step_once():
     inner = Counting()
     timed, plan = Timed(inner), np.zeros(3)
@@ -264,10 +269,10 @@ def test_a_timed_controller_solves_every_step_once():
     assert not inner.collecting and gc.isenabled()  # a collection may take longer than a step
     assert held.inner == 1 and np.isnan(held.seconds)
     rows = [before.seconds, memory.seconds, held.seconds]
-    run = Rollout(None, None, None, None, TimedMemory(None, np.array(rows)), None, memory)
+    run = timed_run(np.array(rows), memory)
     assert seconds(run).tolist() == [memory.seconds] * 2  # not the held one
     with pytest.raises(ValueError, match="no step of the run was solved"):
-        seconds(Rollout(None, None, None, None, TimedMemory(None, np.full(1, np.nan)), None, held))
+        seconds(timed_run(np.full(1, np.nan), held))
 
 
 @pytest.mark.slow

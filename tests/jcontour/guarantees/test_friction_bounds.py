@@ -61,7 +61,7 @@ def friction_of_a_stop(axis, v, control):
     speeds, rates, dry = [], [], []
     for share in (0.0, 0.5, 0.5, 1.0):  # x and the link move by less than a micrometre
         speeds.append(v + share * h * rates[-1] if rates else v)
-        dry.append(float(p.friction.dry(np.array(speeds[-1]))[0]))
+        dry.append(float(p.friction.dry(jnp.full(1, speeds[-1]))[0]))
         rates.append((drive - dry[-1] - float(p.friction.viscous[0]) * speeds[-1]) / mass)
     after = v + h / 6 * np.dot([1, 2, 2, 1], rates)
     assert v > 0 and after <= 0
