@@ -25,6 +25,23 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jcontour.qp.one_sided import (
+    Changes,
+    Limits,
+    Point,
+    changes,
+    corrected,
+    first_point,
+    gap,
+    missed_by,
+    moved_on,
+    newton,
+    possible,
+    products,
+    pushes,
+    sides,
+    softened_slack,
+)
 from jcontour.qp.staged import (
     StagedQP,
     Trajectory,
@@ -73,34 +90,6 @@ class Answer(NamedTuple):
     beyond: Float[Array, ""]
 
 
-class _Point(NamedTuple):
-    """A point of the path: slacks s, t and multipliers l, g of every limit (2, N, r)."""
-
-    at: Trajectory
-    s: Array
-    l: Array  # noqa: E741
-    t: Array
-    g: Array
-
-
-class _Limits(NamedTuple):
-    """Limits as one-sided ones, upper before lower (2, N, r).
-
-    Attributes:
-        bound: g' v <= bound; zero where there is none.
-        there: whether there is one.
-        gives: whether it gives way.
-        price: of a unit beyond it; 1 where it does not.
-        width: half of what lies between two limits, or the size of a single one.
-    """
-
-    bound: Array
-    there: Array
-    gives: Array
-    price: Array
-    width: Array
-
-
 def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     """Answer to a problem; its trajectory has derivatives with respect to every number of it.
 
@@ -141,7 +130,7 @@ def _zero_tangent(leaf: Array):
     return jnp.zeros(leaf.shape, jax.dtypes.float0)
 
 
-def _tangent(qp: StagedQP, answer: Answer, point: _Point, limits: _Limits, dqp) -> Trajectory:
+def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) -> Trajectory:
     """Change of the trajectory with the numbers of the problem: linear in it."""
     at, multipliers = answer.trajectory, answer.multipliers
     behind = costates(qp, _summed(slopes(qp, at), _pulled(qp, multipliers)))
@@ -174,7 +163,7 @@ def _tangent(qp: StagedQP, answer: Answer, point: _Point, limits: _Limits, dqp) 
     return lax.fori_loop(0, PASSES, nearer, nothing)[0]
 
 
-def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, _Point, _Limits]:
+def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = _one_sided(qp)
     count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
     first, mu0 = _start(qp, guess, limits, count)
@@ -189,7 +178,7 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, _Point, _
         point, k, _ = state
         following = _iterated(qp, point, limits, count)
         # near the end W is so large that rounding may leave no factors: the point before is kept
-        finite = jnp.isfinite(_gap(following) + jnp.sum(following.at.stages))
+        finite = jnp.isfinite(_total(following) + jnp.sum(following.at.stages))
         kept = jax.tree.map(partial(jnp.where, finite), following, point)
         return kept, k + 1, finite
 
@@ -199,7 +188,7 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, _Point, _
     return _checked(qp, point, limits, k), point, limits
 
 
-def _start(qp: StagedQP, guess, limits: _Limits, count) -> tuple[_Point, Array]:
+def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
     """The guess, with mu from what leads from there to the minimum without limits.
 
     Where that minimum is within the limits it is the answer, and no iteration follows.
@@ -211,93 +200,62 @@ def _start(qp: StagedQP, guess, limits: _Limits, count) -> tuple[_Point, Array]:
     tiny = jnp.finfo(gain.dtype).tiny ** 0.5
     mu = jnp.maximum(FIRST * gain / count, tiny)
     slack = limits.bound - _rows(qp, at)
-    s = jnp.where(limits.there, jnp.maximum(slack, ROOM * limits.width), 1.0)
-    l = jnp.where(limits.there, mu / s, 0.0)  # noqa: E741
-    l = jnp.where(limits.gives, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
-    g = jnp.where(limits.gives, limits.price - l, 1.0)
-    t = jnp.where(limits.gives, mu / g, 0.0)
+    first = first_point(at, slack, mu, limits, ROOM)
     without = Trajectory(at.stages + free.stages, at.end + free.end)
     room = limits.bound - _rows(qp, without)
     within = jnp.all(jnp.where(limits.there, room > 0, True))
-    nothing = jnp.zeros_like(s)
-    price = jnp.where(limits.gives, limits.price, 1.0)
-    answer = _Point(without, jnp.where(limits.there, room, 1.0), nothing, nothing, price)
-    first = _Point(at, s, l, t, g)
+    nothing = jnp.zeros_like(room)
+    answer = Point(without, jnp.where(limits.there, room, 1.0), nothing, nothing, limits.price)
     return jax.tree.map(lambda one, other: jnp.where(within, one, other), answer, first), mu
 
 
-def _iterated(qp: StagedQP, point: _Point, limits: _Limits, count) -> _Point:
+def _iterated(qp: StagedQP, point: Point, limits: Limits, count) -> Point:
     """Predictor, corrector, and the step that both share the matrix of."""
-    at, s, l, t, g = point  # noqa: E741
-    there, gives = limits.there, limits.gives
-    slope = slopes(qp, at)
-    missed = jnp.where(there, s + _rows(qp, at) - t - limits.bound, 0.0)
-    price_missed = jnp.where(gives, l + g - limits.price, 0.0)
-    mu = _gap(point) / count
-    weight = _weight(point, limits)
-    over_l, over_g = jnp.where(there, 1 / l, 0.0), jnp.where(gives, 1 / g, 0.0)
-
-    def pull(c1, c2):
-        """What a step adds to the multipliers where the trajectory stays."""
-        return jnp.where(there, missed - c1 * over_l + (c2 - t * price_missed) * over_g, 0.0)
+    at = point.at
+    slope, here = slopes(qp, at), newton(point, limits, _rows(qp, at))
+    mu = _total(point) / count
 
     def right(pushed):
-        return _summed(slope, _pulled(qp, l + weight * pushed))
+        return _summed(slope, _pulled(qp, point.l + here.weight * pushed))
 
-    def changes(step: Trajectory, pushed, c1, c2):
-        dl = weight * (jnp.where(there, _rows(qp, step), 0.0) + pushed)
-        ds = -(c1 + s * dl) * over_l
-        dg = jnp.where(gives, -price_missed - dl, 0.0)
-        dt = -(c2 + t * dg) * over_g
-        return ds, dl, dt, dg
+    def steps(step: Trajectory, pushed, aims):
+        moved = jnp.where(limits.there, _rows(qp, step), 0.0) + pushed
+        return changes(here, point, limits, moved, *aims)
 
-    c1, c2 = s * l, t * jnp.where(gives, g, 0.0)
-    pushed = pull(c1, c2)
-    factors = factorised(qp, qp.H + _gram(qp, weight), *right(pushed))
-    ds, dl, dt, dg = changes(step_of(qp, factors), pushed, c1, c2)
-    far = _longest(point, (ds, dl, dt, dg), limits)
-    ahead = _Point(at, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
-    target = jnp.clip(_gap(ahead) / (count * mu), 0.0, 1.0) ** 3 * mu
+    aims = products(point, limits)
+    pushed = pushes(here, point, limits, *aims)
+    factors = factorised(qp, qp.H + _gram(qp, here.weight), *right(pushed))
+    first = steps(step_of(qp, factors), pushed, aims)
+    far = _longest(point, first, limits)
+    ahead = _total(moved_on(point, at, first, far))
+    target = jnp.clip(ahead / (count * mu), 0.0, 1.0) ** 3 * mu
     share = jnp.where(far > FAR, 1.0, far)  # where little of the step was possible
-    c1 = jnp.where(there, c1 + share * ds * dl - target, 0.0)
-    c2 = jnp.where(gives, c2 + share * dt * dg - target, 0.0)
-    pushed = pull(c1, c2)
+    aims = corrected(point, limits, first, share, target)
+    pushed = pushes(here, point, limits, *aims)
     step = another_step(qp, factors, *right(pushed))
-    ds, dl, dt, dg = changes(step, pushed, c1, c2)
-    far = _longest(point, (ds, dl, dt, dg), limits)
+    second = steps(step, pushed, aims)
+    far = _longest(point, second, limits)
     far = jnp.where(far < 1, INWARD * far, 1.0)
     moved = Trajectory(at.stages + far * step.stages, at.end + far * step.end)
-    return _Point(moved, s + far * ds, l + far * dl, t + far * dt, g + far * dg)
+    return moved_on(point, moved, second, far)
 
 
-def _longest(point: _Point, changes, limits: _Limits):
+def _longest(point: Point, steps: Changes, limits: Limits):
     """Part of a step, at most all, after which every slack and multiplier is still positive."""
-    longest = jnp.ones((), point.s.dtype)
-    ds, dl, dt, dg = changes
-    for value, change, counts in (
-        (point.s, ds, limits.there),
-        (point.l, dl, limits.there),
-        (point.t, dt, limits.gives),
-        (point.g, dg, limits.gives),
-    ):
-        falls = counts & (change < 0)
-        part = jnp.where(falls, -value / jnp.where(falls, change, 1.0), 1.0)
-        longest = jnp.minimum(longest, jnp.min(part, initial=1.0))
-    return longest
+    return jnp.min(possible(point, steps, limits), initial=1.0)
 
 
-def _gap(point: _Point):
-    """Sum of s l and t g; g is 1 where t is zero."""
-    return jnp.sum(point.s * point.l) + jnp.sum(point.t * point.g)
+def _total(point: Point):
+    return jnp.sum(gap(point))
 
 
-def _progress(qp: StagedQP, point: _Point, limits: _Limits, count):
+def _progress(qp: StagedQP, point: Point, limits: Limits, count):
     """The path's mu, and the largest miss of an equation of a limit, over the limit's width."""
-    missed = jnp.where(limits.there, point.s + _rows(qp, point.at) - point.t - limits.bound, 0.0)
-    return _gap(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
+    missed = missed_by(point, limits, _rows(qp, point.at))
+    return _total(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
 
 
-def _checked(qp: StagedQP, point: _Point, limits: _Limits, iterations) -> Answer:
+def _checked(qp: StagedQP, point: Point, limits: Limits, iterations) -> Answer:
     """The answer, with its residuals found anew."""
     n, l = qp.x0.size, point.l  # noqa: E741
     at = rollout(qp, point.at.stages[:, n:])
@@ -325,39 +283,20 @@ def _stated(qp: StagedQP):
     return jnp.all(known) & jnp.all(qp.penalty > 0)
 
 
-def _weight(point: _Point, limits: _Limits):
-    """W of every limit."""
-    return jnp.where(limits.there, point.l / _slack(point, limits), 0.0)
-
-
-def _softened(point: _Point, limits: _Limits):
+def _softened(point: Point, limits: Limits):
     """W with larger slacks, the share of these that was added, and W t / g."""
     more = SOFTENED * limits.width
-    slack = _slack(point, limits) + more
+    slack = softened_slack(point, limits) + more
     there = limits.there
     way = point.t * point.l
     paid = way / (point.g * (point.s + more) + way)  # W t / g, also where rounding leaves no g
     return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0), paid
 
 
-def _slack(point: _Point, limits: _Limits):
-    """Slack over multiplier, times the multiplier: s + l t / g."""
-    way = jnp.where(limits.gives, point.t / point.g, 0.0)
-    return point.s + way * point.l
-
-
-def _one_sided(qp: StagedQP) -> _Limits:
-    bound = jnp.stack([qp.upper, -qp.lower])
-    there = jnp.isfinite(bound)
-    both = jnp.all(there, axis=0)
-    bound = jnp.where(there, bound, 0.0)
-    largest = jnp.max(jnp.abs(bound), axis=0)
-    one = jnp.where(largest > 0, largest, 1.0)
-    half = jnp.where(both, 0.5 * jnp.sum(bound, axis=0), one)
-    width = jnp.broadcast_to(jnp.where(half > 0, half, one), bound.shape)
-    penalty = jnp.broadcast_to(qp.penalty, bound.shape)
-    gives = there & jnp.isfinite(penalty)
-    return _Limits(bound, there, gives, jnp.where(gives, penalty, 1.0), width)
+def _one_sided(qp: StagedQP) -> Limits:
+    """Limits as one-sided ones, upper before lower (2, N, r)."""
+    pair = sides(qp.upper, qp.lower, jnp.broadcast_to(qp.penalty, qp.upper.shape))
+    return jax.tree.map(lambda *both: jnp.stack(both), *pair)
 
 
 def _rows(qp: StagedQP, at: Trajectory):

@@ -163,32 +163,48 @@ def _led(qp: StagedQP, start, controls, added):
 
 
 def _cholesky(G: Float[Array, "p p"]) -> Float[Array, "p p"]:
-    """R of G = R'R, upper triangular, with the inverse of its diagonal in its place."""
-    p = G.shape[0]
-    R: list[list[Array]] = [[jnp.zeros_like(G[0, 0])] * p for _ in range(p)]
-    for i in range(p):
-        R[i][i] = lax.rsqrt(G[i, i] - _sum(R[k][i] ** 2 for k in range(i)))
-        for j in range(i + 1, p):
-            R[i][j] = (G[i, j] - _sum(R[k][i] * R[k][j] for k in range(i))) * R[i][i]
-    return jnp.stack([jnp.stack(row) for row in R])
+    return jnp.stack([jnp.stack(row) for row in cholesky(G)])
 
 
 def _eliminated(R: Float[Array, "p p"], rows: Float[Array, "p *q"]) -> Float[Array, "p *q"]:
-    """Solution X of R' X = rows."""
-    found: list[Array] = []
-    for i in range(R.shape[0]):
-        found.append((rows[i] - _sum(R[k, i] * found[k] for k in range(i))) * R[i, i])
-    return jnp.stack(found)
+    return jnp.stack(eliminated(R, rows))
 
 
 def _returned(R: Float[Array, "p p"], values: Float[Array, " p"]) -> Float[Array, " p"]:
+    return jnp.stack(returned(R, values))
+
+
+def cholesky(G) -> list[list]:
+    """Rows of R of G = R'R, upper triangular, with the inverse of its diagonal in its place.
+
+    Args:
+        G: its rows; as for the functions below, lists of numbers or arrays do.
+    """
+    p = len(G)
+    R = [[jnp.zeros_like(G[0][0])] * p for _ in range(p)]
+    for i in range(p):
+        R[i][i] = lax.rsqrt(G[i][i] - _sum(R[k][i] ** 2 for k in range(i)))
+        for j in range(i + 1, p):
+            R[i][j] = (G[i][j] - _sum(R[k][i] * R[k][j] for k in range(i))) * R[i][i]
+    return R
+
+
+def eliminated(R, rows) -> list:
+    """Solution X of R' X = rows, by its rows."""
+    found: list[Array] = []
+    for i in range(len(R)):
+        found.append((rows[i] - _sum(R[k][i] * found[k] for k in range(i))) * R[i][i])
+    return found
+
+
+def returned(R, values) -> list:
     """Solution x of R x = values."""
-    p = R.shape[0]
+    p = len(R)
     found: list[Array] = [values[0]] * p
     for i in reversed(range(p)):
-        found[i] = (values[i] - _sum(R[i, k] * found[k] for k in range(i + 1, p))) * R[i, i]
-    return jnp.stack(found)
+        found[i] = (values[i] - _sum(R[i][k] * found[k] for k in range(i + 1, p))) * R[i][i]
+    return found
 
 
 def _sum(terms):
-    return sum(terms, start=jnp.zeros(()))
+    return sum(terms, start=0.0)
