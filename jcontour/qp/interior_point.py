@@ -55,7 +55,7 @@ from jcontour.qp.staged import (
 )
 
 MOST = 40  # iterations; 8 to 12 are usual
-CLOSE = 1e-15  # mu over its first value at which it ends: a weak limit is then off by 1e-7
+CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
 CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation missed
 MISSED = 1e-11  # by this, over the limit's width
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
@@ -139,13 +139,13 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
         model = jnp.concatenate([qp.A, qp.B], axis=1)
         slope = _summed(slopes(qp, at), _pulled(qp, multipliers))
         slope = Trajectory(slope.stages + behind @ model, slope.end)
-        sides = _one_sided(qp)
-        value = jnp.where(limits.there, _rows(qp, at), 0.0) - sides.bound
-        return slope, at.stages @ model.T + qp.c, value, sides.price, qp.x0
+        moved = _one_sided(qp)
+        value = jnp.where(limits.there, _rows(qp, at), 0.0) - moved.bound
+        return slope, at.stages @ model.T + qp.c, value, moved.price, qp.x0
 
     _, (slope, added, value, price, start) = jax.jvp(equations, (qp,), (dqp,))
     weight, share, paid = _softened(point, limits)
-    pushes = weight * value + paid * price
+    pulls = weight * value + paid * price
     H = qp.H + _gram(qp, weight)
     x, end = drifted(qp, start, added)
     free = jnp.concatenate([x, jnp.zeros((x.shape[0], qp.B.shape[1]), x.dtype)], axis=1)
@@ -154,7 +154,7 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
     def nearer(_, found):
         _, change = found  # of the multipliers
-        pushed = pushes + share * change
+        pushed = pulls + share * change
         step = another_step(qp, factors, h + _pulled(qp, pushed).stages, h_end)
         step = _summed(step, Trajectory(free, end))
         return step, pushed + weight * jnp.where(limits.there, _rows(qp, step), 0.0)
@@ -165,27 +165,36 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = _one_sided(qp)
+    point, iterations = _converged(qp, guess)
+    return _checked(qp, point, limits, iterations), point, limits
+
+
+def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
+    """Last point of the path, and iterations."""
+    limits = _one_sided(qp)
     count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
     first, mu0 = _start(qp, guess, limits, count)
 
     def unfinished(state):
-        point, k, goes_on = state
+        point, k, goes_on, largest = state
         mu, missed = _progress(qp, point, limits, count)
-        later = (missed > MISSED) & (mu > CLOSEST * mu0)
-        return goes_on & (k < MOST) & ((mu > CLOSE * mu0) | later)
+        later = (missed > MISSED) & (mu > CLOSEST * largest)
+        return goes_on & (k < MOST) & ((mu > CLOSE * largest) | later)
 
     def iterate(state):
-        point, k, _ = state
+        point, k, _, largest = state
         following = _iterated(qp, point, limits, count)
+        total = _total(following)
         # near the end W is so large that rounding may leave no factors: the point before is kept
-        finite = jnp.isfinite(_total(following) + jnp.sum(following.at.stages))
+        finite = jnp.isfinite(total + jnp.sum(following.at.stages))
         kept = jax.tree.map(partial(jnp.where, finite), following, point)
-        return kept, k + 1, finite
+        # mu grows where a limit gives way at a price that no cost without limits hints at
+        return kept, k + 1, finite, jnp.maximum(largest, jnp.where(finite, total / count, 0.0))
 
-    begun = first, jnp.asarray(0), jnp.asarray(True)
+    begun = first, jnp.asarray(0), jnp.asarray(True), mu0
     unlimited = qp.D.shape[0] == 0  # nothing to iterate, and nothing to compile
-    point, k, _ = begun if unlimited else lax.while_loop(unfinished, iterate, begun)
-    return _checked(qp, point, limits, k), point, limits
+    point, k, *_ = begun if unlimited else lax.while_loop(unfinished, iterate, begun)
+    return point, k
 
 
 def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
