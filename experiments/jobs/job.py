@@ -15,7 +15,7 @@ from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.toolpaths import ToolpathError, read_csv, read_gcode
+from jcontour.geometry.toolpaths import Toolpath, ToolpathError, read_csv, read_gcode
 from jcontour.motion.cornering import Planned
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
@@ -23,6 +23,7 @@ from jcontour.motion.references import Reference, TimeLaw, along, in_time
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
 MOST_SAMPLES = 20_000_000  # of a run: each has hundreds of bytes
+ROUNDING = 1e-12  # of a contour's length
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
@@ -163,7 +164,8 @@ def along_contour(name: str, contour: Contour, pace: Pace) -> Job:
 def from_rest_to_rest(name: str, contour: Contour, pace: Pace, feed: float) -> Job:
     """Run by the pace's feed law at one feed [m/s]; every sample is scored."""
     pieces = contour.rate.shape
-    run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace)
+    on = np.full(pieces, np.nan)
+    run = along_path(contour, np.full(pieces, feed), np.zeros(pieces, bool), pace, on)
     every = np.ones(run.arc.size, bool)
     return Job(name, contour, run.arc, every, True, run.words, aside=run.aside, planned=run.planned)
 
@@ -192,40 +194,45 @@ def _read(path: Path, pace: Pace) -> Job:
             raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
         feed = np.full(contour.rate.shape, pace.feed_or_default)
         rapid = np.zeros(contour.rate.shape, bool)
+        rest = np.full(contour.rate.shape, np.nan)
         program = None
-    elif path.suffix.lower() in DRAWINGS:
-        drawn = read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
-        contour, feed, rapid, line, ignored = drawn
-        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored)
     else:
-        axes = "XY" if machine.model.axes == 2 else "XYZ"
-        contour, feed, rapid, line, ignored = read_gcode(path, axes, pace.feed)
-        program = Program(line, ignored)
+        contour, feed, rapid, line, ignored, rest = _toolpath(path, pace)
+        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored)
     feed = pace.override * feed
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
     speeds = np.where(rapid, rapid_speed, feed)
-    _check_duration(float(np.sum(np.asarray(contour.extent) / speeds)), machine.model.dt)
-    run = along_path(contour, speeds, rapid, pace)
+    moving, resting = np.sum(np.asarray(contour.extent) / speeds), np.nansum(rest)
+    _check_duration(float(moving), float(resting), machine.model.dt)
+    run = along_path(contour, speeds, rapid, pace, rest)
     scored = ~rapid[_piece_at(contour, run.arc)]
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )
 
 
-def _check_duration(least: float, dt: float) -> None:
+def _toolpath(path: Path, pace: Pace) -> Toolpath:
+    if path.suffix.lower() in DRAWINGS:
+        return read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
+    return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
+
+
+def _check_duration(moving: float, resting: float, dt: float) -> None:
     """Refuse what takes so long [s] that its samples do not fit in memory."""
-    if least / dt > MOST_SAMPLES:
+    if (moving + resting) / dt > MOST_SAMPLES:
+        dwells = f", {resting:.3g} s of it in dwells (P of G4 is in seconds)" if resting else ""
         raise ToolpathError(
-            f"takes {least:.3g} s at least, more than {MOST_SAMPLES:,} samples of {dt:g} s: "
-            "give a higher feed"
+            f"takes {moving + resting:.3g} s at least{dwells}, more than {MOST_SAMPLES:,} samples "
+            f"of {dt:g} s: give a higher feed{' or shorter dwells' if resting else ''}"
         )
 
 
 def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
-    """Number of the piece that the contour is on at every arc length [m]."""
-    started = np.searchsorted(np.asarray(contour.start), arc, side="right")
+    """Number of the piece that the contour is on at every arc length [m]; at a joint the next."""
+    reached = arc + ROUNDING * float(contour.length)
+    started = np.searchsorted(np.asarray(contour.start), reached, side="right")
     return np.clip(started - 1, 0, contour.rate.size - 1)
 
 

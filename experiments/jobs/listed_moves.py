@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from heapq import merge
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.gcode.move import Move
+from jcontour.geometry.gcode.move import Dwell, Move
 from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
@@ -46,12 +47,26 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     if not machine.moves:
         raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
     yield _head(axes)
-    for move in machine.moves:
-        around = ""
-        if move.angle:
-            around = _around(move.centre[:axes], math.degrees(move.angle))
-        yield _line(move.line, _kind(move), move.end[:axes], move.feed) + around
-    yield _count(len(machine.moves), sorted(machine.ignored))
+    dwells = machine.tracer.dwells
+    # a dwell comes before the move that has its number
+    steps = merge(enumerate(machine.moves), ((dwell.after - 0.5, dwell) for dwell in dwells))
+    for _, step in steps:
+        yield _dwell(step, axes) if isinstance(step, Dwell) else _move(step, axes)
+    resting = sum(dwell.lasting for dwell in dwells)
+    dwelt = f", {len(dwells)} dwell{'' if len(dwells) == 1 else 's'} of {resting:.6g} s in all"
+    yield _count(len(machine.moves), sorted(machine.ignored), dwelt if dwells else "")
+
+
+def _move(move: Move, axes: int) -> str:
+    around = ""
+    if move.angle:
+        around = _around(move.centre[:axes], math.degrees(move.angle))
+    return _line(move.line, _kind(move), move.end[:axes], move.feed) + around
+
+
+def _dwell(dwell: Dwell, axes: int) -> str:
+    place = _line(dwell.line, "dwell", dwell.place[:axes], math.nan)
+    return f"{place}  for {dwell.lasting:.6g} s"
 
 
 def _drawn(path: Path, pace: Pace) -> Iterator[str]:
@@ -93,9 +108,9 @@ def _around(centre: Sequence[float], degrees: float) -> str:
     return f"  around {place} by {degrees:.4g} degrees"
 
 
-def _count(moves: int, ignored: Sequence[str]) -> str:
+def _count(moves: int, ignored: Sequence[str], more: str = "") -> str:
     told = f"; ignored: {', '.join(ignored)}" if ignored else ""
-    return f"{moves} move{'' if moves == 1 else 's'}{told}"
+    return f"{moves} move{'' if moves == 1 else 's'}{more}{told}"
 
 
 def _kind(move: Move) -> str:

@@ -53,19 +53,25 @@ class AlongPath(NamedTuple):
 
 
 def along_path(
-    contour: Contour, feed: Float[np.ndarray, " P"], rapid: Bool[np.ndarray, " P"], pace: Pace
+    contour: Contour,
+    feed: Float[np.ndarray, " P"],
+    rapid: Bool[np.ndarray, " P"],
+    pace: Pace,
+    rest: Float[np.ndarray, " P"],
 ) -> AlongPath:
     """Motion from rest to rest by the law that is asked for.
 
     Args:
         contour: the path.
         feed: of every piece, of rapid moves too [m/s].
-        rapid: which pieces are rapid moves. A jerk-limited motion stops where they begin and end.
+        rapid: which pieces are rapid moves. A jerk-limited motion stops where they begin and end,
+            as LinuxCNC does (its `tp.c` blends no rapid move with another move).
         pace: limits and law.
+        rest: how long it rests at the end of every piece [s]; NaN where it goes on.
     """
     fastest = float(np.max(np.where(rapid, 0.0, feed))) / MM_PER_MIN
     if pace.feed_law == "jerk":
-        return _jerk_limited(contour, feed, rapid, pace, f"{fastest:.4g} mm/min")
+        return _jerk_limited(contour, feed, rapid, pace, rest, f"{fastest:.4g} mm/min")
     arc = trapezoidal(
         contour,
         feed,
@@ -73,6 +79,7 @@ def along_path(
         pace.acceleration_or_default,
         pace.machine.limits.speed,
         pace.axis_acceleration,
+        rest=rest,
     )
     return AlongPath(arc, f"trapezoidal, {fastest:.4g} mm/min")
 
@@ -89,12 +96,13 @@ def axis_limits(pace: Pace) -> AxisLimits:
     return AxisLimits.of(axes, acceleration, jerk, np.inf if speed is None else speed)
 
 
-def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, words: str) -> AlongPath:
-    allowed = rapid[1:] == rapid[:-1]
+def _jerk_limited(contour: Contour, feed, rapid, pace: Pace, rest, words: str) -> AlongPath:
+    changes = np.append(rapid[1:] != rapid[:-1], False)
+    rest = np.where(changes & np.isnan(rest), 0.0, rest)
     alike = np.isclose(feed[1:], feed[:-1], rtol=SAME_FEED, atol=0.0)
-    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, allowed, alike)
-    around, motion = planned
-    followed = motion.sampled(pace.machine.model.dt)
+    planned = cornered(contour, feed, axis_limits(pace), pace.corner_tolerance, rest, alike)
+    around, motion, rests = planned
+    followed = motion.sampled(pace.machine.model.dt, rests)
     arc = around.true_arc(followed)
     place, tangent = _on(around.path, followed)
     blend = f"corners within {pace.corner_tolerance / UM:.4g} um"

@@ -24,11 +24,12 @@ def motion_summary(planned: Planned) -> MotionSummary:
         "jerk": (np.abs(jerk) > NEAR * motion.limits.jerk).any(axis=1),
     }
     free, shares = np.ones(POINTS, bool), {}
+    moving = motion.duration / planned.duration
     for name, where in acts.items():
-        shares[name] = float(np.mean(where & free))
+        shares[name] = moving * float(np.mean(where & free))
         free &= ~where
     return MotionSummary(
-        cycle_time=motion.duration,
+        cycle_time=planned.duration,
         stops=motion.stops.size - 2,
         deviation=planned.around.deviation,
         shares=shares,
@@ -36,4 +37,5 @@ def motion_summary(planned: Planned) -> MotionSummary:
         peak_jerk=tuple(np.abs(jerk).max(axis=0).tolist()),
         peak_acceleration=tuple(np.abs(acceleration).max(axis=0).tolist()),
         gap=motion.gap,
+        dwell=planned.rests.total,
     )

@@ -10,13 +10,16 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                the normal makes a helix; I J K without an end point is a full circle
     cycles     G73 G74 G81 to G86 G88 G89 as moves, with G98 G99, R, Q and L
     places     G28 G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20, G52, G92 and its kin, G43.1
+    dwells     G4 P (seconds, as in LinuxCNC; some controls mean milliseconds), or X without P; P of
+               the cycles that dwell
     modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
                minute (G94) or one over the minutes of a move (G93); @ ^ polar end points
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
-    told       in `ignored`, as they move nothing here: G4, G40, G43, G61, G64, G96, G97, all other
-               M codes, and D, E, H, S, T; tools have no length; lines of grbl that begin with $
+    told       in `ignored`, as they move nothing here: G40, G43, G61, G64, G96, G97, G4 without a
+               time, all other M codes, and D, E, H, S, T; tools have no length; lines of grbl that
+               begin with $
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
                that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) is
@@ -37,7 +40,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.move import Move
+from jcontour.geometry.gcode.move import Dwell, Move
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
@@ -55,6 +58,7 @@ class Toolpath(NamedTuple):
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
         line: (P,) line of the program that every piece is from.
         ignored: words of the program that mean nothing for the path, as S or M3.
+        rest: (P,) how long the tool rests at the end of every piece [s]; NaN where it goes on.
     """
 
     contour: Contour
@@ -62,6 +66,7 @@ class Toolpath(NamedTuple):
     rapid: Bool[np.ndarray, " P"]
     line: Int[np.ndarray, " P"]
     ignored: tuple[str, ...]
+    rest: Float[np.ndarray, " P"]
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -121,7 +126,8 @@ def parse_gcode(
             f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
         )
     traced = moves[cutting[0] : cutting[-1] + 1]
-    return _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)))
+    rest = _rest(interpreter.tracer.dwells, cutting[0], len(traced))
+    return _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)), rest)
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
@@ -146,8 +152,22 @@ def read_csv(path: str | PathLike[str]) -> Contour:
     return contours.polyline(points)
 
 
+def _rest(dwells: list[Dwell], first: int, count: int) -> Float[np.ndarray, " P"]:
+    """Rest at the end of each of so many moves, from the first one that cuts [s]; NaN for none."""
+    rest = np.full(count, np.nan)
+    for dwell in dwells:
+        move = dwell.after - 1 - first
+        if 0 <= move < count:
+            rest[move] = np.nan_to_num(rest[move]) + dwell.lasting
+    return rest
+
+
 def _toolpath(
-    moves: list[Move], axes: int, feed_given: float | None, ignored: tuple[str, ...]
+    moves: list[Move],
+    axes: int,
+    feed_given: float | None,
+    ignored: tuple[str, ...],
+    rest: Float[np.ndarray, " P"],
 ) -> Toolpath:
     """Toolpath of all moves at once: chaining a Contour per move would take minutes."""
     start, end, centre, angle, normal, feed, rapid, line = (
@@ -169,7 +189,7 @@ def _toolpath(
     helical = (pieces.rate > 0) & pieces.polynomial[:, 1].any(axis=-1)
     newton_steps = contours.NEWTON_STEPS if helical.any() else 0
     contour = contours.from_pieces(pieces, newton_steps=newton_steps)
-    return Toolpath(contour, feed, rapid, line, ignored)
+    return Toolpath(contour, feed, rapid, line, ignored, rest)
 
 
 def _pieces(start, end, centre, angle, normal) -> Piece:

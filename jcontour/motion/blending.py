@@ -66,6 +66,10 @@ class BlendedPath:
         lower = np.minimum(feed[self.piece], feed[after])
         return np.where(self.blend, lower, feed[self.piece])
 
+    def joint(self, number: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
+        """Joints of the path at joints of the contour that no blend replaces, by number."""
+        return np.searchsorted(self.piece, number, side="right") - 1
+
     def true_arc(self, arc: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
         """Arc length on the true contour [m] that belongs to one on the path."""
         mask = np.asarray(self.path.mask)

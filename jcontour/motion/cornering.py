@@ -24,16 +24,23 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.mesh import SAMPLES
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
+from jcontour.motion.rests import Rests, rest_of_pieces
 from jcontour.motion.smoothing import smooth_path
 
 WORTH = 1e-3  # of the duration: a smaller gain needs no second plan, unless it decides
 
 
 class Planned(NamedTuple):
-    """A jerk-limited motion, and the path with blends that it runs along."""
+    """A jerk-limited motion, the path with blends that it runs along, and where it rests."""
 
     around: BlendedPath
     motion: JerkLimitedMotion
+    rests: Rests
+
+    @property
+    def duration(self) -> float:
+        """Cycle time, rests included [s]."""
+        return self.motion.duration + self.rests.total
 
 
 def cornered(
@@ -41,7 +48,7 @@ def cornered(
     feed: Float[np.ndarray, " P"],
     limits: AxisLimits,
     tolerance: float,
-    allowed: Bool[np.ndarray, " joints"] | None = None,
+    rest: Float[np.ndarray, " P"] | None = None,
     alike: Bool[np.ndarray, " joints"] | None = None,
 ) -> Planned:
     """Quickest motion that is found within a tolerance of a contour, from rest to rest.
@@ -59,39 +66,53 @@ def cornered(
         feed: greatest speed on every piece [m/s].
         limits: of the axes.
         tolerance: greatest distance from the contour [m]; 0 stops in every corner.
-        allowed: see `smooth_path`.
+        rest: (P,) how long it rests at the end of every piece [s], 0 for a stop alone, NaN where it
+            goes on; nowhere when not given.
         alike: see `smooth_path`.
 
     Raises:
         ValueError: as `smooth_path` and `jerk_limited`.
     """
+    rest = rest_of_pieces(rest, feed.size)
 
-    def planned(allowed: Bool[np.ndarray, " joints"] | None) -> Planned:
-        around = smooth_path(contour, tolerance, allowed, alike)
-        return Planned(around, jerk_limited(around.path, around.feed(feed), limits))
+    def planned(passed: Bool[np.ndarray, " joints"]) -> Planned:
+        around = smooth_path(contour, tolerance, passed, alike)
+        stopping = around.joint(np.flatnonzero(~passed))
+        motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
+        return Planned(around, motion, _rests(around, motion, rest))
 
-    best = latest = planned(allowed)
-    passed = np.ones(feed.size - 1, bool) if allowed is None else allowed
-    while (stopping := passed & _better_stopped(latest, feed, limits)).any():
+    passed = np.isnan(rest[:-1])
+    best = latest = planned(passed)
+    while (stopping := passed & _better_stopped(latest, feed, limits, ~passed)).any():
         passed = passed & ~stopping
         latest = planned(passed)
         best = min(best, latest, key=lambda one: one.motion.duration)
     return best
 
 
+def _rests(around: BlendedPath, motion: JerkLimitedMotion, rest: Float[np.ndarray, " P"]) -> Rests:
+    """Rests at the ends of pieces of the contour, each of which is a stop of the motion."""
+    pieces = np.flatnonzero(~np.isnan(rest))
+    ends = np.cumsum(unpadded(around.path).extent)[around.joint(pieces)]
+    return Rests(motion.reached(ends), rest[pieces])
+
+
 def _better_stopped(
-    planned: Planned, feed: Float[np.ndarray, " P"], limits: AxisLimits
+    planned: Planned,
+    feed: Float[np.ndarray, " P"],
+    limits: AxisLimits,
+    stopped_in: Bool[np.ndarray, " joints"],
 ) -> Bool[np.ndarray, " joints"]:
     """Joints between legs that a motion passes, and rather should stop in."""
-    around, motion = planned
+    around, motion, _ = planned
     pieces = unpadded(around.contour)
-    found = ~joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    found = ~joints(pieces).smooth(feed, float(limits.acceleration.min())) | stopped_in
     first = np.flatnonzero(np.append(True, found))  # piece of every leg
     starts = np.append(0.0, np.cumsum(pieces.extent))
     ends = starts[np.append(first, feed.size)]
     middle = around.true_arc(motion.stops)[1:-1]
     stretch = np.searchsorted(middle, 0.5 * (ends[1:] + ends[:-1]))
-    blended = np.diff(motion.reached(motion.stops))
+    blended = np.diff(motion.stopped)
     law, least = _laws(pieces, first, feed, limits)
     several = np.bincount(stretch, minlength=blended.size) > 1
     stopped = np.bincount(stretch, least, blended.size)

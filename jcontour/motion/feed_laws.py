@@ -17,6 +17,7 @@ from jaxtyping import Float
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
+from jcontour.motion.rests import Rests, rest_of_pieces
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
 # of a sample: a run that is this close to a whole number of samples has that number
@@ -70,6 +71,7 @@ def trapezoidal(
     axis_acceleration: Numbers | None = None,
     # half of what Grbl starts with; a few encoder counts of 0.8 um
     junction_deviation: float = 5e-6,
+    rest: Float[np.ndarray, " P"] | None = None,
 ) -> Float[np.ndarray, " T"]:
     """Arc length [m] at every sample of a quick motion from rest to rest within the limits.
 
@@ -108,10 +110,12 @@ def trapezoidal(
         axis_speed: greatest speed of the axes [m/s], one number or (m,).
         axis_acceleration: greatest acceleration of the axes [m/s^2], one number or (m,).
         junction_deviation: d [m]; 0 stops at every corner.
+        rest: (P,) how long it rests at the end of every piece [s], NaN where it goes on; nowhere
+            when not given.
 
     Raises:
-        ValueError: a limit or `dt` is not finite and above zero, wrong shape, or more than 20
-            million samples.
+        ValueError: a limit or `dt` is not finite and above zero, a rest is negative, wrong shape,
+            or more than 20 million samples.
     """
     axes = contour.axes
     speed_limit = None if axis_speed is None else _per_axis("axis_speed", axis_speed, axes)
@@ -125,16 +129,20 @@ def trapezoidal(
             f"received {junction_deviation}"
         )
     feed = _piece_feed(contour, feed)
+    rest = rest_of_pieces(rest, feed.size)
+    stops = np.flatnonzero(~np.isnan(rest))
 
     steps = _steps(contour)
     ceiling = _ceiling(steps, feed, acceleration, speed_limit, acceleration_limit)
     corners = _corner_ceiling(steps, acceleration, acceleration_limit, junction_deviation)
     inner = np.minimum(np.minimum(ceiling[:-1], ceiling[1:]), corners)
     nodes = np.concatenate([[0.0], inner, [0.0]])
+    nodes[np.searchsorted(steps.piece, stops, side="right")] = 0.0
     rows = _rows(steps, acceleration, acceleration_limit)
     nodes = _forward(steps, rows, _backward(steps, rows, nodes))
     profile = _profile(steps, ceiling, nodes, rows)
-    return _sampled(*profile, float(contour.length), dt)
+    places = _cumulated(np.asarray(contour.extent)[_used(contour)])[stops + 1]
+    return _sampled(*profile, float(contour.length), dt, places, rest[stops])
 
 
 class _Steps(NamedTuple):
@@ -296,10 +304,12 @@ def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
     return length[kept], np.sqrt(squares[:, :-1][kept]), np.sqrt(squares[:, 1:][kept])
 
 
-def _sampled(length, first, last, end: float, dt: float) -> Float[np.ndarray, " T"]:
+def _sampled(length, first, last, end: float, dt: float, stops, rest) -> Float[np.ndarray, " T"]:
+    """Samples of stretches, with rests at stops [m]."""
     ends, times = _cumulated(length), _cumulated(2.0 * length / (first + last))
-    samples = _check_samples(np.ceil(times[-1] / dt - SAMPLE_ROUNDING))
-    time = np.minimum(np.arange(samples + 1) * dt, times[-1])
+    rests = Rests(np.interp(stops, ends, times), rest)
+    samples = _check_samples(np.ceil((times[-1] + rests.total) / dt - SAMPLE_ROUNDING))
+    time = np.minimum(rests.moving(np.arange(samples + 1) * dt), times[-1])
     i = np.minimum(np.searchsorted(times, time, side="right") - 1, length.size - 1)
     acceleration, elapsed = 0.5 * (last**2 - first**2) / length, time - times[i]
     travelled = first[i] * elapsed + 0.5 * acceleration[i] * elapsed**2

@@ -86,7 +86,8 @@ def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpa
     smooth = pieces.polynomial[:, 2:].any()
     contour = contours.from_pieces(pieces, error, contours.NEWTON_STEPS if smooth else 0)
     line = np.array([line for _, line in drawn])[owner]
-    return Toolpath(contour, np.where(is_rapid, np.nan, feed), is_rapid, line, told)
+    speed, rest = np.where(is_rapid, np.nan, feed), np.full(line.size, np.nan)
+    return Toolpath(contour, speed, is_rapid, line, told, rest)
 
 
 def _near(segment: Segment) -> bool:

@@ -1,8 +1,9 @@
 """Canned cycles of drilling and boring (G73, G74, G81 to G86, G88, G89), step by step.
 
 The steps are those of LinuxCNC: above the hole at the level of before, at traverse down to R, then
-into it. Dwells, stops and turns of the spindle in them move nothing; after G88, where an operator
-takes the tool out, it goes out at traverse.
+into it. G74, G82, G84, G86, G88 and G89 dwell at the bottom for P seconds, where P is given. Stops
+and turns of the spindle move nothing; after G88, where an operator takes the tool out, it goes out
+at traverse.
 """
 
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from jcontour.geometry.toolpath_rules import INCH, ToolpathError
 
 PECK_CLEARANCE = 0.01 * INCH  # [m] above the bottom of before, where feeding begins again
 MOST_PECKS = 10_000  # of a hole
+DWELLING = frozenset({740, 820, 840, 860, 880, 890})  # at the bottom
 
 
 class Hole(NamedTuple):
@@ -22,25 +24,28 @@ class Hole(NamedTuple):
         bottom: where it ends.
         clear: level after it.
         peck: depth at a time, None where it is fed at once.
+        dwell: at the bottom, in cycles that dwell [s].
     """
 
     retract: float
     bottom: float
     clear: float
     peck: float | None
+    dwell: float = 0.0
 
 
 class Step(NamedTuple):
-    """A move along the normal of the plane to a level [m], at traverse or at the feed."""
+    """A move along the normal of the plane to a level [m], and how long it rests there [s]."""
 
     level: float
     rapid: bool
+    dwell: float = 0.0
 
 
 def hole_at(
     lengths: dict[str, float], axis: str, before: float, incremental: bool, to_r_plane: bool
 ) -> Hole:
-    """Hole of lengths [m] by letter: the bottom on the axis, R and, for pecks, Q.
+    """Hole of lengths [m] by letter: the bottom on the axis, R and, for pecks, Q; P is a time [s].
 
     Incremental, R counts from the level `before` the cycles [m] and the bottom from R.
 
@@ -55,7 +60,7 @@ def hole_at(
     if retract < bottom:
         raise ToolpathError("R of a canned cycle lies below the bottom of the hole")
     clear = retract if to_r_plane else max(before, retract)
-    return Hole(retract, bottom, clear, lengths.get("Q"))
+    return Hole(retract, bottom, clear, lengths.get("Q"), lengths.get("P", 0.0))
 
 
 def steps(code: int, hole: Hole) -> Iterator[Step]:
@@ -74,7 +79,7 @@ def steps(code: int, hole: Hole) -> Iterator[Step]:
     """
     if code in (730, 830):
         yield from _pecks(code, hole)
-    yield Step(hole.bottom, rapid=False)
+    yield Step(hole.bottom, rapid=False, dwell=hole.dwell if code in DWELLING else 0.0)
     if code == 850:
         yield Step(hole.retract, rapid=False)
     yield Step(hole.clear, rapid=code not in (740, 840, 890))

@@ -55,7 +55,7 @@ class Machine:
     next_tool: int = 0
     ended: bool = False
     ignored: set[str] = field(default_factory=set)  # words without meaning for the path
-    sticky: dict[str, float] = field(default_factory=dict)  # Z, R and Q of the cycle in force [m]
+    sticky: dict[str, float] = field(default_factory=dict)  # Z, R, Q [m] and P [s] of a cycle
     level_before_cycles: float | None = None
 
     @property
@@ -127,8 +127,6 @@ class Machine:
         self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
         if found.codes.get("tool length") == 430:
             self.ignored.add("G43")
-        if found.codes.get("once") == 40:
-            self.ignored.add("G4")
         if found.without_motion or not codes.FLOW.issuperset(found.m_codes):
             self.ignored |= found.values.keys() & TOLD_WITH_CODES
 
@@ -174,9 +172,13 @@ class Machine:
             self.offsets.unshift(for_good=code == 921)
 
     def _dwell(self, values: dict[str, float]) -> None:
-        """A dwell moves nothing; axis words beside P are a move, X without P is the time."""
-        moves = "P" in values and not MOVING.isdisjoint(values)
-        if moves:
+        """Rest for P seconds; axis words beside P are a move after it, X without P is the time."""
+        word = "P" if "P" in values else "X"
+        if word in values:
+            self.tracer.dwell(values[word], word)
+        else:
+            self.ignored.add("G4")
+        if word == "P" and not MOVING.isdisjoint(values):
             self._move(values, on_machine=False)
 
     def _set_up(self, values: dict[str, float]) -> None:
@@ -318,6 +320,8 @@ class Machine:
         for letter in (depth_letter, "R", "Q"):
             if letter in lengths:
                 self.sticky[letter] = lengths[letter]
+        if "P" in values:
+            self.sticky["P"] = values["P"]
         here = self._here()
         if self.level_before_cycles is None:
             self.level_before_cycles = here[normal]
@@ -337,6 +341,8 @@ class Machine:
             self._go_to_level(hole.retract, rapid=True)
             for step in cycles.steps(code, hole):
                 self._go_to_level(step.level, step.rapid)
+                if step.dwell:
+                    self.tracer.dwell(step.dwell, "P")
 
     def _go_to_level(self, level: float, rapid: bool) -> None:
         point = list(self._here())

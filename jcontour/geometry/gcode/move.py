@@ -1,4 +1,4 @@
-"""One move of the tool: a line, an arc or a helix."""
+"""One move of the tool: a line, an arc or a helix; and a dwell between two of them."""
 
 from typing import NamedTuple
 
@@ -26,4 +26,20 @@ class Move(NamedTuple):
     normal: int
     feed: float
     rapid: bool
+    line: int
+
+
+class Dwell(NamedTuple):
+    """A stop in which the tool rests for a time (G4, some canned cycles).
+
+    Attributes:
+        after: how many moves come before it.
+        place: where it rests [m].
+        lasting: for how long [s].
+        line: of the program, from 1.
+    """
+
+    after: int
+    place: Point
+    lasting: float
     line: int

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from jcontour.geometry.gcode.modes import PLANES
-from jcontour.geometry.gcode.move import Move, Point
+from jcontour.geometry.gcode.move import Dwell, Move, Point
 from jcontour.geometry.gcode.offsets import ZERO
 from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
 
@@ -19,12 +19,14 @@ class Tracer:
         at: place on the machine [m].
         line: of the program that is carried out.
         moves: made so far.
+        dwells: between them, so far.
     """
 
     axes: int
     at: Point = ZERO
     line: int = 0
     moves: list[Move] = field(default_factory=list)
+    dwells: list[Dwell] = field(default_factory=list)
 
     def add(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
         """Add a move; one too short to see only moves the axes that are not traced.
@@ -46,6 +48,18 @@ class Tracer:
     def add_line(self, end: Point, feed: float, plane: int) -> None:
         """Add a straight move, rapid where it has no feed (NaN)."""
         self.add(end, end, 0.0, feed, plane)
+
+    def dwell(self, lasting: float, word: str) -> None:
+        """Rest for a time [s], which `word` of the program gives.
+
+        Raises:
+            ToolpathError: the time is negative, or there are too many dwells.
+        """
+        if not lasting >= 0:
+            raise ToolpathError(f"{word}{lasting:g}: a dwell needs seconds, not below 0")
+        self.dwells.append(Dwell(len(self.moves), self.at, lasting, self.line))
+        if len(self.dwells) > MOST_MOVES:
+            raise ToolpathError(f"more than {MOST_MOVES} dwells")
 
     def add_shadow(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
         """Add what X and Y do on an arc in another plane: straight lines to and fro.

@@ -69,7 +69,8 @@ def nodes(
     speed = passing_speed(pieces, feed, limits)
     tick = max(cell_time(limits), float(np.sum(pieces.extent / speed)) / MOST_CELLS)
     axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
-    arc = trapezoidal(contour, speed, tick, 1e9, axis_speed, limits.acceleration, 0.0)
+    rest = np.where(np.isin(starts[1:], stops), 0.0, np.nan)
+    arc = trapezoidal(contour, speed, tick, 1e9, axis_speed, limits.acceleration, 0.0, rest)
     place, time = _times(arc, tick, stops, limits, starts)
     ends = np.interp(starts, place, time)
     least = np.where(curved(pieces), cells_of_curve(np.diff(ends) / tick), 1)

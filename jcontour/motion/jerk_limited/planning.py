@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
@@ -30,6 +30,7 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.optimum import fullest, quickest
 from jcontour.motion.jerk_limited.straight import straight_motions
 from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
+from jcontour.motion.rests import NEVER, Rests
 
 ROOM = 0.02  # of every limit that is left at the start of a pass
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
@@ -76,6 +77,12 @@ class JerkLimitedMotion:
         """Times between which the motion is smooth [s]."""
         return self._warp.time
 
+    @property
+    def stopped(self) -> Float[np.ndarray, " k"]:
+        """Times at which it is at its stops [s]."""
+        begins = _begins(self._old, self._cells)
+        return np.append(self._warp.time[:-1][begins], self.duration)
+
     def at(self, time: np.ndarray) -> MotionSamples:
         """Arc length and its derivatives at times [s]; at rest before the start and after the end.
 
@@ -95,34 +102,37 @@ class JerkLimitedMotion:
         s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, on.extent)
         return composed(path_derivatives(on, s), found)
 
-    def sampled(self, dt: float) -> Float[np.ndarray, " T"]:
-        """Arc length at 0, dt, ... [m]; the last sample rests at the end.
+    def sampled(self, dt: float, rests: Rests = NEVER) -> Float[np.ndarray, " T"]:
+        """Arc length at 0, dt, ... [m], with rests in between; the last sample rests at the end.
 
         Raises:
             ValueError: `dt` is not above zero, or there are more than 20 million samples.
         """
         if not (np.isfinite(dt) and dt > 0):
             raise ValueError(f"dt: needs one number, finite and above zero, received {dt}")
-        steps = np.ceil(self.duration / dt - ROUNDING)
+        steps = np.ceil((self.duration + rests.total) / dt - ROUNDING)
         if not steps < MOST_SAMPLES:
             raise ValueError(
                 f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
             )
-        arc = np.maximum.accumulate(self.at(np.arange(int(steps) + 1) * dt).arc)
+        time = rests.moving(np.arange(int(steps) + 1) * dt)
+        arc = np.maximum.accumulate(self.at(time).arc)
         arc[-1] = self.stops[-1]
         return np.minimum(arc, self.stops[-1])
 
     def reached(self, arc: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Times at which arc lengths on the path are reached [s]."""
+        """Times at which arc lengths on the path are reached [s]; exact at its stops."""
         old = self._old.reached(arc)
         cell = np.searchsorted(self._warp.node, old, side="right") - 1
         cell = np.clip(cell, 0, self._cells.length.size - 1)
-        return self._warp.reached(cell, old - self._warp.node[cell])
+        passed = self._warp.reached(cell, old - self._warp.node[cell])
+        stop = np.minimum(np.searchsorted(self.stops, arc), self.stops.size - 1)
+        return np.where(self.stops[stop] == arc, self.stopped[stop], passed)
 
     def shared(self, tick: float) -> list[Float[np.ndarray, " n"]]:
         """Times from stop to stop that share out every piece evenly, none longer than `tick`."""
         starts = np.append(0.0, np.cumsum(self._pieces.extent))
-        ends, stops = self.reached(starts), self.reached(self.stops)
+        ends, stops = self.reached(starts), self.stopped
         table = self._activity(tick)
         return [
             self._shared(np.concatenate([[a], ends[(ends > a) & (ends < b)], [b]]), *table)
@@ -170,7 +180,12 @@ class JerkLimitedMotion:
         return MotionSamples(arc, *(np.where(moves, d[..., 0], 0.0) for d in derivatives))
 
 
-def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLimitedMotion:
+def jerk_limited(
+    contour: Contour,
+    feed: Numbers,
+    limits: AxisLimits,
+    stopping: Int[np.ndarray, " k"] | None = None,
+) -> JerkLimitedMotion:
     """Quickest motion from rest to rest along a contour, within limits of the axes and the feed.
 
     It stops where the direction or the curvature jumps; see `blending` for paths on which neither
@@ -180,6 +195,7 @@ def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLim
         contour: one contour, not a stack.
         feed: greatest speed [m/s], one number or one for each piece (P,).
         limits: of the axes.
+        stopping: numbers of joints at which it stops though it could pass; none when not given.
 
     Raises:
         ValueError: a feed that is not above zero, or a wrong shape.
@@ -195,6 +211,8 @@ def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLim
     feed = np.broadcast_to(feed, pieces.extent.shape)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    if stopping is not None:
+        smooth[stopping] = False
     stretch = np.append(0, np.cumsum(~smooth))
     stops = starts[np.concatenate([[True], ~smooth, [True]])]
     task = _Task(contour, limits, feed, stops, pieces)
@@ -217,6 +235,11 @@ def jerk_limited(contour: Contour, feed: Numbers, limits: AxisLimits) -> JerkLim
     return motion if again is None else min(motion, again, key=lambda one: one.duration)
 
 
+def _begins(old: CubicMotion, cells: Cells) -> Bool[np.ndarray, " n"]:
+    """Which cells come after a stop."""
+    return (cells.elapsed == 0) & (old.coefficients[cells.cell, 1] == 0)
+
+
 class _Task(NamedTuple):
     """What is planned: the fields of a motion that come first."""
 
@@ -236,7 +259,7 @@ def _planned(
     tightenings: int,
 ) -> JerkLimitedMotion:
     """Quickest warp of an old motion; the old one is it already in stretches that do not bend."""
-    begins = (cells.elapsed == 0) & (old.coefficients[cells.cell, 1] == 0)
+    begins = _begins(old, cells)
     open_ = bends[np.cumsum(begins) - 1]
     square = np.full((open_.size, 3), EXACT)
     gap = 0.0

@@ -8,7 +8,7 @@ import pytest
 from experiments.benchmarks import random_paths
 from experiments.benchmarks.motion import broken
 from experiments.benchmarks.random_paths import KINDS, checked, random_path, stopping_time
-from jcontour.motion.cornering import Planned, cornered
+from jcontour.motion.cornering import cornered
 from jcontour.motion.jerk_limited.joints import joints
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
@@ -48,8 +48,8 @@ def test_a_path_keeps_all_promises(seed):
 
 def test_a_jerk_above_its_limit_is_found(monkeypatch):
     def loose(contour, feed, limits, tolerance):
-        around, motion = cornered(contour, feed, limits._replace(jerk=1.1 * limits.jerk), tolerance)
-        return Planned(around, dataclasses.replace(motion, limits=limits))
+        planned = cornered(contour, feed, limits._replace(jerk=1.1 * limits.jerk), tolerance)
+        return planned._replace(motion=dataclasses.replace(planned.motion, limits=limits))
 
     monkeypatch.setattr(random_paths, "cornered", loose)
     assert broken(checked(4)) == ["jerk"]
@@ -57,8 +57,8 @@ def test_a_jerk_above_its_limit_is_found(monkeypatch):
 
 def test_a_corner_cut_too_far_is_found(monkeypatch):
     def loose(contour, feed, limits, tolerance):
-        around, motion = cornered(contour, feed, limits, 2 * tolerance)
-        return Planned(dataclasses.replace(around, deviation=0.0), motion)
+        planned = cornered(contour, feed, limits, 2 * tolerance)
+        return planned._replace(around=dataclasses.replace(planned.around, deviation=0.0))
 
     monkeypatch.setattr(random_paths, "cornered", loose)
     assert broken(checked(4)) == ["deviation"]

@@ -37,10 +37,18 @@ def test_a_corner_is_not_cut():
     assert corner < 1e-12 and moves.chord < 1e-12
 
 
-def test_a_reference_that_rests_has_moves(tmp_path):
-    moves = moves_through(np.zeros((70, 2)), DT)
+def test_a_rest_is_a_dwell_that_is_read_back(tmp_path):
+    position = 1e-5 * np.arange(101)[:, None] * [1.0, 0.0]
+    rested = np.concatenate([position, np.tile(position[-1], (70, 1)), position[-1] + position])
+    moves = moves_through(rested, DT)
+    assert np.sum(moves.lasting) == pytest.approx(DT * (len(rested) - 1))
     save_program(moves, "XY", tmp_path)
-    assert (moves.feed == 0).all() and "F0.001" in (tmp_path / PROGRAM).read_text()
+    toolpath = read_gcode(tmp_path / PROGRAM, "XY")
+    at = np.flatnonzero(~np.isnan(toolpath.rest))
+    # 70 samples, and the sample in which the second half begins where the first one ends
+    np.testing.assert_allclose(toolpath.rest[at], [71 * DT], rtol=1e-9)
+    place = toolpath.contour.position(toolpath.contour.start[at + 1])
+    np.testing.assert_allclose(place, [[1e-3, 0.0]], atol=1e-12)
 
 
 def test_the_program_is_read_back_as_the_path(tmp_path):

@@ -31,6 +31,24 @@ def test_a_line_for_each_move(tmp_path):
     assert len(listed(path, 2)) == 5  # the last move is along Z alone
 
 
+def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text("G4 P1\nG21 F600 G1 X10\nG4 P2.5\nG4 P0\nG82 X12 R3 Z-1 P.5\n")
+    _, *moves, last = listed(path, 3)
+    assert [line.split()[:2] for line in moves[:4]] == [
+        ["1", "dwell"],
+        ["2", "line"],
+        ["3", "dwell"],
+        ["4", "dwell"],
+    ]
+    assert moves[2].split() == ["3", "dwell", "10.0000", "0.0000", "0.0000", "-", "for", "2.5", "s"]
+    drilled, dwelt, out = moves[-3:]
+    assert drilled.split()[1:5] == ["line", "12.0000", "0.0000", "-1.0000"]
+    assert dwelt.split()[1:] == ["dwell", "12.0000", "0.0000", "-1.0000", "-", "for", "0.5", "s"]
+    assert out.split()[1] == "rapid"
+    assert last == "5 moves, 4 dwells of 4 s in all"
+
+
 def test_faults_name_the_file(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G1 X1\n")

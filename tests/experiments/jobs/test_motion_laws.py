@@ -13,16 +13,17 @@ from experiments.jobs.job import Job, Pace, from_file
 from experiments.reports.simulated_tables import motion_table
 from experiments.runs.motion_summary import motion_summary
 from experiments.shared_options import MachineFlags
+from jcontour.geometry.toolpath_rules import ToolpathError
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
 PROGRAM = "G21 G90 G0 X0 Y0\nG1 X4 F3000\nY3\nG0 X6 Y5\nG1 X8\n"
 
 
-def planned_job(folder: Path, **given) -> Job:
+def planned_job(folder: Path, program: str = PROGRAM, **given) -> Job:
     path = folder / "corner.ngc"
-    path.write_text(PROGRAM)
-    pace = Pace.of(MachineFlags(plant=EXAMPLE, feed_law="jerk", **given), machine_named(EXAMPLE))
-    return from_file(path, pace)
+    path.write_text(program)
+    flags = MachineFlags(**{"plant": EXAMPLE, "feed_law": "jerk"} | given)
+    return from_file(path, Pace.of(flags, machine_named(EXAMPLE)))
 
 
 def test_samples_keep_the_limits_of_the_machine(tmp_path):
@@ -91,6 +92,47 @@ def test_a_circle_in_two_arcs_on_unequal_axes_has_no_stop(tmp_path):
     flags = MachineFlags(plant=EXAMPLE, feed_law="jerk")
     found = from_file(path, Pace.of(flags, replace(machine, limits=unequal)))
     assert found.planned is not None and found.planned.motion.stops.size == 2
+
+
+@pytest.mark.parametrize("law", ["jerk", "trapezoidal"])
+def test_a_dwell_holds_the_tool_where_it_is(tmp_path, law):
+    """In a blended corner, between two lines that go on straight, and at the end."""
+    dwelling = "G21 G90 G0 X0 Y0\nG1 X4 F3000\nG4 P.2\nY3\nG4 P.1\nG4 P.2\nG1 Y6\nG4 P.05\n"
+    found = planned_job(tmp_path, dwelling, feed_law=law)
+    held = [np.isclose(found.arc, place, rtol=0, atol=1e-12) for place in (4e-3, 7e-3, 10e-3)]
+    np.testing.assert_allclose([each.sum() for each in held], [201, 301, 51], atol=3)
+    assert [found.line_at(int(np.argmax(each))) for each in held] == [4, 7, 7]
+    reference = found.reference(1e-3, 1)
+    np.testing.assert_allclose(
+        np.asarray(reference.position)[:-1][held[0]][1], [4e-3, 0], atol=1e-12
+    )
+    without = "\n".join(line for line in dwelling.split("\n") if not line.startswith("G4"))
+    assert 550 < found.samples - planned_job(tmp_path, without, feed_law=law).samples < 800
+
+
+def test_dwells_are_in_the_cycle_time(tmp_path):
+    still, dwelling = (planned_job(tmp_path, f"G1 X4 F3000\nG4 P{p}\nX8") for p in (0, 0.75))
+    assert still.planned is not None and dwelling.planned is not None
+    before, after = motion_summary(still.planned), motion_summary(dwelling.planned)
+    assert after.cycle_time == pytest.approx(before.cycle_time + 0.75) and after.dwell == 0.75
+    shares = [sum(one.shares.values()) * one.cycle_time for one in (before, after)]
+    assert shares[0] == pytest.approx(shares[1])
+    rows = [[*column.cells][1] for column in motion_table(after, "XY").columns]
+    assert rows == ["of it dwells", "0.750 s"]
+    assert [*motion_table(before, "XY").columns[0].cells][1] == "stops on the way"
+
+
+def test_dwells_that_are_too_long_name_their_unit(tmp_path):
+    with pytest.raises(ToolpathError, match=r"takes 5e\+05 s .*P of G4 is in seconds"):
+        planned_job(tmp_path, "G1 X4 F3000\nG4 P500000\nX8")
+
+
+def test_rapid_moves_that_go_on_straight_are_stopped_between(tmp_path):
+    """As LinuxCNC does; the tolerance is kept in the corner between both."""
+    found = planned_job(tmp_path, "G1 X4 F3000\nG0 X8\nG1 X12\nG0 Y4\nG1 Y8\n")
+    assert found.planned is not None
+    np.testing.assert_allclose(found.planned.motion.stops, 1e-3 * np.array([0, 4, 8, 12, 16, 20]))
+    assert np.abs(found.aside.offset).max() < 1e-12
 
 
 def test_a_motion_that_is_not_the_quickest_is_told():

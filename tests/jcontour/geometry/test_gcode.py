@@ -27,6 +27,15 @@ def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
     assert toolpath.ignored == ("G64", "M3", "M5", "M6", "M8", "P", "S", "T")
 
 
+def test_dwells_are_rests_at_the_ends_of_pieces():
+    """Those before the first cut are none, two at one place add up."""
+    toolpath = parse_gcode(
+        HEAD + "G4 P9\nG0 X1 Y1\nG4 P9\nG1 X4 Y5\nG4 P1\nG1 Z-1\nG4 P.5\nG0 X4 Y6\nG1 X5\nG4 P0"
+    )
+    np.testing.assert_array_equal(toolpath.rest, [1.5, np.nan, 0.0])
+    assert toolpath.ignored == ()
+
+
 def test_lines_for_the_sender_are_told(traced):
     toolpath = parse_gcode("$H\n $32 = 1\nG21 G90 F600\nG1 X3\n$H\nG1 X5")
     assert toolpath.ignored == ("$32", "$H")

@@ -1,6 +1,7 @@
 """Corners passed or stopped in, whichever is quicker, against closed forms."""
 
 import numpy as np
+import pytest
 
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
@@ -22,11 +23,22 @@ def test_a_corner_that_is_slow_to_pass_is_stopped_in():
     assert planned.around.deviation == 0.0 and planned.motion.stops.size == 3
 
 
-def test_joints_that_are_not_allowed_stay_stops():
-    path = contours.polyline(1e-3 * np.array([[0, 0], [30, 0], [60, 5], [60, 30]]))
-    allowed = np.array([True, False])
-    planned = cornered(path, np.full(3, 0.1), LIMITS, 20e-6, allowed)
-    assert planned.motion.stops.size == 3
+def test_rests_stop_the_motion_in_corners_and_on_lines():
+    """The second joint is a corner that could be blended, the third lies on a line."""
+    points = 1e-3 * np.array([[0, 0], [30, 0], [60, 5], [60, 30], [60, 50]])
+    path, rest = contours.polyline(points), np.array([np.nan, 0.25, 0.5, 1.0])
+    planned = cornered(path, np.full(4, 0.1), LIMITS, 20e-6, rest)
+    parts = [points[:3], points[2:4], points[3:]]
+    alone = [
+        cornered(contours.polyline(part), np.full(len(part) - 1, 0.1), LIMITS, 20e-6).duration
+        for part in parts
+    ]
+    np.testing.assert_allclose(np.diff(planned.motion.stopped), alone, rtol=1e-4)
+    np.testing.assert_allclose(planned.rests.begin, np.cumsum(alone), rtol=1e-4)
+    assert planned.duration == pytest.approx(planned.motion.duration + 1.75)
+    arc = planned.motion.sampled(1e-3, planned.rests)
+    held = np.isclose(arc, planned.motion.stops[:, None], rtol=0, atol=1e-13).sum(axis=1)
+    np.testing.assert_allclose(held[1:], [250, 500, 1000], atol=3)
 
 
 def test_a_corner_that_is_quick_to_pass_is_passed():

@@ -394,3 +394,23 @@ def test_rapid_moves_need_a_feed():
     toolpath = read_gcode(PARTS / "bracket.ngc")
     with pytest.raises(ValueError, match="rapid moves have none"):
         constant_feed(toolpath.contour, toolpath.feed, DT)
+
+
+def test_rests_part_a_run_in_two():
+    """In the corner, and at a joint on a line; the parts are those of runs of their own."""
+    points = 1e-3 * np.array([[0, 0], [30, 0], [30, 15], [30, 40]])
+    limits = {"dt": DT, "acceleration": 2.0}
+    rest = np.array([100 * DT, np.nan, 50 * DT])
+    whole = trapezoidal(contours.polyline(points), 0.05, rest=rest, **limits)
+    alone = [
+        trapezoidal(contours.polyline(part), 0.05, **limits) for part in (points[:2], points[1:])
+    ]
+    first = 0.6 + 0.05 / 2.0  # [s] of 30 mm
+    held = np.isclose(whole, 30e-3, rtol=0, atol=1e-12)
+    assert abs(held.sum() - 101) <= 1
+    assert whole.size - 1 == np.ceil((first + 0.8 + 0.05 / 2.0) / DT - 1e-6) + 150
+    np.testing.assert_allclose(whole[: alone[0].size - 1], alone[0][:-1], atol=1e-12)
+    np.testing.assert_allclose(whole[-51:], 70e-3, rtol=1e-14)
+    stop = np.array([np.nan, 0.0, np.nan])
+    stopped = trapezoidal(contours.polyline(points), 0.05, rest=stop, **limits)
+    assert np.diff(stopped)[np.argmin(np.abs(stopped - 45e-3))] < 0.05 * DT / 10

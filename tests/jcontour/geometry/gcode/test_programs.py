@@ -41,8 +41,9 @@ FEEDS = {  # [mm/min] of cutting moves
     "inverse_time": [600, 900, math.pi * 10 * 6, 600],
     "safe_start": [100, 250, 250],
 }
+DWELLS = {"safe_start": [(1, 2.5)], "cycles": [(37, 0.1)]}  # moves before them, seconds
 TOLD = {
-    "safe_start": {"E", "G4", "G40", "G43", "G50", "G64", "G69", "H"}
+    "safe_start": {"E", "G40", "G43", "G50", "G64", "G69", "H"}
     | {"M104", "M3", "M5", "M6", "M8", "M9", "P", "S", "T"},
     "numbered": set(),
 }
@@ -71,6 +72,8 @@ def test_moves(name):
     if name in FEEDS:
         feeds = [move.feed for move in machine.moves if not move.rapid]
         np.testing.assert_allclose(feeds, np.array(FEEDS[name]) * PER_MINUTE, rtol=1e-12)
+    dwells = [(dwell.after, dwell.lasting) for dwell in machine.tracer.dwells]
+    assert dwells == DWELLS.get(name, [])
     if name in TOLD:
         assert machine.ignored == TOLD[name]
 
@@ -181,6 +184,18 @@ def test_a_loop_that_stands_still_ends_sooner(monkeypatch):
     assert len(moves("G91 F1\no1 repeat [500]\nG1 X1\no1 endrepeat")) == 500
     with pytest.raises(ToolpathError, match=r"101 lines carried out again, 101 of them without"):
         moves("G91 F1\no1 repeat [500]\nG4 P1\no1 endrepeat")
+
+
+def test_dwells_say_how_long_and_where():
+    program = "F600 G1 X1\nG4 P1.5\nG20 G4 X0.5\nG21 X2 G4 P.25\nG4"
+    machine = interpreted(program.split("\n"), 3, None)
+    found = [(dwell.line, dwell.after, dwell.lasting) for dwell in machine.tracer.dwells]
+    assert found == [(2, 1, 1.5), (3, 1, 0.5), (4, 1, 0.25)]  # before the move of their line
+    assert len(machine.moves) == 2 and machine.ignored == {"G4"}
+    with pytest.raises(ToolpathError, match=r"line 2: P-1: a dwell needs seconds"):
+        interpreted(["G1 X1 F600", "G4 P-1"], 3, None)
+    with pytest.raises(ToolpathError, match=r"line 1: P-1: a dwell needs seconds"):
+        interpreted(["G89 X1 Z-1 R2 P-1 F100"], 3, None)
 
 
 def test_first_lines_only():
