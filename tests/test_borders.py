@@ -21,6 +21,7 @@ ALLOWED = {"jcontour": LIBRARY, "tuning": LIBRARY, "experiments": LIBRARY | APPL
 ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
     "jcontour.compiled": {"numba"},
+    "jcontour.native": {"numba", "llvmlite"},
     "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
@@ -37,7 +38,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("simulation", "riccati"),
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
-        ("geometry", "qp", "plant", "sensors", "tracing", "compiled"),
+        ("geometry", "qp", "native", "plant", "sensors", "tracing", "devices", "compiled"),
     ),
     "experiments": (
         ("cli", "examples"),

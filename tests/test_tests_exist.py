@@ -16,6 +16,10 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/geometry/gcode": "jcontour/geometry/test_gcode.py",
     # what readers of drawings are made of
     "jcontour/geometry/drawings": "jcontour/geometry/drawings/test_dxf.py",
+    # loops for the CPU, beside what they do faster
+    "jcontour/native/staged.py": "jcontour/qp/test_native.py",
+    "jcontour/native/interior_point.py": "jcontour/qp/test_native.py",
+    "jcontour/qp/path.py": "jcontour/qp/test_interior_point.py",
     # the parts of a planned motion
     "jcontour/motion/jerk_limited": "jcontour/motion/jerk_limited/test_planning.py",
     "jcontour/geometry/csv_points.py": "jcontour/geometry/test_toolpaths.py",

@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.devices import on_gpu
 from jcontour.guarantees.disturbed_loop import DisturbedLoop
 from jcontour.guarantees.worst_cases import PeakValues, WorstCase
-from jcontour.kernels.dispatch import on_gpu
 from tuning.loops import Looked
 from tuning.objectives import LEAST, logarithm
 from tuning.outcome import Outcome

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.kernels.dispatch import on_gpu
+from jcontour.devices import on_gpu
 
 FEWEST, MOST = 3, 20  # repetitions of a timed call
 SECONDS = 1.0  # that the repetitions may take together

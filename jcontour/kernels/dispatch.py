@@ -5,10 +5,9 @@ A CPU therefore never loads the GPU's kernels.
 
 import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+from jcontour.devices import number_size, on_gpu
 from jcontour.linear.plant import Pattern, decoupled_axes
 from jcontour.tracing import is_concrete
 
@@ -28,20 +27,12 @@ SHORTEST_WINDOW = {"cpu": 80, "gpu": 150, "lanes": 500}
 LONGEST_ROW = 100
 
 
-def on_gpu() -> bool:
-    """Whether a GPU is what JAX computes on, unless the default device says otherwise."""
-    chosen = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    return jax.default_backend() == "gpu" and (
-        chosen is None or getattr(chosen, "platform", chosen) in ("gpu", "cuda")
-    )
-
-
 def suits_lanes(pattern: Pattern, *arrays) -> bool:
     """Whether the GPU kernels take a plant and numbers of these types.
 
     The sweep in XLA takes all.
     """
-    size = _number_size(arrays)
+    size = number_size(arrays)
     if not on_gpu() or size is None:
         return False
     n = len(pattern.A)
@@ -52,7 +43,7 @@ def suits_lanes(pattern: Pattern, *arrays) -> bool:
 def suits_loop(pattern: Pattern, *arrays) -> bool:
     """Whether the GPU's kernel of the closed loop takes a plant and numbers of these types."""
     non_zeros = sum(sum(map(sum, matrix)) for matrix in pattern)
-    return on_gpu() and _number_size(arrays) is not None and non_zeros <= MOST_NON_ZEROS
+    return on_gpu() and number_size(arrays) is not None and non_zeros <= MOST_NON_ZEROS
 
 
 def suits_rank_one(pattern: Pattern, preview: int, *arrays) -> bool:
@@ -61,7 +52,7 @@ def suits_rank_one(pattern: Pattern, preview: int, *arrays) -> bool:
     The axes have to be decoupled, with one output each, and the plant too large for `suits_lanes`.
     """
     axes = decoupled_axes(pattern)
-    if not on_gpu() or _number_size(arrays) is None or suits_lanes(pattern, *arrays):
+    if not on_gpu() or number_size(arrays) is None or suits_lanes(pattern, *arrays):
         return False
     if preview > LONGEST_SYSTEM:
         return False
@@ -78,14 +69,6 @@ def rank_one_multiplications(pattern: Pattern, preview: int) -> int:
     n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
     triangle = preview * (preview + 1) // 2
     return triangle * (4 * m + preview // 3 + 2 * p) + preview * p * (n + m)
-
-
-def _number_size(arrays) -> int | None:
-    """Bytes of a number; None where the types are not those of the kernels."""
-    types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
-    if types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
-        return None
-    return types.pop().itemsize
 
 
 def multiplications(pattern: Pattern) -> int:

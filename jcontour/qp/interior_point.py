@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from jcontour.devices import suits_native
 from jcontour.qp.one_sided import (
     Changes,
     Limits,
@@ -42,6 +43,16 @@ from jcontour.qp.one_sided import (
     sides,
     softened_slack,
 )
+from jcontour.qp.path import (
+    CLOSE,
+    CLOSEST,
+    FAR,
+    FIRST,
+    INWARD,
+    MISSED,
+    MOST,
+    ROOM,
+)
 from jcontour.qp.staged import (
     StagedQP,
     Trajectory,
@@ -54,15 +65,7 @@ from jcontour.qp.staged import (
     step_of,
 )
 
-MOST = 40  # iterations; 8 to 12 are usual
-CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
-CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation missed
-MISSED = 1e-11  # by this, over the limit's width
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
-INWARD = 0.995  # of the way to the nearest limit
-FAR = 0.5  # part of a predicted step beyond which it is corrected in full
-ROOM = 0.5  # of a limit's width that a slack begins with, at least
-FIRST = 10.0  # first mu, over what the limits could cost each of them
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
 PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
@@ -172,6 +175,10 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Li
 def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
     """Last point of the path, and iterations."""
     limits = _one_sided(qp)
+    if qp.D.shape[0] > 0 and suits_native(qp):
+        from jcontour.native.interior_point import converged
+
+        return converged(qp, limits, guess)
     count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
     first, mu0 = _start(qp, guess, limits, count)
 

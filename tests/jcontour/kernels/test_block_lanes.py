@@ -10,9 +10,9 @@ import pytest
 
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import LQWeights
+from jcontour.devices import on_gpu
 from jcontour.geometry.contours import circle
 from jcontour.kernels.block_lanes import block_plan
-from jcontour.kernels.dispatch import on_gpu
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport
 from jcontour.riccati.blockwise import swept

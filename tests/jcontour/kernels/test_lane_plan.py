@@ -14,9 +14,9 @@ from jcontour.controllers.lq.contouring_lq import (
     OutputTerminal,
     RiccatiTerminal,
 )
+from jcontour.devices import on_gpu
 from jcontour.geometry.contours import circle
 from jcontour.kernels import lane_plan as module
-from jcontour.kernels.dispatch import on_gpu
 from jcontour.kernels.lane_plan import lane_plan
 from jcontour.motion.references import along
 from jcontour.plants import bridgeport

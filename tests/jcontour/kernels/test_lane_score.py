@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.kernels.dispatch import on_gpu
+from jcontour.devices import on_gpu
 from jcontour.kernels.lane_score import lane_score, scanned_score
 
 

@@ -1,0 +1,25 @@
+"""Where JAX computes, and what can be computed there."""
+
+import jax
+import jax.numpy as jnp
+
+
+def on_gpu() -> bool:
+    """Whether a GPU is what JAX computes on, unless the default device says otherwise."""
+    chosen = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    return jax.default_backend() == "gpu" and (
+        chosen is None or getattr(chosen, "platform", chosen) in ("gpu", "cuda")
+    )
+
+
+def number_size(arrays) -> int | None:
+    """Bytes of a number; None where the types are not those of the kernels."""
+    types = {jnp.result_type(leaf) for leaf in jax.tree.leaves(arrays)}
+    if types not in ({jnp.dtype("float32")}, {jnp.dtype("float64")}):
+        return None
+    return types.pop().itemsize
+
+
+def suits_native(*arrays) -> bool:
+    """Whether loops compiled for the CPU (`jcontour.native`) take numbers of these types."""
+    return not on_gpu() and number_size(arrays) == 8

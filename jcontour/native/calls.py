@@ -1,0 +1,143 @@
+"""Calls of Numba's functions from programs of XLA, without a compiler and without Python.
+
+XLA hands over a call frame (its C interface for foreign functions, `xla/ffi/api/c_api.h`, version
+0): a structure with the addresses of the arguments' and the results' numbers and of their extents.
+"""
+
+import ctypes
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numba
+from numba import types
+from numba.extending import intrinsic
+from numba.np.numpy_support import carray
+
+from jcontour.native.lanes import part
+
+# places in the structures [bytes]
+_EXTENSION = 8  # of a call frame
+_INTERFACE = 16
+_ARGUMENTS = 72
+_RESULTS = 112
+_DATA, _RANK, _EXTENTS = 24, 32, 40  # of a buffer
+_KIND, _METADATA = 8, 24  # of an extension
+_MAJOR, _MINOR, _TRAITS = 24, 28, 32  # of metadata
+_OWN_MINOR = 36  # of the interface
+
+_IS_METADATA = 1
+
+_KEPT = {}  # what is compiled, by name: XLA knows but its address
+
+
+def _pointer(number):
+    @intrinsic
+    def pointer(context, address) -> Any:
+        def code(context, builder, signature, values):
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(number)(types.intp), code
+
+    return pointer
+
+
+_floats, _longs, _ints = (_pointer(kind) for kind in (types.float64, types.int64, types.int32))
+
+
+@part
+def _long(address):
+    return carray(_longs(address), 1)[0]
+
+
+@part
+def asks(frame):
+    """Whether a frame only asks for the version; it is answered."""
+    extension = _long(frame + _EXTENSION)
+    if extension == 0 or carray(_ints(extension + _KIND), 1)[0] != _IS_METADATA:
+        return False
+    metadata = _long(extension + _METADATA)
+    own = carray(_ints(_long(frame + _INTERFACE) + _OWN_MINOR), 1)[0]
+    carray(_ints(metadata + _MAJOR), 1)[0] = 0
+    carray(_ints(metadata + _MINOR), 1)[0] = own  # minor versions only add
+    carray(_ints(metadata + _TRAITS), 1)[0] = 0
+    return True
+
+
+@part
+def _extents(buffer):
+    return carray(_longs(_long(buffer + _EXTENTS)), _long(buffer + _RANK))
+
+
+@part
+def _numbers(buffer):
+    size = 1
+    for extent in _extents(buffer):
+        size *= extent
+    return carray(_floats(_long(buffer + _DATA)), size)
+
+
+@part
+def extent(frame, k, back):
+    """Extent of an argument, counted from its last axis, which is 1."""
+    found = _extents(_long(_long(frame + _ARGUMENTS) + 8 * k))
+    return found[len(found) - back]
+
+
+@part
+def argument(frame, k):
+    """Numbers of an argument (float64), flat."""
+    return _numbers(_long(_long(frame + _ARGUMENTS) + 8 * k))
+
+
+@part
+def result(frame, k):
+    """Numbers of a result (float64), flat, to be written."""
+    return _numbers(_long(_long(frame + _RESULTS) + 8 * k))
+
+
+def native_call(name: str) -> Callable[[Callable], Callable]:
+    """Decorator: a function of a call frame, compiled, that XLA knows by a name on the CPU.
+
+    The function returns zero at once where `asks` answers; else it reads its arguments by
+    `argument` and `extent`, and writes every number of its results. What it becomes is called with
+    shapes of the results, all of float64, and arrays; a `vmap` hands over one more axis in front of
+    every argument and result.
+    """
+
+    def known(function: Callable) -> Callable:
+        _KEPT[name] = _compiled_call(inspect.unwrap(function))
+        address = ctypes.c_void_p(_KEPT[name].address)
+        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
+
+        def call(results, *arrays):
+            return jax.ffi.ffi_call(name, results, vmap_method="broadcast_all")(*arrays)
+
+        return call
+
+    return known
+
+
+def _compiled_call(function: Callable):
+    kind = types.intp(types.intp)
+    try:
+        return numba.cfunc(kind, cache=True)(function)
+    except RuntimeError:  # Numba found no place for its cache
+        return numba.cfunc(kind)(function)
+
+
+def drop_stale(folder: Path) -> None:
+    """Delete what Numba has kept of a folder's modules from before one of them was changed.
+
+    Numba looks at a function's own file, not at the files of what is compiled into it.
+    """
+    sources = folder.glob("*.py")
+    changed = max(source.stat().st_mtime for source in sources)
+    for kept in (folder / "__pycache__").glob("*.nb[ic]"):
+        if kept.stat().st_mtime < changed:
+            kept.unlink(missing_ok=True)
+
+
+drop_stale(Path(__file__).parent)

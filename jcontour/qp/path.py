@@ -1,0 +1,10 @@
+"""Numbers of the path of `interior_point`: where it begins, how far a step goes, where it ends."""
+
+MOST = 40  # iterations; 8 to 12 are usual
+CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
+CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation missed
+MISSED = 1e-11  # by this, over the limit's width
+INWARD = 0.995  # of the way to the nearest limit
+FAR = 0.5  # part of a predicted step beyond which it is corrected in full
+ROOM = 0.5  # of a limit's width that a slack begins with, at least
+FIRST = 10.0  # first mu, over what the limits could cost each of them

@@ -1,0 +1,25 @@
+"""Where JAX computes, and with what numbers."""
+
+import jax
+import jax.numpy as jnp
+
+from jcontour import devices
+
+
+def test_the_device_is_that_of_jax():
+    assert devices.on_gpu() == (jax.default_backend() == "gpu")
+
+
+def test_numbers_of_one_type():
+    assert devices.number_size(jnp.zeros(2)) == 8
+    assert devices.number_size([jnp.zeros(2, jnp.float32)]) == 4
+    assert devices.number_size([jnp.zeros(2), jnp.zeros(2, jnp.float32)]) is None
+    assert devices.number_size(jnp.zeros(2, int)) is None
+
+
+def test_loops_for_the_cpu_take_float64_there_alone(monkeypatch):
+    monkeypatch.setattr(devices, "on_gpu", lambda: False)
+    assert devices.suits_native(jnp.zeros(2))
+    assert not devices.suits_native(jnp.zeros(2, jnp.float32))
+    monkeypatch.setattr(devices, "on_gpu", lambda: True)
+    assert not devices.suits_native(jnp.zeros(2))
