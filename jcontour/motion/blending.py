@@ -73,7 +73,7 @@ class BlendedPath:
     def true_arc(self, arc: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
         """Arc length on the true contour [m] that belongs to one on the path."""
         mask = np.asarray(self.path.mask)
-        starts = np.append(np.asarray(self.path.start)[mask], float(self.path.length))
+        starts = np.append(0.0, np.cumsum(np.asarray(self.path.extent)[mask]))
         return np.interp(arc, starts, self.place)
 
 

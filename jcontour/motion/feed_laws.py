@@ -141,8 +141,8 @@ def trapezoidal(
     rows = _rows(steps, acceleration, acceleration_limit)
     nodes = _forward(steps, rows, _backward(steps, rows, nodes))
     profile = _profile(steps, ceiling, nodes, rows)
-    places = _cumulated(np.asarray(contour.extent)[_used(contour)])[stops + 1]
-    return _sampled(*profile, float(contour.length), dt, places, rest[stops])
+    places = _cumulated(np.asarray(contour.extent)[_used(contour)])
+    return _sampled(*profile, float(places[-1]), dt, places[stops + 1], rest[stops])
 
 
 class _Steps(NamedTuple):

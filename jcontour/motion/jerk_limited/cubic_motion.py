@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import make_interp_spline
 
+from jcontour.compiled import compiled
+
 # of a stretch: where a ramp ends, and the two halves of it
 RAMP = 0.5
 NEWTON_STEPS = 60
@@ -46,20 +48,40 @@ class CubicMotion(NamedTuple):
         return self.on_cell(cell, time - self.time[cell])
 
     def reached(self, arc: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-        """Times at which arc lengths [m] are reached, by bisection and Newton's method."""
+        """Times at which arc lengths [m] are reached."""
         starts = self.coefficients[:, 0]
         cell = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, starts.size - 1)
-        low, high = np.zeros(arc.size), np.diff(self.time)[cell]
+        return self.time[cell] + _elapsed(self.coefficients[cell], np.diff(self.time)[cell], arc)
+
+
+@compiled
+def _elapsed(
+    coefficients: Float[np.ndarray, "k 4"],
+    lasting: Float[np.ndarray, " k"],
+    arc: Float[np.ndarray, " k"],
+) -> Float[np.ndarray, " k"]:
+    """Times since the beginning of cubics at which arc lengths are reached.
+
+    By Newton's method, and bisection where it leaves the interval.
+    """
+    found = np.empty(arc.size)
+    for i in range(arc.size):
+        s, v, a, j = coefficients[i]
+        low, high = 0.0, lasting[i]
         t = 0.5 * high
         for _ in range(NEWTON_STEPS):
-            here = self.on_cell(cell, t)
-            late = here.arc > arc
-            low, high = np.where(late, low, t), np.where(late, t, high)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                newton = t - (here.arc - arc) / here.speed
-            inside = (newton > low) & (newton < high)
-            t = np.where(inside, newton, 0.5 * (low + high))
-        return self.time[cell] + t
+            beyond = s + t * (v + t * (a + t * j)) - arc[i]
+            if beyond > 0:
+                high = t
+            else:
+                low = t
+            speed, before = v + t * (2 * a + 3 * t * j), t
+            newton = t - beyond / speed if speed > 0 else low
+            t = newton if low < newton < high else 0.5 * (low + high)
+            if t == before:
+                break
+        found[i] = t
+    return found
 
 
 def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> CubicMotion:

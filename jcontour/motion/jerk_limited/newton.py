@@ -26,8 +26,9 @@ JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
 
 
 @compiled
-def _dot(row: np.ndarray, c: np.ndarray, first: int) -> float:
-    return row[0] * c[first] + row[1] * c[first + 1] + row[2] * c[first + 2]
+def _dot(rows: np.ndarray, i: int, r: int, c: np.ndarray, first: int) -> float:
+    """Row r of cell i times its window of c; a view of the row would cost more than the product."""
+    return rows[i, r, 0] * c[first] + rows[i, r, 1] * c[first + 1] + rows[i, r, 2] * c[first + 2]
 
 
 @compiled
@@ -42,33 +43,71 @@ def fill_values(
     sides = parts.jerk.shape[1]
     axes = sides // POINTS
     for i in range(first.size):
-        room[i, 0] = _dot(parts.middle[i, 0], c, first[i])
+        room[i, 0] = _dot(parts.middle, i, 0, c, first[i])
         for p in range(POINTS):
-            u[i, p] = _dot(parts.square[i, p], c, first[i])
-            room[i, 1 + p] = 1.0 - _dot(parts.speed[i, p], c, first[i])
+            u[i, p] = _dot(parts.square, i, p, c, first[i])
+            room[i, 1 + p] = 1.0 - _dot(parts.speed, i, p, c, first[i])
         for r in range(sides):
             k = 1 + POINTS + r
-            pushed = _dot(parts.acceleration[i, r], c, first[i])
+            pushed = _dot(parts.acceleration, i, r, c, first[i])
             room[i, k], room[i, k + sides] = 1.0 - pushed, 1.0 + pushed
-            jerked, bound = _dot(parts.jerk[i, r], c, first[i]), 1.0 / np.sqrt(u[i, r // axes])
+            jerked, bound = _dot(parts.jerk, i, r, c, first[i]), 1.0 / np.sqrt(u[i, r // axes])
             room[i, k + 2 * sides], room[i, k + 3 * sides] = bound - jerked, bound + jerked
 
 
 @compiled
-def _fill_gradient(parts: Conditions, i: int, u: np.ndarray, g: np.ndarray) -> None:
-    """Gradients of all rooms of cell i in its window, (K, 3)."""
+def _add_rows(
+    rows: np.ndarray,
+    i: int,
+    held: np.ndarray,
+    pull: np.ndarray,
+    at: int,
+    band: np.ndarray,
+    right: np.ndarray,
+) -> None:
+    """Add held g g' to the equations and pull g to their right side, for all rows g of cell i."""
+    a = b = c = d = e = f = x = y = z = 0.0
+    for r in range(rows.shape[1]):
+        first, second, third, weight = rows[i, r, 0], rows[i, r, 1], rows[i, r, 2], held[r]
+        a += weight * first * first
+        b += weight * first * second
+        c += weight * first * third
+        d += weight * second * second
+        e += weight * second * third
+        f += weight * third * third
+        x += pull[r] * first
+        y += pull[r] * second
+        z += pull[r] * third
+    band[2, at] += a
+    band[1, at + 1] += b
+    band[0, at + 2] += c
+    band[2, at + 1] += d
+    band[1, at + 2] += e
+    band[2, at + 2] += f
+    right[at] += x
+    right[at + 1] += y
+    right[at + 2] += z
+
+
+@compiled
+def _fill_gradients(parts: Conditions, i: int, u: np.ndarray, g: np.ndarray) -> None:
+    """Gradients of all rooms of cell i in its window, (1, K, 3)."""
     sides = parts.jerk.shape[1]
     axes = sides // POINTS
     for b in range(3):
-        g[0, b] = parts.middle[i, 0, b]
+        g[0, 0, b] = parts.middle[i, 0, b]
         for p in range(POINTS):
-            g[1 + p, b] = -parts.speed[i, p, b]
-        for r in range(sides):
-            k, p = 1 + POINTS + r, r // axes
-            pushed, jerked = parts.acceleration[i, r, b], parts.jerk[i, r, b]
-            g[k, b], g[k + sides, b] = -pushed, pushed
-            falling = -0.5 * parts.square[i, p, b] / (u[p] * np.sqrt(u[p]))
-            g[k + 2 * sides, b], g[k + 3 * sides, b] = falling - jerked, falling + jerked
+            g[0, 1 + p, b] = -parts.speed[i, p, b]
+    for p in range(POINTS):
+        slope = -0.5 / (u[i, p] * np.sqrt(u[i, p]))
+        for r in range(p * axes, (p + 1) * axes):
+            k = 1 + POINTS + r
+            for b in range(3):
+                pushed, jerked = parts.acceleration[i, r, b], parts.jerk[i, r, b]
+                falling = slope * parts.square[i, p, b]
+                g[0, k, b], g[0, k + sides, b] = -pushed, pushed
+                g[0, k + 2 * sides, b] = falling - jerked
+                g[0, k + 3 * sides, b] = falling + jerked
 
 
 @compiled
@@ -83,39 +122,67 @@ def _fill_equations(
     right: np.ndarray,
     slope: np.ndarray,
 ) -> None:
-    g = np.empty((room.shape[1], 3))
+    band[:], right[:], slope[:] = 0.0, 0.0, 0.0
+    count = room.shape[1]
+    g, held, pull = np.empty((1, count, 3)), np.empty(count), np.empty(count)
+    bend, speeding = np.empty(POINTS), np.empty(POINTS)
     for i in range(first.size):
-        _fill_gradient(parts, i, u[i], g)
+        _fill_gradients(parts, i, u, g)
+        for k in range(count):
+            inverse = 1.0 / room[i, k]
+            held[k], pull[k] = z[i, k] * inverse, mu * inverse
+        _add_rows(g, 0, held, pull, first[i], band, right)
         for p in range(POINTS):
-            speeding = 0.5 * parts.weight[i, p] / (u[i, p] * np.sqrt(u[i, p]))
-            for a in range(3):
-                slope[i, a] -= speeding * parts.square[i, p, a]
-                for b in range(a, 3):
-                    bend = 1.5 * speeding / u[i, p] * parts.square[i, p, a] * parts.square[i, p, b]
-                    band[2 - (b - a), first[i] + b] += bend
-        for a in range(3):
-            right[first[i] + a] -= slope[i, a]
-        for k in range(room.shape[1]):
-            held, pull = z[i, k] / room[i, k], mu / room[i, k]
-            for a in range(3):
-                right[first[i] + a] += pull * g[k, a]
-                for b in range(a, 3):
-                    band[2 - (b - a), first[i] + b] += held * g[k, a] * g[k, b]
+            speeding[p] = 0.5 * parts.weight[i, p] / (u[i, p] * np.sqrt(u[i, p]))
+            bend[p] = 1.5 * speeding[p] / u[i, p]
+            for b in range(3):
+                slope[first[i] + b] -= speeding[p] * parts.square[i, p, b]
+        _add_rows(parts.square, i, bend, speeding, first[i], band, right)
 
 
 @compiled
 def _fill_change(
+    parts: Conditions, i: int, first: int, u: np.ndarray, step: np.ndarray, changed: np.ndarray
+) -> None:
+    """How much a step changes the rooms of cell i (K,)."""
+    sides = parts.jerk.shape[1]
+    axes = sides // POINTS
+    changed[0] = _dot(parts.middle, i, 0, step, first)
+    for p in range(POINTS):
+        changed[1 + p] = -_dot(parts.speed, i, p, step, first)
+        slope = -0.5 / (u[i, p] * np.sqrt(u[i, p]))
+        falling = slope * _dot(parts.square, i, p, step, first)
+        for r in range(p * axes, (p + 1) * axes):
+            k = 1 + POINTS + r
+            pushed = _dot(parts.acceleration, i, r, step, first)
+            jerked = _dot(parts.jerk, i, r, step, first)
+            changed[k], changed[k + sides] = -pushed, pushed
+            changed[k + 2 * sides], changed[k + 3 * sides] = falling - jerked, falling + jerked
+
+
+@compiled
+def _fill_duals(
     parts: Conditions,
     first: Int[np.ndarray, " n"],
     u: np.ndarray,
+    room: np.ndarray,
+    z: np.ndarray,
+    mu: float,
     step: np.ndarray,
-    changed: np.ndarray,
-) -> None:
-    g = np.empty((changed.shape[1], 3))
+    dual: np.ndarray,
+) -> tuple[float, float]:
+    """Write the step of the multipliers; how much of both steps can be made until one meets 0."""
+    changed = np.empty(room.shape[1])
+    most, most_dual = np.inf, np.inf
     for i in range(first.size):
-        _fill_gradient(parts, i, u[i], g)
-        for k in range(changed.shape[1]):
-            changed[i, k] = _dot(g[k], step, first[i])
+        _fill_change(parts, i, first[i], u, step, changed)
+        for k in range(room.shape[1]):
+            if -changed[k] * most > room[i, k]:
+                most = -room[i, k] / changed[k]
+            dual[i, k] = (mu - z[i, k] * changed[k]) / room[i, k] - z[i, k]
+            if -dual[i, k] * most_dual > z[i, k]:
+                most_dual = -z[i, k] / dual[i, k]
+    return most, most_dual
 
 
 @compiled
@@ -151,17 +218,6 @@ def _solve_equations(band: np.ndarray, right: np.ndarray) -> None:
 
 
 @compiled
-def _reach(values: np.ndarray, change: np.ndarray) -> float:
-    """How much of a change can be made until a value meets zero."""
-    most = np.inf
-    for i in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            if change[i, k] < 0:
-                most = min(most, -values[i, k] / change[i, k])
-    return most
-
-
-@compiled
 def _centring(moved: float, gain: float) -> float:
     """Factor on mu: small where Newton's step was taken whole, near one while far from the path."""
     if gain > 0.3:
@@ -184,7 +240,7 @@ def solve(
     rows = 1 + POINTS + 4 * sides
     u, room = np.empty((n, POINTS)), np.empty((n, rows))
     ahead, beyond = np.empty((n, POINTS)), np.empty((n, rows))
-    change, dual, slope = np.empty((n, rows)), np.empty((n, rows)), np.empty((n, POINTS))
+    dual, slope = np.empty((n, rows)), np.empty(n)
     band, step = np.empty((POINTS, n)), np.empty(n)
     fill_values(parts, first, c, u, room)
     duration = np.sum(parts.weight / np.sqrt(u))
@@ -192,16 +248,12 @@ def solve(
     z = mu / room
     gap = mu * room.size
     for _ in range(STEPS):
-        band[:], step[:], slope[:] = 0.0, 0.0, 0.0
         _fill_equations(parts, first, u, room, z, mu, band, step, slope)
         _solve_equations(band, step)
-        gain = 0.0
-        for i in range(n):
-            gain -= _dot(slope[i], step, first[i])
-        _fill_change(parts, first, u, step, change)
-        moved = min(1.0, TO_THE_BOUND * _reach(room, change))
-        dual[:] = (mu - z * change) / room - z
-        z += min(1.0, TO_THE_BOUND * _reach(z, dual)) * dual
+        gain = -np.sum(slope * step)
+        reach, dual_reach = _fill_duals(parts, first, u, room, z, mu, step, dual)
+        moved = min(1.0, TO_THE_BOUND * reach)
+        z += min(1.0, TO_THE_BOUND * dual_reach) * dual
         fill_values(parts, first, c + moved * step, ahead, beyond)
         if not beyond.min() > 0:  # at rounding: what was found is within all conditions
             return gap
