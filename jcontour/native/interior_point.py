@@ -1,10 +1,8 @@
 """Iterations of `jcontour.qp.interior_point` on the CPU, eight problems at a time.
 
-The equations, the order and the tests of the readable solver, with every loop over stages in one
-call: one thirtieth part of the operations that XLA calls one by one.
+The equations, the order and the tests of the readable solver, with all loops over stages in one
+call. XLA would call each small operation in them by itself.
 """
-
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,19 +14,33 @@ from jcontour.native.lanes import (
     WIDTH,
     fma,
     gathered,
+    least,
     load,
+    most,
     part,
     scatter,
     spread,
     store,
     where_less,
 )
+from jcontour.native.one_sided import (
+    Limits,
+    Linear,
+    Slacks,
+    both_sides,
+    changes,
+    correct,
+    counted,
+    gap_ahead,
+    go,
+    linearise,
+    progress,
+)
 from jcontour.native.staged import (
     Factors,
     Path,
     Problem,
     Sizes,
-    add_row,
     factorise,
     move,
     non_zeros,
@@ -51,67 +63,6 @@ from jcontour.qp.path import (
 from jcontour.qp.staged import Trajectory
 
 TINY = float(np.finfo(float).tiny ** 0.5)
-
-
-class Limits(NamedTuple):
-    """Limits of eight problems as one-sided ones, as in the readable solver.
-
-    `there` and `gives` are 1 or 0, `number` counts limits, `some_give` is whether any gives way.
-    """
-
-    bound: np.ndarray
-    there: np.ndarray
-    gives: np.ndarray
-    price: np.ndarray
-    width: np.ndarray
-    number: np.ndarray
-    some_give: bool
-
-
-class Slacks(NamedTuple):
-    """s, l, t and g of every limit, or what changes them."""
-
-    s: np.ndarray
-    l: np.ndarray  # noqa: E741
-    t: np.ndarray
-    g: np.ndarray
-
-
-class Linear(NamedTuple):
-    """Newton's equations of every limit: inverses, W, what is missed, and the right sides."""
-
-    over_s: np.ndarray
-    over_l: np.ndarray
-    over_t: np.ndarray
-    over_g: np.ndarray
-    weight: np.ndarray
-    missed: np.ndarray
-    price_missed: np.ndarray
-    pushed: np.ndarray
-    c1: np.ndarray
-    c2: np.ndarray
-
-
-@part
-def _least(one, other):
-    return where_less(other, one, other, one)
-
-
-@part
-def _most(one, other):
-    return where_less(one, other, other, one)
-
-
-@part
-def _counted(there, gives, size):
-    """Number of limits of every lane, at least 1, and whether any gives way."""
-    number, some = np.zeros(WIDTH), False
-    for k in range(size):
-        for lane in range(WIDTH):
-            number[lane] += there[k * WIDTH + lane]
-            some = some or gives[k * WIDTH + lane] > 0.5
-    store(number, 0, _most(load(number, 0), spread(1.0)))
-    return number, some
 
 
 @part
@@ -139,9 +90,9 @@ def _begin(problem, sizes, limits, path, step, slope, factors, now):
         left = slack - sign * row_of(problem, sizes, step, j, row)
         store(room, k, left)
         inside = where_less(half, there, inside * where_less(zero, left, one, zero), inside)
-        s = where_less(half, there, _most(slack, spread(ROOM) * load(limits.width, k)), one)
+        s = where_less(half, there, most(slack, spread(ROOM) * load(limits.width, k)), one)
         price, l = load(limits.price, k), where_less(half, there, mu / s, zero)  # noqa: E741
-        l = where_less(half, gives, _least(l, half * price), l)  # noqa: E741
+        l = where_less(half, gives, least(l, half * price), l)  # noqa: E741
         g = where_less(half, gives, price - l, one)
         store(now.s, k, s)
         store(now.l, k, l)
@@ -158,151 +109,11 @@ def _begin(problem, sizes, limits, path, step, slope, factors, now):
 
 
 @part
-def _progress(problem, sizes, limits, path, now, linear):
-    """The path's mu, and the largest miss of a limit's equation; each miss is kept."""
-    half, zero, one = spread(0.5), spread(0.0), spread(1.0)
-    N, r = sizes.N, sizes.r
-    gap, largest = zero, zero
-    for k in range(2 * N * r):
-        sign = one if k < N * r else spread(-1.0)
-        s, t = load(now.s, k), load(now.t, k)
-        gap = gap + s * load(now.l, k) + t * load(now.g, k)
-        value = sign * row_of(problem, sizes, path, k // r % N, k % r)
-        missed = where_less(
-            half, load(limits.there, k), s + value - t - load(limits.bound, k), zero
-        )
-        store(linear.missed, k, missed)
-        largest = _most(largest, _most(missed, zero - missed) / load(limits.width, k))
-    return gap / load(limits.number, 0), largest
-
-
-@part
-def _linearise(problem, sizes, limits, now, linear, right):
-    """Inverses, W and the predictor's right side, the slope of the cost being in it already."""
-    half, zero, one = spread(0.5), spread(0.0), spread(1.0)
-    N, r = sizes.N, sizes.r
-    for k in range(2 * N * r):
-        there = load(limits.there, k)
-        s, l = load(now.s, k), load(now.l, k)  # noqa: E741
-        over_l = where_less(half, there, one / l, zero)
-        store(linear.over_s, k, one / s)
-        store(linear.over_l, k, over_l)
-        slack, more, c1, c2 = s, zero, s * l, zero
-        if limits.some_give:
-            gives, t, g = load(limits.gives, k), load(now.t, k), load(now.g, k)
-            over_g = where_less(half, gives, one / g, zero)
-            price_missed = where_less(half, gives, l + g - load(limits.price, k), zero)
-            store(linear.over_t, k, where_less(half, gives, one / t, zero))
-            store(linear.over_g, k, over_g)
-            store(linear.price_missed, k, price_missed)
-            c2 = where_less(half, gives, t * g, zero)
-            slack = s + t * over_g * l
-            more = (c2 - t * price_missed) * over_g
-        weight = where_less(half, there, l / slack, zero)
-        pushed = where_less(half, there, load(linear.missed, k) - c1 * over_l + more, zero)
-        store(linear.weight, k, weight)
-        store(linear.pushed, k, pushed)
-        store(linear.c1, k, c1)
-        store(linear.c2, k, c2)
-        _push(problem, sizes, right, k, l + weight * pushed)
-
-
-@part
-def _push(problem, sizes, right, k, multiplier):
-    """Add what a limit's multiplier pulls to a slope."""
-    sign = spread(1.0) if k < sizes.N * sizes.r else spread(-1.0)
-    add_row(problem, sizes, right, k // sizes.r % sizes.N, k % sizes.r, sign * multiplier)
-
-
-@part
-def _changes(problem, sizes, limits, now, linear, step, change):
-    """Changes of slacks and multipliers with a step: the part of it that keeps them positive."""
-    half, zero, one = spread(0.5), spread(0.0), spread(1.0)
-    N, r = sizes.N, sizes.r
-    nearest = one  # inverse of the part
-    for k in range(2 * N * r):
-        sign = one if k < N * r else spread(-1.0)
-        there, s = load(limits.there, k), load(now.s, k)
-        over_l, weight = load(linear.over_l, k), load(linear.weight, k)
-        value = sign * row_of(problem, sizes, step, k // r % N, k % r)
-        dl = weight * (where_less(half, there, value, zero) + load(linear.pushed, k))
-        ds = zero - (load(linear.c1, k) + s * dl) * over_l
-        store(change.s, k, ds)
-        store(change.l, k, dl)
-        nearest = _most(nearest, where_less(half, there, zero - ds * load(linear.over_s, k), zero))
-        nearest = _most(nearest, zero - dl * over_l)
-        if limits.some_give:
-            over_g, gives = load(linear.over_g, k), load(limits.gives, k)
-            dg = where_less(half, gives, zero - load(linear.price_missed, k) - dl, zero)
-            dt = zero - (load(linear.c2, k) + load(now.t, k) * dg) * over_g
-            store(change.t, k, dt)
-            store(change.g, k, dg)
-            nearest = _most(nearest, zero - dt * load(linear.over_t, k))
-            nearest = _most(nearest, zero - dg * over_g)
-    return one / nearest
-
-
-@part
-def _gap_ahead(limits, now, change, far, size):
-    """Sum of s l and t g after a part of the changes."""
-    gap = spread(0.0)
-    for k in range(size):
-        s = fma(far, load(change.s, k), load(now.s, k))
-        gap = fma(s, fma(far, load(change.l, k), load(now.l, k)), gap)
-        if limits.some_give:
-            t = fma(far, load(change.t, k), load(now.t, k))
-            gap = fma(t, fma(far, load(change.g, k), load(now.g, k)), gap)
-    return gap
-
-
-@part
-def _correct(problem, sizes, limits, now, linear, change, target, share, right):
-    """The corrector's right side, the slope of the cost being in it already."""
-    half, zero = spread(0.5), spread(0.0)
-    for k in range(2 * sizes.N * sizes.r):
-        there, l = load(limits.there, k), load(now.l, k)  # noqa: E741
-        product = load(now.s, k) * l + share * load(change.s, k) * load(change.l, k)
-        c1, c2, more = where_less(half, there, product - target, zero), zero, zero
-        if limits.some_give:
-            t = load(now.t, k)
-            product = t * load(now.g, k) + share * load(change.t, k) * load(change.g, k)
-            c2 = where_less(half, load(limits.gives, k), product - target, zero)
-            more = (c2 - t * load(linear.price_missed, k)) * load(linear.over_g, k)
-        pushed = load(linear.missed, k) - c1 * load(linear.over_l, k) + more
-        pushed = where_less(half, there, pushed, zero)
-        store(linear.c1, k, c1)
-        store(linear.c2, k, c2)
-        store(linear.pushed, k, pushed)
-        _push(problem, sizes, right, k, l + load(linear.weight, k) * pushed)
-
-
-@part
-def _go(limits, now, change, far, moves, size):
-    """Change slacks and multipliers by a part where `moves` is 1."""
-    half = spread(0.5)
-    for k in range(size):
-        s, l = load(now.s, k), load(now.l, k)  # noqa: E741
-        store(now.s, k, where_less(half, moves, fma(far, load(change.s, k), s), s))
-        store(now.l, k, where_less(half, moves, fma(far, load(change.l, k), l), l))
-        if limits.some_give:
-            t, g = load(now.t, k), load(now.g, k)
-            store(now.t, k, where_less(half, moves, fma(far, load(change.t, k), t), t))
-            store(now.g, k, where_less(half, moves, fma(far, load(change.g, k), g), g))
-
-
-@part
 def _any(flags):
     found = False
     for lane in range(WIDTH):
         found = found or flags[lane] > 0.5
     return found
-
-
-@part
-def _both_sides(linear, both, half_size):
-    """W of the upper limits and of the lower ones together."""
-    for k in range(half_size):
-        store(both, k, load(linear.weight, k) + load(linear.weight, half_size + k))
 
 
 @part
@@ -349,7 +160,7 @@ def _iterate(problem, sizes, limits, path, now, iterations):
     number, goes_on, unfinished = load(limits.number, 0), one, np.empty(WIDTH)
     largest = _begin(problem, sizes, limits, path, step, slope, factors, now)
     for _ in range(MOST):
-        mu, missed = _progress(problem, sizes, limits, path, now, linear)
+        mu, missed = progress(problem, sizes, limits, path, now, linear)
         later = where_less(spread(MISSED), missed, one, zero)
         later = where_less(spread(CLOSEST) * largest, mu, later, zero)
         open_ = where_less(spread(CLOSE) * largest, mu, one, later) * goes_on
@@ -359,30 +170,30 @@ def _iterate(problem, sizes, limits, path, now, iterations):
         store(iterations, 0, load(iterations, 0) + open_)
         slope_at(problem, sizes, path, slope)
         _copy(slope, right, N * v, n)
-        _linearise(problem, sizes, limits, now, linear, right)
-        _both_sides(linear, both, N * sizes.r)
+        linearise(problem, sizes, limits, now, linear, right)
+        both_sides(linear, both, N * sizes.r)
         factorise(problem, sizes, both, factors)
         step_of(problem, sizes, factors, right, step)
-        far = _changes(problem, sizes, limits, now, linear, step, change)
-        left = _gap_ahead(limits, now, change, far, size) / (number * mu)
-        left = _least(_most(left, zero), one)
+        far = changes(problem, sizes, limits, now, linear, step, change)
+        left = gap_ahead(limits, now, change, far, size) / (number * mu)
+        left = least(most(left, zero), one)
         share = where_less(spread(FAR), far, one, far)
         _copy(slope, right, N * v, n)
         target = left * left * left * mu
-        _correct(problem, sizes, limits, now, linear, change, target, share, right)
+        correct(problem, sizes, limits, now, linear, change, target, share, right)
         step_of(problem, sizes, factors, right, step)
-        far = _changes(problem, sizes, limits, now, linear, step, change)
+        far = changes(problem, sizes, limits, now, linear, step, change)
         far = where_less(far, one, spread(INWARD) * far, one)
-        gap = _gap_ahead(limits, now, change, far, size)
+        gap = gap_ahead(limits, now, change, far, size)
         total = gap
         for k in range(N * v):
             total = total + fma(far, load(step.stages, k), load(path.stages, k))
         # inf and NaN less themselves are NaN, which is less than nothing
         goes_on = goes_on * where_less(total - total, one, one, zero)
         moves = open_ * goes_on
-        largest = where_less(half, moves, _most(largest, gap / number), largest)
+        largest = where_less(half, moves, most(largest, gap / number), largest)
         move(path, step, far, moves, N * v, n)
-        _go(limits, now, change, far, moves, size)
+        go(limits, now, change, far, moves, size)
 
 
 @part
@@ -412,7 +223,7 @@ def _problem(frame, sizes, first, count):
 @part
 def _limits(frame, size, first, count):
     there, gives = _of(frame, intp(9), first, count, size), _of(frame, intp(10), first, count, size)
-    number, some_give = _counted(there, gives, size)
+    number, some_give = counted(there, gives, size)
     return Limits(
         _of(frame, intp(8), first, count, size),
         there,

@@ -145,6 +145,18 @@ for _operation, _instruction in (
 
 
 @part
+def least(one, other):
+    """Smaller of two numbers, the first where they cannot be compared."""
+    return where_less(other, one, other, one)
+
+
+@part
+def most(one, other):
+    """Larger of two numbers, the first where they cannot be compared."""
+    return where_less(one, other, other, one)
+
+
+@part
 def gathered(source, first, count, size):
     """Arrays of lanes of the problems from `first` on; the last one fills what is left.
 
