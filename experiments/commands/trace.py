@@ -7,7 +7,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.designs.constrained import Traverser, traverser
+from experiments.designs.constrained import Traverser, traverser, waiting_reference
 from experiments.files.results.stored import write_result
 from experiments.jobs.job import Pace
 from experiments.options import Trace
@@ -19,10 +19,8 @@ from experiments.shared_options import MachineFlags
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
-from jcontour.motion.references import Reference, along
+from jcontour.motion.references import Reference
 from jcontour.simulation.traversal import traversal_score
-
-SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def command(flags: Trace) -> int:
     """The whole command; exit code 1 where the run stopped or did not arrive."""
     machine = machine_named(flags.plant)
     asked = traverser(machine, contour_of(flags), flags)
-    reference, controller = reference_for(asked, flags), asked.controller
+    reference, controller = waiting_reference(asked, 1e-3 * flags.max_speed_mm_s), asked.controller
     controller.initial_memory(reference)  # raises what does not fit before anything is written
     folder = created(flags, "trace")
     with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
@@ -100,13 +98,6 @@ def contour_of(flags: Trace) -> Contour:
     """
     pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named(flags.plant))
     return job_named(flags.contour, pace).contour
-
-
-def reference_for(asked: Traverser, flags: Trace) -> Reference:
-    """The start of the path, for as long as the slowest run may take."""
-    dt, slowest = asked.hosted.plant.dt, SLOWEST * 1e-3 * flags.max_speed_mm_s
-    steps = int(float(asked.contour.length) / slowest / dt) + 1
-    return along(asked.contour, np.zeros(steps), dt, 0, at_rest=True)
 
 
 def _ran(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import ArrayLike
 
 from experiments.machines.machine import Hosted, Machine
 from experiments.options import Trace
@@ -11,17 +12,23 @@ from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController
 from jcontour.host.held import Held
+from jcontour.host.late import OneSampleLate
 from jcontour.host.observed import FilterGain, OffsetFreeGain
 from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay
+from jcontour.motion.feed_laws import constant_feed
+from jcontour.motion.references import Reference, along
 from jcontour.mpc.contouring import MPCC
 from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.mpc.forms import AbsoluteForm, OffsetFreeForm
+from jcontour.mpc.forms import AbsoluteForm, OffsetFreeForm, VelocityForm
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
 from jcontour.qp.solvers import Solver, solver_named
 
 # steps: beyond it a QP takes seconds; the paper has 7, and 30 change little
 LONGEST_HORIZON = 100
+SLOWEST = 0.02  # of the largest speed: a run that takes longer on average has stopped
+SETTLING = 1.0  # [s] that the tool is given after its reference has come to the end
 WEIGHTS = {  # field -> flag
     "contour_error": "q_contour",
     "lag": "q_lag",
@@ -83,7 +90,7 @@ def traverser(machine: Machine, contour: Contour, flags: Trace) -> Traverser:
             its controls and the flags give none.
     """
     hosted = machine.hosted(None if flags.period_ms is None else 1e-3 * flags.period_ms)
-    limit = _control_limit(machine, flags)
+    limit = control_limit(machine, flags.max_control)
     if flags.horizon > LONGEST_HORIZON:
         raise ValueError(
             f"horizon: at most {LONGEST_HORIZON} steps, received {flags.horizon}: a longer one "
@@ -108,11 +115,46 @@ def traverser(machine: Machine, contour: Contour, flags: Trace) -> Traverser:
     return Traverser(machine, hosted, contour, mpcc)
 
 
-def _control_limit(machine: Machine, flags: Trace) -> np.ndarray:
-    given = machine.limits.control if flags.max_control is None else flags.max_control
-    if given is None:
+def control_limit(machine: Machine, given: float | None = None) -> np.ndarray:
+    """Limit on every control: the given one, or the machine's own.
+
+    Raises:
+        ValueError: it is not above zero, or there is neither.
+    """
+    limit = machine.limits.control if given is None else given
+    if limit is None:
         raise ValueError(f"max-control: {machine.name} states no limit on its controls; give one")
-    limit = np.asarray(given, float)
-    if not (np.isfinite(limit) & (limit > 0)).all():
-        raise ValueError(f"max-control: needs to be finite and above zero, received {given}")
-    return limit
+    found = np.asarray(limit, float)
+    if not (np.isfinite(found) & (found > 0)).all():
+        raise ValueError(f"max-control: needs to be finite and above zero, received {limit}")
+    return found
+
+
+def waiting_reference(asked: Traverser, max_speed: float) -> Reference:
+    """The start of the path, for as long as a run may take whose controller chooses its speed."""
+    dt, slowest = asked.hosted.plant.dt, SLOWEST * max_speed
+    steps = int(float(asked.contour.length) / slowest / dt) + 1
+    return along(asked.contour, np.zeros(steps), dt, 0, at_rest=True)
+
+
+def late_tracking(
+    model: LinearPlant, weights: TrackingWeights, horizon: int, limit: ArrayLike
+) -> OneSampleLate:
+    """Tracking MPC in the velocity form, eq. 18 of Lam et al., which answers one sample late.
+
+    Args:
+        model: without the delay that the controller brings.
+        weights: of the cost.
+        horizon: [samples].
+        limit: on every control.
+    """
+    late, limits = with_input_delay(model, 1), Limits.within(control=limit)
+    tracking = TrackingMPC(late, weights, horizon, limits, form=VelocityForm())
+    return OneSampleLate(tracking, late)
+
+
+def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Reference:
+    """Reference for tracking controllers: full speed at once, then at rest at the end."""
+    arc = constant_feed(contour, speed, dt)
+    rest = np.full(int(SETTLING / dt), float(contour.length))
+    return along(contour, np.append(arc, rest), dt, preview, at_rest=True)

@@ -5,12 +5,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jcontour.geometry.contour import Contour
 
 # times step and error: where a tool cuts a corner of 28 degrees, its nearest point jumps so far
 REACH = 8.0
+BLOCK = 1024  # samples: runs end at different ones, and share programs of whole blocks
 END_MARGIN = 0.5e-3  # [m] before the end of the path: there the run counts as done
 
 
@@ -54,17 +55,24 @@ def traversal_score(
             sought around it, which finds its way around sharp corners; without it, it is sought
             around the one before.
     """
-    output = jnp.asarray(output)
+    steps = np.shape(output)[0]
     if progress is None:
-        found = _followed(contour, output, jnp.asarray(float(start)))
+        found = _followed(contour, _whole_blocks(output), jnp.asarray(float(start)))
     else:
-        found = _around(contour, output, jnp.asarray(progress))
-    arc, error = (np.asarray(values) for values in found)
+        found = _around(contour, _whole_blocks(output), _whole_blocks(progress))
+    arc, error = (np.asarray(values)[:steps] for values in found)
     there = np.flatnonzero(arc >= float(contour.length) - margin)
     last = int(there[0]) if there.size else len(arc) - 1
     counted = error[1 : last + 1]
     time = last * dt if there.size else np.nan
     return Score(time, float(np.sqrt(np.mean(counted**2))), float(counted.max()), arc, error)
+
+
+def _whole_blocks(rows: ArrayLike) -> Float[Array, "..."]:
+    """The rows, the last one again and again up to whole blocks."""
+    rows = np.asarray(rows)
+    index = np.minimum(np.arange(-(-len(rows) // BLOCK) * BLOCK), len(rows) - 1)
+    return jnp.asarray(rows[index])
 
 
 @jax.jit

@@ -1,25 +1,21 @@
 """Runs behind Lam's figures: MPCC, MPTC and cascaded PI around one contour, on three machines."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from experiments.designs.constrained import at_speed, late_tracking
 from experiments.papers.lam.result import Point, Trace
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.periodic_splines import polar_lobes
-from jcontour.host.controller import HostController, HostWrapper
+from jcontour.host.controller import HostController
 from jcontour.host.held import Held
 from jcontour.host.loop import Stopped, reported_loop
-from jcontour.linear.plant import LinearPlant
-from jcontour.linear.transformations import with_input_delay
-from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, along
 from jcontour.mpc.contouring import MPCC
 from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.mpc.forms import VelocityForm
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from jcontour.mpc.tracking import TrackingWeights
 from jcontour.plant import Plant
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
 from jcontour.sensors import Sensors
@@ -31,7 +27,6 @@ PERIOD = 4e-3  # [s] of MPCC, MPTC and the slow PI
 HORIZON, LARGEST_CURRENT = 7, 0.5  # section 5; [A]
 LONGEST = 12.0  # [s] beyond which a run counts as one that does not arrive
 ARRIVED = 5e-4  # [m] of arc length before the end: there a trace ends
-SETTLING = 1.0  # [s] that the tool is given after its reference has come to the end
 HEAVIER = 1.1  # inertias and viscous friction of the mismatched machine
 WEAKER = 0.9  # its link and its torque constant
 # Q_t and R_t are not printed: MPCC's own; a decade more or less changes 2 %
@@ -88,12 +83,9 @@ def tracked(
     machine: Plant, contour: Contour, speed: float, weights: TrackingWeights = TRACKING
 ) -> Outcome:
     """MPTC, eq. 18, along a reference that runs at a constant speed from the first sample on."""
-    model = with_input_delay(xy_table(PERIOD), 1)
-    limits = Limits.within(control=LARGEST_CURRENT)
-    tracking = TrackingMPC(model, weights, HORIZON, limits, form=VelocityForm())
-    preview = int(HORIZON * PERIOD / SAMPLE)
-    reference = at_speed(contour, speed, SAMPLE, preview)
-    return _driven(machine, OneSampleLate(tracking, model), reference, contour)
+    controller = late_tracking(xy_table(PERIOD), weights, HORIZON, LARGEST_CURRENT)
+    reference = at_speed(contour, speed, SAMPLE, controller.preview * round(PERIOD / SAMPLE))
+    return _driven(machine, controller, reference, contour)
 
 
 def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
@@ -107,13 +99,6 @@ def cascaded(machine: Plant, contour: Contour, speed: float) -> Outcome:
     return Outcome(rollout, traversal_score(contour, rollout.output, machine.dt), float(limited))
 
 
-def at_speed(contour: Contour, speed: float, dt: float, preview: int) -> Reference:
-    """Reference for tracking controllers: full speed at once, then at rest at the end."""
-    arc = constant_feed(contour, speed, dt)
-    rest = np.full(int(SETTLING / dt), float(contour.length))
-    return along(contour, np.append(arc, rest), dt, preview, at_rest=True)
-
-
 def _driven(
     machine: Plant, controller: HostController, reference: Reference, contour: Contour
 ) -> Outcome:
@@ -123,38 +108,6 @@ def _driven(
         run = stopped.run
     score = traversal_score(contour, run.rollout.output, SAMPLE)
     return Outcome(run.rollout, score, run.report.active_fraction)
-
-
-class LateMemory(NamedTuple):
-    """Memory of the wrapped controller, and the control on its way to the machine."""
-
-    inner: Any
-    waiting: np.ndarray
-
-
-class OneSampleLate(HostWrapper):
-    """A controller that needs its whole period to answer: u(k) acts from k+1 on.
-
-    Args:
-        controller: fed [x, u(k-1)], the state of a model with one sample of input delay.
-        model: that model.
-    """
-
-    def __init__(self, controller: HostController, model: LinearPlant):
-        super().__init__(controller)
-        self.inputs = model.inputs
-
-    def initial_memory(self, reference: Reference) -> LateMemory:
-        """Nothing on its way to the machine."""
-        return LateMemory(self.controller.initial_memory(reference), np.zeros(self.inputs))
-
-    def enter(self, memory: LateMemory, measurement: Any) -> np.ndarray:
-        """The state, and the control that acts now."""
-        return np.concatenate([measurement, memory.waiting])
-
-    def leave(self, memory: LateMemory, fed: Any, inner: Any, control: np.ndarray):
-        """The control found one sample ago acts, the one found now waits."""
-        return LateMemory(inner, control), memory.waiting
 
 
 def point(controller: str, plant: str, setting: str, outcome: Outcome, radius: float) -> Point:

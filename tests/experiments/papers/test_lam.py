@@ -11,13 +11,9 @@ from experiments.papers.lam.claims import CONTROLLERS, MPCC, claims
 from experiments.papers.lam.experiment import Settings, run
 from experiments.papers.lam.figures import along_the_path, contour, draw, trade_off
 from experiments.papers.lam.result import Lobes, Point, Result, Trace
-from experiments.papers.lam.runs import OneSampleLate, lobes, machines, point, traced, tracked
+from experiments.papers.lam.runs import lobes, machines, point, traced, tracked
 from experiments.papers.verdicts import Verdict
 from jcontour.geometry.periodic_splines import polar_lobes
-from jcontour.host.controller import HostController, StepReport
-from jcontour.host.loop import loop
-from jcontour.motion.references import along
-from jcontour.plants.xy_table import xy_table
 
 # computed by a program that shares no code with this project: q_theta -> RMS contour error in % of
 # the largest radius, traversal time [s]
@@ -119,27 +115,6 @@ def test_figures_show_the_numbers():
     np.testing.assert_array_equal(speed.lines[1].get_ydata(), result.traces[1].speed_mm_s)
     enlarged = contour(result).axes[0].lines[1]
     np.testing.assert_allclose(enlarged.get_ydata(), 50 * 0.1 * np.ones(100))
-
-
-@pytest.mark.slow
-def test_one_sample_late_is_late_by_one_sample():
-    class Counting(HostController):
-        preview = 0
-
-        def prepare(self, reference):
-            return None
-
-        def initial_memory(self, reference):
-            return 0
-
-        def step(self, memory, plan, measurement):
-            assert measurement.size == 10 and np.all(measurement[8:] == memory)
-            return memory + 1, np.full(2, memory + 1.0), StepReport()
-
-    machine = xy_table(4e-3)
-    reference = along(lobes(), np.zeros(5), machine.dt, 0, at_rest=True)
-    rollout = loop(machine, OneSampleLate(Counting(), machine), reference)
-    np.testing.assert_array_equal(rollout.control[:, 0], [0, 1, 2, 3, 4])
 
 
 @pytest.mark.slow

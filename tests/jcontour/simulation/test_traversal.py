@@ -53,3 +53,13 @@ def test_around_a_sharp_corner_the_progress_finds_the_way():
     )
     score = traversal_score(contour, tool, 0.001, progress=arc)
     assert score.peak < 1e-9 and np.isfinite(score.time) and np.all(np.diff(score.arc) > -1e-9)
+
+
+@pytest.mark.parametrize("steps", [1023, 1024, 1025])
+def test_samples_around_a_block_of_the_program_count_alike(steps):
+    """Their number is no matter: the tool is off by what its sample says, to the last one."""
+    contour, off = contours.line([0.0, 0.0], [0.1, 0.0]), np.linspace(1e-6, 1e-5, steps)
+    score = traversal_score(contour, np.stack([np.linspace(0, 0.05, steps), off], axis=1), 0.001)
+    np.testing.assert_allclose(score.error, off, rtol=1e-9)
+    assert score.arc.size == steps and score.peak == pytest.approx(1e-5)
+    assert score.rms == pytest.approx(float(np.sqrt(np.mean(off[1:] ** 2))))
