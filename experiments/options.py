@@ -188,7 +188,10 @@ class Rank(Aimed):
 
 @dataclass(frozen=True)
 class Sweep(Spreading):
-    """Evaluate a grid, or a random sample, over weights x preview x contours."""
+    """Evaluate a grid, or a random sample, over weights x preview x contours.
+
+    With --controller mpcc or tracking-mpc: over weights x horizon x speed, each run by itself.
+    """
 
     parts: Positional[tuple[str, ...]] = ()
     """Toolpaths (.ngc, .dxf, .svg, .csv) or names from `jcontour list`.
@@ -198,12 +201,21 @@ class Sweep(Spreading):
     When not given, the first two free weights that are one positive number equal on all axes.
     These go from a tenth to ten times their start."""
     previews: tuple[int, ...] = (5, 10, 20)  # half, once and twice the paper's
-    """Horizons of an LQ controller [samples]; a controller that has none is swept once."""
+    """Horizons of an LQ controller or of predictive control [samples].
+    A controller that has none is swept once."""
+    speeds_mm_s: tuple[float, ...] = ()
+    """Predictive control: speeds along the path [mm/s]; of mpcc the highest ones.
+    The paper's when not given."""
     samples: int = 0  # the grid
     """Random weights between the smallest value above zero and the largest; 0 takes the grid."""
     devices: str = "all"  # every design is computed by itself: no digit depends on it
     """Devices of every host that designs are spread over: `all`, or a number.
     Devices are GPUs, or else cores of the CPU."""
+    workers: int | None = None
+    """Predictive control: processes on this computer that designs are spread over.
+    One for each core when not given, which needs the extra `cluster`; 0 computes in this one."""
+    scheduler: str | None = None
+    """Predictive control: address of a dask scheduler that runs, as tcp://host:8786, instead."""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/reports/figures/linear_axes.py": "experiments/commands/test_identify_linear.py",
     "experiments/reports/identified_tables.py": "experiments/commands/test_identify_linear.py",
     "experiments/files/results/linear_result.py": "experiments/commands/test_identify_linear.py",
+    "experiments/reports/figures/predictive.py": "experiments/commands/test_sweep_predictive.py",
     "experiments/runs/tuning_results.py": "experiments/runs/test_tuning.py",
     "experiments/files/checkpoints.py": "experiments/runs/test_tuning.py",
     "experiments/files/checks.py": "experiments/machines/test_from_file.py",

@@ -53,6 +53,11 @@ CONSTRAINED = {
         "model predictive contouring control (Lam), chooses its own speed: `jcontour trace`",
         "chooses its own speed, nothing is tuned of it",
     ),
+    "tracking-mpc": ConstrainedEntry(
+        "sweep",
+        "tracking MPC at a constant speed (Lam's other one): `jcontour sweep`",
+        "is compared by its horizon and speed, nothing is tuned of it",
+    ),
     "bounded-mpc": ConstrainedEntry(
         "tolerance",
         "predictive control that never leaves a tolerance (Yuan): `jcontour tolerance`",

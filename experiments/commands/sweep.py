@@ -12,7 +12,9 @@ from jaxtyping import Array, Float
 from rich.console import Console
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.commands import sweep_predictive
 from experiments.designs.design import Design, by_name, plain_weights, with_values
+from experiments.designs.predictive import PREDICTIVE
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.files.results.stored import BESIDE_OTHERS, write_result
@@ -21,15 +23,15 @@ from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
 from experiments.options import Sweep
-from experiments.plain_numbers import number_in
 from experiments.reports import tables
 from experiments.reports.figures.png import save_figures
 from experiments.reports.figures.sweep import sweep_figure, worst_errors
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.spreading import batching_of
+from experiments.runs.varied_weights import listed_values, sampled_designs
 from jcontour.simulation.devices import Spread
 from jcontour.simulation.evaluation import Batching
-from tuning.sweep import grid, random_sample, sweep
+from tuning.sweep import sweep
 
 CHUNKS = "parts"  # folder of the chunks inside a run folder
 DIMENSIONS = ("preview", "sample", "contour", "plant")
@@ -97,6 +99,8 @@ class Swept:
 
 def command(flags: Sweep) -> int:
     """Sweep, store and print; exit code."""
+    if _controller(flags) in PREDICTIVE:
+        return sweep_predictive.command(flags)
     with opened(flags, "sweep", swept_of) as (folder, asked):
         dataset = found_along(asked, folder)
         names, error = list(asked.values), asked.machine.error
@@ -115,6 +119,7 @@ def swept_of(flags: Sweep) -> Swept:
     Raises:
         ValueError: a flag, a file or their combination is wrong.
     """
+    _check_flags(flags)
     machine = machine_named(flags.plant)
     pace = Pace.of(flags, machine)
     jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
@@ -124,24 +129,23 @@ def swept_of(flags: Sweep) -> Swept:
     return asked
 
 
+def _controller(flags: Sweep) -> str | None:
+    """Name of the controller, of a run that goes on the stored one."""
+    if flags.resume is None:
+        return flags.controller
+    return run_folder.opened(flags.resume, "sweep")["flags"].get("controller")
+
+
 def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]]:
     """Values of the weights that vary: a grid, or a random sample.
-
-    A random sample lies between the least value above zero and the largest, even in the logarithm.
 
     Raises:
         ValueError: nothing to sweep, or a value is wrong.
     """
-    if not flags.previews or flags.samples < 0:
-        raise ValueError("previews, samples: need at least one preview, and samples of at least 0")
-    varied = dict(map(_listed, flags.vary)) or around_start(design)
-    if not flags.samples:
-        return grid(**varied)
-    ends = {}
-    for name, values in varied.items():
-        positive = [value for value in values if value > 0]
-        ends[name] = (min(positive, default=0.0), max(values))
-    return random_sample(flags.samples, flags.seed, **ends)
+    if not flags.previews:
+        raise ValueError("previews: need at least one")
+    varied = listed_values(flags.vary) or around_start(design)
+    return sampled_designs(varied, flags.samples, flags.seed)
 
 
 def around_start(design: Design) -> dict[str, tuple[float, ...]]:
@@ -174,14 +178,11 @@ def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
     return tuple(dict.fromkeys(previews))
 
 
-def _listed(words: str) -> tuple[str, tuple[float, ...]]:
-    name, _, values = words.partition("=")
-    try:
-        return name, tuple(number_in(value) for value in values.split(","))
-    except ValueError:
-        raise ValueError(
-            f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}"
-        ) from None
+def _check_flags(flags: Sweep) -> None:
+    for name in ("speeds_mm_s", "workers", "scheduler"):
+        if getattr(flags, name) != getattr(Sweep, name):
+            others = ", ".join(PREDICTIVE)
+            raise ValueError(f"{name.replace('_', '-')}: is for --controller {others}")
 
 
 def _check(asked: Swept) -> None:

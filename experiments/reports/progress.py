@@ -1,4 +1,4 @@
-"""The progress bar of a tuning run, with the best that was found so far."""
+"""Progress bars: of a tuning run, with the best that was found so far, and of a count."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,14 +24,8 @@ def progress_of(
     What stays of it in the end says how many points were tried, and no error: that of the result is
     in the tables.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
     last = TuneState()
-    with Progress(*columns, console=console) as bar:
+    with _bar(console, "{task.percentage:>3.0f} %") as bar:
         task = bar.add_task(COMPILING, total=1.0)
 
         def show(state: TuneState) -> None:
@@ -44,6 +38,19 @@ def progress_of(
             yield show
         finally:
             bar.update(task, description=_tried(last))
+
+
+@contextmanager
+def counted(console: Console, total: int) -> Iterator[Callable[[int], None]]:
+    """A bar to tell how many more of a number of runs are done."""
+    with _bar(console, "{task.completed:.0f} of {task.total:.0f}") as bar:
+        task = bar.add_task("runs", total=total)
+        yield lambda more: bar.advance(task, more)
+
+
+def _bar(console: Console, words: str) -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(words))
+    return Progress(*columns, TimeElapsedColumn(), console=console)
 
 
 def progress(state: TuneState, settings: Effort) -> float:

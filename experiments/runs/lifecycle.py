@@ -17,6 +17,7 @@ from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.page.page_data import COMMANDS
 from experiments.shared_options import MachineFlags, Spreading
 
+WHERE = ("json", "devices", "hosts", "workers", "scheduler")  # flags a run may go on with
 F = TypeVar("F", bound=Spreading)
 Kept = TypeVar("Kept")
 Asked = TypeVar("Asked")
@@ -93,7 +94,7 @@ def resumed(flags: F, command: str) -> tuple[Path, F]:
     """
     folder = flags.resume
     assert folder is not None
-    now = {name: getattr(flags, name) for name in ("json", "devices", "hosts")}
+    now = {name: getattr(flags, name) for name in WHERE if hasattr(flags, name)}
     for one in fields(flags):
         if one.name not in ("resume", *now) and getattr(flags, one.name) != one.default:
             flag = one.name.replace("_", "-")

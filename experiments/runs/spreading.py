@@ -56,7 +56,7 @@ def prepared(flags: F) -> Iterator[F]:
 
     try:
         jax.config.update(
-            "jax_num_cpu_devices", min(count_of(flags) or _cores(), _cores())
+            "jax_num_cpu_devices", min(count_of(flags) or cores(), cores())
         )  # a CPU is as many as it is told to be
     except RuntimeError:  # called from a program that has computed already: its devices stay
         pass
@@ -69,7 +69,8 @@ def prepared(flags: F) -> Iterator[F]:
         yield flags if jax.process_index() == 0 else _aside(flags, stack)
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Cores of this computer that the process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -56,7 +56,7 @@ def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
         if lost.any():  # at the upper edge, for they have no height
             edge = axes.get_xaxis_transform()
             axes.plot(values[lost], np.full(lost.sum(), 0.98), "x", color=LOST, transform=edge)
-    axes.set(xlabel=_named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
+    axes.set(xlabel=named(dataset, name), ylabel=f"worst RMS {error} error [um]", yscale="log")
     if values.min() > 0:
         axes.set_xscale("log")
     axes.set_title("Star: best; red cross: diverged", fontsize=10)
@@ -106,8 +106,8 @@ def _map(
     if not lost.all():
         best = int(np.argmin(worst))
         axes.plot(x[best], y[best], "*", color=BEST, mec="black", markersize=15, label="best")
-    axes.set(xlabel=_named(dataset, names[0]), ylabel=_named(dataset, names[1]))
-    _scaled(axes, x, y)
+    axes.set(xlabel=named(dataset, names[0]), ylabel=named(dataset, names[1]))
+    scaled(axes, x, y)
     return marks
 
 
@@ -124,7 +124,7 @@ def _best_of_cells(x: np.ndarray, y: np.ndarray, worst: np.ndarray) -> np.ndarra
     return order[first]
 
 
-def _scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
+def scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     """Logarithmic axes; linear near zero where a weight is zero."""
     for values, scale in ((x, axes.set_xscale), (y, axes.set_yscale)):
         positive = values[values > 0]
@@ -143,6 +143,7 @@ def _counted(lost: np.ndarray) -> str:
     return f"{int(lost.sum())} of {lost.size} diverged"
 
 
-def _named(dataset: xr.Dataset, name: str) -> str:
+def named(dataset: xr.Dataset, name: str) -> str:
+    """Name of a coordinate with its unit."""
     unit = dataset[name].attrs.get("units", "1")
     return name if unit == "1" else f"{name} [{unit}]"
