@@ -4,6 +4,7 @@ import abc
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 State = Any  # any pytree of arrays
@@ -31,6 +32,15 @@ class Plant(eqx.Module):
 
         A zero increment is rest.
         """
+
+    def steady_control(
+        self, position: Float[Array, " m"], increment: Float[Array, " m"]
+    ) -> Float[Array, " p"] | Float[Array, ""]:
+        """Control that carries the motion of `initial_state` on.
+
+        Zero unless the plant says otherwise: drives that take a force or a speed need none at rest.
+        """
+        return jnp.zeros((), position.dtype)
 
     @abc.abstractmethod
     def step(self, state: State, control: Float[Array, " p"]) -> State:

@@ -15,8 +15,10 @@ A JSON object, or an npz with the same names (`limits.speed` for what is nested)
                            acceleration, see `jobs.pace.SHARE`
     known_delay          samples between a control and its effect that A and B do not contain; goes
     into the model (default 0)
-    uncertainty          optional: gain (0.1: each input gain is known to 10 %), delay (most further
-    samples of delay) encoder_resolution   [length] per count; 0.8 um when not given
+    uncertainty          optional: gain (0.1: each input gain is known to 10 %; of a drive that
+                         takes a position, for moves from where the part begins), delay (most
+                         further samples of delay)
+    encoder_resolution   [length] per count; 0.8 um when not given
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain

@@ -11,12 +11,12 @@ import numpy as np
 
 from experiments.machines.count_noise import rounding_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
-from jcontour.linear.transformations import with_input_gains
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
+from jcontour.plants.wrappers.gains import Gained
 from jcontour.simulation.evaluation import stack_plants
 
 DRIVE_RANGE = 10.0  # control units, read as volts: analogue drives take +-10 V; not in the paper
@@ -126,8 +126,8 @@ class LinearMachine(Machine):
 
     def exact_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
         """The machine with other input gains and more delay, its encoders without counts."""
-        plant = with_input_gains(self.model, gains)
-        plant = Delayed(plant, jnp.asarray(late), max(self.delay, 1), plant.inputs)
+        plant = Delayed(self.model, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
+        plant = Gained(plant, jnp.asarray(gains))
         return plant if fed == "state" else Encoders(plant)
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
@@ -148,7 +148,7 @@ class LinearMachine(Machine):
         delays = random.uniform(0, self.delay, count)
         depth = max(self.delay, 1)
         late = [
-            PartlyDelayed(with_input_gains(self.model, gain), jnp.asarray(delay), depth, inputs)
+            Gained(PartlyDelayed(self.model, jnp.asarray(delay), depth, inputs), jnp.asarray(gain))
             for gain, delay in zip(gains, delays, strict=True)
         ]
         if fed == "state":

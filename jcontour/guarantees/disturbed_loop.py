@@ -41,6 +41,7 @@ class DisturbedLoop(NamedTuple):
         D: of the control, columns of the measurement's error alone.
         output: y of the undisturbed run [m].
         control: u of the undisturbed run.
+        held: control that holds the plant at rest where the run begins; gains act about it.
     """
 
     M: Float[Array, "T N N"]
@@ -50,6 +51,7 @@ class DisturbedLoop(NamedTuple):
     D: Float[Array, "T p q"]
     output: Float[Array, "T m"]
     control: Float[Array, "T p"]
+    held: Float[Array | np.ndarray, "*p"] = np.zeros(())  # of drives that take a speed or a force
 
 
 class Box(NamedTuple):
@@ -186,7 +188,9 @@ def loop_along(
         return M, E, C, blocks([[D @ H, K]]), jnp.asarray(D)
 
     steps = jax.vmap(at)((plan, run.state, run.memory))
-    return DisturbedLoop(*steps, run.output, run.control)
+    place = reference.position[0]
+    held = plant.steady_control(place, jnp.zeros_like(place))
+    return DisturbedLoop(*steps, run.output, run.control, held)
 
 
 def _output_slope(plant: Plant, state: Any) -> Float[Array, "m n"]:

@@ -4,8 +4,8 @@
 A signal e(delta) under one disturbance is close to its multilinear interpolation between the
 corners. The interpolation is a mean of the corners, so that their exact peak bounds bound it:
     sup |e(delta)| <= max over the corners of sup |e|  +  sum_i h_i^2 / 2 max |d2 e / d delta_i^2|
-Let F and A be the loop's answers at the middle, of e and of the controls v = u + force, to a force
-more. Then d2 e / d delta_i^2 = 2 F A_ii v_i at delta, and for all delta of the cell
+Let F and A be the loop's answers at the middle, of e and of v = u - u_0 + force, to a force more;
+u_0 as in `gained_loops`. Then d2 e / d delta_i^2 = 2 F A_ii v_i at delta. For all delta of the cell
     |v| <= V,   V = V0 + |A| h V                          V0 at the middle
     |A_i v_i| <= S,   S = |A| (V_i + h S)                 |A_i s_i| <= W,   W = |A| (S_i + h W)
     1/2 |d2 e / d delta_i^2| <= |F| (S_i + h W)
@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.guarantees.disturbed_loop import DisturbedLoop
-from jcontour.guarantees.gained_loops import gained, received_rows
+from jcontour.guarantees.gained_loops import gained, moving_control, received_rows
 from jcontour.guarantees.peak_bounds import block_that_forgets, peak_bounds
 
 CLOSED = 0.01  # relative; what is closed enters the remainder alone, a few per cent of the bound
@@ -152,7 +152,7 @@ def remainder(
     loop, h = _forced(middle), half_width
     feedback = _Feedback.of(loop, h)
     own = peak_bounds(middle, np.asarray(middle.K), size, np.asarray(received_rows(middle))).bound
-    control = feedback.closed(np.abs(middle.control) + own)
+    control = feedback.closed(np.abs(moving_control(middle)) + own)
     forces = np.zeros_like(control)
     for i in range(h.size):
         once = feedback.closed(feedback.answer(_alone(control, i)))

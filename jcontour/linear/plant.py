@@ -119,6 +119,18 @@ class LinearPlant(Plant):
         """State of a steady motion through `position`; equation and errors as `steady_motion`."""
         return steady_motion(self).state(jnp.asarray(position), jnp.asarray(increment))
 
+    def steady_control(self, position, increment) -> Float[Array, " p"]:
+        """Control u of that motion: B u = x(1) - A x(0), in the sense of least squares.
+
+        Raises:
+            ValueError: as `steady_motion`.
+        """
+        motion, position, increment = steady_motion(self), jnp.asarray(position), increment
+        now, after = (motion.state(place, increment) for place in (position, position + increment))
+        size = jnp.linalg.norm(self.B, axis=0)
+        B = self.B / size[None]
+        return jnp.linalg.solve(B.T @ B, B.T @ (after - self.A @ now)) / size
+
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""
         return self.A @ state + self.B @ control

@@ -15,6 +15,7 @@ from jcontour.plants.two_link_arm import TwoLinkArm
 from jcontour.plants.wrappers.delays import Delayed, LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import CountingEncoders, Encoders, Quantised, Sensed
+from jcontour.plants.wrappers.gains import Gained
 from jcontour.plants.wrappers.saturation import Saturated
 from jcontour.plants.xy_table import DriveParameters, FrictionXYTable, xy_table
 
@@ -28,6 +29,7 @@ __all__ = [
     "Encoders",
     "FlexibleAxis",
     "FrictionXYTable",
+    "Gained",
     "Gantry",
     "GantryParameters",
     "HardwareInLoop",

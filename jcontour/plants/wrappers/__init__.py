@@ -1,1 +1,1 @@
-"""Wrappers around any plant: encoders, delays, saturation, disturbances."""
+"""Wrappers around any plant: encoders, delays, gains, saturation, disturbances."""

@@ -1,5 +1,6 @@
 """Delay lines in front of a plant and behind it."""
 
+import abc
 from typing import Any
 
 import equinox as eqx
@@ -56,12 +57,53 @@ class LateSensors(Remembering):
         )
 
 
-class Delayed(Remembering):
-    """A plant on which the control acts `samples` late.
+class _LateControl(Remembering):
+    """A plant whose control waits in a line of fixed `depth`, so that plants of any delay batch.
 
-    The controller does not know it: it is fed the measurement of the undelayed part. The delay is a
-    line of fixed `depth` with a traced tap, so that plants of delay 0..depth batch. The line starts
-    at zero.
+    The controller does not know it: it is fed the measurement of the undelayed part. Before the
+    start the plant was in steady motion, and the line holds the controls of that.
+
+    Raises:
+        ValueError: the depth is below one, or the delay is not between zero and the depth.
+    """
+
+    samples: eqx.AbstractVar[Any]
+    depth: eqx.AbstractVar[int]
+    inputs: eqx.AbstractVar[int]
+
+    def __check_init__(self):
+        _check_line(self.samples, self.depth)
+
+    def initial_state(self, position, increment) -> State:
+        """State of the wrapped plant, and the controls before, the last first."""
+        before = [
+            self.steady_control(position - k * increment, increment)
+            for k in range(1, self.depth + 1)
+        ]
+        line = [jnp.broadcast_to(control, (self.inputs,)) for control in before]
+        return self.plant.initial_state(position, increment), jnp.stack(line)
+
+    def steady_control(self, position, increment) -> Float[Array, " p"] | Float[Array, ""]:
+        """Control of the wrapped plant at the time when it acts."""
+        increment = jnp.asarray(increment)
+        late = jnp.asarray(self.samples, increment.dtype)
+        return self.plant.steady_control(position + late * increment, increment)
+
+    def step(self, state, control) -> State:
+        """Step of the wrapped plant under the control that acts; the line moves on."""
+        inner, line = state
+        after = self.plant.step(inner, self.acting(line, control))
+        return after, jnp.concatenate([control[None], line])[:-1]
+
+    @abc.abstractmethod
+    def acting(
+        self, line: Float[Array, "depth p"], control: Float[Array, " p"]
+    ) -> Float[Array, " p"]:
+        """Control that acts now (p,)."""
+
+
+class Delayed(_LateControl):
+    """A plant on which the control acts `samples` late, a whole number with a traced tap.
 
     >>> from jcontour.plants.bridgeport import bridgeport
     >>> late = Delayed(bridgeport(), 1, depth=2, inputs=2)
@@ -78,27 +120,16 @@ class Delayed(Remembering):
     depth: int = eqx.field(static=True)
     inputs: int = eqx.field(static=True)
 
-    def __check_init__(self):
-        _check_line(self.samples, self.depth)
-
-    def initial_state(self, position, increment) -> State:
-        """State of the wrapped plant, and an empty line."""
-        line = jnp.zeros((self.depth, self.inputs), position.dtype)
-        return self.plant.initial_state(position, increment), line
-
-    def step(self, state, control) -> State:
-        """Step of the wrapped plant under u(k - samples)."""
-        inner, line = state
-        line = jnp.concatenate([control[None], line])
-        return self.plant.step(inner, line[self.samples]), line[:-1]
+    def acting(self, line, control) -> Float[Array, " p"]:
+        """u(k - samples)."""
+        return jnp.concatenate([control[None], line])[self.samples]
 
 
-class PartlyDelayed(Remembering):
+class PartlyDelayed(_LateControl):
     """A plant on which the control acts a part of a sample late, or several samples and a part.
 
         u_acts(k) = (1 - f) u(k - n) + f u(k - n - 1),   delay = n + f samples
-    It is the mean over the sample of a control that is held and changes f of a sample late. The
-    line has a fixed `depth`, so that plants of any delay from 0 to depth batch; it starts at zero.
+    It is the mean over the sample of a control that is held and changes f of a sample late.
 
     >>> from jcontour.plants.bridgeport import bridgeport
     >>> late = PartlyDelayed(bridgeport(), 0.25, depth=1, inputs=2)
@@ -114,26 +145,12 @@ class PartlyDelayed(Remembering):
     depth: int = eqx.field(static=True)
     inputs: int = eqx.field(static=True)
 
-    def __check_init__(self):
-        _check_line(self.samples, self.depth)
-
-    def initial_state(self, position, increment) -> State:
-        """State of the wrapped plant, and an empty line."""
-        line = jnp.zeros((self.depth, self.inputs), position.dtype)
-        return self.plant.initial_state(position, increment), line
-
-    def acting(self, line: Float[Array, "depth p"], control: Float[Array, " p"]):
-        """Control that acts now (p,)."""
+    def acting(self, line, control) -> Float[Array, " p"]:
+        """The mean of the two that act within the sample."""
         line = jnp.concatenate([control[None], line])
         whole = jnp.minimum(jnp.floor(self.samples), self.depth - 1)
         part, index = self.samples - whole, whole.astype(int)
         return (1 - part) * line[index] + part * line[index + 1]
-
-    def step(self, state, control) -> State:
-        """Step of the wrapped plant under the control that acts."""
-        inner, line = state
-        after = self.plant.step(inner, self.acting(line, control))
-        return after, jnp.concatenate([control[None], line])[:-1]
 
 
 def _check_line(samples: Int[Array, ""] | Float[Array, ""], depth: int) -> None:

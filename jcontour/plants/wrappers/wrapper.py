@@ -30,6 +30,10 @@ class Wrapper(Plant):
         """State of the wrapped plant in steady motion."""
         return self.plant.initial_state(position, increment)
 
+    def steady_control(self, position, increment) -> Float[Array, " p"] | Float[Array, ""]:
+        """That of the wrapped plant."""
+        return self.plant.steady_control(position, increment)
+
     def step(self, state, control) -> State:
         """State of the wrapped plant one sample later."""
         return self.plant.step(state, control)

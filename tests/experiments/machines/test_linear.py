@@ -1,17 +1,40 @@
 """The X-Y table as the commands see it."""
 
+from dataclasses import replace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for
 from experiments.jobs.job import Pace, at_constant_feed
+from experiments.machines.from_file import linear_machine
 from experiments.machines.linear import bridgeport_machine
 from experiments.options import Simulate
 from jcontour.geometry.contours import polygon
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay
 from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.evaluation import member
 from jcontour.simulation.metrics import score
 
 CORNERS = 2e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])  # [m]
+
+
+def test_a_drive_that_takes_a_position_stands_still_where_its_part_begins():
+    """Whatever its gain and delay; a gain that acts at rest too would bring a jump of a fifth."""
+    model = with_input_delay(
+        LinearPlant(np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2), 1e-3), 1
+    )
+    machine = replace(linear_machine(model, "drives"), gain=0.2, delay=2)
+    place = jnp.array([0.03, -0.05])
+    drawn = machine.random_family(1, 0)
+    plants = [machine.exact_family()[1], machine.exact_family()[-1], member(drawn, 0)]
+    for plant in plants:
+        state = plant.initial_state(place, jnp.zeros(2))
+        for _ in range(3):
+            state = plant.step(state, place)
+        np.testing.assert_allclose(plant.output(state), place, rtol=1e-12)
 
 
 @pytest.mark.slow

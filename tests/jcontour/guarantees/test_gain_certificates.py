@@ -11,10 +11,10 @@ from jcontour.guarantees.certificates import certificate
 from jcontour.guarantees.disturbed_loop import Box, UnstableLoop
 from jcontour.guarantees.gain_cells import GainCell
 from jcontour.guarantees.gain_certificates import ENOUGH, gain_certificate
-from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.plants.wrappers.gains import Gained
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import contour_error
 
@@ -32,8 +32,8 @@ class OneLap:
         self.controller = circle.controller(1.165, 9.34, 2e-9)
 
     def plant(self, gains=(1.0, 1.0)):
-        model = with_input_gains(self.model, np.asarray(gains))
-        return Encoders(Delayed(model, jnp.asarray(1), 2, 2))
+        late = Delayed(self.model, jnp.asarray(1), 2, 2)
+        return Encoders(Gained(late, jnp.asarray(gains)))
 
     def of(self, low, high, cells):
         cell = GainCell(np.full(2, low), np.full(2, high))

@@ -5,13 +5,16 @@ import numpy as np
 import pytest
 
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.geometry.contours import circle
+from jcontour.controllers.lq.preview_lq import PreviewLQ
+from jcontour.geometry.contours import circle, line
 from jcontour.guarantees.disturbed_loop import DisturbedLoop, disturbed_loop
 from jcontour.guarantees.gained_loops import gained
-from jcontour.linear.transformations import with_input_gains
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
+from jcontour.plants.wrappers.gains import Gained
+from jcontour.simulation.closed_loop import simulate
 
 
 def test_one_integrator_by_hand():
@@ -31,9 +34,10 @@ def test_a_late_plant_with_other_gains_has_the_same_run_and_answers():
     model, gains = bridgeport(), np.array([1.1, 0.9])
     reference = along(circle(1e-3), 2.5e-5 * np.arange(60), model.dt, 5, at_rest=False)
     controller = ContouringLQ(model, LQWeights(3.0, 5.0, 2e-9), preview=5)
+    late = Delayed(model, jnp.asarray(1), 2, 2)
     loops = [
-        disturbed_loop(Delayed(one, jnp.asarray(1), 2, 2), controller, reference)
-        for one in (model, with_input_gains(model, gains))
+        disturbed_loop(Gained(late, jnp.asarray(one)), controller, reference)
+        for one in (np.ones(2), gains)
     ]
     found = gained(loops[0], gains)
     assert np.asarray(found.output) == pytest.approx(np.asarray(loops[1].output), abs=1e-15)
@@ -46,3 +50,17 @@ def test_a_late_plant_with_other_gains_has_the_same_run_and_answers():
         answers.append(row @ np.asarray(loop.E[50]))
     assert np.abs(answers[0]).max() > 0
     assert answers[0] == pytest.approx(answers[1], rel=1e-9, abs=1e-18)
+
+
+def test_a_gain_acts_about_the_control_that_holds_the_start():
+    """Drives that take a position, away from zero: the run is that of `Gained`."""
+    model = LinearPlant(np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2), 1e-3)
+    gains, place = np.array([1.3, 0.8]), np.array([0.03, -0.05])
+    reference = along(line(place, place + 0.01), 1e-5 * np.arange(40), 1e-3, 2, at_rest=True)
+    controller = PreviewLQ(model, 1e8, 1.0, 2)
+    loop = disturbed_loop(model, controller, reference)
+    found = gained(loop, gains)
+    run = simulate(Gained(model, jnp.asarray(gains)), controller, reference)
+    assert np.abs(found.output - loop.output).max() > 1e-6
+    np.testing.assert_allclose(found.output, run.output, rtol=1e-12)
+    np.testing.assert_allclose(found.control, run.control, rtol=1e-12)
