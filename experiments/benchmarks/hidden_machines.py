@@ -5,6 +5,7 @@ from jaxtyping import Float
 
 from experiments.jobs.excitation import Excited, sines
 from jcontour.linear.continuous_axes import (
+    ContinuousAxis,
     force_axis,
     position_axis,
     sampled_axis,
@@ -13,13 +14,14 @@ from jcontour.linear.continuous_axes import (
 )
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.machine import MachineRecord
-from tuning.identification.linear.recording import RecordedAxis, Takes, recorded
+from tuning.identification.linear.recording import FEEDBACK, RecordedAxis, Takes, recorded
 
 KINDS: tuple[Takes, ...] = ("speed", "position", "force")
 COUNTS = (0.1e-6, 1e-6)  # encoder [m]
 DT, SECONDS = 1e-3, 60.0
 LIMITS = Excited(("X", "Y"), DT, np.full(2, 0.4), np.full(2, 0.25), np.full(2, 2.0))
 PROGRAMS = ("contour", "excite")
+LOOP_GAIN = 0.5  # of a loop that is stable whatever its delay: its sensitivity stays below 2
 
 
 def hidden_axis(random: np.random.Generator, dt: float, takes: Takes | None = None) -> RecordedAxis:
@@ -43,9 +45,23 @@ def hidden_axis(random: np.random.Generator, dt: float, takes: Takes | None = No
         inner = 0.2 / (delay + 2 * dt)
         loop = (inner / 5, inner * mass / force)
     if kind != "force" and random.uniform() < 0.3:
-        axis = with_resonance(axis, 2 * np.pi * random.uniform(40, 90), random.uniform(0.05, 0.2))
+        axis = _resonant(axis, kind, random)
     count = float(np.exp(random.uniform(*np.log(COUNTS))))
     return RecordedAxis(axis, kind, count, 0.5 * count, float(random.uniform(0, 0.003)), loop)
+
+
+def _resonant(axis: ContinuousAxis, takes: Takes, random: np.random.Generator) -> ContinuousAxis:
+    """The axis behind a random resonance; another one where the cascade of a drive would ring."""
+    while True:
+        frequency, damping = 2 * np.pi * random.uniform(40, 90), random.uniform(0.05, 0.2)
+        found = with_resonance(axis, frequency, damping)
+        if takes != "position" or FEEDBACK * _largest_gain(found) < LOOP_GAIN:
+            return found
+
+
+def _largest_gain(axis: ContinuousAxis) -> float:
+    """Largest gain of an axis whose drive takes a position [m per unit of command]."""
+    return float(np.abs(axis.response(2 * np.pi * np.geomspace(1.0, 200.0, 400))).max())
 
 
 def hidden_record(axes: list[RecordedAxis], program: str, seed: int) -> MachineRecord:

@@ -24,7 +24,7 @@ from tuning.identification.linear.machine import LinearAxis, MachineRecord, iden
 from tuning.identification.linear.noise_model import whitening
 from tuning.identification.linear.order_search import NOISE_TERMS, TELLS, TRAINING
 from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
-from tuning.identification.linear.recording import RecordedAxis
+from tuning.identification.linear.recording import FEEDBACK, RecordedAxis
 
 MOST_POLES, MOST_DELAY = 3, 10
 FREQUENCIES = 24
@@ -187,7 +187,7 @@ def bandwidth(axis: RecordedAxis) -> float:
         loop = axis.loop[0] * G
         closed = loop / (1 + loop)
     elif axis.takes == "position":
-        closed = (axis.loop[0] + 0.2) * G / (1 + 0.2 * G)
+        closed = (axis.loop[0] + FEEDBACK) * G / (1 + FEEDBACK * G)
     else:
         outer, inner = axis.loop
         closed = inner * outer * G / (1 + inner * G * (outer + (1 - 1 / z) / DT))

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from jcontour.linear.continuous_axes import ContinuousAxis, sampled_axis
 
 Takes = Literal["speed", "position", "force"]
+FEEDBACK = 0.2  # [command per m] of a drive that closes its own position loop
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def recorded(
 
 def _law(one: RecordedAxis, dt: float) -> Callable[[float, float], float]:
     if one.takes == "position":
-        return lambda r, y: one.loop[0] * r + 0.2 * (r - y)
+        return lambda r, y: one.loop[0] * r + FEEDBACK * (r - y)
     if one.takes == "speed":
         return lambda r, y: one.loop[0] * (r - y)
     outer, inner = one.loop
