@@ -1,6 +1,7 @@
-"""Numbers on the command line, in plain digits."""
+"""Numbers on the command line, in plain digits; numbers of samples, or the whole path."""
 
 import re
+from typing import Annotated
 
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
@@ -49,3 +50,33 @@ def _number_rule(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[float] | N
         is_instance=lambda value: type(value) in (int, kind.type),
         str_from_instance=lambda value: [str(value)],
     )
+
+
+class WholePath(int):
+    """The word `path` in place of a number of samples: as many as the run has, see `seeing_all`.
+
+    It is no number of samples itself: as one it is zero, which every controller refuses.
+    """
+
+    WORD = "path"
+
+    def __repr__(self) -> str:
+        return self.WORD
+
+    __str__ = __repr__
+
+
+def _samples_in(text: str) -> int:
+    return WholePath() if text == WholePath.WORD else whole_in(text)
+
+
+Samples = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"INT|{WholePath.WORD}",
+        instance_from_str=lambda words: _samples_in(words[0]),
+        is_instance=lambda value: isinstance(value, int),
+        str_from_instance=lambda value: [str(value)],
+    ),
+]

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from experiments.plain_numbers import Samples
+
 Terminal = Literal["output", "riccati"]
 FeedLaw = Literal["trapezoidal", "jerk"]
 DrawingUnit = Literal["mm", "cm", "m", "inch", "px", "pt"]
@@ -57,8 +59,9 @@ class Controlled(MachineFlags):
     function that takes the machine's model. The usual one of the machine when not given."""
     weights: tuple[str, ...] = ()
     """First weights by name, each as NAME=VALUE, instead of the controller's own."""
-    preview: int = 10  # the paper's usual horizon
-    """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`."""
+    preview: Samples = 10  # the paper's usual horizon
+    """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
+    path: all samples of the run, with `simulate`, `precompensate` and `learn`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
     The Riccati solution is stable on straight lines."""

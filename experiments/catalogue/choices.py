@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
@@ -13,7 +14,10 @@ from experiments.designs.design import Design, changed
 from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
 from experiments.machines.machine import Machine
+from experiments.plain_numbers import WholePath
 from experiments.shared_options import Controlled
+
+Flags = TypeVar("Flags", bound=Controlled)
 
 
 def machine_named(name: str) -> Machine:
@@ -64,6 +68,11 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     Raises:
         ValueError: no such controller, it does not suit the machine, or a weight is wrong.
     """
+    if isinstance(flags.preview, WholePath):
+        raise ValueError(
+            "preview: path is for the one run of simulate, precompensate or learn; "
+            "give a number of samples here"
+        )
     asked = flags.controller or machine.usual.controller
     if not asked:
         raise ValueError(f"controller: {machine.name} needs one of your own, --controller {FILE}")
@@ -72,6 +81,15 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)
     return design
+
+
+def seeing_all(flags: Flags, job: Task) -> Flags:
+    """The flags; where their preview is the whole path, with as many samples as the run has.
+
+    Every step then sees all that is left of the run, and how it goes on behind its end.
+    """
+    whole = isinstance(flags.preview, WholePath)
+    return replace(flags, preview=job.samples) if whole else flags
 
 
 def _listed_design(asked: str, machine: Machine, flags: Controlled) -> Design:

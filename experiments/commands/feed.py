@@ -5,6 +5,7 @@ from rich.console import Console
 from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.stored import write_result
 from experiments.options import Feed
+from experiments.plain_numbers import WholePath
 from experiments.reports import tables
 from experiments.reports.figures.feeds import feeds_figure
 from experiments.reports.figures.png import save_figure
@@ -53,6 +54,8 @@ def command(flags: Feed) -> int:
 
 
 def _check(flags: Feed) -> None:
+    if isinstance(flags.preview, WholePath):
+        raise ValueError("preview: a path has other samples at every feed; give a number of them")
     if not flags.overrides:
         raise ValueError("overrides: needs at least one feed")
     for one in flags.overrides:

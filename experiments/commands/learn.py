@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.designs.design import plain_weights
 from experiments.files.results.learned_result import LearnedResult
 from experiments.files.results.stored import write_result
@@ -38,6 +38,7 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     _check(flags)
     machine = machine_named(flags.plant)
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    flags = seeing_all(flags, job)
     design = design_for(machine, flags)
     one = setting(design, job)
     prepared = prepared_law(one, flags)

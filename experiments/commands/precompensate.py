@@ -3,6 +3,7 @@
 import numpy as np
 from rich.console import Console
 
+from experiments.catalogue.choices import seeing_all
 from experiments.files.bent_reference import (
     PROGRAM,
     SAMPLES,
@@ -55,7 +56,7 @@ def command(flags: Precompensate) -> int:
         after=found.metrics(found.after),
         exceeded=found.exceeded,
     )
-    folder = created(flags, "precompensate")
+    folder = created(seeing_all(flags, job), "precompensate")
     save_samples(found.position, machine.model.dt, machine.axes, folder)
     if moves is not None:
         save_program(moves, machine.axes, folder)

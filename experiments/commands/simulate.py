@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.catalogue.contours import CONTOURS
 from experiments.designs.design import Design, plain_weights
 from experiments.files.results.run_metrics import RunMetrics
@@ -63,6 +63,7 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     maker = _film_maker(machine) if flags.video else None
     # the part comes before the design: a fault in line 1 of a program is told at once
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    flags = seeing_all(flags, job)
     design = design_for(machine, flags)
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
     replayed = replay(design.build(design.start), scenarios, maker and maker.watch)

@@ -70,6 +70,7 @@ def test_missing_part(capsys, tmp_path):
         (["--rho", "0"], "rho"),
         (["--preview", "0"], "preview"),
         (["--preview", "500"], "preview: 500 samples are more than the"),
+        (["--preview", "path"], "preview: path is for the one run of simulate"),
         (["--feed-mm-per-min", "0"], "feed"),
         (["--max-tracking-error-um", "-3"], "max-tracking-error-um"),
         (["--max-effort", "0"], "max-effort"),

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.designs.design import with_values
 from experiments.files import run_folder
 from experiments.jobs.job import Pace, Task
@@ -92,6 +92,6 @@ def loop_of(flags: Controlled, part: str | None) -> StoredLoop:
     machine = machine_named(flags.plant)
     part, pace = part or machine.usual.simulated, Pace.of(flags, machine)
     job = job_named(part, pace)
-    design = design_for(machine, flags)
+    design = design_for(machine, seeing_all(flags, job))
     controller = design.build(design.start)
     return StoredLoop(machine, design.name, controller, design.fed, (job,), (part,), pace)

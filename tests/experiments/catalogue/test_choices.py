@@ -1,15 +1,20 @@
 """Which controllers suit a machine, and which of them a name means."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
 
 from experiments.catalogue.choices import (
     controllers_for,
     design_for,
     first_machine,
+    job_named,
     machine_named,
+    seeing_all,
 )
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONTROLLERS
@@ -23,7 +28,11 @@ from experiments.catalogue.machines import (
     LINEAR,
     MACHINES,
 )
+from experiments.jobs.pace import Pace
 from experiments.options import Simulate
+from experiments.plain_numbers import WholePath
+from jcontour.motion.references import along
+from jcontour.simulation.closed_loop import prepared
 
 THESIS_AXIS = Path(__file__).parents[3] / "experiments" / "machines" / "thesis-axis.json"
 ALONG_CONTOURS = {name for name, entry in CONTROLLERS.items() if entry.suits is FLEXIBLE_AXES}
@@ -129,3 +138,37 @@ def test_a_fault_in_a_maker_is_shown(monkeypatch):
     assert "cascade" in controllers_for(machine)
     with pytest.raises(ValueError, match="a fault of ours"):
         design_for(machine, Simulate(controller="cascade"))
+
+
+def path_job(flags):
+    return job_named("circle", Pace.of(flags, machine_named(flags.plant)))
+
+
+def test_the_whole_path_is_as_many_samples_as_the_run_has():
+    flags = Simulate(preview=WholePath())
+    job = path_job(flags)
+    assert seeing_all(flags, job).preview == job.samples > 400
+    assert seeing_all(Simulate(preview=7), job).preview == 7
+    with pytest.raises(ValueError, match="preview: path is for the one run of simulate"):
+        design_for(machine_named("bridgeport"), flags)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["contouring-lq-state", "contouring-lq-blocks"])
+def test_a_longer_preview_than_the_whole_path_changes_nothing(controller):
+    """The blocks are one backward sweep, against a window that every step has of its own."""
+    machine, flags = machine_named("bridgeport"), Simulate(preview=WholePath())
+    job = path_job(flags)
+
+    def plan_of(asked):
+        design = design_for(machine, asked)
+        built = design.build(design.start)
+        dt, preview = machine.model.dt, design.preview
+        reference = along(job.contour, job.arc, dt, preview, job.at_rest, job.scored)
+        return prepared(built, reference)
+
+    found = plan_of(replace(seeing_all(flags, job), controller=controller))
+    longer = replace(flags, preview=job.samples + 300, controller="contouring-lq-state")
+    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(plan_of(longer)), strict=True):
+        scale = float(np.abs(other).max())
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * scale)

@@ -50,3 +50,8 @@ def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
     assert re.search(told, line)
     assert not (tmp_path / "feed").exists()
+
+
+def test_a_whole_path_is_refused(capsys):
+    assert main(["feed", "circle", "--preview", "path"]) == 2
+    assert "preview: a path has other samples at every feed" in capsys.readouterr().err

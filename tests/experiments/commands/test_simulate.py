@@ -71,3 +71,12 @@ def test_two_half_circles_on_unequal_axes(tmp_path, machine_fields):
     part.write_text("G21 G90 F3000\nG2 X2 Y0 I1 J0\nG2 X0 Y0 I-1 J0\n")
     result = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult)
     assert result.motion is not None and result.motion.stops == 0
+
+
+@pytest.mark.slow
+def test_the_whole_path_is_kept_as_its_samples(tmp_path, capsys):
+    out = str(tmp_path / "run")
+    assert main(["simulate", "circle", "--preview", "path", "--json", "--out", out]) == 0
+    found = json.loads(capsys.readouterr().out)
+    kept = json.loads((tmp_path / "run" / "settings.json").read_text())
+    assert found["preview"] == found["samples"] == kept["flags"]["preview"]
