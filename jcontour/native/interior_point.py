@@ -51,6 +51,7 @@ from jcontour.native.staged import (
 )
 from jcontour.qp.one_sided import Point
 from jcontour.qp.path import (
+    AIM,
     CLOSE,
     CLOSEST,
     FAR,
@@ -179,7 +180,7 @@ def _iterate(problem, sizes, limits, path, now, iterations):
         left = least(most(left, zero), one)
         share = where_less(spread(FAR), far, one, far)
         _copy(slope, right, N * v, n)
-        target = left * left * left * mu
+        target = most(left * left * left * mu, spread(AIM) * largest)
         correct(problem, sizes, limits, now, linear, change, target, share, right)
         step_of(problem, sizes, factors, right, step)
         far = changes(problem, sizes, limits, now, linear, step, change)

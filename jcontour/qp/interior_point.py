@@ -44,6 +44,7 @@ from jcontour.qp.one_sided import (
     softened_slack,
 )
 from jcontour.qp.path import (
+    AIM,
     CLOSE,
     CLOSEST,
     FAR,
@@ -190,7 +191,7 @@ def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
 
     def iterate(state):
         point, k, _, largest = state
-        following = _iterated(qp, point, limits, count)
+        following = _iterated(qp, point, limits, count, largest)
         total = _total(following)
         # near the end W is so large that rounding may leave no factors: the point before is kept
         finite = jnp.isfinite(total + jnp.sum(following.at.stages))
@@ -225,7 +226,7 @@ def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
     return jax.tree.map(lambda one, other: jnp.where(within, one, other), answer, first), mu
 
 
-def _iterated(qp: StagedQP, point: Point, limits: Limits, count) -> Point:
+def _iterated(qp: StagedQP, point: Point, limits: Limits, count, largest) -> Point:
     """Predictor, corrector, and the step that both share the matrix of."""
     at = point.at
     slope, here = slopes(qp, at), newton(point, limits, _rows(qp, at))
@@ -245,6 +246,7 @@ def _iterated(qp: StagedQP, point: Point, limits: Limits, count) -> Point:
     far = _longest(point, first, limits)
     ahead = _total(moved_on(point, at, first, far))
     target = jnp.clip(ahead / (count * mu), 0.0, 1.0) ** 3 * mu
+    target = jnp.maximum(target, AIM * largest)
     share = jnp.where(far > FAR, 1.0, far)  # where little of the step was possible
     aims = corrected(point, limits, first, share, target)
     pushed = pushes(here, point, limits, *aims)

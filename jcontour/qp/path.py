@@ -2,7 +2,8 @@
 
 MOST = 40  # iterations; 8 to 12 are usual
 CLOSE = 1e-15  # mu over its largest value at which it ends: a weak limit is then off by 1e-7
-CLOSEST = 1e-17  # where it ends even if rounding has left a limit's equation missed
+CLOSEST = 2e-16  # where it ends even if rounding has left a limit's equation missed
+AIM = 1e-16  # no step aims at less: W would be so large that rounding spoils the costate
 MISSED = 1e-11  # by this, over the limit's width
 INWARD = 0.995  # of the way to the nearest limit
 FAR = 0.5  # part of a predicted step beyond which it is corrected in full

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
 from jcontour.qp.solvers import DAQP
 from jcontour.qp.staged import StagedQP
@@ -232,3 +233,14 @@ def test_equal_limits_fix_a_control(boxed, one_of, condensed):
     np.testing.assert_allclose(
         controls_of(found, qp).ravel(), DAQP().solve(dense).z, rtol=0, atol=2e-6
     )
+
+
+@pytest.mark.slow
+def test_more_iterations_than_needed_spoil_nothing(limited, monkeypatch):
+    """Once no limit's product is aimed at less, rounding cannot grow with W."""
+    monkeypatch.setattr(interior_point, "suits_native", lambda *_: False)
+    for name in ("CLOSE", "CLOSEST"):
+        monkeypatch.setattr(interior_point, name, 0.0)
+    found = jax.jit(jax.vmap(lambda qp: solve(qp)))(limited)
+    assert np.count_nonzero(found.iterations == interior_point.MOST) > 8
+    assert float(found.residual.max()) < 1e-8
