@@ -104,7 +104,7 @@ def _unstable(
     if lost:
         lines.append(
             f"a plant of the family diverges on {', '.join(lost)}: ask for more margin, "
-            "--max-sensitivity 1.7"
+            f"{_more_margin(margins)}"
         )
     if not margins.stable:
         lines.append(
@@ -114,9 +114,15 @@ def _unstable(
     if robust is not None and robust.diverged:
         lines.append(
             f"{robust.diverged} of {robust.members} random plants of the family diverge: ask for "
-            "more margin, --max-sensitivity 1.7"
+            f"more margin, {_more_margin(margins)}"
         )
     return lines
+
+
+def _more_margin(margins: PathMargins) -> str:
+    """The flag that asks for more margin than there is."""
+    there = np.inf if margins.sensitivity is None else margins.sensitivity
+    return f"--max-sensitivity {max(1.1, min(1.7, round(0.85 * there, 1))):g}"
 
 
 def _late(margins: PathMargins, delay: int) -> list[str]:

@@ -195,3 +195,13 @@ def test_prices_of_one_limit_are_added_and_free_ones_left_out():
     active = active_limits(prices, bounds)
     assert [one.name for one in active] == ["rms_control", "peak_sensitivity"]
     assert active[1].price == pytest.approx(0.5) and active[1].bound == 2.0
+
+
+@pytest.mark.parametrize(("there", "asked"), [(None, 1.7), (3.0, 1.7), (1.7, 1.4), (1.05, 1.1)])
+def test_more_margin_is_more_than_there_is(there, asked):
+    lost = RobustTest(members=1000, diverged=2, error=1e-6, contour="square")
+    few = replace(margins(), sensitivity=there)
+    (reason,) = reasons_against(
+        found(), [contour("square", True, 2e-6, 1e-6)], few, lost, [], "contour"
+    )
+    assert reason.endswith(f"--max-sensitivity {asked}")
