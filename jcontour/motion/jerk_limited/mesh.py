@@ -1,8 +1,15 @@
-"""Cells of a path for the first pass: about equal times of a quick motion."""
+"""Cells of a path for the first pass: about equal times of a quick motion.
+
+A piece is calm where its feed alone limits the motion. Far away from the ends of calm pieces in a
+row nothing happens, however slow they are: cells become longer there, up to a turn of the path, so
+that their number depends on the geometry.
+"""
+
+from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
@@ -15,7 +22,9 @@ PER_RAMP = 8  # cells in the time in which an axis builds up its acceleration
 CURVED = 6  # cells of a curved piece at least
 WHOLE = 0.5  # of a cell's time: a piece that is passed in less has fewer
 PER_STRETCH = 40  # cells between two stops at least
-FINE = 4  # ramps' times beside the ends of a line in which its cells are not longer
+FINE = 4  # launches beside the ends of calm pieces in which cells are not longer
+CALM = 0.1  # of the limits of acceleration and jerk: what a calm piece asks for at its feed
+TURN = 0.2  # [rad] of the path, in a long cell
 MOST_CELLS = 2_000_000
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece that limit its speed
@@ -48,6 +57,28 @@ def passing_speed(
     return np.minimum(feed, turning)
 
 
+def calm(
+    pieces: Piece, speed: Float[np.ndarray, " P"], limits: AxisLimits
+) -> Bool[np.ndarray, " P"]:
+    """Which pieces ask for little acceleration and jerk at a speed, and have it on every axis."""
+    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
+    first, second, third = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    speed = speed[:, None]
+    shares = [
+        np.abs(first) * speed / limits.speed * CALM,
+        np.abs(second) * speed**2 / limits.acceleration,
+        np.abs(third) * speed**3 / limits.jerk,
+    ]
+    return np.max([share.max(axis=(0, 2)) for share in shares], axis=0) < CALM
+
+
+def turned(pieces: Piece) -> Float[np.ndarray, " P"]:
+    """About how much every piece turns [rad]."""
+    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
+    _, bend, _ = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    return np.linalg.norm(bend, axis=-1).mean(axis=0) * pieces.extent
+
+
 def cells_of_curve(ticks: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
     """Least number of cells of curves that are passed in so many of a cell's times."""
     return np.clip(np.ceil(CURVED * ticks / WHOLE), 1, CURVED)
@@ -63,7 +94,8 @@ def nodes(
     """Arc lengths [m] at which cells begin, and the piece of each.
 
     A cell takes about the same time of the trapezoidal motion, and less beside a stop, where the
-    time of constant jerk from rest is added. Every piece begins a cell.
+    time of constant jerk from rest is added; more far inside calm pieces. Every piece begins a
+    cell.
     """
     starts = np.append(0.0, np.cumsum(pieces.extent))
     speed = passing_speed(pieces, feed, limits)
@@ -77,30 +109,52 @@ def nodes(
     stretch = np.searchsorted(stops, 0.5 * (starts[1:] + starts[:-1])) - 1
     share = np.diff(ends) / np.bincount(stretch, np.diff(ends), stops.size - 1)[stretch]
     least = np.maximum(least, np.ceil(PER_STRETCH * share))
-    fine = np.where(curved(pieces), np.inf, LAUNCH * FINE * tick * PER_RAMP)
-    half = _shortened(0.5 * np.diff(ends), fine)
-    count = np.maximum(np.ceil(2 * half / tick), least).astype(int)
+    quiet = calm(pieces, speed, limits)
+    least = np.maximum(least, np.where(quiet, np.ceil(turned(pieces) / TURN), 1))
+    apart = ~(quiet[1:] & quiet[:-1]) | (feed[1:] != feed[:-1]) | np.isin(starts[1:-1], stops)
+    row = np.append(0, np.cumsum(apart))
+    fine = np.where(quiet, LAUNCH * FINE * tick * PER_RAMP, np.inf)
+    clock = _Clock(ends[np.searchsorted(row, row)], ends[np.searchsorted(row, row, "right")], fine)
+    first, last = clock.shortened(ends[:-1]), clock.shortened(ends[1:])
+    count = np.maximum(np.ceil((last - first) / tick), least).astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
-    into = 2 * half[piece] * np.minimum(number, count[piece] - number) / count[piece]
-    into = _lengthened(into, fine[piece])
-    late = 2 * number > count[piece]
-    at = np.interp(np.where(late, ends[piece + 1] - into, ends[piece] + into), time, place)
+    due = first[piece] + (last - first)[piece] * number / count[piece]
+    at = np.interp(clock.of(piece).lengthened(due), time, place)
     return np.where(number == 0, starts[piece], at), piece
 
 
-def _shortened(time: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """Time [s] of which that beyond `fine` counts by its logarithm."""
-    with np.errstate(invalid="ignore"):
-        beyond = fine * (1 + np.log(np.maximum(time / fine, 1.0)))
-    return np.where(time > fine, beyond, time)
+class _Clock(NamedTuple):
+    """Times [s] between two others, of which those beyond `fine` of both count by a logarithm."""
 
+    begin: Float[np.ndarray, " n"]
+    end: Float[np.ndarray, " n"]
+    fine: Float[np.ndarray, " n"]
 
-def _lengthened(time: np.ndarray, fine: np.ndarray) -> np.ndarray:
-    """The inverse of `_shortened`."""
-    with np.errstate(invalid="ignore"):
-        beyond = fine * np.exp(np.maximum(time / fine, 1.0) - 1)
-    return np.where(time > fine, beyond, time)
+    def of(self, index: Int[np.ndarray, " k"]) -> "_Clock":
+        """Clocks of some of the pieces."""
+        return _Clock(*(values[index] for values in self))
+
+    def shortened(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Time as it counts, from the begin."""
+        half = self._counted(0.5 * (self.end - self.begin))
+        since, left = time - self.begin, self.end - time
+        return np.where(since < left, self._counted(since), 2 * half - self._counted(left))
+
+    def lengthened(self, counted: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """The inverse of `shortened`."""
+        half = self._counted(0.5 * (self.end - self.begin))
+        early = counted < half
+        near = np.where(early, counted, 2 * half - counted)
+        with np.errstate(invalid="ignore"):
+            beyond = self.fine * np.exp(np.maximum(near / self.fine, 1.0) - 1)
+        near = np.where(near > self.fine, beyond, near)
+        return np.where(early, self.begin + near, self.end - near)
+
+    def _counted(self, time: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        with np.errstate(invalid="ignore"):
+            beyond = self.fine * (1 + np.log(np.maximum(time / self.fine, 1.0)))
+        return np.where(time > self.fine, beyond, time)
 
 
 def cells_between(

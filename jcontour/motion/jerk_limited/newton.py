@@ -19,7 +19,7 @@ from jcontour.motion.jerk_limited.conditions import Conditions
 
 POINTS = 3  # of a cell
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
-GAP = 1e-3  # of the duration: by so much at most it may be longer than the optimum
+GAP = 1e-4  # of the duration: by so much at most it may be longer than the optimum
 STEPS = 150  # forty are usual
 TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew

@@ -39,7 +39,8 @@ WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
 CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits are checked
 MARGIN = 2e-4  # of every limit: what may pass between two of them
 QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
-SPARSE = 0.1  # of the cells elsewhere
+SPARSE = 0.1  # of the cells elsewhere, at most
+GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 MOST_SAMPLES = 20_000_000
 ROUNDING = 1e-6  # of a sample
 EXACT = 1 - 1e-10  # of the rate's square where the old motion is the quickest: limits keep a gap
@@ -54,7 +55,7 @@ class JerkLimitedMotion:
         limits: of the axes.
         feed: (P,) greatest speed on every piece [m/s].
         stops: arc lengths at which it rests, both ends among them [m].
-        gap: about the time that the search left to gain [s]; a thousandth is usual.
+        gap: about the time that the search left to gain [s]; a ten-thousandth is usual.
     """
 
     path: Contour
@@ -158,14 +159,20 @@ class JerkLimitedMotion:
     def _activity(self, tick: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
         """Table of times, and of the cells that are due up to each: few where no jerk acts."""
         node = self._warp.time
-        jerk = np.abs(self.axes_at(0.5 * (node[1:] + node[:-1]))[2]) / self.limits.jerk
-        active = np.flatnonzero(jerk.max(axis=-1) > QUIET)
+        speed, acceleration, jerk = self.axes_at(0.5 * (node[1:] + node[:-1]))
+        active = np.flatnonzero((np.abs(jerk) / self.limits.jerk).max(axis=-1) > QUIET)
         ramp = mesh.PER_RAMP * tick
         begin, end = node[active] - ramp, node[active + 1] + ramp
         time = np.unique(np.clip(np.concatenate([node, begin, end]), 0.0, node[-1]))
         middle = 0.5 * (time[1:] + time[:-1])
-        open_ = np.searchsorted(np.sort(begin), middle) - np.searchsorted(np.sort(end), middle)
-        density = np.where(open_ > 0, 1.0, SPARSE) / tick
+        begun, ended = np.searchsorted(begin, middle), np.searchsorted(end, middle)
+        since = middle - np.append(-np.inf, end)[ended]
+        until = np.append(begin, np.inf)[begun] - middle
+        longest = tick / SPARSE + GROWTH * np.minimum(np.minimum(since, until), node[-1])
+        turning = np.linalg.norm(acceleration, axis=-1) / np.linalg.norm(speed, axis=-1)
+        on = np.searchsorted(node, middle) - 1
+        quiet = np.maximum(1 / longest, np.minimum(turning[on] / mesh.TURN, SPARSE / tick))
+        density = np.where(begun > ended, 1 / tick, quiet)
         return time, np.append(0.0, np.cumsum(density * np.diff(time)))
 
     def _cell(self, time: np.ndarray):

@@ -82,6 +82,22 @@ def test_a_search_that_ends_early_says_how_much_is_left(monkeypatch):
     assert 0.5 * left < motion.gap < 50 * left
 
 
+def test_a_slow_path_has_cells_by_its_geometry():
+    """A thousand times slower: a cell for every short time would make two million of them."""
+    turn = contours.arc([20e-3, 0.0], [20e-3, 2e-3], np.pi)
+    side = contours.line([0.0, 0.0], [20e-3, 0.0])
+    back = contours.line([20e-3, 4e-3], [0.0, 4e-3])
+    path = blended(contours.chain([side, turn, back]), 2e-6).path
+    count = {}
+    for feed in (1e-2, 1e-5):
+        motion = jerk_limited(path, feed, LIMITS)
+        count[feed] = motion.nodes.size
+        ideal = float(path.length) / feed
+        assert motion.stops.size == 2 and ideal < motion.duration < 1.002 * ideal + 0.1
+        check_limits(motion, feed, seed=0)
+    assert count[1e-5] < 3 * count[1e-2]
+
+
 def test_stretches_between_stops_are_as_quick_as_alone():
     """One of them is a hundred times as long as two others."""
     hairpins = 1e-3 * np.array([[0, 0], [5, 0], [4.999, 0], [5, 0], [0, 0], [30, 0]])
