@@ -422,7 +422,8 @@ class Bench(Common):
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
     """Tuners: evaluations of every search; one with slopes counts three."""
     keep: Path | None = None
-    """Tuners: JSON file that keeps every start that is done; with it, a second run goes on."""
+    """File that keeps what is done; with it, a second run goes on.
+    Tuners: every start, JSON. Motion: every path, CSV."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""
 

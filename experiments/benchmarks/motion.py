@@ -3,12 +3,13 @@
 import multiprocessing
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Console
 
+from experiments.benchmarks.kept_paths import opened, write
 from experiments.benchmarks.random_paths import KINDS, Checked, checked
 from experiments.options import Bench
 from experiments.reports import tables
@@ -21,27 +22,53 @@ TOLD = 500  # paths between two lines of progress
 
 @dataclass(frozen=True)
 class MotionBench:
-    """One row for every path, and the time of all of them together [s]."""
+    """One row for every path.
+
+    Attributes:
+        paths: in order of their seeds.
+        seconds: that all of them together took [s], without those that were kept.
+        kept: how many come from the file of an earlier run.
+    """
 
     paths: list[Checked]
     seconds: float
+    kept: int = 0
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> MotionBench:
-    """Paths of seeds one after the other, in a process for each core."""
+    """Paths of seeds one after the other, in a process for each core; those kept are not run.
+
+    Raises:
+        ValueError: the file to keep them is none of this benchmark.
+    """
     seeds = range(flags.first_seed, flags.first_seed + flags.seeds)
-    processes = min(os.cpu_count() or 1, flags.seeds)
     began = time.perf_counter()
-    rows: list[Checked] = []
+    if flags.keep is None:
+        rows = list(_run(seeds, tell))
+        return MotionBench(sorted(rows), time.perf_counter() - began)
+    known, file = opened(flags.keep)
+    rows = list({row.seed: row for row in known if row.seed in seeds}.values())
+    kept = len(rows)
+    with file:
+        for row in _run(sorted(set(seeds) - {row.seed for row in rows}), tell):
+            write(file, [row])
+            rows.append(row)
+    return MotionBench(sorted(rows), time.perf_counter() - began, kept)
+
+
+def _run(seeds: Sequence[int], tell: Callable[[str], None]) -> Iterator[Checked]:
+    if not seeds:
+        return
+    processes = min(os.cpu_count() or 1, len(seeds))
     # a process that starts afresh: threads of JAX do not survive a fork
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        for row in pool.imap_unordered(checked, seeds, chunksize=AT_ONCE):
-            rows.append(row)
+        found = pool.imap_unordered(checked, seeds, chunksize=AT_ONCE)
+        for number, row in enumerate(found, start=1):
             if broken(row):
                 tell(f"seed {row.seed}: exceeds {', '.join(broken(row))}")
-            if len(rows) % TOLD == 0:
-                tell(f"{len(rows)} paths")
-    return MotionBench(sorted(rows), time.perf_counter() - began)
+            if number % TOLD == 0:
+                tell(f"{number} paths")
+            yield row
 
 
 def broken(row: Checked) -> list[str]:
@@ -66,7 +93,8 @@ def show(console: Console, result: MotionBench) -> None:
         console,
         "each: the greatest over its limit, less 1, and the seed of its path; stopping: duration "
         "over that with a stop in every corner",
-        f"{len(seconds)} paths in {result.seconds:.3g} s; to plan one takes "
+        f"{len(seconds)} paths, seeds {result.paths[0].seed} to {result.paths[-1].seed}, "
+        f"{len(seconds) - result.kept} of them now, in {result.seconds:.3g} s; to plan one takes "
         f"{np.median(seconds):.2g} s, at most {max(seconds):.2g} s",
     )
 
