@@ -416,11 +416,12 @@ class Bench(Common):
     """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
     Motion: paths. Certificates: batches of laps."""
     first_seed: int = 0
-    """Motion, certificates: seed of the first path or batch."""
+    """Motion, certificates, whole_way: seed of the first path, batch or machine."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
-    """Tuners: evaluations of every search; one with slopes counts three."""
+    """Tuners: evaluations of every search; one with slopes counts three.
+    Whole_way: of every search at most, one with slopes counts one."""
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
     Tuners: every start, JSON. Motion: every path, CSV."""

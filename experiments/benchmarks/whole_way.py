@@ -7,7 +7,7 @@ what is lost is lost by identifying.
 import json
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -109,11 +109,11 @@ class OnTheMachine:
 def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
     """Machines of two axes of one kind, from logs of arcs and lines to their contour errors."""
     ways = []
-    for seed in range(flags.seeds):
+    for seed in range(flags.first_seed, flags.first_seed + flags.seeds):
         takes = KINDS[seed % len(KINDS)]
         random = np.random.default_rng([seed, 16])
         axes = [hidden_axis(random, DT, takes) for _ in range(2)]
-        ways.append(_way(axes, seed))
+        ways.append(_way(axes, seed, flags.evaluations))
         tell(_line(ways[-1]))
         jax.clear_caches()  # every machine has programs of its own: they would fill the memory
     return WholeWayBench(ways)
@@ -154,11 +154,11 @@ def _line(way: Way) -> str:
     )
 
 
-def _way(axes: list[RecordedAxis], seed: int) -> Way:
+def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
     found = identify_machine(hidden_record(axes, "contour", seed), MOST_POLES, MOST_DELAY)
     fields = machine_fields(found, "identified", "unit")
     truth = true_fields(axes, fields)
-    identified, known = _tuned_on(fields, truth), _tuned_on(truth, truth)
+    identified, known = (_tuned_on(one, truth, evaluations) for one in (fields, truth))
     delays = tuple(round(one.axis.delay / DT) for one in axes)
     errors = {
         name: (identified.errors.get(name, np.inf), known.errors.get(name, np.nan))
@@ -178,14 +178,16 @@ def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[st
     return fields | model | {"encoder_resolution": min(one.count for one in axes)}
 
 
-def _tuned_on(fields: dict[str, Any], truth: dict[str, Any]) -> OnTheMachine:
-    """What is tuned on a file, run on the true machine."""
+def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -> OnTheMachine:
+    """What is tuned on a file within some evaluations, run on the true machine."""
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "machine.json"
         path.write_text(json.dumps(fields))
         quiet = tables.console_of(quiet=True)
         try:
-            found = searched(tuning_run(Tune(plant=str(path))), Path(place), lambda _: None, quiet)
+            run = tuning_run(Tune(plant=str(path)))
+            run = replace(run, settings=replace(run.settings, evaluations=evaluations))
+            found = searched(run, Path(place), lambda _: None, quiet)
         except NothingSound:
             return OnTheMachine({}, False, True)
     controller = found.run.controller(found.tuned.weights)

@@ -74,8 +74,9 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, m
     monkeypatch.setattr(whole_way, "machine_fields", lambda *_: {})
     monkeypatch.setattr(whole_way, "true_fields", lambda *_: {})
     told = []
-    result = measured(Bench(what="whole_way", seeds=1), told.append)
+    result = measured(Bench(what="whole_way", seeds=1, first_seed=7), told.append)
     (way,) = result.machines
+    assert (way.seed, way.takes) == (7, "position")
     np.testing.assert_equal((way.ratio, way.worst), (ratio, worst))
     assert way.diverged is (identified.diverged or known.diverged)
     assert ("diverged" in told[0]) is way.diverged
@@ -87,5 +88,6 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, m
 
 @pytest.mark.slow
 def test_a_hidden_drive_is_tuned_as_if_it_were_known():
-    (way,) = measured(Bench(what="whole_way", seeds=1), lambda _: None).machines
+    flags = Bench(what="whole_way", seeds=1, evaluations=15)
+    (way,) = measured(flags, lambda _: None).machines
     assert way.sound and not way.diverged and way.ratio < 1.1
