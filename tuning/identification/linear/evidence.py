@@ -4,7 +4,8 @@ Intervals of the frequency response, in the band where they are narrow; whether 
 noise; whether friction, saturation or another axis is behind it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -17,6 +18,7 @@ from tuning.identification.estimates import (
     autocorrelation,
     coloured_covariance,
 )
+from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import whitened
 from tuning.identification.linear.output_error import (
     AxisFit,
@@ -97,6 +99,13 @@ def response_of(fit: AxisFit, estimate: Estimate) -> Response:
     factor = float(norm.ppf((1 + CONFIDENCE) / 2))
     half = factor * np.sqrt(np.maximum(largest, 0.0))
     return Response(frequency, np.exp(value), np.where(np.isfinite(half), half, np.inf))
+
+
+def widened(response: Response, models: Sequence[AxisModel]) -> Response:
+    """The response with an interval that holds those of other models as well."""
+    angular = 2 * np.pi * response.frequency
+    off = [np.abs(model.response(angular) / response.value - 1) for model in models]
+    return replace(response, half_width=np.max([response.half_width, *off], axis=0))
 
 
 def inside_region(

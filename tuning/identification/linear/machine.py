@@ -3,7 +3,9 @@
 Each axis by itself: structure by `order_search`, numbers and intervals on the whole record,
 friction where it is seen. Then what the record cannot answer, in words, and the family: every gain
 within the largest of what the intervals say, what two halves of the record disagree by, and what
-drives repeat to; and one sample of delay more where the data do not tell two delays apart.
+drives repeat to; and one sample of delay more where the data do not tell two delays apart. The
+intervals of the response hold the richer models too that the record makes likelier without showing
+them clearly; the gain does not, as it is one number for all frequencies.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -201,7 +203,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         name=name,
         fit=fit,
         estimate=estimate,
-        response=response,
+        response=evidence.widened(response, [one.fit.model for one in choice.richer]),
         choice=choice,
         rivals=found.rivals,
         held_out=held_out,
@@ -297,6 +299,12 @@ def _notes(axis: LinearAxis) -> list[str]:
             f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
             "the speed that it was not fitted to; of a quiet drive more than 99 %"
         )
+    if axis.choice.richer:
+        notes.append(
+            f"{name}: a model with more poles is likelier, but the record hardly shows it; the two "
+            f"agree {_up_to(axis.response.band[1])}. Above that a tuned loop is not safe, and the "
+            "delay may stand for what is faster: record corners, or what --excite writes"
+        )
     if axis.late:
         notes.append(
             f"{name}: the motion is too smooth to tell {axis.fit.model.delay} and "
@@ -327,6 +335,10 @@ def _notes(axis: LinearAxis) -> list[str]:
             "linear model of this order has; the intervals allow for it"
         )
     return notes
+
+
+def _up_to(hertz: float) -> str:
+    return f"up to {hertz:.3g} Hz" if np.isfinite(hertz) else "nowhere within 10 %"
 
 
 def _check(name: str, command: np.ndarray, position: np.ndarray) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import chi2
 
 from tuning.identification.linear.noise_model import disturbance_filter, whitened, whitening
 from tuning.identification.linear.output_error import (
@@ -33,6 +34,7 @@ MORE = 2  # samples of delay beyond the best of a smaller order that are tried
 GLANCES = 2  # of model and noise filter in turn, while delays are compared
 BLOCK = 200  # samples whose mean counts as one independent value of the squared error
 LIKELIER = 10.0  # gain in log-likelihood of the rest: of a dozen models one gains 5 by chance
+CHANCE = 1e-3  # that a richer model is likelier without reason: of ten, in one axis of a hundred
 BURSTS = 1.5  # standard errors of its mean: one corner that alone is better gives 1, two give 1.4
 DRAGGED = 3  # of Gauss-Newton at a glance, where friction has to be found as well
 STEPS = 5  # of Gauss-Newton while orders and delays are compared
@@ -74,6 +76,20 @@ class Choice:
 
     best: Candidate
     all: list[Candidate]
+
+    @property
+    def richer(self) -> list[Candidate]:
+        """Structures with more parameters that the whole record makes likelier, and not by chance.
+
+        By the likelihood ratio. None of them is clearly better on the rest of the record alone, or
+        it had been chosen.
+        """
+        return [
+            one
+            for one in self.all
+            if (more := _size(one) - _size(self.best)) > 0
+            and chi2.sf(2 * _likelier(one, self.best), more) < CHANCE
+        ]
 
 
 def chosen(
@@ -216,6 +232,14 @@ def _smallest(found: list[Candidate]) -> Candidate:
     good = [one for one in found if not _clearly_better(best, one)]
     fewest = min(_size(one) for one in good)
     return next(one for one in good if _size(one) == fewest)
+
+
+def _likelier(one: Candidate, other: Candidate) -> float:
+    """Gain in log-likelihood over both parts of the record."""
+    first = len(one.fit.residual) - BEGIN
+    rest = min(len(one.held_out), len(other.held_out))
+    gains = first * np.log(_left(other.fit) / _left(one.fit)), rest * np.log(other.loss / one.loss)
+    return 0.5 * float(sum(gains))
 
 
 def _size(one: Candidate) -> int:

@@ -9,6 +9,7 @@ from tuning.identification.linear.output_error import AxisRecord, Structure, fit
 
 DT, ROWS, K, T = 1e-3, 4000, 0.03, 0.012
 P = np.exp(-DT / T)
+NONE, ONE = np.empty(0), np.ones(1)
 TRUTH = AxisModel(
     np.array([-P]),
     K * T * np.array([DT / T - 1 + P, 1 - P - DT / T * P]),
@@ -75,3 +76,19 @@ def test_another_axis_in_the_errors():
     assert part > 0.5 and number > 100
     chance, small = evidence.coupling(fit, random.standard_normal(ROWS))
     assert chance < 0.01 and small < 20
+
+
+def test_an_interval_is_widened_to_another_model_and_ends_the_band_there():
+    """G = 1/z and G (1 - p) / (1 - p/z) differ by p |1 - 1/z| / |1 - p/z|.
+
+    That is a tenth where 4 p (100 p - 1) sin(w/2)^2 = (1 - p)^2.
+    """
+    p, frequency = 0.8, np.geomspace(0.1, 400.0, 4000)
+    plain, lagged = (AxisModel(a, b, 0, 0, DT) for a, b in ((NONE, ONE), (-p * ONE, (1 - p) * ONE)))
+    value = plain.response(2 * np.pi * frequency)
+    response = evidence.Response(frequency, value, np.full(4000, 0.01))
+    wide = evidence.widened(response, [lagged])
+    edge = 2 * np.arcsin((1 - p) / np.sqrt(4 * p * (100 * p - 1))) / (2 * np.pi * DT)
+    assert wide.band[1] == pytest.approx(edge, rel=0.005)
+    assert wide.half_width.min() == 0.01
+    assert evidence.widened(response, []).half_width.tolist() == response.half_width.tolist()

@@ -1,9 +1,21 @@
 import numpy as np
 import pytest
 
-from jcontour.linear.continuous_axes import position_axis, sampled_axis, speed_axis
-from tuning.identification.linear.order_search import chosen, settled
-from tuning.identification.linear.output_error import AxisRecord, structure_of
+from jcontour.linear.continuous_axes import (
+    position_axis,
+    sampled_axis,
+    speed_axis,
+    with_resonance,
+)
+from tuning.identification.linear.noise_model import whitening
+from tuning.identification.linear.order_search import Candidate, Choice, chosen, settled
+from tuning.identification.linear.output_error import (
+    AxisRecord,
+    Structure,
+    fitted,
+    predicted,
+    structure_of,
+)
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
 DT, ROWS = 1e-3, 12_000
@@ -40,3 +52,22 @@ def test_noise_alone_has_no_model_of_order():
     record = AxisRecord(DT, random.standard_normal(3000), random.standard_normal(3000))
     best = chosen(record, (0, 1), 3, 2).best
     assert best.structure.poles + best.structure.zeros <= 2
+
+
+def test_a_richer_model_that_the_record_makes_likelier_is_kept_in_mind():
+    """A resonance that a slow motion with a few corners shows: against the model without it."""
+    axis = with_resonance(position_axis(0.9, 0.018, DT), 2 * np.pi * 60, 0.1)
+    one = RecordedAxis(axis, "position", 0.5e-6, 0.2e-6, 1e-3, (1.2,))
+    reference = 0.05 * DT * np.cumsum(np.sign(np.sin(2 * np.pi * 2.5 * DT * np.arange(6000))))
+    record = AxisRecord(DT, *recorded(one, reference, DT, np.random.default_rng(2)))
+    training, rest = record.part(0, 4200), record.part(4200, 6000)
+    found = []
+    for poles in (1, 3):
+        fit = fitted(training, Structure(poles, poles, 0, 1))
+        fit = fitted(
+            training, Structure(poles, poles, 0, 1), whitening(fit.residual, 60), fit.model
+        )
+        found.append(Candidate(fit, predicted(rest, fit, fit.filter)))
+    plain, rich = found
+    assert Choice(plain, found).richer == [rich]
+    assert Choice(rich, found).richer == []
