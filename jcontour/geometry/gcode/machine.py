@@ -63,6 +63,12 @@ class Machine:
         """Moves made so far."""
         return self.tracer.moves
 
+    @property
+    def state(self) -> tuple:
+        """Everything that says what its next move is."""
+        modal = self.modes, self.motion, self.offsets, self.homes, self.tool, self.next_tool
+        return self.tracer.at, *modal, self.sticky, self.level_before_cycles
+
     def __post_init__(self) -> None:
         self.modes.feed = self.first_feed
 

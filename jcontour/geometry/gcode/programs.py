@@ -13,6 +13,7 @@ from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.modes import Modes
 from jcontour.geometry.gcode.parameters import Locals, Parameters
+from jcontour.geometry.gcode.repetition import Repetition
 from jcontour.geometry.gcode.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
@@ -82,6 +83,12 @@ class Frame:
     modes: tuple[Modes, int] | None = None  # and work system, that M70 or M73 kept
     restores: bool = False  # whether they come back at the end (M73)
 
+    @property
+    def state(self) -> tuple:
+        """What decides how it goes on."""
+        place = id(self.source), self.next, self.begin, self.laps, self.by_m98
+        return *place, self.kept, self.loops, self.branched, self.modes, self.restores
+
 
 @dataclass
 class Program:
@@ -104,6 +111,7 @@ class Program:
     repeated_before: int = 0
     marked: bool = False  # by a first %
     begun: bool = False  # whether a line that says something has come
+    repetition: Repetition = field(default_factory=Repetition)
 
     def run(self, most_lines: int | None = None) -> None:
         """Carry out lines up to the end of the program, or so many.
@@ -164,6 +172,11 @@ class Program:
                 f"{self.repeated} lines carried out again, {standing} of them without a move: "
                 "a loop that does not end?"
             )
+
+    def _check_round(self) -> None:
+        """End a loop that comes back to a state it was in."""
+        frames = tuple(frame.state for frame in self.frames)
+        self.repetition.check((*self.machine.state, *self.parameters.state, *frames))
 
     def _block(self, source: Source, index: int) -> Block:
         line = source.lines[index]
@@ -261,10 +274,13 @@ class Program:
         places = frame.source.structure
         if index in places.beginning:  # the end of a do
             if self._value(word):
+                self._check_round()
                 frame.next = places.beginning[index] + 1
             return
         if word.keyword == "while":
-            if not self._value(word):
+            if self._value(word):
+                self._check_round()
+            else:
                 frame.next = places.ending[index] + 1
             return
         if index not in frame.loops:
