@@ -1,0 +1,160 @@
+"""The short sweep against horizons in NumPy, and which of two sweeps is taken."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jcontour.riccati.forgetting as forgetting
+from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    contour_weight,
+    control_weight,
+)
+from jcontour.geometry.contours import circle
+from jcontour.linear.plant import AffinePlan
+from jcontour.motion.references import along
+from jcontour.plants.bridgeport import bridgeport
+from jcontour.riccati.receding_horizon import output_cost
+
+STEPS, MEMORY = 7, 3
+
+
+def problem(plant, steps, memory, scale=1.0):
+    random, seen = np.random.default_rng(0), steps + 2 * memory
+    roots = random.standard_normal((seen, 2, 2))
+    Q, y_d = jnp.asarray(scale * roots @ roots.mT), jnp.asarray(random.standard_normal((seen, 2)))
+    return Q, y_d, 0.3 * jnp.eye(plant.inputs)
+
+
+def horizon(plant, Q, y_d, R, k, last):
+    """Gains F, f of step k whose horizon ends with the output at sample `last`."""
+    A, B, C = (np.asarray(M) for M in (plant.A, plant.B, plant.C))
+    H, g = C.T @ Q[last] @ C, -C.T @ Q[last] @ y_d[last]
+    for j in range(last - 1, k, -1):
+        closed = A - B @ np.linalg.solve(B.T @ H @ B + R, B.T @ H @ A)
+        g = closed.T @ g - C.T @ Q[j] @ y_d[j]
+        H = A.T @ H @ closed + C.T @ Q[j] @ C
+    M = B.T @ H @ B + R
+    return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g)
+
+
+def short(plant, Q, y_d, R):
+    def terminal_at(ends):
+        return output_cost(plant, Q[ends], y_d[ends])
+
+    return forgetting.short_plan(plant, Q, y_d, R, terminal_at, STEPS, MEMORY)
+
+
+def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant):
+    """Blocks of 3 steps behind a run of 7 and 3 more: steps 0 | 1 2 3 | 4 5 6 | 7 8 9."""
+    plant = coupled_plant(3, 4, 2)
+    Q, y_d, R = problem(plant, STEPS, MEMORY)
+    found, apart = jax.jit(short)(plant, Q, y_d, R)
+    numbers = [np.asarray(one) for one in (Q, y_d, R)]
+    for k, block_end in enumerate((0, 3, 3, 3, 6, 6, 6)):
+        F, f = horizon(plant, *numbers, k, block_end + MEMORY)
+        np.testing.assert_allclose(found.F[k], F, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(found.f[k], f, rtol=1e-9, atol=1e-12)
+    once = [horizon(plant, *numbers, k, k + MEMORY) for k in (0, 3, 6)]
+    twice = [horizon(plant, *numbers, k, k + 2 * MEMORY) for k in (0, 3, 6)]
+    differences = [
+        max(np.abs(one[i] - other[i]).max() for one, other in zip(once, twice, strict=True))
+        for i in (0, 1)
+    ]
+    # the largest gain of the run is at most that of all rows, which the block behind it has too
+    largest = max(differences[0] / np.abs(found.F).max(), differences[1] / np.abs(found.f).max())
+    assert 1e-6 < 0.2 * largest < float(apart) <= (1 + 1e-9) * largest
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("pole", "taken"), [(0.1, True), (0.999, False)])
+def test_the_short_sweep_is_taken_where_the_loop_forgets(coupled_plant, monkeypatch, pole, taken):
+    """Hardly any feedback: the loop forgets as the plant itself. A plan of NaN says what it is."""
+    monkeypatch.setattr(forgetting, "MEMORY", 20)
+    plant = coupled_plant(3, 4, 2)
+    radius = np.abs(np.linalg.eigvals(plant.A)).max()
+    plant = type(plant)(plant.A * (pole / radius), plant.B, plant.C, plant.dt)
+    Q, y_d, R = problem(plant, 30, 20, scale=1e-9)
+
+    def whole():
+        return AffinePlan(jnp.full((30, 2, 4), jnp.nan), jnp.full((30, 2), jnp.nan))
+
+    def terminal_at(ends):
+        return output_cost(plant, Q[ends], y_d[ends])
+
+    found = forgetting.forgetful_plan(plant, Q, y_d, R, terminal_at, whole, 30)
+    assert np.isfinite(found.F).all() == np.isfinite(found.f).all() == taken
+
+
+def reference(table, preview):
+    return along(circle(5e-3), 2.5e-5 * np.arange(600), table.dt, preview, at_rest=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("alpha", "beta", "rho", "forgets"),
+    [
+        (3.0, 5.0, 2e-9, True),
+        (1.2, 20.0, 2e-9, True),
+        (100.0, 0.0, 1e-9, True),
+        (3.0, 5.0, 1e-12, True),
+        (1.0, 5.0, 1e-8, True),
+        (0.1, 0.0, 2e-9, False),
+        (1.0, 5.0, 1e-6, False),
+    ],
+)
+def test_a_long_preview_has_its_own_gains_whatever_the_weights(alpha, beta, rho, forgets):
+    table, weights = bridgeport(), LQWeights(alpha, beta, rho)
+    run = reference(table, 1000)
+    assert (float(difference(table, weights, run)) <= forgetting.FORGOTTEN) == forgets
+    found = plan_of_blocks(table, weights, run)
+    if forgets:
+        wanted = ContouringLQ(table, weights, 1000).prepare(run)
+    else:
+        wanted = plan_of_all_blocks(table, weights, run)
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * float(jnp.abs(b).max()))
+
+
+def plan_of_blocks(table, weights, run):
+    return jax.jit(lambda run: BlockwiseLQ(table, weights, 1000).prepare(run))(run)
+
+
+def difference(table, weights, run):
+    Q, y_d = contour_weight(weights.alpha, weights.beta, run.tangent), run.position
+
+    def terminal_at(ends):
+        return output_cost(table, Q[ends], y_d[ends])
+
+    R = control_weight(table, weights)
+    memory = forgetting.MEMORY
+    return forgetting.short_plan(table, Q, y_d, R, terminal_at, run.steps, memory)[1]
+
+
+def plan_of_all_blocks(table, weights, run):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "jcontour.controllers.lq.blockwise_lq.suits_forgetting", lambda *numbers: False
+        )
+        return plan_of_blocks(table, weights, run)
+
+
+@pytest.mark.slow
+def test_the_gradient_is_that_of_the_long_horizon():
+    table = bridgeport()
+    run = reference(table, 1000)
+
+    def slopes(law):
+        def value(log):
+            plan = law(table, LQWeights(*jnp.exp(log)), 1000).prepare(run)
+            return jnp.sum(plan.F**2) + 1e-3 * jnp.sum(jnp.sin(plan.f))
+
+        log = jnp.log(jnp.array([3.0, 5.0, 2e-9]))
+        return jax.jit(jax.grad(value))(log), jax.jit(jax.jacfwd(value))(log)
+
+    for found, wanted in zip(slopes(BlockwiseLQ), slopes(ContouringLQ), strict=True):
+        scale = float(jnp.abs(wanted).max())
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * scale)
