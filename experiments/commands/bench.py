@@ -36,8 +36,12 @@ def command(flags: Bench) -> int:
     line after every measurement; the lines appear on stderr as they come.
 
     Raises:
-        ValueError: a batch is not above zero.
+        ValueError: a batch or a number is below one, or a seed below zero.
     """
+    for name, least in (("seeds", 1), ("evaluations", 1), ("first_seed", 0)):
+        if (value := getattr(flags, name)) < least:
+            flag = name.replace("_", "-")
+            raise ValueError(f"{flag}: needs at least {least}, received {value}")
     if any(batch < 1 for batch in flags.batch):
         raise ValueError(f"batch: needs at least one run at once, received {min(flags.batch)}")
     part = import_module(f"experiments.benchmarks.{flags.what}")

@@ -143,9 +143,3 @@ def test_missing_libraries_are_named_with_what_installs_them(monkeypatch):
 def test_unknown_searches_are_named():
     with pytest.raises(ValueError, match="searches: needs names of jcontour, .*, received TPS"):
         measured(Bench(what="tuners", searches=("TPS",)), print)
-
-
-@pytest.mark.parametrize("flag", ["seeds", "evaluations"])
-def test_numbers_below_one_are_named(flag):
-    with pytest.raises(ValueError, match=f"{flag}: needs at least 1, received 0"):
-        measured(Bench(what="tuners", **{flag: 0}), print)

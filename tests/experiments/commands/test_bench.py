@@ -42,6 +42,17 @@ def test_a_batch_of_nothing_is_refused_at_once(part, batch, capsys):
     assert said.err == wanted and not said.out
 
 
+@pytest.mark.parametrize("flag", ["--seeds", "--evaluations"])
+def test_a_number_of_none_is_refused_at_once(flag, counting, capsys):
+    assert main(["bench", "whole_way", flag, "0"]) == 2
+    assert capsys.readouterr().err == f"jcontour: {flag[2:]}: needs at least 1, received 0\n"
+
+
+def test_a_seed_below_zero_is_refused_at_once(counting, capsys):
+    assert main(["bench", "whole_way", "--first-seed", "-1"]) == 2
+    assert capsys.readouterr().err == "jcontour: first-seed: needs at least 0, received -1\n"
+
+
 @pytest.mark.parametrize("part", ["mpc", "lq", "gantry"])
 def test_every_part_is_found(part):
     module = import_module(f"experiments.benchmarks.{part}")
