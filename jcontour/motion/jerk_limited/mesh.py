@@ -113,7 +113,8 @@ def nodes(
     least = np.maximum(least, np.where(quiet, np.ceil(turned(pieces) / TURN), 1))
     apart = ~(quiet[1:] & quiet[:-1]) | (feed[1:] != feed[:-1]) | np.isin(starts[1:-1], stops)
     row = np.append(0, np.cumsum(apart))
-    fine = np.where(quiet, LAUNCH * FINE * tick * PER_RAMP, np.inf)
+    straight = ~curved(pieces)  # along a line nothing changes, even where an axis limits the speed
+    fine = np.where(quiet | straight, LAUNCH * FINE * tick * PER_RAMP, np.inf)
     clock = _Clock(ends[np.searchsorted(row, row)], ends[np.searchsorted(row, row, "right")], fine)
     first, last = clock.shortened(ends[:-1]), clock.shortened(ends[1:])
     count = np.maximum(np.ceil((last - first) / tick), least).astype(int)
