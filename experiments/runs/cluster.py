@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from experiments.runs import worker
 from experiments.runs.spreading import cores
 from experiments.runs.worker import Surroundings, answer
 
@@ -64,6 +65,7 @@ def cluster_of(workers: int | None, scheduler: str | None) -> "Iterator[Client |
             threads_per_worker=1,
             dashboard_address=ANY_PORT,
             silence_logs=logging.CRITICAL,
+            preload=[worker.__name__],
         ) as cluster,
         Client(cluster) as client,
     ):

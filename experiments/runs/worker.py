@@ -3,6 +3,7 @@
 import os
 import pickle
 import platform
+import signal
 import sys
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -53,3 +54,8 @@ def _set_up(settings: Mapping[str, str | None]) -> None:
             os.environ.pop(name, None)
         else:
             os.environ[name] = value
+
+
+def dask_setup(worker: Any) -> None:
+    """Leave an interruption to the process that asks; dask calls this in workers of our own."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from experiments.reports.figures.axes import legend_below
 from experiments.reports.figures.sweep import LOST, named, scaled
 
+NARROW = 10  # ratio of the ends of a scale within which all its ticks are written
 MARK = 220  # area of a design [points^2]
 PLACE = ("speed", "horizon", "sample")  # of a design, whatever the contour
 
@@ -52,7 +54,8 @@ def surface_figure(dataset: xr.Dataset) -> Figure:
     rows = figure.subplots(2, count, squeeze=False)
     labels = ("RMS contour error [um]", "traversal time [s]")
     for panels, values, label in zip(rows, (error, time), labels, strict=True):
-        norm = _norm_of(values)
+        low, high = _ends(values)
+        norm = LogNorm(low, high)
         for axes, heights, errors, speed in zip(
             panels, values, error, dataset.speed.values, strict=True
         ):
@@ -60,7 +63,7 @@ def surface_figure(dataset: xr.Dataset) -> Figure:
             axes.set_title(f"{speed:g} mm/s", fontsize=10)
         colours = ScalarMappable(norm)
         bar = figure.colorbar(colours, ax=list(panels), label=label, format="{x:.3g}")
-        bar.ax.yaxis.set_minor_formatter("{x:.3g}")
+        bar.ax.yaxis.set_minor_formatter("{x:.3g}" if high < NARROW * low else NullFormatter())
     figure.suptitle(f"{dataset.attrs['title']}; red cross: has not arrived", fontsize=10)
     return figure
 
@@ -84,10 +87,11 @@ def front_figure(dataset: xr.Dataset) -> Figure:
     return figure
 
 
-def _norm_of(values: np.ndarray) -> LogNorm:
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a scale for all values; of one that is the same everywhere too."""
     finite = values[np.isfinite(values)]
     low, high = (finite.min(), finite.max()) if finite.size else (1.0, 10.0)
-    return LogNorm(low, max(high, 1.01 * low))
+    return float(low), float(max(high, 1.01 * low))
 
 
 def _map(

@@ -81,3 +81,10 @@ def test_what_a_call_raises_ends_all_and_what_cannot_be_sent_is_told():
             list(answers(int, ["1", "one"], client))
         with pytest.raises(ValueError, match="workers: another process cannot be sent this"):
             list(answers(lambda one: one, [1], client))
+
+
+@pytest.mark.slow
+def test_workers_leave_an_interruption_to_the_command():
+    with cluster_of(1, None) as client:
+        found = client.run(signal.getsignal, signal.SIGINT)
+    assert list(found.values()) == [signal.SIG_IGN]
