@@ -33,12 +33,12 @@ class Plant(eqx.Module):
         A zero increment is rest.
         """
 
-    def steady_control(
-        self, position: Float[Array, " m"], increment: Float[Array, " m"]
+    def holding_control(
+        self, position: Float[Array, " m"]
     ) -> Float[Array, " p"] | Float[Array, ""]:
-        """Control that carries the motion of `initial_state` on.
+        """Control that holds the tool at rest at `position` [m].
 
-        Zero unless the plant says otherwise: drives that take a force or a speed need none at rest.
+        Zero unless the plant says otherwise: drives that take a force or a speed need none.
         """
         return jnp.zeros((), position.dtype)
 

@@ -188,8 +188,7 @@ def loop_along(
         return M, E, C, blocks([[D @ H, K]]), jnp.asarray(D)
 
     steps = jax.vmap(at)((plan, run.state, run.memory))
-    place = reference.position[0]
-    held = plant.steady_control(place, jnp.zeros_like(place))
+    held = plant.holding_control(reference.position[0])
     return DisturbedLoop(*steps, run.output, run.control, held)
 
 

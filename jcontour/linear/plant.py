@@ -119,17 +119,17 @@ class LinearPlant(Plant):
         """State of a steady motion through `position`; equation and errors as `steady_motion`."""
         return steady_motion(self).state(jnp.asarray(position), jnp.asarray(increment))
 
-    def steady_control(self, position, increment) -> Float[Array, " p"]:
-        """Control u of that motion: B u = x(1) - A x(0), in the sense of least squares.
+    def holding_control(self, position) -> Float[Array, " p"]:
+        """Control u of a standstill x: B u = x - A x, in the sense of least squares.
 
         Raises:
             ValueError: as `steady_motion`.
         """
-        motion, position, increment = steady_motion(self), jnp.asarray(position), increment
-        now, after = (motion.state(place, increment) for place in (position, position + increment))
+        position = jnp.asarray(position)
+        rest = steady_motion(self).state(position, jnp.zeros_like(position))
         size = jnp.linalg.norm(self.B, axis=0)
         B = self.B / size[None]
-        return jnp.linalg.solve(B.T @ B, B.T @ (after - self.A @ now)) / size
+        return jnp.linalg.solve(B.T @ B, B.T @ (rest - self.A @ rest)) / size
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""

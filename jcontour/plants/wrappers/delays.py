@@ -60,8 +60,10 @@ class LateSensors(Remembering):
 class _LateControl(Remembering):
     """A plant whose control waits in a line of fixed `depth`, so that plants of any delay batch.
 
-    The controller does not know it: it is fed the measurement of the undelayed part. Before the
-    start the plant was in steady motion, and the line holds the controls of that.
+    The controller does not know it: it is fed the measurement of the undelayed part. The line
+    starts with the control that holds the plant at rest, zero where drives take a speed or a force.
+    So a run that starts in motion is pushed for the first samples, as the reference numbers of
+    McNab and Tsao's late machines are.
 
     Raises:
         ValueError: the depth is below one, or the delay is not between zero and the depth.
@@ -75,19 +77,10 @@ class _LateControl(Remembering):
         _check_line(self.samples, self.depth)
 
     def initial_state(self, position, increment) -> State:
-        """State of the wrapped plant, and the controls before, the last first."""
-        before = [
-            self.steady_control(position - k * increment, increment)
-            for k in range(1, self.depth + 1)
-        ]
-        line = [jnp.broadcast_to(control, (self.inputs,)) for control in before]
-        return self.plant.initial_state(position, increment), jnp.stack(line)
-
-    def steady_control(self, position, increment) -> Float[Array, " p"] | Float[Array, ""]:
-        """Control of the wrapped plant at the time when it acts."""
-        increment = jnp.asarray(increment)
-        late = jnp.asarray(self.samples, increment.dtype)
-        return self.plant.steady_control(position + late * increment, increment)
+        """State of the wrapped plant, and the control that holds it at rest in all of the line."""
+        held = self.plant.holding_control(position)
+        line = jnp.broadcast_to(held, (self.depth, self.inputs))
+        return self.plant.initial_state(position, increment), line
 
     def step(self, state, control) -> State:
         """Step of the wrapped plant under the control that acts; the line moves on."""

@@ -1,7 +1,5 @@
 """Input gains that a controller does not know."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -51,21 +49,12 @@ class Gained(Remembering):
 
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant, and the bits of u_0."""
-        held = self._held(position)
+        held = jnp.asarray(self.plant.holding_control(position))
         bits = lax.bitcast_convert_type(held, f"int{8 * held.dtype.itemsize}")
         return self.plant.initial_state(position, increment), bits
-
-    def steady_control(self, position, increment) -> Float[Array, " p"] | Float[Array, ""]:
-        """Control whose effect is that of the wrapped plant's, in a run that begins there."""
-        held = self._held(position)
-        return held + (self.plant.steady_control(position, increment) - held) / self.gains
 
     def step(self, state, control) -> State:
         """Step of the wrapped plant under the control that acts."""
         inner, bits = state
         held = lax.bitcast_convert_type(bits, control.dtype)
         return self.plant.step(inner, held + self.gains * (control - held)), bits
-
-    def _held(self, position: Any) -> Float[Array, " p"] | Float[Array, ""]:
-        position = jnp.asarray(position)
-        return jnp.asarray(self.plant.steady_control(position, jnp.zeros_like(position)))

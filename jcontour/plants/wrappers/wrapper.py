@@ -30,9 +30,9 @@ class Wrapper(Plant):
         """State of the wrapped plant in steady motion."""
         return self.plant.initial_state(position, increment)
 
-    def steady_control(self, position, increment) -> Float[Array, " p"] | Float[Array, ""]:
+    def holding_control(self, position) -> Float[Array, " p"] | Float[Array, ""]:
         """That of the wrapped plant."""
-        return self.plant.steady_control(position, increment)
+        return self.plant.holding_control(position)
 
     def step(self, state, control) -> State:
         """State of the wrapped plant one sample later."""
