@@ -154,6 +154,8 @@ def swept_of(flags: Sweep) -> PredictiveSwept:
     of_parts = {name: getattr(flags, name) for name in HEEDED if hasattr(MachineFlags, name)}
     pace = Pace.of(MachineFlags(**of_parts, feed_mm_per_min=3000.0), machine)  # it is not used
     jobs = [job_named(name, pace) for name in names]
+    if machine.limits.control is None:
+        raise ValueError(f"plant: {flags.plant} states no limit on its controls, which this needs")
     cases = [Case(flags.controller, machine, job.contour) for job in jobs]
     varied = listed_values(flags.vary) or dict([kind.varied])
     for name in varied:

@@ -125,6 +125,7 @@ def test_killed_runs_are_flagged_and_tried_again(asked, tmp_path, monkeypatch):
         ({"workers": 2, "scheduler": "tcp://a:1"}, "workers: the scheduler has its own"),
         ({"vary": ("increment=60,-1",)}, "increment: needs"),
         ({"plant": "flexible-axis"}, "axes"),
+        ({"plant": "flexible-axes"}, "plant: flexible-axes states no limit on its controls"),
     ],
 )
 def test_bad_sweeps_are_refused(changed, says):
