@@ -128,16 +128,16 @@ def _compiled_call(function: Callable):
         return numba.cfunc(kind)(function)
 
 
-def drop_stale(folder: Path) -> None:
-    """Delete what Numba has kept of a folder's modules from before one of them was changed.
+def drop_stale(folder: Path, *sources: Path) -> None:
+    """Delete what Numba has kept of a folder's modules from before one of the sources was changed.
 
     Numba looks at a function's own file, not at the files of what is compiled into it.
     """
-    sources = folder.glob("*.py")
     changed = max(source.stat().st_mtime for source in sources)
     for kept in (folder / "__pycache__").glob("*.nb[ic]"):
         if kept.stat().st_mtime < changed:
             kept.unlink(missing_ok=True)
 
 
-drop_stale(Path(__file__).parent)
+_HERE = Path(__file__).parent
+drop_stale(_HERE, *_HERE.glob("*.py"), *(_HERE.parent / "qp").glob("*.py"))

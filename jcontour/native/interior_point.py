@@ -35,6 +35,7 @@ from jcontour.native.one_sided import (
     go,
     linearise,
     progress,
+    push,
 )
 from jcontour.native.staged import (
     Factors,
@@ -47,6 +48,7 @@ from jcontour.native.staged import (
     roll_out,
     row_of,
     slope_at,
+    slope_left,
     step_of,
 )
 from jcontour.qp.one_sided import Point
@@ -59,7 +61,9 @@ from jcontour.qp.path import (
     INWARD,
     MISSED,
     MOST,
+    NEAR,
     ROOM,
+    SPOILT,
 )
 from jcontour.qp.staged import Trajectory
 
@@ -126,6 +130,17 @@ def _copy(slope, right, length, n):
 
 
 @part
+def _left(problem, sizes, now, change, far, slope, pulled):
+    """Slope with a control that is left after a step, over its largest term; fills `pulled`."""
+    for k in range(sizes.N * sizes.v):
+        store(pulled.stages, k, spread(0.0))
+    for k in range(2 * sizes.N * sizes.r):
+        push(problem, sizes, pulled, k, fma(far, load(change.l, k), load(now.l, k)))
+    left, largest = slope_left(problem, sizes, slope, pulled)
+    return left / most(largest, spread(TINY))
+
+
+@part
 def _path(sizes):
     return Path(np.zeros(sizes.N * sizes.v * WIDTH), np.zeros(sizes.n * WIDTH))
 
@@ -141,7 +156,7 @@ def _iterate(problem, sizes, limits, path, now, iterations):
     half, zero, one = spread(0.5), spread(0.0), spread(1.0)
     N, n, p, v = sizes.N, sizes.n, sizes.p, sizes.v
     size = 2 * N * sizes.r
-    step, slope, right = _path(sizes), _path(sizes), _path(sizes)
+    step, slope, right, ahead = _path(sizes), _path(sizes), _path(sizes), _path(sizes)
     change = Slacks(_rows(size), _rows(size), _rows(size), _rows(size))
     linear = Linear(
         _rows(size),
@@ -159,7 +174,9 @@ def _iterate(problem, sizes, limits, path, now, iterations):
     Y, y = np.empty(N * p * n * WIDTH), np.empty(N * p * WIDTH)
     factors = Factors(Y, y, np.empty(N * p * p * WIDTH))
     number, goes_on, unfinished = load(limits.number, 0), one, np.empty(WIDTH)
+    left_before = spread(np.inf)
     largest = _begin(problem, sizes, limits, path, step, slope, factors, now)
+    slope_at(problem, sizes, path, slope)
     for _ in range(MOST):
         mu, missed = progress(problem, sizes, limits, path, now, linear)
         later = where_less(spread(MISSED), missed, one, zero)
@@ -169,7 +186,6 @@ def _iterate(problem, sizes, limits, path, now, iterations):
         if not _any(unfinished):
             break
         store(iterations, 0, load(iterations, 0) + open_)
-        slope_at(problem, sizes, path, slope)
         _copy(slope, right, N * v, n)
         linearise(problem, sizes, limits, now, linear, right)
         both_sides(linear, both, N * sizes.r)
@@ -187,10 +203,17 @@ def _iterate(problem, sizes, limits, path, now, iterations):
         far = where_less(far, one, spread(INWARD) * far, one)
         gap = gap_ahead(limits, now, change, far, size)
         total = gap
+        _copy(path, ahead, N * v, n)
+        move(ahead, step, far, one, N * v, n)
         for k in range(N * v):
-            total = total + fma(far, load(step.stages, k), load(path.stages, k))
+            total = total + load(ahead.stages, k)
+        slope_at(problem, sizes, ahead, slope)
+        left_after = _left(problem, sizes, now, change, far, slope, right)
+        spoilt = where_less(most(left_before, spread(SPOILT)), left_after, one, zero)
+        spoilt = where_less(mu, spread(NEAR) * largest, spoilt, zero)
+        left_before = left_after
         # inf and NaN less themselves are NaN, which is less than nothing
-        goes_on = goes_on * where_less(total - total, one, one, zero)
+        goes_on = goes_on * where_less(total - total, one, one, zero) * (one - spoilt)
         moves = open_ * goes_on
         largest = where_less(half, moves, most(largest, gap / number), largest)
         move(path, step, far, moves, N * v, n)

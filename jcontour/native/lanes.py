@@ -157,6 +157,12 @@ def most(one, other):
 
 
 @part
+def size_of(number):
+    """Absolute value."""
+    return most(number, spread(0.0) - number)
+
+
+@part
 def gathered(source, first, count, size):
     """Arrays of lanes of the problems from `first` on; the last one fills what is left.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jcontour.native.lanes import WIDTH, fma, load, most, part, spread, store, where_less
+from jcontour.native.lanes import WIDTH, fma, load, most, part, size_of, spread, store, where_less
 from jcontour.native.staged import add_row, row_of
 
 
@@ -77,7 +77,7 @@ def progress(problem, sizes, limits, path, now, linear):
             half, load(limits.there, k), s + value - t - load(limits.bound, k), zero
         )
         store(linear.missed, k, missed)
-        largest = most(largest, most(missed, zero - missed) / load(limits.width, k))
+        largest = most(largest, size_of(missed) / load(limits.width, k))
     return gap / load(limits.number, 0), largest
 
 

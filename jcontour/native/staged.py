@@ -14,8 +14,10 @@ from jcontour.native.lanes import (
     dot,
     fma,
     load,
+    most,
     part,
     root,
+    size_of,
     spread,
     store,
     where_less,
@@ -207,6 +209,35 @@ def step_of(problem, sizes, factors, slope, step):
                 store(step.stages, (j + 1) * v + a, x)
             else:
                 store(step.end, a, x)
+
+
+@part
+def slope_left(problem, sizes, cost, pulled):
+    """Largest slope of the Lagrangian with a control, and the largest term in it.
+
+    The cost's slope and the limits' are told apart; no limit reaches the last state.
+    """
+    n, v, M = sizes.n, sizes.v, problem.M
+    costate, before = np.empty(n * WIDTH), np.empty(n * WIDTH)
+    left = largest = spread(0.0)
+    for a in range(n):
+        store(costate, a, load(cost.end, a))
+    for back in range(sizes.N):
+        j = sizes.N - 1 - back
+        for b in range(v):
+            moved = spread(0.0)
+            for a in range(n):
+                moved = fma(load(M, a * v + b), load(costate, a), moved)
+            own, limited = load(cost.stages, j * v + b), load(pulled.stages, j * v + b)
+            whole = own + limited + moved
+            if b < n:
+                store(before, b, whole)
+            else:
+                left = most(left, size_of(whole))
+                largest = most(most(largest, size_of(own)), most(size_of(limited), size_of(moved)))
+        for a in range(n):
+            store(costate, a, load(before, a))
+    return left, largest
 
 
 @part

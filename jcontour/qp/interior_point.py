@@ -52,7 +52,9 @@ from jcontour.qp.path import (
     INWARD,
     MISSED,
     MOST,
+    NEAR,
     ROOM,
+    SPOILT,
 )
 from jcontour.qp.staged import (
     StagedQP,
@@ -193,11 +195,15 @@ def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
         point, k, _, largest = state
         following = _iterated(qp, point, limits, count, largest)
         total = _total(following)
-        # near the end W is so large that rounding may leave no factors: the point before is kept
-        finite = jnp.isfinite(total + jnp.sum(following.at.stages))
-        kept = jax.tree.map(partial(jnp.where, finite), following, point)
+        # near the end W is so large that rounding may leave no factors, or bad ones: the point
+        # before is kept
+        near = _total(point) < NEAR * count * largest
+        before, after = (_slope_left(qp, one.at, one.l) for one in (point, following))
+        spoilt = near & (after > jnp.maximum(before, SPOILT))
+        good = jnp.isfinite(total + jnp.sum(following.at.stages)) & ~spoilt
+        kept = jax.tree.map(partial(jnp.where, good), following, point)
         # mu grows where a limit gives way at a price that no cost without limits hints at
-        return kept, k + 1, finite, jnp.maximum(largest, jnp.where(finite, total / count, 0.0))
+        return kept, k + 1, good, jnp.maximum(largest, jnp.where(good, total / count, 0.0))
 
     begun = first, jnp.asarray(0), jnp.asarray(True), mu0
     unlimited = qp.D.shape[0] == 0  # nothing to iterate, and nothing to compile
@@ -281,18 +287,23 @@ def _checked(qp: StagedQP, point: Point, limits: Limits, iterations) -> Answer:
     beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
     hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
     gives = jnp.where(limits.gives, beyond, 0.0)
-    cost, pulled = slopes(qp, at), _pulled(qp, l)
-    behind = costates(qp, _summed(cost, pulled))
-    terms = cost.stages[:, n:], pulled.stages[:, n:], behind @ qp.B
-    tiny = jnp.finfo(l.dtype).tiny ** 0.5
-    size = jnp.maximum(jnp.max(jnp.abs(jnp.stack(terms))), tiny)
-    dual = jnp.max(jnp.abs(sum(terms))) / size
+    cost, dual, tiny = slopes(qp, at), _slope_left(qp, at, l), jnp.finfo(l.dtype).tiny ** 0.5
     costs = jnp.sum(jnp.abs(cost.stages * at.stages)) + jnp.sum(jnp.abs(cost.end * at.end))
     costs = jnp.maximum(costs, jnp.maximum(jnp.sum(l * jnp.abs(limits.bound)), tiny))
     gap = jnp.sum(l * left) + jnp.sum((limits.price - l) * gives)
     residual = jnp.maximum(hard, jnp.maximum(dual, gap / costs))
     residual = jnp.where(_stated(qp), residual, jnp.inf)
     return Answer(at, l, residual, residual <= SOLVED, iterations, jnp.max(gives, initial=0.0))
+
+
+def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
+    """Largest slope of the Lagrangian with a control, over the largest term in it."""
+    n = qp.x0.size
+    cost, pulled = slopes(qp, at), _pulled(qp, multipliers)
+    behind = costates(qp, _summed(cost, pulled))
+    terms = cost.stages[:, n:], pulled.stages[:, n:], behind @ qp.B
+    tiny = jnp.finfo(multipliers.dtype).tiny ** 0.5
+    return jnp.max(jnp.abs(sum(terms))) / jnp.maximum(jnp.max(jnp.abs(jnp.stack(terms))), tiny)
 
 
 def _stated(qp: StagedQP):
