@@ -207,11 +207,17 @@ FAULTS = (
     ),
     Fault(
         "jcontour/plants/wrappers/delays.py",
-        "self.plant.step(inner, line[self.samples])",
-        "self.plant.step(inner, line[self.samples - 1])",
+        "jnp.concatenate([control[None], line])[self.samples]",
+        "jnp.concatenate([control[None], line])[self.samples - 1]",
         f"{LIBRARY}/plants/wrappers",
     ),
     # qp and mpc
+    Fault(
+        "jcontour/native/staged.py",
+        "pivot = pivot - entry * entry",
+        "pivot = pivot + entry * entry",
+        f"{LIBRARY}/qp/test_native.py",
+    ),
     Fault(
         "jcontour/qp/problem.py",
         "gap += z[i] * (Hz + g[i])",
