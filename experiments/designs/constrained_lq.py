@@ -13,22 +13,28 @@ from experiments.designs.lq import TERMINALS, LQDesign, contouring_lq
 from experiments.files import run_folder
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import MachineLimits
 from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.limits import Limits
 
+UNKNOWN = 0.03  # of speed and acceleration
+
 
 class ConstrainedLQDesign(LQDesign):
-    """Contouring LQ under limits at every sample, behind an observer of state and load."""
+    """Contouring LQ under limits at every sample, behind an observer of state and load.
+
+    Those on speed and acceleration are divided by the family's largest gain, and kept 3 % below.
+    """
 
     keeps_limits: ClassVar[bool] = True
 
     def build(self, weights: LoopWeights) -> Controller:
         """Controller behind its observer."""
         model, terminal = self.model, TERMINALS[self.terminal]
-        limits = Limits.within(**self.machine.limits._asdict())
+        limits = Limits.within(**_kept_by_all(self.machine)._asdict())
         inner = ConstrainedLQ(model, weights.cost, self.preview, limits, terminal)
         return OffsetFreeTold(inner, model, self.gain(weights), model.C)
 
@@ -47,6 +53,20 @@ class ConstrainedLQDesign(LQDesign):
         """The observer as a drive would load it."""
         assert isinstance(controller, OffsetFreeTold)
         run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
+
+
+def _kept_by_all(machine: LinearMachine) -> MachineLimits:
+    """Limits of a plan that all machines of the family keep.
+
+    A machine with larger gains moves by as much more than the plan of the nominal one says, and a
+    little is left for what no plan knows: late controls, and loads that are not observed yet.
+    """
+    most = (1.0 + machine.gain) * (1.0 + UNKNOWN)
+    limits = machine.limits
+    speed, acceleration = (
+        None if limit is None else limit / most for limit in (limits.speed, limits.acceleration)
+    )
+    return limits._replace(speed=speed, acceleration=acceleration)
 
 
 def constrained_lq(

@@ -35,6 +35,8 @@ def test_it_keeps_to_every_limit_of_the_machine(machine, design):
     np.testing.assert_array_equal(rows.upper[0, :4], [250.0, 250.0, 60.0, 60.0])
     assert rows.soft.tolist() == [False] * 4 + [True] * (len(rows.soft) - 4)
     assert np.nanmax(rows.upper[np.isfinite(rows.upper)]) == pytest.approx(250.0)
+    bounds = set(np.round(rows.upper[-1, 4:], 12))  # for gains 10 % larger, and 3 % below
+    assert bounds == {round(limit / 1.1 / 1.03, 12) for limit in (0.2, 3.0, 2.5)}
 
 
 def test_it_begins_where_the_controller_without_limits_begins(machine, design):
