@@ -6,9 +6,11 @@ their end, one step more in front than they have. That step is the last one of t
 where the sweep has M samples: here it has 2 M. The two gains of the same step differ by what the
 sweep has not forgotten within M samples, and the other steps of a block have more than M.
 
-The difference counts relative to the largest gain, F and f each by itself. A loop that forgets
-slowly, as that of very expensive control, is found by it, whatever its weights are: nothing is
-estimated beforehand. What lies beyond 2 M samples has died out by as much again.
+The difference counts relative to the largest gain, F and f each by itself. Where the path stands
+still, or the horizon ends in the stationary cost, there is none to see. So the product of the
+closed loops' transitions over every block has to have died out too, to the same number.
+A loop that forgets slowly, as that of very expensive control, is found by these two, whatever its
+weights are: nothing is estimated beforehand.
 """
 
 from collections.abc import Callable
@@ -73,7 +75,9 @@ def short_plan(
     steps: int,
     memory: int,
 ) -> tuple[AffinePlan, Float[Array, ""]]:
-    """Gains of the blocks of M = `memory` steps, and the largest relative difference at their ends.
+    """Gains of the blocks of M = `memory` steps, and what their sweeps may not have forgotten.
+
+    The largest relative difference at their ends, or what the loop remembers over a block.
 
     One block more is swept behind the run: the last step of the run is compared too.
     """
@@ -85,7 +89,7 @@ def short_plan(
     rows = block_sweep(
         model.pattern, seen, memory + 1, model.A, model.B, model.C, Q, y_d, R, *terminal
     )
-    apart = jnp.max(jnp.stack([_apart(one) for one in rows]))
+    apart = jnp.max(jnp.stack([*map(_apart, rows), _remembered(model, rows[0][1:])]))
     return AffinePlan(*(_in_time(one, steps, swept) for one in rows)), apart
 
 
@@ -94,6 +98,16 @@ def _apart(rows: Float[Array, "rows blocks *rest"]) -> Float[Array, ""]:
     difference = jnp.max(jnp.abs(rows[-1, :-1] - rows[0, 1:]))
     largest = jnp.max(jnp.abs(rows))
     return jnp.where(difference > 0, difference / jnp.where(largest > 0, largest, 1), difference)
+
+
+def _remembered(model: LinearPlant, F: Float[Array, "M blocks p n"]) -> Float[Array, ""]:
+    """Largest entry of the product of A - B F over the steps of a block."""
+
+    def on(product, F):
+        return (model.A[None] - jnp.einsum("np,bpm->bnm", model.B, F)) @ product, None
+
+    start = jnp.broadcast_to(jnp.eye(model.states, dtype=F.dtype), (F.shape[1], *model.A.shape))
+    return jnp.max(jnp.abs(jax.lax.scan(on, start, F)[0]))
 
 
 def _in_time(rows, steps: int, swept: int):
