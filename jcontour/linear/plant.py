@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
+ROUNDED = 3e-5  # drift of a standstill, over its state; 1.2e-5 as McNab and Tsao print their table
 ROUNDING = 1e-8  # of a double eigenvalue at 1, about the root of the machine's precision
 
 
@@ -122,14 +123,19 @@ class LinearPlant(Plant):
     def holding_control(self, position) -> Float[Array, " p"]:
         """Control u of a standstill x: B u = x - A x, in the sense of least squares.
 
+        It is zero where a standstill hardly drifts (`ROUNDED`, in a sample): printed matrices of
+        drives that take a speed are rounded.
+
         Raises:
             ValueError: as `steady_motion`.
         """
         position = jnp.asarray(position)
         rest = steady_motion(self).state(position, jnp.zeros_like(position))
         size = jnp.linalg.norm(self.B, axis=0)
-        B = self.B / size[None]
-        return jnp.linalg.solve(B.T @ B, B.T @ (rest - self.A @ rest)) / size
+        B, drift = self.B / size[None], rest - self.A @ rest
+        held = jnp.linalg.solve(B.T @ B, B.T @ drift) / size
+        stands = jnp.max(jnp.abs(drift)) <= ROUNDED * jnp.max(jnp.abs(rest))
+        return jnp.where(stands, 0.0, held)
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""

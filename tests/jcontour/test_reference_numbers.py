@@ -30,7 +30,6 @@ from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders
-from jcontour.plants.wrappers.wrapper import Wrapper
 from jcontour.riccati.receding_horizon import CostToGo, one_stage_back
 from jcontour.simulation.closed_loop import prepared, simulate
 from jcontour.simulation.evaluation import evaluate, member, stack_plants, stack_references
@@ -185,16 +184,9 @@ def on_family(machines, model, terminal, preview, weights, reference, window):
     return jax.tree.map(lambda leaf: leaf[0], evaluate(controller, machines, batch, window))
 
 
-class Unheld(Wrapper):
-    """The printed table, whose integrators are not exact: its reference runs begin uncontrolled."""
-
-    def holding_control(self, position):
-        return jnp.zeros(2)
-
-
 def machine(gain_x=1.0, gain_y=1.0, delay=0):
     plant = with_input_gains(bridgeport(), (gain_x, gain_y))
-    return Delayed(Unheld(plant), jnp.asarray(delay), 2, plant.inputs)
+    return Delayed(plant, jnp.asarray(delay), 2, plant.inputs)
 
 
 @pytest.fixture(scope="module")
