@@ -4,12 +4,15 @@ import jax
 import jax.numpy as jnp
 
 
-def on_gpu() -> bool:
-    """Whether a GPU is what JAX computes on, unless the default device says otherwise."""
+def platform() -> str:
+    """Name of the platform that JAX computes on, unless the default device says otherwise."""
     chosen = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    return jax.default_backend() == "gpu" and (
-        chosen is None or getattr(chosen, "platform", chosen) in ("gpu", "cuda")
-    )
+    return jax.default_backend() if chosen is None else getattr(chosen, "platform", chosen)
+
+
+def on_gpu() -> bool:
+    """Whether a GPU is what JAX computes on, the default of JAX and the default device both."""
+    return jax.default_backend() == "gpu" and platform() in ("gpu", "cuda")
 
 
 def number_size(arrays) -> int | None:
@@ -22,4 +25,4 @@ def number_size(arrays) -> int | None:
 
 def suits_native(*arrays) -> bool:
     """Whether loops compiled for the CPU (`jcontour.native`) take numbers of these types."""
-    return not on_gpu() and number_size(arrays) == 8
+    return platform() == "cpu" and number_size(arrays) == 8

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numba
+import numpy as np
 from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
@@ -98,13 +100,23 @@ def result(frame, k):
     return _numbers(_long(_long(frame + _RESULTS) + 8 * k))
 
 
+@part
+def spoil(numbers):
+    """Set all to NaN."""
+    for k in range(len(numbers)):
+        numbers[k] = np.nan
+
+
 def native_call(name: str) -> Callable[[Callable], Callable]:
     """Decorator: a function of a call frame, compiled, that XLA knows by a name on the CPU.
 
     The function returns zero at once where `asks` answers; else it reads its arguments by
     `argument` and `extent`, and writes every number of its results. What it becomes is called with
-    shapes of the results, all of float64, and arrays; a `vmap` hands over one more axis in front of
-    every argument and result.
+    shapes of the results, all of float64, and arrays of float64; a `vmap` hands over one more axis
+    in front of every argument and result.
+
+    XLA does not see an error in it, as of memory that there is not: what holds memory calls `spoil`
+    on the results first. Who calls it has to see to the sizes.
     """
 
     def known(function: Callable) -> Callable:
@@ -113,6 +125,7 @@ def native_call(name: str) -> Callable[[Callable], Callable]:
         jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
 
         def call(results, *arrays):
+            assert all(array.dtype == jnp.float64 for array in arrays)
             return jax.ffi.ffi_call(name, results, vmap_method="broadcast_all")(*arrays)
 
         return call
@@ -131,7 +144,8 @@ def _compiled_call(function: Callable):
 def drop_stale(folder: Path, *sources: Path) -> None:
     """Delete what Numba has kept of a folder's modules from before one of the sources was changed.
 
-    Numba looks at a function's own file, not at the files of what is compiled into it.
+    Numba looks at a function's own file, not at the files of what is compiled into it. Where it
+    keeps its code elsewhere (`NUMBA_CACHE_DIR`), that has to be deleted by hand.
     """
     changed = max(source.stat().st_mtime for source in sources)
     for kept in (folder / "__pycache__").glob("*.nb[ic]"):

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy import intp  # a literal would be a type of its own, compiled once more
 
-from jcontour.native.calls import argument, asks, extent, native_call, result
+from jcontour.native.calls import argument, asks, extent, native_call, result, spoil
 from jcontour.native.lanes import (
     WIDTH,
     fma,
@@ -287,6 +287,8 @@ def _call(frame):
     n, v = extent(frame, intp(0), intp(2)), extent(frame, intp(0), intp(1))
     sizes = Sizes(extent(frame, intp(4), intp(2)), n, v - n, v, extent(frame, intp(7), intp(2)))
     count = len(argument(frame, intp(2))) // n
+    for k in range(7):
+        spoil(result(frame, k))
     for first in range(0, count, WIDTH):
         _eight(frame, sizes, first, count)
     return 0

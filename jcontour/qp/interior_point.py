@@ -108,10 +108,39 @@ def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     Args:
         qp: the problem.
         guess: controls to begin with; zero when not given. They change the last digits at most.
+
+    Raises:
+        ValueError: an array is of another size than h, B and D say.
     """
-    if guess is None:
-        guess = jnp.zeros((qp.h.shape[0], qp.B.shape[1]), qp.h.dtype)
-    return _answer(qp, lax.stop_gradient(guess))
+    shapes = _shapes(qp)
+    for name, shape in shapes.items():
+        if jnp.shape(getattr(qp, name)) != shape:
+            received = jnp.shape(getattr(qp, name))
+            raise ValueError(f"qp.{name}: needs shape {shape}, received {received}")
+    controls = shapes["h"][0], shapes["B"][1]
+    guess = jnp.zeros(controls) if guess is None else jnp.asarray(guess)
+    if guess.shape != controls:
+        raise ValueError(f"guess: needs shape {controls}, received {guess.shape}")
+    return _answer(qp, lax.stop_gradient(guess).astype(qp.h.dtype))
+
+
+def _shapes(qp: StagedQP) -> dict[str, tuple[int, ...]]:
+    """Shape of every array, by the sizes that h, B and D state."""
+    (N, v), (n, p), r = jnp.shape(qp.h), jnp.shape(qp.B), len(qp.D)
+    return {
+        "A": (n, n),
+        "B": (n, p),
+        "c": (N, n),
+        "x0": (n,),
+        "H": (N, v, v),
+        "h": (N, n + p),
+        "H_end": (n, n),
+        "h_end": (n,),
+        "D": (r, v),
+        "lower": (N, r),
+        "upper": (N, r),
+        "penalty": (r,),
+    }
 
 
 @jax.custom_jvp

@@ -18,8 +18,9 @@ def test_numbers_of_one_type():
 
 
 def test_loops_for_the_cpu_take_float64_there_alone(monkeypatch):
-    monkeypatch.setattr(devices, "on_gpu", lambda: False)
+    monkeypatch.setattr(devices, "platform", lambda: "cpu")
     assert devices.suits_native(jnp.zeros(2))
     assert not devices.suits_native(jnp.zeros(2, jnp.float32))
-    monkeypatch.setattr(devices, "on_gpu", lambda: True)
-    assert not devices.suits_native(jnp.zeros(2))
+    for other in ("gpu", "tpu"):
+        monkeypatch.setattr(devices, "platform", lambda name=other: name)
+        assert not devices.suits_native(jnp.zeros(2))
