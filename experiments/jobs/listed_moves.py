@@ -54,6 +54,10 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
         yield _dwell(step, axes) if isinstance(step, Dwell) else _move(step, axes)
     resting = sum(dwell.lasting for dwell in dwells)
     dwelt = f", {len(dwells)} dwell{'' if len(dwells) == 1 else 's'} of {resting:.6g} s in all"
+    cuts = [k for k, move in enumerate(machine.moves) if not move.rapid]
+    outside = sum(not (cuts and cuts[0] < dwell.after <= cuts[-1] + 1) for dwell in dwells)
+    if outside:
+        dwelt += f" ({outside} before the first cut or behind the last one, which a run leaves out)"
     yield _count(len(machine.moves), sorted(machine.ignored), dwelt if dwells else "")
 
 

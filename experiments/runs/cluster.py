@@ -93,7 +93,8 @@ def answers(
 ) -> Iterator[tuple[int, Any]]:
     """Place and answer of every call, as they come in; `Killed` where there is none.
 
-    No more calls are under way than there are processes: one that is killed takes one call with it.
+    No more calls are under way than the processes have threads. Ours have one each: a process that
+    is killed takes one call with it.
     A call whose processes were killed is tried again by itself, when it can harm no other.
 
     Raises:

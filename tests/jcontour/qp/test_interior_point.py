@@ -244,3 +244,22 @@ def test_more_iterations_than_needed_spoil_nothing(limited, monkeypatch):
     found = jax.jit(jax.vmap(lambda qp: solve(qp)))(limited)
     assert np.count_nonzero(found.iterations == interior_point.MOST) > 8
     assert float(found.residual.max()) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("D", jnp.zeros((2, 6))), ("h_end", jnp.zeros(1)), ("upper", jnp.zeros((5, 5)))],
+)
+def test_arrays_that_do_not_fit_are_refused(limited, one_of, name, value):
+    with pytest.raises(ValueError, match="needs shape"):
+        solve(one_of(limited, 0)._replace(**{name: value}))
+
+
+def test_a_guess_of_another_type_is_converted_and_one_of_another_size_refused(limited, one_of):
+    qp = one_of(limited, 0)
+    with pytest.raises(ValueError, match="guess"):
+        solve(qp, jnp.ones((1, 1)))
+    found = single(qp, jnp.ones((6, 2), jnp.float32))
+    wanted = single(qp, jnp.ones((6, 2)))
+    np.testing.assert_array_equal(found.trajectory.stages, wanted.trajectory.stages)
+    assert found.iterations == wanted.iterations
