@@ -200,13 +200,12 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = _one_sided(qp)
-    point, iterations = _converged(qp, guess)
+    point, iterations = _converged(qp, limits, guess)
     return _checked(qp, point, limits, iterations), point, limits
 
 
-def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
+def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
     """Last point of the path, and iterations."""
-    limits = _one_sided(qp)
     if qp.D.shape[0] > 0 and suits_native(qp):
         from jcontour.native.interior_point import converged
 
@@ -215,26 +214,27 @@ def _converged(qp: StagedQP, guess) -> tuple[Point, Array]:
     first, mu0 = _start(qp, guess, limits, count)
 
     def unfinished(state):
-        point, k, goes_on, largest = state
+        point, k, goes_on, largest, _ = state
         mu, missed = _progress(qp, point, limits, count)
         later = (missed > MISSED) & (mu > CLOSEST * largest)
         return goes_on & (k < MOST) & ((mu > CLOSE * largest) | later)
 
     def iterate(state):
-        point, k, _, largest = state
+        point, k, _, largest, before = state
         following = _iterated(qp, point, limits, count, largest)
         total = _total(following)
         # near the end W is so large that rounding may leave no factors, or bad ones: the point
         # before is kept
         near = _total(point) < NEAR * count * largest
-        before, after = (_slope_left(qp, one.at, one.l) for one in (point, following))
+        after = _slope_left(qp, following.at, following.l)
         spoilt = near & (after > jnp.maximum(before, SPOILT))
         good = jnp.isfinite(total + jnp.sum(following.at.stages)) & ~spoilt
         kept = jax.tree.map(partial(jnp.where, good), following, point)
         # mu grows where a limit gives way at a price that no cost without limits hints at
-        return kept, k + 1, good, jnp.maximum(largest, jnp.where(good, total / count, 0.0))
+        largest = jnp.maximum(largest, jnp.where(good, total / count, 0.0))
+        return kept, k + 1, good, largest, after
 
-    begun = first, jnp.asarray(0), jnp.asarray(True), mu0
+    begun = first, jnp.asarray(0), jnp.asarray(True), mu0, jnp.full_like(mu0, jnp.inf)
     unlimited = qp.D.shape[0] == 0  # nothing to iterate, and nothing to compile
     point, k, *_ = begun if unlimited else lax.while_loop(unfinished, iterate, begun)
     return point, k

@@ -23,7 +23,11 @@ def problems(staged_problems):
 
 def converged(monkeypatch, native, qp, guess):
     monkeypatch.setattr(interior_point, "suits_native", lambda *_: native)
-    found = jax.jit(jax.vmap(lambda qp, guess: interior_point._converged(qp, guess)))(qp, guess)
+
+    def point(qp, guess):
+        return interior_point._converged(qp, interior_point._one_sided(qp), guess)
+
+    found = jax.jit(jax.vmap(point))(qp, guess)
     return jax.tree.map(np.asarray, found)
 
 
