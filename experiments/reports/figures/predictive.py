@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from experiments.reports.figures.axes import legend_below
+from experiments.reports.figures.axes import grid, legend_below, plain_ticks
 from experiments.reports.figures.sweep import LOST, named, scaled
 
 NARROW = 10  # ratio of the ends of a scale within which all its ticks are written
@@ -80,9 +80,8 @@ def front_figure(dataset: xr.Dataset) -> Figure:
         index = tuple(np.transpose(front))
         axes.plot(time[index], error[index], color="black", linewidth=0.8, label="front")
         axes.set_yscale("log")
-    axes.set(xlabel="traversal time [s]", ylabel="RMS contour error [um]")
-    axes.set_title(dataset.attrs["title"], fontsize=10)
-    axes.grid(color="0.9", which="both")
+        plain_ticks(axes.yaxis)
+    grid(axes, dataset.attrs["title"], "traversal time [s]", "RMS contour error [um]")
     legend_below(figure)
     return figure
 
