@@ -14,35 +14,30 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from experiments import (
-    identify_options,
-    machine_options,
-    options,
-    plain_numbers,
-    shared_options,
-)
+from experiments import plain_numbers
+from experiments.flags import loops, machines, others, shared, tuning
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
-    options.Tune: ("tune", "experiments.commands.tune"),
-    options.Simulate: ("simulate", "experiments.commands.simulate"),
-    options.Feed: ("feed", "experiments.commands.feed"),
-    options.Precompensate: ("precompensate", "experiments.commands.precompensate"),
-    options.Front: ("front", "experiments.commands.front"),
-    options.Rank: ("rank", "experiments.commands.rank"),
-    options.Sweep: ("sweep", "experiments.commands.sweep"),
-    options.Verify: ("verify", "experiments.commands.verify"),
-    options.Certify: ("certify", "experiments.commands.certify"),
-    options.Tolerance: ("tolerance", "experiments.commands.tolerance"),
-    options.Export: ("export", "experiments.commands.export"),
-    options.Trace: ("trace", "experiments.commands.trace"),
-    options.Learn: ("learn", "experiments.commands.learn"),
-    identify_options.Identify: ("identify", "experiments.commands.identify"),
-    machine_options.Machine: ("machine", "experiments.commands.machine"),
-    options.Bench: ("bench", "experiments.commands.bench"),
-    options.Compare: ("compare", "experiments.commands.compare"),
-    options.Report: ("report", "experiments.commands.report"),
-    options.Listing: ("list", "experiments.commands.names"),
-    options.Reproduce: ("reproduce", "experiments.commands.reproduce"),
+    tuning.Tune: ("tune", "experiments.commands.tuning.tune"),
+    loops.Simulate: ("simulate", "experiments.commands.loops.simulate"),
+    loops.Feed: ("feed", "experiments.commands.loops.feed"),
+    loops.Precompensate: ("precompensate", "experiments.commands.loops.precompensate"),
+    tuning.Front: ("front", "experiments.commands.tuning.front"),
+    tuning.Rank: ("rank", "experiments.commands.tuning.rank"),
+    tuning.Sweep: ("sweep", "experiments.commands.tuning.sweep"),
+    loops.Verify: ("verify", "experiments.commands.loops.verify"),
+    loops.Certify: ("certify", "experiments.commands.loops.certify"),
+    loops.Tolerance: ("tolerance", "experiments.commands.loops.tolerance"),
+    loops.Export: ("export", "experiments.commands.loops.export"),
+    loops.Trace: ("trace", "experiments.commands.loops.trace"),
+    loops.Learn: ("learn", "experiments.commands.loops.learn"),
+    machines.Identify: ("identify", "experiments.commands.machines.identify"),
+    machines.Machine: ("machine", "experiments.commands.machines.machine"),
+    others.Bench: ("bench", "experiments.commands.bench"),
+    others.Compare: ("compare", "experiments.commands.compare"),
+    others.Report: ("report", "experiments.commands.report"),
+    others.Listing: ("list", "experiments.commands.names"),
+    others.Reproduce: ("reproduce", "experiments.commands.reproduce"),
 }
 BAD_INPUT, INTERRUPTED, CUT_OFF = 2, 130, 1
 TRACEBACK = "JCONTOUR_TRACEBACK"
@@ -102,9 +97,9 @@ def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
         import_module("experiments.catalogue.known_names").check_flags(flags)
-        if not isinstance(flags, shared_options.Spreading):
+        if not isinstance(flags, shared.Spreading):
             return run(flags)
-        with import_module("experiments.runs.spreading").prepared(flags) as flags:
+        with import_module("experiments.runs.spread.spreading").prepared(flags) as flags:
             return run(flags)
     except KeyboardInterrupt as interruption:
         how = str(interruption)

@@ -129,7 +129,7 @@ def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
     from experiments.catalogue.choices import design_for, first_machine
     from experiments.catalogue.machines import MACHINES
-    from experiments.options import Simulate
+    from experiments.flags.loops import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
 

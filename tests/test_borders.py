@@ -27,7 +27,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "experiments.files.results.stored": {"cattrs"},
     "experiments.benchmarks.plain_loops": {"numba"},  # the loop that `jcontour bench` compares with
     "experiments.benchmarks.search_methods": {"cmaes", "optuna"},
-    "experiments.runs.cluster": {"dask", "distributed"},  # where the user has installed them
+    "experiments.runs.spread.cluster": {"dask", "distributed"},  # where the user has installed them
     "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it
 }
 
@@ -53,10 +53,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("video",),
         (
             "files",
-            "options",
-            "machine_options",
-            "identify_options",
-            "shared_options",
+            "flags",
             "plain_numbers",
             "beside",
         ),

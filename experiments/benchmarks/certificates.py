@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from rich.console import Console
 
 from experiments.benchmarks.timings import seconds
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain

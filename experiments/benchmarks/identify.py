@@ -16,7 +16,7 @@ from experiments.benchmarks.hidden_machines import (
     hidden_record,
     true_model,
 )
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence

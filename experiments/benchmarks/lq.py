@@ -26,7 +26,7 @@ from experiments.benchmarks.lq_results import (
 )
 from experiments.benchmarks.plain_loops import compiled_loop, numpy_loop
 from experiments.benchmarks.timings import arithmetic_rate, seconds, timed
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from experiments.benchmarks.kept_paths import opened, write
 from experiments.benchmarks.random_paths import KINDS, Checked, checked
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 
 SLACK = 1e-9  # relative, of every promise

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.timings import seconds
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.loop import reported_loop

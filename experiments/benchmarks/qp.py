@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.timings import seconds, timed
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP

@@ -20,7 +20,7 @@ from experiments.benchmarks.counted_loops import looks_at, with_counted_loops
 from experiments.benchmarks.search_methods import METHODS, PACKAGES, Spent
 from experiments.benchmarks.search_traces import ProblemTraces, Record, Trace
 from experiments.benchmarks.tuner_problems import PROBLEMS, measure_of, problem_of
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 from experiments.reports.figures.png import save_figure
 from experiments.reports.figures.tuners import Curve, tuners_figure

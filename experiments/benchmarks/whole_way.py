@@ -24,12 +24,13 @@ from experiments.benchmarks.hidden_machines import (
     true_model,
 )
 from experiments.benchmarks.identify import MOST_DELAY, MOST_POLES
+from experiments.flags.others import Bench
+from experiments.flags.tuning import Tune
 from experiments.machines.from_file import machine_from
 from experiments.machines.identified import machine_fields
-from experiments.options import Bench, Tune
 from experiments.reports import tables
-from experiments.runs.searching import NothingSound, searched
-from experiments.runs.tuning import tuning_run
+from experiments.runs.tuning.problem import tuning_run
+from experiments.runs.tuning.searching import NothingSound, searched
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
 from tuning.identification.linear.machine import identify_machine

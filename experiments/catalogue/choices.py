@@ -11,11 +11,11 @@ from experiments.catalogue.known_names import check_contour, check_plant
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, own_controller, own_machine, own_name
 from experiments.designs.design import Design, changed
+from experiments.flags.shared import Controlled
 from experiments.jobs.job import Pace, Task, from_file
 from experiments.machines.from_file import load_machine
 from experiments.machines.machine import Machine
 from experiments.plain_numbers import WholePath
-from experiments.shared_options import Controlled
 
 Flags = TypeVar("Flags", bound=Controlled)
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:  # a question about a name imports none of these
     from experiments.designs.design import Design
+    from experiments.flags.shared import Controlled
     from experiments.jobs.job import Pace, Task
     from experiments.machines.machine import Machine
-    from experiments.shared_options import Controlled
     from jcontour.plant import Plant
 
 # name, line, machine (one that the entry suits), flags

@@ -11,7 +11,7 @@ from importlib import import_module
 
 from experiments.files import run_folder
 from experiments.files.results.stored import to_json
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports import tables
 
 PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite", "mujoco", "mujoco-mjx")

@@ -10,7 +10,7 @@ from rich.console import Console
 from experiments.files import run_folder
 from experiments.files.results.stored import Weight, read_result, stored_as, to_json
 from experiments.files.results.tuned_result import TunedContour, TunedResult
-from experiments.options import Compare
+from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
 

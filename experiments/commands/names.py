@@ -5,7 +5,7 @@ from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.plants import PLANTS
 from experiments.commands.reproduce import experiments_found
 from experiments.files import run_folder
-from experiments.options import Listing
+from experiments.flags.others import Listing
 from experiments.reports.tables import console_of, plain_table, say
 
 

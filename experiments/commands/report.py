@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from experiments.files import run_folder
-from experiments.options import Report
+from experiments.flags.others import Report
 from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.tables import console_of, say
 

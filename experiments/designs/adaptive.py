@@ -18,9 +18,9 @@ from experiments.designs.feedforward import (
 )
 from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.self_tuning import SelfTuning, placed_gains
 from jcontour.controllers.feedforward.adaptive_zpetc import AdaptiveZeroPhaseTracking

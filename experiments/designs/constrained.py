@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
+from experiments.flags.loops import Trace
 from experiments.machines.machine import Hosted, Machine
-from experiments.options import Trace
 from jcontour.controllers.lq.contouring_lq import LQWeights, Terminal
 from jcontour.geometry.contour import Contour
 from jcontour.host.controller import HostController

@@ -11,10 +11,10 @@ from experiments.designs.first_loop import first_loop
 from experiments.designs.loop_weights import LoopWeights
 from experiments.designs.lq import TERMINALS, LQDesign, contouring_lq
 from experiments.files import run_folder
+from experiments.flags.shared import Controlled
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import MachineLimits
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.constrained_lq import ConstrainedLQ

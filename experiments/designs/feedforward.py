@@ -20,8 +20,8 @@ import numpy as np
 from experiments.designs.design import changed
 from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.linear import LinearMachine
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward

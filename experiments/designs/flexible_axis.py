@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.flexible_axis import FlexibleMachine
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.feedback.integral_lqg import IntegralLQG, integral_lq_gains, positions_of

@@ -9,8 +9,8 @@ from functools import partial
 import jax.numpy as jnp
 
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.gantry import GantryMachine
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced

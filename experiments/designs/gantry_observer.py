@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 from experiments.designs.first_loop import STATES, Drift
 from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.designs.gantry import lq_weights, quadratic
+from experiments.flags.shared import Controlled
 from experiments.machines.gantry import GantryMachine
-from experiments.shared_options import Controlled
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, RiccatiTerminal
 from jcontour.controllers.observers.kalman import OffsetFreeObserver, offset_free_gain
 from jcontour.linear.plant import LinearPlant

@@ -22,10 +22,10 @@ from experiments.designs.first_loop import Drift, first_loop
 from experiments.designs.loop_weights import LoopSpace, LoopWeights
 from experiments.files import run_folder
 from experiments.files.netcdf import save_gains
+from experiments.flags.shared import Controlled
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (

@@ -17,9 +17,9 @@ import numpy as np
 from experiments.designs import flexible_axis, gantry
 from experiments.designs.feedforward import CONSTRAINT, SMOOTHING, WEIGHT, first_numbers
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
-from experiments.shared_options import Controlled
 from jcontour.controller import Controller
 from jcontour.controllers.feedforward.friction_feedforward import FrictionFeedforward
 from jcontour.controllers.feedforward.inverse_feedforward import InverseFeedforward

@@ -15,8 +15,8 @@ from experiments.designs.constrained import (
     traverser,
     waiting_reference,
 )
+from experiments.flags.loops import Trace
 from experiments.machines.machine import Machine
-from experiments.options import Trace
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held
 from jcontour.motion.references import Reference

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.flags.shared import Controlled
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.machine import Machine
-from experiments.shared_options import Controlled
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,

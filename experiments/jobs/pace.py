@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.flags.shared import FeedLaw, MachineFlags
 from experiments.machines.machine import Machine
-from experiments.shared_options import FeedLaw, MachineFlags
 from jcontour.geometry.drawings.drawing import GAP
 from jcontour.geometry.toolpath_rules import INCH, MM
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.files.checks import METRES
 from experiments.files.step_file import read_step
-from experiments.machine_options import Machine
+from experiments.flags.machines import Machine
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,

@@ -9,9 +9,9 @@ import xarray as xr
 
 from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.files.run_folder import versions
+from experiments.flags.shared import Rollouts
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
 from experiments.machines.machine import Machine
-from experiments.options import Rollouts
 
 FILE = "rollouts.nc"
 LARGE = 100e6  # bytes of signals: `auto` thins beyond them, `thinned` down to them

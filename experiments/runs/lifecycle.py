@@ -12,10 +12,10 @@ from rich.console import Console
 from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results.stored import to_json
+from experiments.flags.shared import MachineFlags, Spreading
 from experiments.reports import tables
 from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.page.page_data import COMMANDS
-from experiments.shared_options import MachineFlags, Spreading
 
 WHERE = ("json", "devices", "hosts", "workers", "scheduler")  # flags a run may go on with
 F = TypeVar("F", bound=Spreading)

@@ -15,7 +15,8 @@ from experiments import cli
 from experiments.catalogue.known_names import FIRST_LINES
 from experiments.cli import main
 
-PARTS_READ = {"tune": "runs.tuning", "simulate": "commands.simulate"}  # command -> module
+# command -> module that reads its parts
+PARTS_READ = {"tune": "runs.tuning.problem", "simulate": "commands.loops.simulate"}
 
 
 def refused(capsys, folder, arguments, says):
@@ -105,7 +106,9 @@ def test_numbers_are_in_plain_digits(capsys, flag, number):
 )
 def test_plain_numbers_are_read(monkeypatch, name, text, number):
     received = []
-    monkeypatch.setattr("experiments.commands.tune.command", lambda flags: received.append(flags))
+    monkeypatch.setattr(
+        "experiments.commands.tuning.tune.command", lambda flags: received.append(flags)
+    )
     main(["tune", f"--{name.replace('_', '-')}", text])
     assert getattr(received[0], name) == number
 

@@ -10,7 +10,7 @@ import xarray as xr
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit
 from experiments.files.results.stored import BESIDE_OTHERS
-from experiments.options import Against
+from experiments.flags.tuning import Against
 
 SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment", "peak_sensitivity")
 

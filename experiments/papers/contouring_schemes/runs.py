@@ -11,9 +11,9 @@ from jaxtyping import Array, Float
 
 from experiments.catalogue.choices import design_for
 from experiments.designs.design import Design, by_name
+from experiments.flags.loops import Simulate
 from experiments.machines.families import LATE, members
 from experiments.machines.flexible_axis import SAMPLE, biaxial_machine, scaled
-from experiments.options import Simulate
 from experiments.papers.contouring_schemes.contours import held_out, references, training
 from experiments.papers.contouring_schemes.result import Row
 from jcontour.controller import Controller

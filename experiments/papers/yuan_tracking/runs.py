@@ -13,12 +13,13 @@ import numpy as np
 from experiments.catalogue.choices import design_for, first_machine, job_named
 from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.machines import FLEXIBLE_AXIS
+from experiments.flags.loops import Simulate
+from experiments.flags.tuning import Tune
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Scenarios, replay
 from experiments.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
-from experiments.options import Simulate, Tune
 from experiments.papers.yuan_tracking.result import FamilyRow, GapRow, Signals, TaskMetrics
-from experiments.runs.tuning import start_metrics, tuning_run
+from experiments.runs.tuning.problem import start_metrics, tuning_run
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

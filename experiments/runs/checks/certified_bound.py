@@ -9,7 +9,7 @@ from experiments.beside import Beside
 from experiments.files.results.certified_result import CertifiedBound
 from experiments.machines.disturbance_bounds import bounds_of, box_of
 from experiments.machines.linear import LinearMachine
-from experiments.runs.tuning import TuningRun
+from experiments.runs.tuning.problem import TuningRun
 from jcontour.controller import Controller
 from jcontour.guarantees.certificates import certificate_of
 from jcontour.guarantees.disturbed_family import DisturbedFamily

@@ -6,12 +6,13 @@ from pathlib import Path
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.designs.design import with_values
 from experiments.files import run_folder
+from experiments.flags.loops import Simulate
+from experiments.flags.shared import Controlled
+from experiments.flags.tuning import Tune
 from experiments.jobs.job import Pace, Task
 from experiments.machines.machine import Fed, Machine
-from experiments.options import Simulate, Tune
 from experiments.runs.lifecycle import resumed, stored_flags
-from experiments.runs.tuning import tuning_run
-from experiments.shared_options import Controlled
+from experiments.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
 from experiments.machines.machine import Machine
-from experiments.runs.tuning import TuningRun
+from experiments.runs.tuning.problem import TuningRun
 from tuning.tune import Tuned
 
 NEAR = 0.9  # of a limit, from which on there is a warning

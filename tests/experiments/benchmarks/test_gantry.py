@@ -4,7 +4,7 @@ import pytest
 
 from experiments.benchmarks.gantry import measured
 from experiments.benchmarks.gantry_engines import engine_rates
-from experiments.options import Bench
+from experiments.flags.others import Bench
 
 
 def test_several_batches_are_refused():

@@ -5,7 +5,7 @@ import numpy as np
 from experiments.benchmarks import motion
 from experiments.benchmarks.motion import MotionBench, broken, measured, show
 from experiments.benchmarks.random_paths import Checked
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 
 KEPT = Checked(8, "lines", 3, 1.0, 0.5, 1 + 1e-10, 1.0, 0.9, 1.0, 0.1)

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from experiments.benchmarks import qp
 from experiments.files.results.stored import from_json, to_json
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from jcontour.qp.solvers import DAQP
 
 ROWS = [

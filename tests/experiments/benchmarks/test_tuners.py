@@ -11,7 +11,7 @@ from experiments.benchmarks.counted_loops import with_counted_loops
 from experiments.benchmarks.search_methods import METHODS
 from experiments.benchmarks.search_traces import ProblemTraces, Trace
 from experiments.benchmarks.tuners import Cost, TunersBench, measured, show
-from experiments.options import Bench
+from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 from tuning.history import Evaluated
 from tuning.loops import Looked, Loops

@@ -15,8 +15,8 @@ from experiments.benchmarks.whole_way import (
     show,
     true_fields,
 )
+from experiments.flags.others import Bench
 from experiments.machines.from_file import machine_from
-from experiments.options import Bench
 from experiments.reports.tables import console_of
 
 HERTZ = np.array([0.5, 5.0, 60.0])

@@ -28,8 +28,8 @@ from experiments.catalogue.machines import (
     LINEAR,
     MACHINES,
 )
+from experiments.flags.loops import Simulate
 from experiments.jobs.pace import Pace
-from experiments.options import Simulate
 from experiments.plain_numbers import WholePath
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import prepared

@@ -6,7 +6,8 @@ import sys
 import pytest
 
 from experiments.catalogue.known_names import FIRST_LINES, check_flags
-from experiments.options import Simulate, Trace, Tune
+from experiments.flags.loops import Simulate, Trace
+from experiments.flags.tuning import Tune
 
 SCRIPT = """
 import sys

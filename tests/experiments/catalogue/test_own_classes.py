@@ -10,7 +10,8 @@ import pytest
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.catalogue.own_classes import own_name
 from experiments.cli import main
-from experiments.options import Simulate, Tune
+from experiments.flags.loops import Simulate
+from experiments.flags.tuning import Tune
 from experiments.runs.lifecycle import created, resumed
 
 ROOT = Path(__file__).parents[3]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for
+from experiments.flags.loops import Simulate
 from experiments.machines.gantry import friction_gantry_machine, gantry_machine
 from experiments.machines.linear import bridgeport_machine
-from experiments.options import Simulate
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, from_samples
 from jcontour.plants.wrappers.disturbances import Disturbed

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs.constrained import limited_lq, traverser
-from experiments.options import Simulate, Trace
+from experiments.flags.loops import Simulate, Trace
 from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
 from jcontour.controllers.observers.kalman import offset_free_gain
 from jcontour.geometry.contours import circle

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.options import Simulate, Tune
-from experiments.runs.tuning import tuning_run
+from experiments.flags.loops import Simulate
+from experiments.flags.tuning import Tune
+from experiments.runs.tuning.problem import tuning_run
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.limits import Limits

@@ -8,7 +8,7 @@ from experiments.catalogue.choices import design_for
 from experiments.catalogue.machines import MACHINES
 from experiments.designs.feedforward import axes_of, first_cascade
 from experiments.designs.first_loop import sensitivity_peaks, straight_windows
-from experiments.options import Simulate
+from experiments.flags.loops import Simulate
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along
 from jcontour.simulation.closed_loop import simulate

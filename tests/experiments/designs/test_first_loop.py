@@ -9,8 +9,8 @@ import pytest
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs import first_loop as module
 from experiments.designs.first_loop import BANDWIDTHS, SENSITIVITY, Drift
+from experiments.flags.loops import Simulate
 from experiments.machines.from_file import linear_machine
-from experiments.options import Simulate
 from jcontour.linear.plant import LinearPlant
 
 EXAMPLE = str(Path(__file__).parents[3] / "experiments/machines/example.json")

@@ -13,12 +13,12 @@ from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.machines import FLEXIBLE_AXIS
 from experiments.designs.design import with_values
 from experiments.designs.flexible_axis import cascade, loops, quadratic, state_weights
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace
 from experiments.jobs.motions import task_a
 from experiments.machines.flexible_axis import biaxial_machine, thesis_machine
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.machine import MachineLimits
-from experiments.options import Simulate
 from jcontour.controllers.feedback.state_feedback import moving_target
 from jcontour.geometry.contours import line
 from jcontour.motion.point_to_point import thesis_task_a

@@ -9,10 +9,10 @@ import pytest
 from experiments.catalogue.choices import design_for, job_named
 from experiments.catalogue.controllers import CONTROLLERS
 from experiments.catalogue.machines import GANTRY
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace
 from experiments.machines.gantry import CURRENT, friction_gantry_machine, gantry_machine
 from experiments.machines.linear import bridgeport_machine
-from experiments.options import Simulate
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, job_named
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace
 from experiments.machines.gantry import gantry_machine
-from experiments.options import Simulate
-from experiments.runs.family_loops import probed_peaks
+from experiments.runs.tuning.family_loops import probed_peaks
 from jcontour.analysis.probes import probe_windows
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along

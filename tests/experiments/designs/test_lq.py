@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.options import Simulate
+from experiments.flags.loops import Simulate
 from jcontour.controllers.observers.kalman import (
     FilterObserver,
     OffsetFreeObserver,

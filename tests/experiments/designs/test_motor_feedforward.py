@@ -8,9 +8,9 @@ from scipy.signal import cont2discrete, lfilter
 
 from experiments.catalogue.choices import design_for
 from experiments.designs.motor_feedforward import ORDER, of_axes, of_drives
+from experiments.flags.loops import Simulate
 from experiments.machines.flexible_axis import biaxial_machine, thesis_machine
 from experiments.machines.gantry import friction_gantry_machine, gantry_machine
-from experiments.options import Simulate
 from jcontour.motion.references import from_samples
 from jcontour.simulation.closed_loop import simulate
 

@@ -6,7 +6,7 @@ import pytest
 from experiments.catalogue.choices import machine_named
 from experiments.designs.constrained import traverser
 from experiments.designs.predictive import PREDICTIVE, Case, PredictiveDesign
-from experiments.options import Trace
+from experiments.flags.loops import Trace
 from jcontour.geometry.contours import circle
 from jcontour.host.late import OneSampleLate
 

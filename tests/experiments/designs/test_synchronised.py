@@ -6,10 +6,10 @@ import pytest
 
 from experiments.catalogue.choices import design_for, job_named
 from experiments.designs.synchronised import DRIVES, axes_of, drives_of
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace
 from experiments.machines.flexible_axis import biaxial_machine
 from experiments.machines.gantry import gantry_machine
-from experiments.options import Simulate
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
 

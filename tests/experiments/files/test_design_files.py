@@ -4,7 +4,7 @@ import pytest
 
 from experiments.files.design_files import DesignFiles
 from experiments.files.run_folder import RunError
-from experiments.runs.predictive_runs import Ending, PredictiveRun
+from experiments.runs.spread.predictive_runs import Ending, PredictiveRun
 
 THIRD = PredictiveRun(Ending.ARRIVED, 1 / 3, 0.1, 1e-300, 0.5, 1e-17)
 

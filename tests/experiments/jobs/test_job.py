@@ -7,10 +7,10 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.catalogue.machines import MACHINES
+from experiments.flags.shared import MachineFlags
 from experiments.jobs import job
 from experiments.jobs.job import Pace, along_contour, from_file
 from experiments.jobs.pace import ACCELERATION
-from experiments.shared_options import MachineFlags
 from jcontour.geometry.contours import polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
 

@@ -8,11 +8,11 @@ import pytest
 
 from experiments.catalogue.choices import machine_named
 from experiments.files.results.run_metrics import MotionSummary
+from experiments.flags.shared import MachineFlags
 from experiments.jobs import job
 from experiments.jobs.job import Job, Pace, from_file
 from experiments.reports.simulated_tables import motion_table
 from experiments.runs.motion_summary import motion_summary
-from experiments.shared_options import MachineFlags
 from jcontour.geometry.toolpath_rules import ToolpathError
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")

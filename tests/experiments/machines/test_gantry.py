@@ -7,6 +7,7 @@ import pytest
 
 from experiments.catalogue.choices import design_for, job_named
 from experiments.catalogue.contours import CONTOURS
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace
 from experiments.machines.gantry import (
     CURRENT,
@@ -14,7 +15,6 @@ from experiments.machines.gantry import (
     friction_gantry_machine,
     gantry_machine,
 )
-from experiments.options import Simulate
 from jcontour.analysis.stability import margins
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace, at_constant_feed
 from experiments.machines.from_file import linear_machine
 from experiments.machines.linear import bridgeport_machine
-from experiments.options import Simulate
 from jcontour.geometry.contours import polygon
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.files.run_folder import json_text
-from experiments.machine_options import Machine
+from experiments.flags.machines import Machine
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 from experiments.machines.machine_behaviour import axis_behaviours, questions, response

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.options import Rank, Tune
+from experiments.flags.tuning import Rank, Tune
 from experiments.runs.lifecycle import created, same_task
 
 

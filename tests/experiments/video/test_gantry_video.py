@@ -14,7 +14,7 @@ from PIL import Image
 
 from experiments.catalogue.choices import job_named
 from experiments.cli import main
-from experiments.commands.simulate import film_of
+from experiments.commands.loops.simulate import film_of
 from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.gantry import gantry_machine

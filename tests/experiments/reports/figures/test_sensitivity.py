@@ -1,7 +1,7 @@
 import numpy as np
 
 from experiments.reports.figures.sensitivity import sensitivity_figure
-from experiments.runs.family_loops import FamilyCurves
+from experiments.runs.tuning.family_loops import FamilyCurves
 
 HERTZ = np.array([1.0, 10.0, 100.0])
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for
+from experiments.flags.loops import Simulate
 from experiments.jobs.job import Pace, at_constant_feed
 from experiments.jobs.replays import Scenarios
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.machine import MachineLimits
-from experiments.options import Simulate
 from experiments.runs.checks import robustness
 from jcontour.geometry.contours import circle, line
 from jcontour.simulation.closed_loop import simulate

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for
+from experiments.flags.loops import Simulate
 from experiments.machines.linear import bridgeport_machine
 from experiments.machines.own_plant import machine_of
-from experiments.options import Simulate
 from experiments.runs.checks.standstill import BETWEEN, SAMPLES, SETTLED, standstill
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along

@@ -1,0 +1,1 @@
+"""Commands that run one loop: on a part, bent, learned, within limits, as code."""

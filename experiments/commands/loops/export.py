@@ -1,0 +1,172 @@
+"""`jcontour export RUN`: the controller of a run as code for a drive, checked against the run."""
+
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from experiments.files import run_folder
+from experiments.files.results.exported_result import ExportedResult
+from experiments.files.results.stored import read_result, write_result
+from experiments.files.results.tuned_result import TunedResult
+from experiments.flags.loops import Export
+from experiments.jobs.job import Task
+from experiments.reports.exported_tables import show_exported
+from experiments.runs.checks.compiled_code import compiled_checks
+from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
+from experiments.runs.lifecycle import created, finished
+from jcontour.export.c_code import c_header, c_plan, c_source
+from jcontour.export.c_replay import c_plan_reader, c_replay, plan_file, replay_file
+from jcontour.export.code_text import Precision
+from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
+from jcontour.export.linear_form import linear_form
+from jcontour.export.numpy_code import numpy_source
+from jcontour.export.structured_text import structured_text
+from jcontour.guarantees.affine import NotAffine
+from jcontour.sensors import row
+from jcontour.simulation.closed_loop import simulate
+
+ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a limit by more
+IN_TABLES = 200_000  # numbers of a plan that are compiled in: about 5 MB of text
+
+
+def command(flags: Export) -> int:
+    """The whole command: write, check, print, exit code."""
+    found, folder = run(flags)
+    return finished(folder, found, flags, show_exported, _next(found))
+
+
+def run(flags: Export) -> tuple[ExportedResult, Path]:
+    """Write the code of a stored run's controller; the result and the run folder.
+
+    Raises:
+        ValueError: bad input, or a controller without a linear form; nothing has been written then.
+    """
+    loop = stored_loop(flags.run)
+    job = _job(loop, flags.along)
+    law, plan, y, u = _recorded(loop, job)
+    largest = float(np.abs(u).max())
+    apart = float(np.abs(replayed(law, plan, y) - u).max())
+    if not apart <= ALIKE * largest:
+        raise ValueError(
+            f"export: on {job.name} {loop.name} is not its linear form: the controls differ by "
+            f"{apart:.3g}; does a limit act? Another --along or a lower feed stays within it"
+        )
+    margins, warnings = _margins(flags.run)
+    notes = [*_notes(flags, loop, job), *margins, *warnings]
+    in_tables = plan.numbers <= IN_TABLES
+    texts = _texts(flags, law, plan, notes, job.name, in_tables)
+    texts["plan.csv"] = plan_file(plan), "the plan, a line for every sample"
+    texts["replay.csv"] = replay_file(y, u), "what the run measured, and its controls"
+    folder = created(flags, "export")
+    for name, (text, _) in texts.items():
+        run_folder.write(folder / name, lambda path, text=text: path.write_text(text))
+    result = ExportedResult(
+        exported=str(flags.run),
+        controller=loop.name,
+        machine=loop.machine.name,
+        contour=job.name,
+        samples=plan.steps,
+        states=law.states,
+        gain_sets=max(1 if sets is None else len(sets) for sets in (plan.F, plan.D)),
+        in_tables=in_tables,
+        control_unit=loop.machine.control_unit,
+        difference=apart,
+        largest_control=largest,
+        precision=_precision(flags),
+        files={name: words for name, (_, words) in texts.items()},
+        compiled=compiled_checks(folder) if "controller.c" in texts else [],
+        warnings=warnings,
+    )
+    write_result(folder, result)
+    return result, folder
+
+
+def _job(loop: StoredLoop, name: str | None) -> Task:
+    if name is None:
+        return loop.jobs[0]
+    for job in loop.jobs:
+        if job.name == name:
+            return job
+    known = ", ".join(job.name for job in loop.jobs)
+    raise ValueError(f"along: the run has {known}; received {name!r}")
+
+
+def _recorded(loop: StoredLoop, job: Task) -> tuple[DriveLaw, DrivePlan, np.ndarray, np.ndarray]:
+    """Law and plan, and measurements and controls of a run on the nominal machine as it is."""
+    machine, controller = loop.machine, loop.controller
+    reference = job.reference(machine.model.dt, controller.preview)
+    found = simulate(machine.true_family(loop.fed)[0], controller, reference)
+    y, u = np.asarray(jax.vmap(row)(found.measurement)), np.asarray(found.control)
+    limit = np.inf if machine.limits.control is None else machine.limits.control
+    try:
+        law, plan = linear_form(
+            controller, reference, found, np.broadcast_to(limit, u.shape[1]).astype(float)
+        )
+    except NotAffine as error:
+        raise ValueError(
+            f"export: {loop.name} has no linear form: {error}; `jcontour tune --controller` with "
+            "another one, as contouring-lq, preview-lq or a cascade, has one"
+        ) from None
+    return law, plan, y, u
+
+
+def _precision(flags: Export) -> Precision:
+    return "single" if flags.single else "double"
+
+
+def _texts(
+    flags: Export, law: DriveLaw, plan: DrivePlan, notes: list[str], name: str, in_tables: bool
+) -> dict[str, tuple[str, str]]:
+    """Text and meaning of every source file."""
+    precision, texts = _precision(flags), {}
+    if flags.c or not (flags.st or flags.python):
+        tables = c_plan(plan, name, precision) if in_tables else c_plan_reader(plan)
+        told = "the plan as tables" if in_tables else "reads plan.csv, for a computer with files"
+        texts["controller.h"] = c_header(law, plan, notes, precision), "sizes, units, family"
+        texts["controller.c"] = c_source(law, plan, precision), "drive_init and drive_step"
+        texts["plan.c"] = tables, told
+        texts["replay.c"] = c_replay(), "replays the run; its head says how to compile it"
+    if flags.st:
+        text = structured_text(law, plan, notes, precision)
+        texts["controller.st"] = text, "function block; a line of plan.csv goes in every sample"
+    if flags.python:
+        texts["controller.py"] = numpy_source(law, plan, notes), "replays the run when it is run"
+    return texts
+
+
+def _notes(flags: Export, loop: StoredLoop, job: Task) -> list[str]:
+    """What the code is, for its head."""
+    machine = loop.machine
+    version = run_folder.version_of("jcontour") or "unknown"
+    measured = "positions" if loop.fed == "outputs" else "the state"
+    return [
+        f"{loop.name} on {machine.name}, written by jcontour {version} from {flags.run.name}",
+        f"Axes: {', '.join(machine.axes)}. y: {measured} as `simulate` measures them, SI units.",
+        f"u: {machine.control_unit}.",
+        f"Family: {'; '.join(machine.family_names)}.",
+        f"Plan: {job.name}, {job.feed_law}, {job.samples} samples; it begins where the path does.",
+    ]
+
+
+def _margins(folder: Path) -> tuple[list[str], list[str]]:
+    """Margins of a tuned run in words, and what speaks against loading its weights."""
+    if run_folder.read_json(folder, run_folder.SETTINGS).get("command") != "tune":
+        return ["Margins: not known, the run was one of `simulate`."], []
+    tuned = read_result(folder, TunedResult)
+    margins = tuned.margins
+    gains = "; ".join(f"{low:.3g} to {high:.3g}" for low, high in margins.gain_range)
+    peak = "" if margins.sensitivity is None else f", Ms {margins.sensitivity:.3g} in the family"
+    told = f"Margins: gain {gains}, delay {margins.delay_samples} samples{peak}."
+    against = [] if tuned.usable else ["the run ended with DO NOT USE THESE VALUES"]
+    return [told], against
+
+
+def _next(found: ExportedResult) -> list[str]:
+    if "controller.c" in found.files:
+        return [
+            "Next: compile controller.c and plan.c into the drive, and replay.c beside it once."
+        ]
+    if "controller.py" in found.files:
+        return ["Next: python controller.py in the run folder replays the run."]
+    return ["Next: load controller.st, and hand it a line of plan.csv every sample."]

@@ -1,0 +1,107 @@
+"""`jcontour feed`: contour error against cycle time of one part, under one controller."""
+
+from rich.console import Console
+
+from experiments.files.results.feed_result import FeedPoint, FeedResult
+from experiments.files.results.stored import write_result
+from experiments.flags.loops import Feed
+from experiments.plain_numbers import WholePath
+from experiments.reports import tables
+from experiments.reports.figures.feeds import feeds_figure
+from experiments.reports.figures.png import save_figure
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.loops.feeds import feed_points, loop_at_feeds, recommended
+from experiments.runs.tuning.results import machine_summary
+
+SLOWEST, QUICKEST = 1.0, 1000.0  # per cent
+HEADINGS = (
+    "feed\n%",
+    "cycle\ntime s",
+    "peak um\nworst",
+    "RMS um\nworst",
+    "RMS um\nnominal",
+    "peak\ncontrol",
+    "",
+)
+
+
+def command(flags: Feed) -> int:
+    """The whole command; exit code 1 where no feed can be recommended."""
+    _check(flags)
+    loop = loop_at_feeds(flags)
+    points, count = [], len(set(flags.overrides))
+    with tables.console_of(quiet=flags.json).status("planning and running") as status:
+        for point in feed_points(loop, flags.overrides):
+            points.append(point)
+            status.update(f"planning and running: {len(points)} of {count} feeds done")
+    tolerance = None if flags.tolerance_um is None else 1e-6 * flags.tolerance_um
+    best, reason = recommended(points, loop.machine.error, tolerance)
+    result = FeedResult(
+        machine=machine_summary(loop.machine),
+        controller=loop.name,
+        contour=loop.jobs[0].name,
+        error=loop.machine.error,
+        tolerance=tolerance,
+        points=points,
+        recommended=None if best is None else best.override,
+        reason=reason,
+    )
+    folder = created(flags, "feed")
+    save_figure(feeds_figure(result), folder / "feed.png")
+    write_result(folder, result)
+    finished(folder, result, flags, show, _next(result))
+    return 1 if best is None else 0
+
+
+def _check(flags: Feed) -> None:
+    if isinstance(flags.preview, WholePath):
+        raise ValueError("preview: a path has other samples at every feed; give a number of them")
+    if not flags.overrides:
+        raise ValueError("overrides: needs at least one feed")
+    for one in flags.overrides:
+        if not SLOWEST <= one <= QUICKEST:
+            raise ValueError(
+                f"overrides: a feed of {SLOWEST:g} to {QUICKEST:g} % is needed, received {one:g}"
+            )
+    if flags.tolerance_um is not None and not flags.tolerance_um > 0:
+        raise ValueError(f"tolerance-um: needs to be above zero, received {flags.tolerance_um}")
+
+
+def show(result: FeedResult, console: Console) -> None:
+    """The table, what is wrong with a feed, and the recommendation."""
+    title = f"{result.contour} on {result.machine.name}, {result.controller}"
+    rows = [_cells(point, result) for point in result.points]
+    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=0))
+    for point in result.points:
+        for line in point.exceeded:
+            tables.say(console, f"{point.override:g} %: {line}")
+        if point.diverged:
+            tables.say(console, f"{point.override:g} %: DIVERGES on {', '.join(point.diverged)}")
+    if result.recommended is None:
+        tables.say(console, f"NO FEED TO RECOMMEND: {result.reason}.")
+    else:
+        tables.say(console, f"Recommended: {result.recommended:g} % of the feed; {result.reason}.")
+
+
+def _cells(point: FeedPoint, result: FeedResult) -> list[str]:
+    worst, nominal = point.metrics.worst, point.metrics.nominal
+    sizes = [
+        getattr(worst, f"peak_{result.error}_error"),
+        getattr(worst, f"rms_{result.error}_error"),
+        getattr(nominal, f"rms_{result.error}_error"),
+    ]
+    verdict = "recommended" if point.override == result.recommended else ""
+    if not point.sound:
+        verdict = "DIVERGES" if point.diverged else "EXCEEDS"
+    errors = [tables.digits(1e6 * size) for size in sizes]
+    time = f"{point.cycle_time:.3f}"
+    return [f"{point.override:g}", time, *errors, tables.digits(worst.peak_control), verdict]
+
+
+def _next(result: FeedResult) -> list[str]:
+    if result.recommended is None:
+        return ["Next: slower --overrides, or `jcontour tune` for this part and machine first."]
+    return [
+        "Next: set the feed override of the control, or the feeds of the program. "
+        "`jcontour tune` first where the controller is not tuned for this part."
+    ]

@@ -1,0 +1,94 @@
+"""`jcontour learn`: laps of a part, each with what was learned from the last."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
+from experiments.designs.design import plain_weights
+from experiments.files.results.learned_result import LearnedResult
+from experiments.files.results.stored import write_result
+from experiments.flags.loops import Learn
+from experiments.jobs.job import Pace
+from experiments.reports import tables
+from experiments.reports.figures.learning import learning
+from experiments.reports.figures.png import save_figure
+from experiments.reports.learning_tables import show_learned
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.loops.learned_machines import setting
+from experiments.runs.loops.learning import Learner, Prepared, prepared_law
+from experiments.runs.tuning.results import machine_summary
+
+OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
+
+
+def command(flags: Learn) -> int:
+    """The whole command: learn, print, exit code."""
+    found, folder = run(flags)
+    return finished(folder, found, flags, show_learned)
+
+
+def run(flags: Learn) -> tuple[LearnedResult, Path]:
+    """Run all laps and store them; the result and the run folder.
+
+    Raises:
+        ValueError: bad input; nothing has been written then.
+    """
+    _check(flags)
+    machine = machine_named(flags.plant)
+    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    flags = seeing_all(flags, job)
+    design = design_for(machine, flags)
+    one = setting(design, job)
+    prepared = prepared_law(one, flags)
+    folder = created(flags, "learn")
+    learner = Learner(one, prepared.law, flags.seed)
+    console = tables.console_of(stderr=True, quiet=flags.json)
+    machines = learner.run(flags.laps, lambda lap, scores: _tell(console, lap, flags.laps, scores))
+    found = LearnedResult(
+        machine=machine_summary(machine),
+        controller=design.name,
+        weights=plain_weights(design.start),
+        error=machine.error,
+        contour=job.name,
+        feed_law=job.feed_law,
+        samples=job.samples,
+        law=flags.law,
+        numbers=prepared.numbers,
+        laps=flags.laps,
+        **_known(prepared, machine.family_names, machine.model.dt),
+        noise_um=1e6 * learner.noise(),
+        machines=machines,
+    )
+    save_figure(learning(found), folder / "learning.png")
+    write_result(folder, found)
+    return found, folder
+
+
+def _check(flags: Learn) -> None:
+    for name, least in {"laps": 1, "smoothing": 0, "lead": 0}.items():
+        value = getattr(flags, name)
+        if value is not None and value < least:
+            raise ValueError(f"{name}: needs to be at least {least}, received {value}")
+    if not flags.effort > 0:
+        raise ValueError(f"effort: needs to be above zero, received {flags.effort}")
+    if not 0 <= flags.gain < np.inf:
+        raise ValueError(f"gain: needs to be finite and at least zero, received {flags.gain}")
+    for name in OF_OTHER_LAW[flags.law]:
+        if getattr(flags, name) != getattr(Learn(), name):
+            raise ValueError(f"{name}: the law {flags.law} has none; leave it out")
+
+
+def _known(prepared: Prepared, names: list[str], dt: float) -> dict:
+    """What was known before the first lap."""
+    found = prepared.convergence
+    hertz = found.frequency / (2 * np.pi * dt)
+    return {"bound": found.bound, "bound_member": names[found.member], "bound_hz": hertz}
+
+
+def _tell(console: Console, lap: int, laps: int, scores) -> None:
+    """One line on stderr for every lap."""
+    if console.is_terminal:
+        worst = 1e6 * float(np.nanmax(scores.tool[2:]))
+        tables.say(console, f"lap {lap} of {laps}: worst of the family {worst:.4g} um")

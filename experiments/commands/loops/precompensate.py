@@ -1,0 +1,124 @@
+"""`jcontour precompensate`: a bent reference that any control can run, with its error."""
+
+import numpy as np
+from rich.console import Console
+
+from experiments.catalogue.choices import seeing_all
+from experiments.files.bent_reference import (
+    PROGRAM,
+    SAMPLES,
+    moves_through,
+    save_program,
+    save_samples,
+)
+from experiments.files.results.bent_result import BentResult
+from experiments.files.results.stored import write_result
+from experiments.flags.loops import Precompensate
+from experiments.reports import tables
+from experiments.reports.figures.bent import bent_figure
+from experiments.reports.figures.png import save_figure
+from experiments.runs.checks.stored_loops import loop_named
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.loops.bending import bent
+from experiments.runs.tuning.results import machine_summary
+
+HEADINGS = (
+    "plant",
+    "RMS um\nbefore",
+    "RMS um\nafter",
+    "peak um\nbefore",
+    "peak um\nafter",
+    "peak control\nbefore",
+    "peak control\nafter",
+)
+
+
+def command(flags: Precompensate) -> int:
+    """The whole command; exit code 1 where the bent reference is not to be used."""
+    if not flags.roughness > 0:
+        raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
+    loop = loop_named(flags, flags.part)
+    with tables.console_of(quiet=flags.json).status("running") as status:
+        found = bent(loop, flags.roughness, status.update)
+    machine, job = loop.machine, loop.jobs[0]
+    moves = moves_through(found.position, machine.model.dt) if len(machine.axes) > 1 else None
+    result = BentResult(
+        machine=machine_summary(machine),
+        controller=loop.name,
+        contour=job.name,
+        error=machine.error,
+        samples=job.samples,
+        roughness=found.roughness,
+        largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
+        chord=None if moves is None else moves.chord,
+        moves=0 if moves is None else len(moves.feed),
+        before=found.metrics(found.before),
+        after=found.metrics(found.after),
+        exceeded=found.exceeded,
+    )
+    folder = created(seeing_all(flags, job), "precompensate")
+    save_samples(found.position, machine.model.dt, machine.axes, folder)
+    if moves is not None:
+        save_program(moves, machine.axes, folder)
+    title = f"{job.name} on {machine.name}, {loop.name}"
+    save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
+    write_result(folder, result)
+    finished(folder, result, flags, show, _next(result))
+    return 0 if result.usable else 1
+
+
+def show(result: BentResult, console: Console) -> None:
+    """The table, and a sentence."""
+    title = f"{result.contour} on {result.machine.name}, {result.controller}, "
+    title += f"machine with {result.machine.nonsmooth_effects}"
+    rows = [_cells(name, result) for name in result.before]
+    console.print(tables.plain_table(title, HEADINGS, rows))
+    for line in result.exceeded:
+        tables.say(console, line)
+    tables.say(console, *sentences(result))
+
+
+def sentences(result: BentResult) -> list[str]:
+    """What it brings, and whether to use it."""
+    gain = (
+        f"RMS {result.error} error: nominal {_times(result.nominal_gain)}, "
+        f"worst of the family {_times(result.worst_gain)}. "
+        f"The reference moves by up to {tables.digits(1e6 * result.largest)} um."
+    )
+    if result.usable:
+        return [gain]
+    if result.exceeded:
+        why = "a limit of the machine is exceeded; a larger --roughness asks less of it"
+    elif any(run.diverged for run in result.after.values()):
+        why = "a plant of the family diverges"
+    else:
+        why = "the worst machine is no better; the controller already sees what the model knows"
+    return [gain, f"DO NOT USE: {why}."]
+
+
+def _times(gain: float) -> str:
+    if gain >= 1:
+        return f"{gain:.3g} times smaller"
+    return f"{1 / gain:.3g} times LARGER"
+
+
+def _cells(name: str, result: BentResult) -> list[str]:
+    before, after = result.before[name], result.after[name]
+    cells = []
+    for kind in ("rms", "peak"):
+        for run in (before, after):
+            cells.append(tables.digits(1e6 * getattr(run, f"{kind}_{result.error}_error")))
+    return [name, *cells, tables.digits(before.peak_control), tables.digits(after.peak_control)]
+
+
+def _next(result: BentResult) -> list[str]:
+    if not result.usable:
+        return []
+    lines = [f"Load: {SAMPLES}: the reference at every sample, for a control that streams it"]
+    if result.chord is not None:
+        away = tables.digits(1e6 * result.chord)
+        lines.append(
+            f"      {PROGRAM}: {result.moves} straight moves within {away} um of it; the control "
+            "has to keep their feeds, its own look-ahead must not slow it down"
+        )
+    return lines

@@ -1,0 +1,151 @@
+"""`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
+from experiments.catalogue.contours import CONTOURS
+from experiments.designs.design import Design, plain_weights
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.simulated_result import SimulatedResult, VideoResult
+from experiments.files.results.stored import from_json, write_result
+from experiments.flags.loops import Simulate
+from experiments.jobs.job import Job, Pace
+from experiments.jobs.listed_moves import listed_moves
+from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
+from experiments.machines.machine import Machine
+from experiments.reports.figures.contours import figures_of
+from experiments.reports.figures.motion import draw_motion
+from experiments.reports.figures.png import save_figure
+from experiments.reports.rollouts import save_rollouts
+from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.lifecycle import created, finished, task_words
+from experiments.runs.motion_summary import motion_summary
+from experiments.runs.runs_drawn import contour_runs
+from experiments.runs.tuning.results import machine_summary
+from experiments.video.film import Film, FilmMaker, VideoError, lines
+
+
+def command(flags: Simulate) -> int:
+    """The whole command: simulate, print, exit code."""
+    if flags.list_moves:
+        return _list_moves(flags)
+    found, folder, line = run(flags)
+    video = found.video or VideoResult()
+    told = lines(vars(video), folder) if video.file else []
+    code = finished(folder, found, flags, show_simulated, [*told, line, *next_steps(flags)])
+    if video.failure:
+        raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
+    return code
+
+
+def _list_moves(flags: Simulate) -> int:
+    """Print what was understood of the file."""
+    if flags.contour is None or flags.contour in CONTOURS:
+        raise ValueError(
+            "list-moves: needs a program or a drawing, as in `jcontour simulate part.ngc`"
+        )
+    for line in listed_moves(Path(flags.contour), Pace.of(flags, machine_named(flags.plant))):
+        print(line)
+    return 0
+
+
+def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
+    """Simulate and store; the result, the run folder, and what is said of the rollouts.
+
+    Raises:
+        ValueError: bad input; nothing has been written then.
+    """
+    machine = machine_named(flags.plant)
+    maker = _film_maker(machine) if flags.video else None
+    # the part comes before the design: a fault in line 1 of a program is told at once
+    job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    flags = seeing_all(flags, job)
+    design = design_for(machine, flags)
+    scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+    replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
+    folder = created(flags, "simulate")
+    found = simulated_result(design, scenarios, replayed)
+    title = f"jcontour simulate: {found.controller} on {found.contour}"
+    named = {found.controller: replayed}
+    line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+    for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
+        save_figure(figure, folder / f"{name}.png")
+    if isinstance(job, Job) and job.planned:
+        draw_motion(job.planned.motion, machine.axes, folder)
+    write_result(folder, found)
+    if maker:
+        title = f"{design.name} on {found.contour}"
+        found = replace(found, video=_filmed(maker, scenarios, replayed, folder, title))
+        write_result(folder, found)
+    return found, folder, line
+
+
+def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:
+    """The result of one contour."""
+    machine, job = design.machine, scenarios.jobs[0]
+    metrics = [
+        RunMetrics.of(replayed.metrics, lambda values, k=k: values[0, k])
+        for k in range(len(scenarios.plants))
+    ]
+    return SimulatedResult(
+        machine=machine_summary(machine),
+        controller=design.name,
+        weights=plain_weights(design.start),
+        error=machine.error,
+        contour=job.name,
+        feed_law=job.feed_law,
+        samples=job.samples,
+        **design.settings(),
+        plants=dict(zip(scenarios.plants, metrics, strict=True)),
+        read=contour_read(scenarios, 0),
+        peak=peak_place(scenarios, replayed, 0, machine.error),
+        motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
+    )
+
+
+def next_steps(flags: Simulate) -> list[str]:
+    """What to do after a simulation."""
+    part = [flags.contour] if flags.contour and Path(flags.contour).suffix else []
+    return [f"Next: jcontour tune{task_words(part, vars(flags))}"]
+
+
+def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:
+    """The first contour on the nominal plant, from its first scored sample to its last.
+
+    Raises:
+        VideoError: the run diverged.
+    """
+    if np.asarray(found.metrics.diverged)[0, 0]:
+        raise VideoError(
+            f"video: the run on the {scenarios.plants[0]} plant diverged, there is nothing to show"
+        )
+    first, last = np.flatnonzero(scored(scenarios)[0])[[0, -1]]
+    shown = slice(first, last + 1)
+    time = scenarios.references.dt * np.arange(first, last + 1)
+    watched, tool, error = (
+        np.asarray(rows)[0, 0, shown] for rows in (found.watched, found.output, found.contour_error)
+    )
+    return Film(time, watched, tool, error, desired(scenarios)[0, shown], title)
+
+
+def _film_maker(machine: Machine) -> FilmMaker:
+    maker = machine.film()
+    if maker is None:
+        raise ValueError(
+            f"video: needs a machine that can be drawn, as a gantry can; {machine.name} cannot"
+        )
+    return maker
+
+
+def _filmed(
+    maker: FilmMaker, scenarios: Scenarios, found: Replay, folder: Path, title: str
+) -> VideoResult:
+    """The video, or the reason why there is none: the run itself is good."""
+    try:
+        return from_json(maker.record(film_of(scenarios, found, title), folder), VideoResult)
+    except VideoError as error:
+        return VideoResult(failure=str(error))

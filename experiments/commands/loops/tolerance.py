@@ -1,0 +1,147 @@
+"""`jcontour tolerance`: what predictive control can promise on a part, and runs that keep it."""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from experiments.catalogue.choices import job_named, machine_named
+from experiments.designs.bounded import Keeper, keeper
+from experiments.files import run_folder
+from experiments.files.netcdf import save_dataset
+from experiments.files.results.run_metrics import ContourRead
+from experiments.files.results.stored import write_result
+from experiments.files.results.tolerance_result import ToleranceResult
+from experiments.flags.loops import Tolerance
+from experiments.jobs.job import Pace, Task
+from experiments.machines.disturbance_bounds import Bounds, bounds_of, linear_machine
+from experiments.machines.linear import LinearMachine
+from experiments.reports import tables
+from experiments.reports.figures.kept import kept_figure
+from experiments.reports.figures.png import save_figure
+from experiments.reports.tolerance_tables import show_tolerance
+from experiments.runs.contour_summary import read_of
+from experiments.runs.lifecycle import created, finished
+from experiments.runs.loops.kept_runs import Tried, kept_runs, promised_to
+from experiments.runs.tuning.results import machine_summary
+from jcontour.qp.solvers import solver_named
+
+PNG = "tolerance.png"
+LONGEST = 100  # samples: beyond it a QP takes seconds
+
+
+def command(flags: Tolerance) -> int:
+    """The whole command: what is promised, runs, print; exit code 1 where it was not kept."""
+    machine = linear_machine(machine_named(flags.plant))
+    bounds = bounds_of(machine, flags.force, flags.encoder_um)
+    _check(flags, machine)
+    task = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
+    asked = None if flags.tolerance_um is None else 1e-6 * flags.tolerance_um
+    solver = solver_named(flags.solver)
+    found = keeper(
+        machine, flags.model_delay, task, bounds, flags.length, flags.offset_free, asked, solver
+    )
+    folder = created(flags, "tolerance")
+    tried, count = [], 2 + len(machine.family_names)
+    with tables.console_of(quiet=flags.json).status("solving a QP at every sample") as status:
+        for one in kept_runs(found):
+            tried.append(one)
+            status.update(f"solving a QP at every sample: {len(tried)} of {count} runs done")
+    result = _result(found, task, bounds, tried)
+    _save(found, tried, folder)
+    save_figure(kept_figure(result, found.reference, [one.error for one in tried]), folder / PNG)
+    write_result(folder, result)
+    finished(folder, result, flags, show_tolerance, _next(result))
+    return 1 if result.broken else 0
+
+
+def _check(flags: Tolerance, machine: LinearMachine) -> None:
+    wanted = flags.tolerance_um
+    if wanted is not None and not wanted > 0:
+        raise ValueError(f"tolerance-um: needs to be above zero, received {wanted}")
+    if not 0 <= flags.model_delay <= machine.delay:
+        raise ValueError(
+            f"model-delay: the unknown delay of {machine.name} is 0 to {machine.delay} samples, "
+            f"received {flags.model_delay}"
+        )
+    if flags.length is not None and not 1 <= flags.length <= LONGEST:
+        raise ValueError(f"length: needs 1 to {LONGEST} samples, received {flags.length}")
+
+
+def _result(found: Keeper, task: Task, bounds: Bounds, tried: list[Tried]) -> ToleranceResult:
+    machine, shares = found.machine, found.shares
+    return ToleranceResult(
+        machine=machine_summary(machine),
+        contour=task.name,
+        feed_law=task.feed_law,
+        samples=task.samples,
+        error=machine.error,
+        force=bounds.force,
+        encoder=bounds.encoder,
+        plant=promised_to(found),
+        length=found.mpc.response.length,
+        promised=found.promised,
+        shares={
+            "what disturbances make of the tool": shares.disturbances,
+            "what the encoders do not show": shares.unknown,
+            "error of the undisturbed run": shares.nominal,
+            "bend of the path": shares.bend,
+        },
+        limiting=found.mpc.least.limiting,
+        control_limit=tuple(np.asarray(found.mpc.limits.control, float).tolist()),
+        read=_read(found, task),
+        runs=[one.row for one in tried],
+    )
+
+
+def _read(found: Keeper, task: Task) -> ContourRead:
+    return read_of(task, np.asarray(found.reference.position)[: task.samples], found.reference.dt)
+
+
+def _save(found: Keeper, tried: list[Tried], folder: Path) -> None:
+    """Every run at every sample."""
+    machine, steps = found.machine, found.reference.steps
+    outputs, controls, errors, slacks = (
+        np.stack([np.asarray(column) for column in columns])
+        for columns in zip(
+            *(
+                (
+                    one.run.rollout.output,
+                    one.run.rollout.control,
+                    one.error,
+                    one.run.report.fallback,
+                )
+                for one in tried
+            ),
+            strict=True,
+        )
+    )
+    data = {
+        "output": (("run", "time", "axis"), outputs, {"units": "m"}),
+        "control": (("run", "time", "input"), controls, {"units": machine.control_unit}),
+        "error": (("run", "time"), errors, {"units": "m"}),
+        "fallback": (
+            ("run", "time"),
+            slacks.astype("i1"),
+            {"long_name": "1 where a QP had no answer within the tolerance"},
+        ),
+    }
+    time = found.reference.dt * np.arange(steps)
+    names = [f"{one.row.plant}, {one.row.disturbance}" for one in tried]
+    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes), "run": names}
+    title = {"title": "jcontour tolerance", "promised": found.promised, **run_folder.versions()}
+    save_dataset(xr.Dataset(data, coordinates, title), folder / "runs.nc")
+
+
+def _next(result: ToleranceResult) -> list[str]:
+    """What makes it smaller."""
+    shares = result.shares
+    largest = max(shares, key=lambda name: shares[name])
+    helps = {
+        "what disturbances make of the tool": "--force and --encoder-um say what acts on your "
+        "machine; friction fed forward leaves less of it",
+        "what the encoders do not show": "finer encoders, or --encoder-um where they err less",
+        "error of the undisturbed run": "a lower --feed-mm-per-min or --acceleration",
+        "bend of the path": "a lower --feed-mm-per-min, or a smaller --corner-tolerance-um",
+    }
+    return [f"Next: the largest share is {largest}: {helps[largest]}."]

@@ -1,0 +1,196 @@
+"""`jcontour trace`: model predictive contouring control, which chooses its own speed."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Console
+
+from experiments.catalogue.choices import job_named, machine_named
+from experiments.designs.constrained import Traverser, traverser, waiting_reference
+from experiments.files.results.stored import write_result
+from experiments.flags.loops import Trace
+from experiments.flags.shared import MachineFlags
+from experiments.jobs.job import Pace
+from experiments.reports import tables
+from experiments.reports.figures.png import save_figures
+from experiments.reports.figures.traversal import path_figure, signals_figure
+from experiments.runs.lifecycle import created, finished
+from jcontour.geometry.contour import Contour
+from jcontour.host.held import Held
+from jcontour.host.loop import HostRun, Stopped, reported_loop
+from jcontour.motion.references import Reference
+from jcontour.simulation.traversal import traversal_score
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Signals of a run, one row per sample of the plant."""
+
+    arc_mm: np.ndarray
+    contour_error_um: np.ndarray
+    speed_mm_s: np.ndarray
+    tool_mm: np.ndarray
+    control: np.ndarray
+
+
+@dataclass(frozen=True)
+class Traversed:
+    """Result of `trace`.
+
+    Attributes:
+        failure: why it stopped, in one line; empty when it went through.
+        steps: samples that were simulated.
+        fallbacks: of these, those that the fallback made.
+        limited: of these, the fraction with a limit active in the plan.
+        residual: the worst of any QP.
+        arrived: the tool came to the end of the path.
+        time_s: until then; None where no sample was simulated.
+    """
+
+    plant: str
+    contour: str
+    control_unit: str
+    length_mm: float
+    failure: str
+    steps: int
+    fallbacks: int
+    limited: float
+    residual: float
+    arrived: bool
+    time_s: float | None
+    rms_um: float | None = None
+    peak_um: float | None = None
+    signals: Signals | None = None
+
+
+class Drawn(NamedTuple):
+    """Content of the figures: the result, and its path in mm nearest to the tool."""
+
+    result: Traversed
+    foot_mm: np.ndarray
+
+
+def command(flags: Trace) -> int:
+    """The whole command; exit code 1 where the run stopped or did not arrive."""
+    machine = machine_named(flags.plant)
+    asked = traverser(machine, contour_of(flags), flags)
+    reference, controller = waiting_reference(asked, 1e-3 * flags.max_speed_mm_s), asked.controller
+    controller.initial_memory(reference)  # raises what does not fit before anything is written
+    folder = created(flags, "trace")
+    with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
+        run, failure = _ran(asked, controller, reference, flags)
+    result = _result(flags, asked, run, failure)
+    if result.signals is not None:
+        foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
+        figures = {"trace": _signals, "path": _path}
+        save_figures(figures, Drawn(result, 1e3 * foot), folder)
+    write_result(folder, result)
+    finished(folder, result, flags, show, _next(result))
+    return 0 if result.arrived else 1
+
+
+def contour_of(flags: Trace) -> Contour:
+    """The contour of the catalogue or of a file; its feed is not used.
+
+    Raises:
+        ValueError: no such contour, or a bad file.
+    """
+    pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named(flags.plant))
+    return job_named(flags.contour, pace).contour
+
+
+def _ran(
+    asked: Traverser, controller: Held, reference: Reference, flags: Trace
+) -> tuple[HostRun, str]:
+    fallback = None if flags.fallback == "stop" else flags.fallback
+    try:
+        return reported_loop(asked.hosted.plant, controller, reference, fallback=fallback), ""
+    except Stopped as stopped:
+        return stopped.run, str(stopped)
+
+
+def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Traversed:
+    report, rollout = run.report, run.rollout
+    found = Traversed(
+        plant=flags.plant,
+        contour=flags.contour,
+        control_unit=asked.machine.control_unit,
+        length_mm=1e3 * float(asked.contour.length),
+        failure=failure,
+        steps=len(report.residual),
+        fallbacks=report.fallbacks,
+        limited=report.active_fraction,
+        residual=report.worst_residual,
+        arrived=False,
+        time_s=None,
+    )
+    return found if len(rollout.output) == 0 else _scored(found, asked, run)
+
+
+def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
+    """The result with errors and signals."""
+    mpcc, memory, output = asked.mpcc, run.rollout.memory.inner, run.rollout.output
+    score = traversal_score(asked.contour, output, asked.hosted.plant.dt, progress=mpcc.arc(memory))
+    signals = Signals(
+        arc_mm=1e3 * score.arc,
+        contour_error_um=1e6 * score.error,
+        speed_mm_s=1e3 * mpcc.speed(memory),
+        tool_mm=1e3 * np.asarray(output),
+        control=np.asarray(run.rollout.control),
+    )
+    return replace(
+        found,
+        arrived=bool(np.isfinite(score.time) and not found.failure),
+        time_s=score.time,
+        rms_um=1e6 * score.rms,
+        peak_um=1e6 * score.peak,
+        signals=signals,
+    )
+
+
+def _signals(drawn: Drawn):
+    result = drawn.result
+    title = f"{result.contour} on {result.plant}: model predictive contouring control"
+    return signals_figure(result.signals, result.control_unit, title)
+
+
+def _path(drawn: Drawn):
+    result = drawn.result
+    return path_figure(result.signals, drawn.foot_mm, f"{result.contour} on {result.plant}")
+
+
+def show(result: Traversed, console: Console) -> None:
+    """How long, how far off, and whether the limits or the solver had a say."""
+    time = "none: the tool DID NOT ARRIVE at the end of the path"
+    if result.arrived:
+        time = f"{tables.digits(result.time_s)} s"
+    lines = [
+        f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
+        f"Traversal time    {time}",
+    ]
+    if result.rms_um is not None:
+        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
+        lines.append(f"Contour error     {errors}")
+    limited = f"{100 * result.limited:.4g} % of the steps; fallback steps: {result.fallbacks}"
+    lines.append(f"Limits in plan    {limited}")
+    residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
+    lines.append(f"Worst residual    {residual}")
+    if result.failure:
+        lines.append(f"STOPPED: {result.failure}")
+    tables.say(console, *lines)
+
+
+def _next(result: Traversed) -> list[str]:
+    """Figures in words, and the next step."""
+    told = []
+    if result.signals is not None:
+        told.append(
+            "path.png shows the tool around the path, its error magnified, and the speed there; "
+            "trace.png the signals along the path."
+        )
+    if result.failure:
+        return [*told, "Next: --fallback hold goes on where a step has no answer."]
+    if not result.arrived:
+        return [*told, "Next: more --q-theta rewards progress, a larger --max-control allows it."]
+    return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]

@@ -1,0 +1,281 @@
+"""`jcontour verify RUN`: tuned weights replayed under the limits of the machine at every sample."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+
+from experiments.designs.design import with_values
+from experiments.files import run_folder
+from experiments.files.netcdf import save_dataset
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.stored import Weight, write_result
+from experiments.flags.loops import Verify
+from experiments.flags.tuning import Tune
+from experiments.machines.machine import Machine
+from experiments.reports import tables
+from experiments.runs.lifecycle import created, finished, resumed
+from experiments.runs.tuning.problem import TuningRun, tuning_run
+from jcontour.host.controller import HostController
+from jcontour.motion.references import Reference
+from jcontour.mpc.limits import Bounds, Limits
+from jcontour.plant import Plant
+from jcontour.qp.solvers import Solver, solver_named
+from jcontour.simulation.evaluation import member
+from jcontour.simulation.metrics import Metrics
+from tuning.parameters import Weights
+from tuning.verify import Gap, verify
+
+FLAGS = {  # limit -> flag, factor to SI
+    "control": ("max_control", 1.0),
+    "increment": ("max_increment", 1.0),
+    "acceleration": ("max_acceleration", 1.0),
+    "speed": ("max_speed_mm_s", 1e-3),
+}
+HEADINGS = (
+    "contour",
+    "plant",
+    "limit in\nplan %",
+    "limit\nacts %",
+    "contour\nas tuned",
+    "um RMS\nlimited",
+    "tracking\nas tuned",
+    "um RMS\nlimited",
+    "worst\nresidual",
+    "fall-\nbacks",
+    "stopped\nat step",
+)
+
+
+@dataclass(frozen=True)
+class GapRow:
+    """One contour on one plant, see `tuning.verify.Gap`."""
+
+    contour: str
+    plant: str
+    active_fraction: float
+    acting_fraction: float
+    residual: float
+    fallbacks: int
+    stopped: int | None
+    failure: str
+    without: RunMetrics
+    within: RunMetrics | None
+
+
+@dataclass(frozen=True)
+class Verified:
+    """Result of `verify`.
+
+    Attributes:
+        tuned: folder of the tuned run.
+        weights: its weights by name.
+        limits: lower and upper bounds by the name of the signal, None where there are none.
+        gaps: one row per contour and plant.
+    """
+
+    tuned: str
+    weights: dict[str, Weight]
+    solver: str
+    limits: dict[str, list | None]
+    gaps: list[GapRow]
+
+
+def command(flags: Verify) -> int:
+    """The whole command: replay, print, exit code 1 where a run stopped."""
+    folder, tune = resumed(Tune(resume=flags.run), "tune")
+    named = run_folder.read_json(folder, run_folder.RESULT)["weights"]
+    run, solver = tuning_run(tune), solver_named(flags.solver)
+    limits = limits_of(flags, run.machine)
+    weights = with_values(run.start, {name: w for name, w in named.items() if w is not None})
+    constrained = _constrained(run, weights, limits, solver)
+    out = created(flags, "verify")
+    rows = _replayed(run, weights, constrained, limits, flags, out)
+    bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
+    result = Verified(str(folder), named, solver.name, bounds, rows)
+    write_result(out, result)
+    finished(out, result, flags, show, _next(rows))
+    return 1 if any(row.failure for row in rows) else 0
+
+
+def limits_of(flags: Verify, machine: Machine) -> Limits:
+    """The machine's limits, each replaced where a flag gives another.
+
+    Raises:
+        ValueError: a limit is not finite and above zero, or there is none at all.
+    """
+    sizes = {}
+    for name, (flag, factor) in FLAGS.items():
+        value = getattr(flags, flag)
+        if value is None:
+            sizes[name] = getattr(machine.limits, name)
+            continue
+        if not (np.isfinite(value) and value > 0):
+            named = flag.replace("_", "-")
+            raise ValueError(f"{named}: needs to be finite and above zero, received {value}")
+        sizes[name] = factor * value
+    if all(size is None for size in sizes.values()):
+        raise ValueError(
+            f"verify: {machine.name} states no limits; give --max-control, --max-increment, "
+            "--max-speed-mm-s or another"
+        )
+    return Limits.within(**sizes)
+
+
+def _constrained(
+    run: TuningRun, weights: Weights, limits: Limits, solver: Solver
+) -> HostController:
+    """The tuned controller under limits.
+
+    Raises:
+        ValueError: there is none for this kind of controller.
+    """
+    controller = run.design.constrained(weights, limits, solver)
+    if controller is None:
+        raise ValueError(
+            f"verify: {run.design.name} has no form that keeps to limits at every sample; "
+            "contouring-lq has one"
+        )
+    return controller
+
+
+def _replayed(
+    run: TuningRun,
+    weights: Weights,
+    constrained: HostController,
+    limits: Limits,
+    flags: Verify,
+    out: Path,
+) -> list[GapRow]:
+    """Every contour on every plant, stored as they are done: kept if the rest is interrupted."""
+    fallback = None if flags.fallback == "stop" else flags.fallback
+    tuned, rows = run.controller(weights), []
+    references, plants = _references(run), _plants(run)
+    count = len(references) * len(plants)
+    with tables.console_of(quiet=flags.json).status("replaying under limits") as status:
+        for gap in verify(tuned, constrained, limits, references, plants, fallback):
+            rows.append(_row(gap))
+            _save(gap, len(rows), run.machine, out)
+            run_folder.write_json(out / "gaps.json", rows)
+            status.update(f"replaying under limits: {len(rows)} of {count} runs done")
+    return rows
+
+
+def _references(run: TuningRun) -> dict[str, Reference]:
+    dt, preview = run.machine.model.dt, run.design.preview
+    return {one.name: one.reference(dt, preview) for one in run.scenarios.jobs}
+
+
+def _plants(run: TuningRun) -> dict[str, Plant]:
+    family = run.scenarios.family
+    return {name: member(family, k) for k, name in enumerate(run.scenarios.plants)}
+
+
+def _row(gap: Gap) -> GapRow:
+    return GapRow(
+        gap.contour,
+        gap.plant,
+        gap.active_fraction,
+        gap.acting_fraction,
+        gap.residual,
+        gap.fallbacks,
+        gap.stopped,
+        gap.failure,
+        _metrics(gap.without),
+        None if gap.within is None else _metrics(gap.within),
+    )
+
+
+def _metrics(metrics: Metrics) -> RunMetrics:
+    return RunMetrics.of(metrics, lambda value: value.item())
+
+
+def _listed(bounds: Bounds | None) -> list | None:
+    return None if bounds is None else [np.asarray(bound).tolist() for bound in bounds]
+
+
+def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
+    """The constrained run, or what there is of one that stopped."""
+    rollout, report = gap.run.rollout, gap.run.report
+    if len(rollout.output) == 0:
+        return
+    output, control = np.asarray(rollout.output), np.asarray(rollout.control)
+    fallback, time = report.fallback.astype("i1"), machine.model.dt * np.arange(len(output))
+    active = {"long_name": "limits active in the plan of the step"}
+    residual = {"long_name": "largest scaled residual of the QP"}
+    data = {
+        "output": (("time", "axis"), output, {"units": "m"}),
+        "control": (("time", "input"), control, {"units": machine.control_unit}),
+        "active": (("time",), report.active, active),
+        "residual": (("time",), report.residual, residual),
+        "fallback": (("time",), fallback, {"long_name": "1 where the fallback acted"}),
+    }
+    title = {
+        "title": "jcontour verify: under limits",
+        "contour": gap.contour,
+        "plant": gap.plant,
+        "failure": gap.failure,
+        **run_folder.versions(),
+    }
+    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes)}
+    dataset = xr.Dataset(data, coordinates, title)
+    save_dataset(dataset, folder / f"run-{number:02d}-{gap.contour}.nc")
+
+
+def show(result: Verified, console: Console) -> None:
+    """The gap table, then what stopped."""
+    names = ", ".join(name for name, bounds in result.limits.items() if bounds is not None)
+    title = f"Tuned weights under limits on {names} ({result.solver})"
+    rows = [_cells(gap) for gap in result.gaps]
+    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=2))
+    tables.say(
+        console,
+        "limit in plan: steps whose horizon touches a limit; "
+        "limit acts: steps whose own control, or its change, is at one",
+    )
+    for gap in result.gaps:
+        if gap.failure:
+            tables.say(console, f"STOPPED: {gap.contour}, {gap.plant}: {gap.failure}")
+
+
+def _cells(gap: GapRow) -> list[str]:
+    limited = [tables.digits(100 * share) for share in (gap.active_fraction, gap.acting_fraction)]
+    errors = []
+    for name in ("rms_contour_error", "rms_tracking_error"):
+        for metrics in (gap.without, gap.within):
+            errors.append("-" if metrics is None else tables.digits(1e6 * getattr(metrics, name)))
+    stopped = "" if gap.stopped is None else str(gap.stopped)
+    solving = [f"{gap.residual:.1e}", str(gap.fallbacks), stopped]
+    return [gap.contour, gap.plant, *limited, *errors, *solving]
+
+
+def _next(rows: list[GapRow]) -> list[str]:
+    """Finding in a sentence, and the next step."""
+    lost = [row for row in rows if row.failure]
+    if lost:
+        return [
+            f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
+            "Next: --fallback hold or soft goes on; or tune again with --max-peak-control or "
+            "--max-peak-increment.",
+        ]
+    if not any(row.active_fraction > 0 for row in rows):
+        return [
+            "No limit was ever active: the tuned controller itself keeps to all of them.",
+            "Next: a tighter limit, such as --max-control or --max-increment, shows its cost.",
+        ]
+    worst = max(rows, key=_added_error)
+    added = 1e6 * _added_error(worst)
+    return [
+        f"The limits add at most {tables.digits(added)} um RMS of contour error: "
+        f"{worst.contour}, {worst.plant}.",
+        "Next: where that is too much, tune again with --max-peak-control or --max-peak-increment.",
+    ]
+
+
+def _added_error(row: GapRow) -> float:
+    """RMS contour error under limits beyond that of the tuned controller [m]."""
+    if row.within is None:
+        return 0.0
+    return row.within.rms_contour_error - row.without.rms_contour_error

@@ -1,0 +1,80 @@
+"""`jcontour identify --excite limits.json`: programs whose record shows the axes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from experiments.files import run_folder
+from experiments.flags.machines import Identify
+from experiments.jobs.excitation import PART, Excited, gcode, letters, read_limits, sines
+from experiments.reports import tables
+
+CSV, GCODE = "excite.csv", "excite.ngc"
+
+
+def command(flags: Identify) -> int:
+    """Write both programs; exit code.
+
+    Raises:
+        ValueError: the limits cannot be read.
+    """
+    path = flags.excite
+    assert path is not None
+    limits = read_limits(path, _read(path))
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("excite"), "identify", flags, [path]
+    )
+    positions = sines(limits)
+    _write_csv(limits, positions, folder / CSV)
+    text = gcode(limits)
+    run_folder.write(folder / GCODE, lambda temporary: temporary.write_text(text))
+    if flags.json:
+        files = {"csv": str(folder / CSV), "gcode": str(folder / GCODE)}
+        print(run_folder.json_text({"run": str(folder), **files}))
+        return 0
+    used = ", ".join(
+        f"{name} +-{1e3 * float(np.abs(column).max()):.3g} mm"
+        for name, column in zip(limits.axes, positions.T, strict=True)
+    )
+    names = " ".join(f"{name.lower()}_command" for name in limits.axes)
+    columns = f"time {names} {names.replace('command', 'position')}"
+    tables.say(
+        tables.console_of(),
+        f"{folder / CSV}: set-points [mm] every {1e3 * limits.dt:g} ms, {used}",
+        f"{folder / GCODE}: moves to and fro within {100 * PART:g} % of the travel either way"
+        f"{_who_moves(limits)}",
+        "Start in the middle of the travel, with nothing in the way and a hand on the stop button.",
+        f"Run one of them on the machine as it is, and record: {columns}",
+        "Then: jcontour identify LOG.csv --machine linear",
+    )
+    return 0
+
+
+def _who_moves(limits: Excited) -> str:
+    """Letters of the program, where they are not the names of the axes."""
+    moved = letters(limits)
+    if moved == limits.axes:
+        return ""
+    return "; " + ", ".join(
+        f"{letter} moves {name}" for letter, name in zip(moved, limits.axes, strict=True)
+    )
+
+
+def _read(path: Path) -> object:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError:
+        raise ValueError(f"{path}: is not JSON") from None
+
+
+def _write_csv(limits: Excited, positions: np.ndarray, path: Path) -> None:
+    time = limits.dt * np.arange(len(positions))
+    head = ",".join(["time", *(f"{name.lower()}_mm" for name in limits.axes)])
+    rows = np.column_stack([time, 1e3 * positions])
+    run_folder.write(
+        path,
+        lambda temporary: np.savetxt(temporary, rows, "%.9g", ",", header=head, comments=""),
+    )

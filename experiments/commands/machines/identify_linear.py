@@ -1,0 +1,177 @@
+"""`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from experiments.files import run_folder
+from experiments.files.log_file import Log, LogColumns, read_log
+from experiments.files.results.linear_result import LinearAxisResult, LinearMachineResult
+from experiments.files.results.stored import write_result
+from experiments.flags.machines import Identify
+from experiments.machines.from_file import machine_from
+from experiments.machines.identified import axis_result, largest, machine_fields
+from experiments.machines.machine_behaviour import GRAVITY
+from experiments.reports.identified_tables import show
+from experiments.runs.lifecycle import finished
+from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.machine import (
+    LinearMachineFound,
+    MachineRecord,
+    identify_machine,
+)
+from tuning.identification.linear.recording import RecordedAxis, recorded
+
+MODEL, DATA = "machine.json", "data.csv"
+MOST_POLES, MOST_DELAY = 8, 40
+GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
+QUESTIONED = 100 * GRAVITY  # [m/s^2] in a record: no feed drive moves with more
+SLOWEST = 0.1  # [s] between samples of a drive's record
+DEMO_ROWS, DEMO_DT = 20_000, 1e-3
+DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
+
+
+def command(flags: Identify) -> int:
+    """Read, fit, check, store and print; exit code."""
+    _check(flags)
+    if flags.demo:
+        flags = replace(flags, control_unit="V")
+    log, source = _log(flags)
+    record = MachineRecord(log.dt, flags.axes, log.command, log.position)
+    found = identify_machine(record, flags.most_order, flags.most_delay)
+    if len(flags.axes) == 1:
+        found = found.twice("Y" if flags.axes[0] != "Y" else "X")
+    name = "identified" if flags.data is None else flags.data.stem
+    text = run_folder.json_text(machine_fields(found, name, flags.control_unit)) + "\n"
+    machine_from(text.encode(), name)  # what the other commands refuse is not written
+    folder = run_folder.create(
+        flags.out or run_folder.default_folder("identify"),
+        "identify",
+        flags,
+        [] if flags.data is None else [flags.data],
+    )
+    _store(flags, log, found, text, folder)
+    result = _result(flags, log, source, found)
+    write_result(folder, result)
+    path = folder / MODEL
+    then = [
+        f"Machine file: {path}",
+        f"Next: jcontour machine {path}, then jcontour tune --plant {path}",
+    ]
+    return finished(folder, result, flags, show, then)
+
+
+def _check(flags: Identify) -> None:
+    if flags.demo == (flags.data is not None):
+        raise ValueError("identify: needs a log, or --demo for simulated data, and not both")
+    if len(set(flags.axes)) != len(flags.axes) or len(flags.axes) not in (1, 2, 3):
+        raise ValueError(
+            f"axes: needs one to three different names, received {' '.join(flags.axes)}"
+        )
+    if not 1 <= flags.most_order <= MOST_POLES:
+        raise ValueError(f"most-order: needs 1 to {MOST_POLES}, received {flags.most_order}")
+    if not 0 <= flags.most_delay <= MOST_DELAY:
+        raise ValueError(f"most-delay: needs 0 to {MOST_DELAY}, received {flags.most_delay}")
+    if flags.period_ms is not None and not (np.isfinite(flags.period_ms) and flags.period_ms > 0):
+        raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
+    if flags.demo and flags.axes != tuple(DEMO):
+        raise ValueError("axes: the simulated data have X and Y")
+
+
+def _log(flags: Identify) -> tuple[Log, str]:
+    """The record, and where it comes from."""
+    if flags.data is None:
+        return _simulated(flags.seed)
+    columns = LogColumns(
+        flags.time_column,
+        flags.command_columns,
+        flags.position_columns,
+        flags.length_unit,
+        None if flags.period_ms is None else 1e-3 * flags.period_ms,
+    )
+    return read_log(flags.data, flags.axes, columns), str(flags.data)
+
+
+def _simulated(seed: int) -> tuple[Log, str]:
+    """A log of two drives that take a speed in V, while a program of arcs and corners ran."""
+    random = np.random.default_rng(seed)
+    time = DEMO_DT * np.arange(DEMO_ROWS)
+    signals = []
+    for k, (gain, constant, delay) in enumerate(DEMO.values()):
+        axis = RecordedAxis(
+            speed_axis(gain, constant, delay), "speed", 1e-6, 0.3e-6, 2e-3, (15.0 / gain,)
+        )
+        signals.append(recorded(axis, _program(time, k), DEMO_DT, random))
+    command, position = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
+    words = "simulated: " + "; ".join(
+        f"{name} {1e3 * gain:g} mm/s per V, {1e3 * constant:g} ms, {1e3 * delay:g} ms of delay"
+        for name, (gain, constant, delay) in DEMO.items()
+    )
+    return Log(DEMO_DT, command, position, ()), f"{words}; encoders of 1 um, seed {seed}"
+
+
+def _program(time: np.ndarray, axis: int) -> np.ndarray:
+    """Arcs, and lines between corners, of one axis [m]."""
+    arcs = 0.01 * np.sin(2 * np.pi * 0.5 * time + np.pi / 2 * axis)
+    lines = 0.03 * np.cumsum(np.sign(np.sin(2 * np.pi * (0.7 + 0.2 * axis) * time))) * DEMO_DT
+    return arcs + lines
+
+
+def _result(
+    flags: Identify, log: Log, source: str, found: LinearMachineFound
+) -> LinearMachineResult:
+    axes = [axis_result(one) for one in found.axes]
+    limits = largest(found)
+    words = list(log.words)
+    if len(flags.axes) == 1:
+        words.append(f"A contour needs two axes: the machine file has {flags.axes[0]} twice")
+    return LinearMachineResult(
+        data=source,
+        words=words,
+        samples=len(log.command),
+        dt=log.dt,
+        control_unit=flags.control_unit,
+        axes=axes,
+        limits=limits,
+        gain=found.gain,
+        delay=found.late,
+        notes=[*_questions(log.dt, flags, axes, limits["acceleration"]), *found.notes],
+        model=MODEL,
+    )
+
+
+def _questions(
+    dt: float, flags: Identify, axes: list[LinearAxisResult], acceleration: list[float]
+) -> list[str]:
+    """One line for each number that no machine has; most likely a unit is wrong."""
+    lines = []
+    if dt > SLOWEST:
+        lines.append(f"time: a sample every {dt:g} s is slow; is the column in ms? Call it time_ms")
+    for one, moved in zip(axes, acceleration, strict=True):
+        if moved > QUESTIONED or abs(one.gain) > GAIN_ASKED:
+            lines.append(
+                f"{one.name}: {moved / GRAVITY:.3g} g in the record, and {one.gain:.3g} "
+                f"m{'/s' if one.integrators else ''} per {flags.control_unit}, are more than any "
+                "drive has; is --length-unit right?"
+            )
+    return lines
+
+
+def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
+    from experiments.reports.figures.linear_axes import FIGURES
+    from experiments.reports.figures.png import save_figures
+
+    run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
+    if flags.demo:
+        time = log.dt * np.arange(len(log.command))
+        heads = ["time", *(f"{a.lower()}_command" for a in flags.axes)]
+        heads += [f"{a.lower()}_position_m" for a in flags.axes]
+        rows = np.column_stack([time, log.command, log.position])
+        run_folder.write(
+            folder / DATA,
+            lambda temporary: np.savetxt(
+                temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
+            ),
+        )
+    save_figures(FIGURES, found, folder)

@@ -1,0 +1,134 @@
+"""`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from experiments.catalogue.choices import machine_named
+from experiments.files import run_folder
+from experiments.files.results.machine_result import AxisSummary, MachineResult
+from experiments.files.results.stored import to_json
+from experiments.flags.machines import Machine as Flags
+from experiments.machines.built import built_machine
+from experiments.machines.from_file import machine_from
+from experiments.machines.machine import Machine
+from experiments.machines.machine_behaviour import AxisBehaviour, axis_behaviours, questions
+from experiments.reports import tables
+from experiments.reports.figures.machine import machine_figure
+from experiments.reports.figures.png import save_figure
+
+HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
+UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2"}
+
+
+def command(flags: Flags) -> int:
+    """The whole command: build or read, check, draw, print, exit code."""
+    if flags.file is None:
+        result, machine, path = _built(flags)
+    else:
+        result, machine, path = _read(flags)
+    if flags.json:
+        print(run_folder.json_text(to_json(result)))
+        return 0
+    show(result, tables.console_of())
+    tables.say(tables.console_of(), *_next(result, path, built=flags.file is None))
+    return 0
+
+
+def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+    """Write the file that the flags describe, and draw it.
+
+    Raises:
+        ValueError: bad input, or the file exists; nothing has been written then.
+    """
+    path = flags.out or Path(f"{flags.name}.json")
+    if path.exists():
+        raise ValueError(f"out: {path} exists; give another name")
+    found = built_machine(flags)
+    text = run_folder.json_text(found.fields) + "\n"
+    machine = machine_from(text.encode(), flags.name)
+    picture = path.with_suffix(".png")
+    result = _result(machine, path, picture, found.words, found.warnings)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    run_folder.write(path, lambda temporary: temporary.write_text(text))
+    _draw(machine, picture)
+    return result, machine, path
+
+
+def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:
+    """Check an existing file, or a machine of the catalogue, and draw it."""
+    given = [name for name in ("gain", "mass_kg", "steps", "out") if getattr(flags, name)]
+    if given:
+        raise ValueError(
+            f"{given[0].replace('_', '-')}: describes a new machine; leave it out to check a file"
+        )
+    machine = machine_named(str(flags.file))
+    path = Path(str(flags.file))
+    picture = path.with_suffix(".png") if path.suffix else Path(f"{machine.name}.png")
+    result = _result(machine, path, picture, [], [])
+    _draw(machine, picture)
+    return result, machine, path
+
+
+def _result(
+    machine: Machine, path: Path, picture: Path, words: list[str], warnings: list[str]
+) -> MachineResult:
+    axes = axis_behaviours(machine)
+    return MachineResult(
+        name=machine.name,
+        file=str(path),
+        figure=str(picture),
+        control_unit=machine.control_unit,
+        period=machine.model.dt,
+        description=machine.description(),
+        family=list(machine.family_names),
+        words=words,
+        axes=[_summary(one) for one in axes],
+        warnings=[*warnings, *questions(machine, axes)],
+    )
+
+
+def _summary(one: AxisBehaviour) -> AxisSummary:
+    return AxisSummary(
+        name=one.name,
+        kind=one.kind,
+        gain=one.gain,
+        rise=one.rise,
+        delay=one.delay,
+        acceleration=one.acceleration,
+        resonance=one.resonance,
+    )
+
+
+def _draw(machine: Machine, path: Path) -> None:
+    save_figure(machine_figure(machine, axis_behaviours(machine)), path)
+
+
+def show(found: MachineResult, console: Console) -> None:
+    """What the machine is, axis by axis."""
+    lines = [f"{heading:<11} {words}" for heading, words in found.description.items()]
+    tables.say(console, *lines, f"{'Family':<11} {'; '.join(found.family)}", *found.words)
+    rows = [
+        [
+            one.name,
+            one.kind,
+            f"{tables.digits(1e3 * one.gain)} {UNITS[one.kind]}",
+            tables.digits(1e3 * one.rise),
+            str(one.delay),
+            tables.digits(one.acceleration),
+            tables.digits(one.resonance),
+        ]
+        for one in found.axes
+    ]
+    title = f"One {found.control_unit} on each axis by itself"
+    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=3))
+    tables.say(console, *(f"WARNING: {line}" for line in found.warnings))
+
+
+def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
+    name = path if built or path.suffix else found.name
+    return [
+        f"Drawn: {found.figure}",
+        *([f"Written: {path}"] if built else ["The file is sound."]),
+        f"Next: jcontour tune --plant {name}",
+    ]

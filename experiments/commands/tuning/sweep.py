@@ -1,0 +1,333 @@
+"""`jcontour sweep`: metrics over weights x preview x contours x plants, on the true machines."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+from rich.console import Console
+
+from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.commands.tuning import sweep_predictive
+from experiments.designs.design import Design, by_name, plain_weights, with_values
+from experiments.designs.predictive import PREDICTIVE
+from experiments.files import run_folder
+from experiments.files.netcdf import metric_unit, save_dataset
+from experiments.files.results.stored import BESIDE_OTHERS, write_result
+from experiments.files.sweep_chunks import SweepChunks
+from experiments.flags.tuning import Sweep
+from experiments.jobs.job import Pace, Task
+from experiments.jobs.replays import Scenarios
+from experiments.machines.machine import Machine
+from experiments.reports import tables
+from experiments.reports.figures.png import save_figures
+from experiments.reports.figures.sweep import sweep_figure, worst_errors
+from experiments.runs.lifecycle import finished, opened
+from experiments.runs.spread.spreading import batching_of
+from experiments.runs.spread.varied_weights import listed_values, sampled_designs
+from jcontour.simulation.devices import Spread
+from jcontour.simulation.evaluation import Batching
+from tuning.sweep import sweep
+
+CHUNKS = "parts"  # folder of the chunks inside a run folder
+DIMENSIONS = ("preview", "sample", "contour", "plant")
+FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where none are named
+STEPS_ON_CPU = 2_000_000  # of one core at once: a few seconds, which a kill costs at most
+BYTES_PER_STEP = 2_000  # of a run on an accelerator, with room to spare
+NAMED = 5  # diverged designs that are printed; all of them are in the figure and in the netCDF file
+
+
+@dataclass(frozen=True)
+class BestDesign:
+    """The best weights with one preview, by the worst error over contours and plants.
+
+    Attributes:
+        preview: [samples].
+        weights: those that vary, by name.
+        worst_um: worst RMS error [um].
+        nominal_um: worst RMS error over the contours on the nominal plant [um].
+    """
+
+    preview: int
+    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
+    worst_um: float
+    nominal_um: float
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """Summary of a sweep; all numbers are in its netCDF file.
+
+    Attributes:
+        points: designs with their previews.
+        diverged: points that diverge on any plant along any contour.
+        best: one design for every preview with which any design does not diverge.
+    """
+
+    points: int
+    diverged: int
+    best: list[BestDesign]
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep that is asked for.
+
+    Attributes:
+        flags: with the previews that make different controllers.
+        values: of the weights that vary, one entry per design.
+    """
+
+    flags: Sweep
+    machine: Machine
+    jobs: list[Task]
+    values: dict[str, Float[Array, " D"]]
+
+    def design(self, preview: int) -> Design:
+        """The controller with a preview, its weights open."""
+        return _design(self.flags, self.machine, preview)
+
+    @property
+    def count(self) -> int:
+        """Designs for every preview."""
+        return next(iter(self.values.values())).size
+
+
+def command(flags: Sweep) -> int:
+    """Sweep, store and print; exit code."""
+    if _controller(flags) in PREDICTIVE:
+        return sweep_predictive.command(flags)
+    with opened(flags, "sweep", swept_of) as (folder, asked):
+        dataset = found_along(asked, folder)
+        names, error = list(asked.values), asked.machine.error
+        save_dataset(dataset, folder / "sweep.nc")
+        figures = {"sweep": lambda found: sweep_figure(found, names, error)}
+        save_figures(figures, dataset, folder)
+        result = summary_of(dataset, names, error)
+        write_result(folder, result)
+    then = [*_diverged_lines(dataset, names, error), *_next_steps(asked, result)]
+    return finished(folder, result, flags, _shown(names, error), then)
+
+
+def swept_of(flags: Sweep) -> Swept:
+    """The sweep that flags describe.
+
+    Raises:
+        ValueError: a flag, a file or their combination is wrong.
+    """
+    _check_flags(flags)
+    machine = machine_named(flags.plant)
+    pace = Pace.of(flags, machine)
+    jobs = [job_named(name, pace) for name in flags.parts or machine.usual.swept]
+    values = sampled_values(flags, _design(flags, machine, flags.preview))
+    asked = Swept(replace(flags, previews=horizons(flags, machine)), machine, jobs, values)
+    _check(asked)
+    return asked
+
+
+def _controller(flags: Sweep) -> str | None:
+    """Name of the controller, of a run that goes on the stored one."""
+    if flags.resume is None:
+        return flags.controller
+    return run_folder.opened(flags.resume, "sweep")["flags"].get("controller")
+
+
+def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]]:
+    """Values of the weights that vary: a grid, or a random sample.
+
+    Raises:
+        ValueError: nothing to sweep, or a value is wrong.
+    """
+    if not flags.previews:
+        raise ValueError("previews: need at least one")
+    varied = listed_values(flags.vary) or around_start(design)
+    return sampled_designs(varied, flags.samples, flags.seed)
+
+
+def around_start(design: Design) -> dict[str, tuple[float, ...]]:
+    """A tenth to ten times the start of the first free weights.
+
+    Only weights count that are one positive number, equal on all axes.
+
+    Raises:
+        ValueError: there is no such weight.
+    """
+    starts = {}
+    for name in design.free():
+        starts[name] = np.unique(np.asarray(by_name(design.start)[name], float))
+    single = {}
+    for name, values in starts.items():
+        if values.size == 1 and values[0] > 0:
+            single[name] = float(values[0])
+    if not single:
+        raise ValueError(
+            f"vary: {design.name} has no weight that is one positive number; "
+            f"name some of {', '.join(starts)} with their values"
+        )
+    chosen = list(single)[:VARIED]
+    return {name: tuple(factor * single[name] for factor in FACTORS) for name in chosen}
+
+
+def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
+    """Previews that make different controllers: all of them for LQ, one for a cascade."""
+    previews = [_design(flags, machine, preview).preview for preview in flags.previews]
+    return tuple(dict.fromkeys(previews))
+
+
+def _check_flags(flags: Sweep) -> None:
+    for name in ("speeds_mm_s", "workers", "scheduler"):
+        if getattr(flags, name) != getattr(Sweep, name):
+            others = ", ".join(PREDICTIVE)
+            raise ValueError(f"{name.replace('_', '-')}: is for --controller {others}")
+
+
+def _check(asked: Swept) -> None:
+    """Refuse names, values and parts that do not fit before anything is written."""
+    for preview in asked.flags.previews:
+        design = asked.design(preview)
+        known = by_name(design.start)
+        unknown = [name for name in asked.values if name not in known]
+        if unknown:
+            raise ValueError(
+                f"vary: {design.name} has no weight {unknown[0]!r}; name some of {', '.join(known)}"
+            )
+        first = {name: column[0] for name, column in asked.values.items()}
+        design.build(with_values(design.start, first))
+        for job in asked.jobs:
+            job.reference(asked.machine.model.dt, design.preview)
+
+
+def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
+    return design_for(machine, replace(flags, preview=preview)).tunable()
+
+
+def found_along(asked: Swept, folder: Path) -> xr.Dataset:
+    """Metrics of all designs; chunks that are stored in the run folder are not computed again."""
+    chunks, batching = SweepChunks(folder / CHUNKS), batching_of(asked.flags)
+    for number, preview in enumerate(asked.flags.previews):
+        if chunks.rows < (number + 1) * asked.count:
+            _sweep_preview(asked, preview, number * asked.count, chunks, batching)
+    return _dataset(asked, chunks.whole())
+
+
+def _sweep_preview(
+    asked: Swept, preview: int, before: int, chunks: SweepChunks, batching: Batching | None
+) -> None:
+    """Add the rows of one preview, which has so many rows before it."""
+    design, count = asked.design(preview), asked.count
+    unseen = [False] * len(asked.jobs)
+    scenarios = Scenarios.of(asked.jobs, unseen, asked.machine, design.fed, design.preview)
+    family, references = scenarios.family, scenarios.references
+    steps = len(asked.jobs) * len(scenarios.plants) * references.steps
+    at_once = min(count, designs_at_once(steps, batching))
+
+    def make(varied):
+        return design.build(with_values(design.start, varied))
+
+    while (first := chunks.rows - before) < count:
+        # always as many, the last one again and again: one program
+        rows = np.minimum(np.arange(first, first + at_once), count - 1)
+        designs = {name: column[rows] for name, column in asked.values.items()}
+        found = sweep(make, designs, family, references, batching=batching)
+        metrics = vars(found).items()
+        chunks.add({name: np.asarray(row)[: count - first] for name, row in metrics})
+
+
+def designs_at_once(steps: int, batching: Batching | None) -> int:
+    """Designs in one program, each of so many steps.
+
+    As many as the memory of an accelerator holds, or a few seconds of a CPU.
+    """
+    devices = batching.mesh.size if isinstance(batching, Spread) else 1
+    memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
+    at_once = STEPS_ON_CPU if memory is None else memory // BYTES_PER_STEP
+    return max(1, devices * at_once // steps)
+
+
+def _dataset(asked: Swept, found: dict[str, Any]) -> xr.Dataset:
+    machine, previews = asked.machine, list(asked.flags.previews)
+    design = asked.design(previews[0])
+    shape = (len(previews), asked.count, len(asked.jobs), len(machine.family_names))
+    data = {}
+    for name, rows in found.items():
+        column = rows.reshape(shape)
+        if column.dtype == bool:
+            column = column.astype("i1")
+        data[name] = (DIMENSIONS, column, {"units": metric_unit(name, machine.control_unit)})
+    coordinates: dict[str, Any] = {
+        "preview": ("preview", previews, {"units": "samples"}),
+        "contour": [job.name for job in asked.jobs],
+        "plant": machine.family_names,
+    }
+    for name, column in asked.values.items():
+        coordinates[name] = ("sample", np.asarray(column), {"units": design.units()[name]})
+    kept = {}
+    for name, value in plain_weights(design.start).items():
+        if isinstance(value, float) and name not in asked.values:
+            kept[name] = value
+    title = f"jcontour sweep: machine with {machine.nonsmooth_effects}"
+    return xr.Dataset(data, coordinates, {"title": title, **kept, **run_folder.versions()})
+
+
+def summary_of(dataset: xr.Dataset, names: Iterable[str], error: str) -> SweepResult:
+    """Counts, and the best weights for every preview."""
+    worst, diverged = worst_errors(dataset, error)
+    errors = 1e6 * dataset[f"rms_{error}_error"].values
+    best = []
+    for p, preview in enumerate(dataset.preview.values):
+        if not np.isfinite(worst[p]).any():
+            continue
+        i = int(np.argmin(worst[p]))
+        best.append(
+            BestDesign(
+                preview=int(preview),
+                weights={name: float(dataset[name][i]) for name in names},
+                worst_um=float(worst[p, i]),
+                nominal_um=float(errors[p, i, :, 0].max()),
+            )
+        )
+    return SweepResult(points=diverged.size, diverged=int(diverged.sum()), best=best)
+
+
+def _shown(names: list[str], error: str):
+    """Printer of a result whose designs have these weights."""
+
+    def show(result: SweepResult, console: Console) -> None:
+        rows = []
+        for row in result.best:
+            numbers = [*(row.weights[name] for name in names), row.worst_um, row.nominal_um]
+            rows.append([str(row.preview), *(f"{number:.4g}" for number in numbers)])
+        title = "Best weights for every preview (worst over contours and plants)"
+        columns = ["preview", *names, f"worst RMS {error} um", "nominal um"]
+        console.print(tables.plain_table(title, columns, rows))
+        tables.say(console, f"{result.points} points, {result.diverged} diverged.")
+
+    return show
+
+
+def _diverged_lines(dataset: xr.Dataset, names: list[str], error: str) -> list[str]:
+    """The first diverged designs by name."""
+    _, diverged = worst_errors(dataset, error)
+    places = np.argwhere(diverged)
+    lines = []
+    for p, i in places[:NAMED]:
+        weights = ", ".join(f"{name} {float(dataset[name][i]):.4g}" for name in names)
+        lines.append(f"Diverged: preview {int(dataset.preview[p])}, {weights}")
+    if len(places) > NAMED:
+        lines.append(f"and {len(places) - NAMED} more: red crosses in the figure")
+    return lines
+
+
+def _next_steps(asked: Swept, result: SweepResult) -> list[str]:
+    if not result.best:
+        return ["Next: every design diverges; sweep smaller weights with --vary."]
+    best = min(result.best, key=lambda row: row.worst_um)
+    weights = " ".join(f"{name}={value:.6g}" for name, value in best.weights.items())
+    return [
+        "Next: tune from the best point with "
+        f"jcontour tune --plant {asked.flags.plant} --preview {best.preview} --weights {weights}"
+    ]

@@ -1,0 +1,127 @@
+"""The bent reference of a loop, as smooth as the machine's limits ask for, and its runs."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.jobs.replays import Replay, Scenarios, replay
+from experiments.machines.flexible_axis import FlexibleMachine
+from experiments.machines.gantry import GantryMachine
+from experiments.machines.linear import LinearMachine
+from experiments.machines.machine import Machine
+from experiments.reports.figures.bent import BentRuns
+from experiments.runs.checks.stored_loops import StoredLoop
+from experiments.runs.checks.warnings import exceeded_limits
+from experiments.runs.loops.learned_machines import Setting, linear_family
+from jcontour.controllers.learning.laps import Learned
+from jcontour.motion.references import Reference
+from jcontour.simulation.evaluation import stack_plants
+from tuning.precompensation import Precompensated, precompensate
+
+TRIES = 4  # of a roughness, each ten times the last
+CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
+
+
+class Bent(NamedTuple):
+    """A correction, and runs of the true family with and without it.
+
+    Attributes:
+        reference: as it was.
+        found: the correction.
+        roughness: its price.
+        plants: names.
+        before, after: the runs.
+        exceeded: limits that the bent reference exceeds.
+    """
+
+    reference: Reference
+    found: Precompensated
+    roughness: float
+    plants: tuple[str, ...]
+    before: Replay
+    after: Replay
+    exceeded: list[str]
+
+    @property
+    def position(self) -> np.ndarray:
+        """The bent reference (T, m) [m]."""
+        steps = self.reference.steps
+        return np.asarray(self.reference.position)[:steps] + self.found.correction
+
+    def drawn(self, name: str, machine: Machine) -> BentRuns:
+        """What its figure shows."""
+        steps = self.reference.steps
+        wanted = np.asarray(self.reference.position)[:steps]
+
+        def sizes(runs: Replay) -> np.ndarray:
+            tracking = machine.error == "tracking"
+            apart = runs.output[0] - wanted if tracking else runs.contour_error[0]
+            return np.linalg.norm(apart, axis=-1)
+
+        return BentRuns(
+            name=name,
+            error=machine.error,
+            axes=machine.axes,
+            time=self.reference.dt * np.arange(steps),
+            scored=np.asarray(self.reference.mask)[:steps],
+            correction=self.found.correction,
+            before=sizes(self.before),
+            after=sizes(self.after),
+        )
+
+    def metrics(self, runs: Replay) -> dict[str, RunMetrics]:
+        """Metrics by plant."""
+        return {
+            name: RunMetrics.of(runs.metrics, lambda values, k=k: values[0, k])
+            for k, name in enumerate(self.plants)
+        }
+
+
+def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Bent:
+    """The correction of the loop's first part.
+
+    Args:
+        loop: controller, machine and part.
+        roughness: first price of the correction's bends.
+        tell: hears what is being done.
+
+    Raises:
+        ValueError: there is no linear family of this machine.
+    """
+    machine, controller, job = loop.machine, loop.controller, loop.jobs[0]
+    reference = job.reference(machine.model.dt, controller.preview)
+    family = _family(loop, reference)
+    scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
+    tell("running the reference as it is")
+    before = replay(controller, scenarios)
+    beyond = bool(exceeded_limits(before, scenarios, machine))  # no smoother shift mends it
+    part = 0.0 if machine.error == "tracking" else CONTOURING
+
+    def priced(price: float) -> Bent:
+        tell(f"bending the reference, roughness {price:g}")
+        found = precompensate(family, controller, reference, part, roughness=price)
+        after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
+        exceeded = exceeded_limits(after, scenarios, machine)
+        return Bent(reference, found, price, scenarios.plants, before, after, exceeded)
+
+    one = priced(roughness)
+    for attempt in range(1, TRIES):
+        if beyond or not one.exceeded:
+            break
+        one = priced(roughness * 10**attempt)
+    return one
+
+
+def _family(loop: StoredLoop, reference: Reference):
+    machine = loop.machine
+    if isinstance(machine, LinearMachine):
+        return stack_plants(machine.exact_family(loop.fed))
+    if isinstance(machine, FlexibleMachine | GantryMachine):
+        return stack_plants(linear_family(Setting(machine, loop.controller, loop.fed, reference)))
+    raise ValueError(
+        "plant: a reference is bent for a machine given by A, B, C, flexible axes or a gantry, "
+        f"{machine.name} is none of them"
+    )

@@ -1,0 +1,88 @@
+"""One part under one controller at several feeds, and which of them to run."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from experiments.catalogue.choices import job_named
+from experiments.files.results.feed_result import FeedPoint
+from experiments.flags.loops import Feed
+from experiments.jobs.replays import Scenarios, replay
+from experiments.runs.checks.stored_loops import StoredLoop, loop_named
+from experiments.runs.checks.warnings import exceeded_limits
+from experiments.runs.tuning.results import family_metrics
+
+PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
+
+
+def loop_at_feeds(flags: Feed) -> StoredLoop:
+    """The loop of a run folder, or of the flags.
+
+    Raises:
+        ValueError: bad input, or the part is a motion of a single axis, which has no feed.
+    """
+    loop = loop_named(flags, flags.part)
+    if loop.machine.error == "tracking":
+        raise ValueError(f"feed: {loop.machine.name} has one axis; its moves have no feed")
+    return loop
+
+
+def feed_points(loop: StoredLoop, overrides: Sequence[float]) -> Iterator[FeedPoint]:
+    """Every feed, from the slowest to the quickest; the motion is planned anew for each.
+
+    Args:
+        loop: its first part is run.
+        overrides: per cent of the programmed feed.
+
+    Raises:
+        ValueError: a feed that the machine's samples cannot hold.
+    """
+    for override in sorted(set(overrides)):
+        pace = loop.pace._replace(override=override / 100)
+        planned = pace == loop.pace  # already, with the loop
+        job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
+        scenarios = Scenarios.of([job], [False], loop.machine, loop.fed, loop.controller.preview)
+        found = replay(loop.controller, scenarios)
+        lost = np.asarray(found.metrics.diverged)[0]
+        scored = int(np.sum(np.asarray(scenarios.references.mask)))
+        yield FeedPoint(
+            override=override,
+            cycle_time=scored * loop.machine.model.dt,
+            metrics=family_metrics(found, 0),
+            diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
+            exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
+        )
+
+
+def recommended(
+    points: Sequence[FeedPoint], error: str, tolerance: float | None
+) -> tuple[FeedPoint | None, str]:
+    """The feed to run, and why.
+
+    The quickest one within the tolerance. Without one, the last at which a rise of the feed still
+    takes half as much off the cycle time: beyond it the machine only accelerates.
+    """
+    sound = [point for point in points if point.sound]
+    if not sound:
+        return None, "at every feed a plant diverges or a limit of the machine is exceeded"
+    if tolerance is not None:
+        within = [point for point in sound if _peak(point, error) <= tolerance]
+        if not within:
+            least = min(_peak(point, error) for point in sound)
+            return None, f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+        best = min(within, key=lambda point: point.cycle_time)
+        return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
+    best = sound[0]
+    for point in sound[1:]:
+        rise, gain = point.override / best.override, best.cycle_time / point.cycle_time
+        if np.log(gain) < PAYS * np.log(rise):
+            words = f"{100 * (rise - 1):.0f} % more feed takes {100 * (1 - 1 / gain):.0f} % off"
+            cost = _peak(point, error) / _peak(best, error) - 1
+            more = f"{100 * abs(cost):.0f} % {'more' if cost > 0 else 'less'} error"
+            return best, f"beyond it {words} the cycle time, with {more}"
+        best = point
+    return best, "the quickest of these; --tolerance-um says what the part allows"
+
+
+def _peak(point: FeedPoint, error: str) -> float:
+    return getattr(point.metrics.worst, f"peak_{error}_error")

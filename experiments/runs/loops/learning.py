@@ -1,0 +1,221 @@
+"""Laps of a part on a machine's family: what is learned from, the law, its bound, the runs."""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from experiments.files.results.learned_result import LearnedMachine
+from experiments.flags.loops import Learn
+from experiments.runs.loops.learned_machines import Setting, linear_family, linear_nominal, noisy
+from jcontour.controllers.learning.convergence import Convergence, convergence, frequency_response
+from jcontour.controllers.learning.laps import (
+    LearningLaw,
+    RunLap,
+    diverged_lap,
+    paying_laps,
+)
+from jcontour.controllers.learning.norm_optimal import NormOptimal, norm_optimal
+from jcontour.controllers.learning.p_type import PType
+from jcontour.plant import Plant
+from jcontour.simulation.evaluation import family_batching, stack_plants
+from jcontour.simulation.metrics import Metrics, score_signals
+
+SMOOTHINGS = (0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512)  # tried in turn
+PLACES = (0.25, 0.5, 0.75)  # of the lap, where a loop that changes along it is frozen
+CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
+SLOW = 8  # half periods of a lap, below which the lag of a loop is read from its phase
+LINEAR, NOISY = "linear model", "linear model, encoder noise"
+
+
+class Prepared(NamedTuple):
+    """A law, its numbers, and what is known of it before the first lap."""
+
+    law: LearningLaw
+    numbers: dict[str, float]
+    convergence: Convergence
+
+
+def prepared_law(one: Setting, flags: Learn) -> Prepared:
+    """The law that the flags ask for.
+
+    Its smoothing is the least with which the laps converge on the whole family, unless it is given;
+    where there is none, the one with the least bound.
+    """
+    nominal = linear_nominal(one)
+    run = one.laps(lambda lap: nominal)
+    slopes = _slopes(one)
+    family = [partial(slopes, plant) for plant in linear_family(one)]
+    places = sorted({int(part * one.shape[0]) for part in PLACES})
+    base = _first_law(one, run, flags)
+    given = flags.smoothing
+    best: Prepared | None = None
+    for smoothing in SMOOTHINGS if given is None else (given,):
+        law, numbers = _smoothed(base, smoothing)
+        found = Prepared(law, numbers, convergence(law, family, one.shape, places))
+        if best is None or found.convergence.bound < best.convergence.bound:
+            best = found
+        if found.convergence.assured:
+            return found
+    assert best is not None
+    return best
+
+
+def _first_law(one: Setting, run: RunLap, flags: Learn) -> NormOptimal | PType:
+    """The law without smoothing."""
+    if flags.law == "norm-optimal":
+        part = 0.0 if one.machine.error == "tracking" else CONTOURING
+        return norm_optimal(run, one.reference, contouring=part, effort=flags.effort)
+    lead = _lag(one) if flags.lead is None else flags.lead
+    return PType(flags.gain, lead)
+
+
+def _smoothed(law: NormOptimal | PType, smoothing: int) -> tuple[LearningLaw, dict[str, float]]:
+    """The law with a smoothing, and its numbers."""
+    if isinstance(law, PType):
+        numbers = {"gain": float(law.gain), "lead": law.lead, "smoothing": smoothing}
+        return PType(law.gain, law.lead, smoothing), numbers
+    return law.with_smoothing(smoothing), {"effort": float(law.effort), "smoothing": smoothing}
+
+
+def _lag(one: Setting) -> int:
+    """Samples by which the nominal loop is late when it moves slowly."""
+    nominal, (steps, _) = linear_nominal(one), one.shape
+    slow = np.pi / (steps - 1) * np.arange(1, SLOW)
+    response = frequency_response(partial(_slopes(one), nominal), one.shape, steps // 4, slow)
+    phases = np.angle(np.diagonal(response, axis1=1, axis2=2))
+    return max(0, round(float(np.mean(-phases / slow[:, None]))))
+
+
+def _slopes(one: Setting) -> Callable[[Plant, Array], Array]:
+    """Change of the measured positions of a plant with the correction, at the first lap.
+
+    One program for all plants of one structure.
+    """
+
+    def slope(plant: Plant, change: Array) -> Array:
+        def measured(correction):
+            return -one.laps(lambda lap: plant)(correction, jnp.zeros((), int)).error
+
+        return jax.jvp(measured, (jnp.zeros(one.shape),), (change,))[1]
+
+    return eqx.filter_jit(slope)
+
+
+class LapScores(NamedTuple):
+    """Errors [m] and control of one lap of every machine."""
+
+    tool: Float[Array | np.ndarray, "*machines"]
+    measured: Float[Array | np.ndarray, "*machines"]
+    control: Float[Array | np.ndarray, "*machines"]
+
+
+class Learner:
+    """Laps, one after the other, on the linear model, on it with noise, and on the true family.
+
+    Args:
+        one: controller and part.
+        law: the rule.
+        seed: of the noise.
+    """
+
+    def __init__(self, one: Setting, law: LearningLaw, seed: int):
+        self.one, self.law = one, law
+        nominal = linear_nominal(one)
+        self.singles: list[Callable[[Any], Plant]] = [lambda lap: nominal, noisy(one, seed)]
+        self.family = stack_plants(one.machine.true_family(one.fed))
+        self.names = [LINEAR, NOISY, *one.machine.family_names]
+
+    def noise(self) -> float:
+        """RMS error of the tool that noise makes in the first lap, by the linear model [m]."""
+        still = jnp.zeros(self.one.shape)
+        with_noise, without = (
+            self.one.laps(plant)(still, jnp.zeros((), int)).output for plant in self.singles[::-1]
+        )
+        shift = with_noise - without + self.one.reference.position[: self.one.reference.steps]
+        metrics = score_signals(shift, jnp.zeros_like(shift), self.one.reference)
+        return float(self._error(metrics))
+
+    def run(self, laps: int, tell: Callable[[int, LapScores], None]) -> list[LearnedMachine]:
+        """All laps; a machine that diverges is left out from then on, and nothing is left at last.
+
+        Args:
+            laps: how many.
+            tell: hears the number of every lap, from one, and its scores.
+        """
+        count = len(self.names)
+        corrections = [jnp.zeros(self.one.shape) for _ in self.singles]
+        stacked = jnp.zeros((count - len(self.singles), *self.one.shape))
+        rows: list[LapScores] = []
+        for lap in range(laps):
+            number, found = jnp.asarray(lap), []
+            for k, advance in enumerate((self._first, self._second)):
+                corrections[k], scores = advance(corrections[k], number)
+                found.append(jax.tree.map(lambda x: np.asarray(x)[None], scores))
+            stacked, scores = self._together(self.family, stacked)
+            found.append(jax.tree.map(np.asarray, scores))
+            rows.append(LapScores(*(np.concatenate(each) for each in zip(*found, strict=True))))
+            tell(lap + 1, rows[-1])
+            if all(diverged_lap(_measured(rows, k)) for k in range(count)):
+                break
+        return [_machine(name, rows, k) for k, name in enumerate(self.names)]
+
+    @cached_property
+    def _first(self) -> Callable[[Any, Any], Any]:
+        return jax.jit(partial(self._lap, self.singles[0]))
+
+    @cached_property
+    def _second(self) -> Callable[[Any, Any], Any]:
+        return jax.jit(partial(self._lap, self.singles[1]))
+
+    @cached_property
+    def _together(self) -> Callable[[Any, Any], Any]:
+        zero = jnp.zeros((), int)
+
+        def on_family(family, corrections):
+            def on_plant(pair):
+                plant, correction = pair
+                return self._lap(lambda lap: plant, correction, zero)
+
+            return family_batching(family)(on_plant, (family, corrections))
+
+        return eqx.filter_jit(on_family)
+
+    def _lap(self, plant: Callable[[Any], Plant], correction: Array, number: Array):
+        """Correction of the next lap, and the scores of this one."""
+        found, reference = self.one.laps(plant)(correction, number), self.one.reference
+        measured = reference.position[: reference.steps] - found.error
+        tool, seen = (
+            score_signals(signal, found.control, reference) for signal in (found.output, measured)
+        )
+        scores = LapScores(self._error(tool), self._error(seen), tool.rms_control)
+        return self.law.update(correction, found.error), scores
+
+    def _error(self, metrics: Metrics) -> Array:
+        return getattr(metrics, f"rms_{self.one.machine.error}_error")
+
+
+def _machine(name: str, rows: Sequence[LapScores], k: int) -> LearnedMachine:
+    """Laps of one machine, to the one at which it diverged."""
+    measured = _measured(rows, k)
+    diverged = diverged_lap(measured)
+    kept = rows[:diverged]
+    tool = [1e6 * float(row.tool[k]) for row in kept]
+    return LearnedMachine(
+        name=name,
+        tool_um=tool,
+        measured_um=[1e6 * value for value in measured[: len(kept)]],
+        control=[float(row.control[k]) for row in kept],
+        diverged=diverged,
+        pays_until=paying_laps(tool),
+    )
+
+
+def _measured(rows: Sequence[LapScores], k: int) -> list[float]:
+    """Measured error of one machine, lap by lap [m]."""
+    return [float(row.measured[k]) for row in rows]

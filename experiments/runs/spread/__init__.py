@@ -1,0 +1,1 @@
+"""Many runs: over devices, hosts, and the processes of a cluster."""

@@ -1,0 +1,1 @@
+"""From flags to a tuning problem, through its search to results."""

@@ -1,0 +1,277 @@
+"""Results of a tuning run: replays, margins, gap to the machine with all effects, history."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from experiments.beside import Beside
+from experiments.designs.design import plain_weights
+from experiments.files.results.certified_result import CertifiedBound
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.tuned_result import (
+    EngineRow,
+    GapRow,
+    HistoryPoint,
+    PathMargins,
+    RobustTest,
+    Standstill,
+    TunedContour,
+    TunedResult,
+)
+from experiments.jobs.replays import Replay, Scenarios, replay, scored
+from experiments.machines.machine import Fed, Machine
+from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.runs.checks.path_margins import path_margins
+from experiments.runs.checks.recommendation import (
+    active_limits,
+    exceeded_most,
+    hardly_worse,
+    reasons_against,
+)
+from experiments.runs.checks.robustness import robust_test
+from experiments.runs.checks.standstill import standstill
+from experiments.runs.checks.warnings import exceeded_limits, run_warnings
+from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.tuning.family_loops import family_curves, family_peaks
+from experiments.runs.tuning.problem import TuningRun
+from experiments.runs.tuning.searching import Searched
+from jcontour.analysis.sensitivity import LoopPeaks
+from jcontour.controller import Controller
+from jcontour.simulation.evaluation import stack_plants
+from tuning.objectives import LEAST
+from tuning.parameters import Chart
+from tuning.tune import Tuned
+
+SHOWN = 12  # contours: more are too many to look at
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Weights on the machines with all effects: every run, margins and curves, standstill."""
+
+    replay: Replay
+    margins: PathMargins
+    curves: FamilyCurves
+    standstill: Standstill | None
+
+
+def trial_of(run: TuningRun, tuned: Tuned) -> Trial:
+    """Tuned weights tried on every contour and every plant."""
+    known = None if run.flags.nominal_only else tuned.outcome.loops
+    return tried(run.controller(tuned.weights), run.machine, run.scenarios, run.design.fed, known)
+
+
+def robust_trial(run: TuningRun, tuned: Tuned) -> RobustTest | None:
+    """Tuned weights tried on random plants of the family."""
+    controller, seed = run.controller(tuned.weights), run.flags.seed
+    scenarios, fed = run.scenarios, run.design.fed
+    if run.by_stretches:  # a thousand plants on the whole would take an hour
+        seen = [True] * len(run.learned)
+        scenarios = Scenarios.of(run.learned, seen, run.machine, fed, run.design.preview)
+    return robust_test(controller, run.machine, scenarios, fed, seed)
+
+
+def start_trial(run: TuningRun, process: Beside) -> Callable[[], Trial]:
+    """The design that the tuned one is compared with, with its own weights, once it is asked for.
+
+    Args:
+        run: of the tuning.
+        process: that tries it meanwhile.
+    """
+    controller = run.before.build(run.before.start)
+    return process.submit(tried, controller, run.machine, run.scenarios, run.design.fed)
+
+
+def tried(
+    controller: Controller,
+    machine: Machine,
+    scenarios: Scenarios,
+    fed: Fed,
+    known: LoopPeaks | None = None,
+) -> Trial:
+    """A controller tried on every contour and every plant; `known` are its peaks, if they are."""
+    on = controller, machine, scenarios, fed
+    peaks = family_peaks(*on) if known is None else known
+    found = path_margins(*on, peaks), family_curves(*on, peaks)
+    return Trial(replay(controller, scenarios), *found, standstill(controller, machine, fed))
+
+
+def machine_summary(machine: Machine) -> MachineSummary:
+    """Name, axes and units of a machine."""
+    return MachineSummary(
+        machine.name, machine.control_unit, machine.axes, machine.nonsmooth_effects
+    )
+
+
+def tuned_result(
+    searched: Searched,
+    trials: Mapping[str, Trial],
+    robust: RobustTest | None,
+    confirmed: list[EngineRow],
+    certified: CertifiedBound | None,
+    seconds: float,
+) -> TunedResult:
+    """The whole result; `trials` are those of the start and of the tuned weights."""
+    run, tuned = searched.run, searched.tuned
+    found, margins = trials["tuned"].replay, trials["tuned"].margins
+    replays = {name: trial.replay for name, trial in trials.items()}
+    shown = shown_contours(run, replays)
+    contours = [_contour(run, replays, c, c in shown) for c in range(len(run.scenarios.jobs))]
+    error = run.machine.error
+    exceeded = exceeded_limits(found, run.scenarios, run.machine)
+    delay = run.flags.min_delay_margin
+    finest = (run.machine.resolution or 0.0) / np.sqrt(12)  # noise of a rounded position
+    limit = exceeded_most(run.problem, tuned)
+    law = run.flags.feed_law
+    reasons = reasons_against(
+        tuned, contours, margins, robust, exceeded, error, delay, finest, limit, law
+    )
+    warnings = run_warnings(run, tuned, margins, replays) + hardly_worse(contours, error, finest)
+    weights = plain_weights(tuned.weights)
+    return TunedResult(
+        machine=machine_summary(run.machine),
+        controller=run.design.name,
+        error=error,
+        **run.design.settings(),
+        limitable=run.design.limitable,
+        files=run.design.files,
+        start=plain_weights(run.before.start),
+        weights=weights,
+        weight_lines=run.design.weight_lines(weights),
+        feasible=bool(tuned.feasible),
+        violation=float(tuned.violation) if np.isfinite(tuned.violation) else None,
+        usable=not reasons,
+        reasons=reasons,
+        active=active_limits(tuned.prices, run.limits),
+        robust=robust,
+        standstill={name: one.standstill for name, one in trials.items() if one.standstill},
+        limits=run.limits,
+        evaluated_points=len(tuned.history),
+        diverged_points=tuned.diverged_points,
+        diverged_starts=tuned.diverged_starts,
+        descents=searched.descents,
+        plants=list(run.scenarios.plants),
+        margins=margins,
+        start_margins=trials["start"].margins,
+        warnings=warnings,
+        contours=contours,
+        gap=gap(run, tuned, found),
+        training_samples=run.training_samples,
+        confirmed=confirmed,
+        seconds=seconds,
+        certified=certified,
+    )
+
+
+def shown_contours(run: TuningRun, replays: Mapping[str, Replay]) -> list[int]:
+    """Contours that tables and figures show: all of a few; of many those that fared worst.
+
+    Of training and of held-out contours the same number, by the ratio of the family's worst error
+    to that of the start.
+    """
+    training = np.asarray(run.scenarios.training)
+    if training.size <= SHOWN:
+        return list(range(training.size))
+    name = f"rms_{run.machine.error}_error"
+    start, tuned = (np.max(getattr(replays[k].metrics, name), axis=1) for k in ("start", "tuned"))
+    lost = np.any(replays["tuned"].metrics.diverged, axis=1)
+    order = np.argsort(-np.where(lost, np.inf, tuned / np.maximum(start, LEAST)))
+    half = SHOWN // 2
+    kept = [row for seen in (True, False) for row in order[training[order] == seen][:half]]
+    return sorted(int(row) for row in kept)
+
+
+def _contour(
+    run: TuningRun, replays: Mapping[str, Replay], index: int, shown: bool
+) -> TunedContour:
+    scenarios = run.scenarios
+    job = scenarios.jobs[index]
+    return TunedContour(
+        name=job.name,
+        training=bool(scenarios.training[index]),
+        samples=job.samples,
+        metrics={name: family_metrics(one, index) for name, one in replays.items()},
+        read=contour_read(scenarios, index),
+        peak=peak_place(scenarios, replays["tuned"], index, run.machine.error),
+        shown=shown,
+    )
+
+
+def family_metrics(replay: Replay, index: int) -> FamilyMetrics:
+    """Metrics on one contour: the nominal plant, and the worst of the family metric by metric."""
+    return FamilyMetrics(
+        nominal=RunMetrics.of(replay.metrics, lambda values: values[index, 0]),
+        worst=RunMetrics.of(replay.metrics, lambda values: values[index].max()),
+    )
+
+
+def gap(run: TuningRun, tuned: Tuned, found: Replay) -> list[GapRow]:
+    """RMS error of every training contour as the tuner saw it, and on the machine with all effects.
+
+    Nominal plant, and worst of the family that was tuned on. None where the tuner has seen
+    stretches: their errors are not those of the whole.
+    """
+    if run.by_stretches:
+        return []
+    name = f"rms_{run.machine.error}_error"
+    smooth = np.asarray(getattr(tuned.outcome.metrics, name))
+    replayed = np.asarray(getattr(found.metrics, name))
+    rows = []
+    for c, job in enumerate(run.scenarios.jobs_seen(True)):
+        members = replayed[c, : smooth.shape[1]]
+        rows.append(_gap_row(job.name, "nominal", smooth[c, 0], members[0]))
+        rows.append(_gap_row(job.name, "worst", smooth[c].max(), members.max()))
+    return rows
+
+
+def _gap_row(contour: str, plant: str, smooth: float, nonsmooth: float) -> GapRow:
+    return GapRow(
+        contour=contour,
+        plant=plant,
+        smooth=float(smooth),
+        nonsmooth=float(nonsmooth),
+        relative=float(nonsmooth / smooth - 1),
+    )
+
+
+def confirmed(run: TuningRun, tuned: Tuned, found: Replay) -> list[EngineRow]:
+    """The nominal plant in an independent engine, where there is one."""
+    independent = run.machine.independent()
+    if independent is None:
+        return []
+    engine, plant = independent
+    scenarios = run.scenarios._replace(plants=("nominal",), family=stack_plants([plant]))
+    other = replay(run.controller(tuned.weights), scenarios)
+    name, counts = f"rms_{run.machine.error}_error", scored(scenarios)
+    apart = np.linalg.norm(other.output[:, 0] - found.output[:, 0], axis=-1)
+    ours, theirs = getattr(found.metrics, name), getattr(other.metrics, name)
+    return [
+        EngineRow(
+            engine=engine,
+            contour=job.name,
+            ours=float(ours[c, 0]),
+            theirs=float(theirs[c, 0]),
+            apart=float(apart[c][counts[c]].max()),
+        )
+        for c, job in enumerate(scenarios.jobs)
+    ]
+
+
+def history_of(run: TuningRun, tuned: Tuned) -> list[HistoryPoint]:
+    """Every evaluated point; error and increment are the worst over contours and family."""
+    chart = Chart(run.problem.space, run.start)
+    error = f"rms_{run.machine.error}_error"
+    return [
+        HistoryPoint(
+            descent=row.start,
+            weights=plain_weights(chart.weights(jnp.asarray(row.z))),
+            objective=row.objective,
+            violation=row.violation,
+            diverged=row.diverged,
+            rms_error=float(np.max(getattr(row.outcome.metrics, error))),
+            rms_increment=float(np.max(row.outcome.metrics.rms_increment)),
+        )
+        for row in tuned.history
+    ]

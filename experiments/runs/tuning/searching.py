@@ -1,0 +1,123 @@
+"""The search of a tuning run, round by round.
+
+The first round is the search that the flags ask for. Then loops between the probes are looked at
+(`tuning.exchange`); where one is worse, another round goes on with it, from where the last ended.
+Every round has a folder of its own, so that an interrupted run goes on where it was.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from experiments.files.checkpoints import load_state, save_state
+from experiments.reports.tables import say
+from experiments.runs.tuning.family_loops import WINDOWS
+from experiments.runs.tuning.problem import TuningRun
+from tuning.exchange import STABLE, Exchanged, exchanged
+from tuning.history import Evaluated
+from tuning.parameters import Chart
+from tuning.tune import Tuned, TuneState, advance, result
+
+ROUNDS = 3  # after the first: each costs a part of it, and few contours need more than one
+ROUND = "exchange-{}"
+
+
+class NothingSound(RuntimeError):
+    """Every point of a search diverged."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """End of a search.
+
+    Attributes:
+        run: with the loops and limits that it ended with.
+        tuned: what was found, with the points of all rounds.
+        descents: of all rounds.
+    """
+
+    run: TuningRun
+    tuned: Tuned
+    descents: int
+
+
+def searched(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], console: Console
+) -> Searched:
+    """Search, and exchange probes where a loop between them is worse.
+
+    What is stored in the run folder counts. A later round that finds nothing sound leaves the
+    result of the one before.
+
+    Raises:
+        NothingSound: every point of the first round diverged.
+    """
+    found = _round(run, folder, show, TuneState())
+    for number in range(1, ROUNDS + 1):
+        more = exchanged(found.run.problem, found.run.start, found.tuned, WINDOWS)
+        if more is None:
+            return found
+        say(console, exchange_words(more))
+        place = folder / ROUND.format(number)
+        place.mkdir(exist_ok=True)
+        begin = Chart(more.problem.space, found.tuned.weights).coordinates()
+        try:
+            later = _round(_going_on(found, more), place, show, TuneState(begin=np.asarray(begin)))
+        except NothingSound:  # the checks that follow tell of the loop
+            return found
+        found = _after(found, later)
+    return found
+
+
+def exchange_words(more: Exchanged) -> str:
+    """A round of exchange in one line."""
+    what = "is unstable" if more.unstable else "exceeds the limit on loops"
+    looked = "1 more loop is" if more.added == 1 else f"{more.added} more loops are"
+    return f"A loop between the probes {what}: {looked} looked at, and the search goes on."
+
+
+def _round(
+    run: TuningRun, folder: Path, show: Callable[[TuneState], None], fresh: TuneState
+) -> Searched:
+    state = load_state(folder)
+    state = state if state.history else fresh
+    while not state.done:
+        state = advance(run.problem, run.start, run.settings, state)
+        save_state(folder, state)
+        show(state)
+    try:
+        return Searched(run, result(run.problem, run.start, state), state.start + 1)
+    except ValueError as error:
+        raise NothingSound(str(error)) from None
+
+
+def _going_on(found: Searched, more: Exchanged) -> TuningRun:
+    """The run with more loops, and one descent."""
+    run, limits = found.run, found.run.limits
+    if run.problem.loops is None:
+        limits = {**limits, "spectral_radius": STABLE}
+    return replace(
+        run,
+        problem=more.problem,
+        settings=replace(run.settings, starts=1, scatter=0),
+        limits=limits,
+    )
+
+
+def _after(before: Searched, found: Searched) -> Searched:
+    """The later round, with the points of those before."""
+    moved = [_renumbered(row, before.descents) for row in found.tuned.history]
+    tuned = found.tuned._replace(
+        history=[*before.tuned.history, *moved],
+        diverged_points=before.tuned.diverged_points + found.tuned.diverged_points,
+        diverged_starts=before.tuned.diverged_starts + found.tuned.diverged_starts,
+        stabilised=before.tuned.stabilised,
+    )
+    return Searched(found.run, tuned, before.descents + found.descents)
+
+
+def _renumbered(row: Evaluated, descents: int) -> Evaluated:
+    return row._replace(start=row.start + descents) if row.start >= 0 else row

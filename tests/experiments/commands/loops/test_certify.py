@@ -1,0 +1,100 @@
+"""`certify` from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands.loops.certify import ATTACK
+from experiments.files.netcdf import load_dataset
+from experiments.files.results.certified_result import CertifiedResult
+from experiments.files.results.stored import read_result
+from experiments.files.results.tuned_result import TunedResult
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory, machine_file, part_file):
+    folder = tmp_path_factory.mktemp("simulated") / "run"
+    flags = ["--plant", str(machine_file), "--preview", "4", "--json", "--out", str(folder)]
+    assert main(["simulate", str(part_file), *flags]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_every_plant_of_a_simulated_run_is_certified(simulated, tmp_path, capsys):
+    capsys.readouterr()
+    out = tmp_path / "certified"
+    assert main(["certify", str(simulated), "--force", "0.5", "--json", "--out", str(out)]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    result = read_result(out, CertifiedResult)
+    assert [row["plant"] for row in summary["rows"]] == [row.plant for row in result.rows]
+    assert len(result.rows) == 4 and result.force == 0.5 and result.encoder == 0.5e-6
+    for row in result.rows:
+        assert row.nominal < row.reached <= row.bound and row.counted <= row.bound
+        assert row.reached > 0.9 * row.bound
+        assert max(row.control) < 300.0
+    data = load_dataset(out / ATTACK)
+    assert data.plant == result.worst.plant
+    assert np.abs(data.force.values).max() == 0.5 and np.abs(data.noise.values).max() == 0.5e-6
+    scored = data.scored.values.astype(bool)
+    assert data.bound.values[scored].max() == result.worst.bound
+    assert data.reached.values[scored].max() == result.worst.reached
+    assert (out / "certificate.png").exists()
+
+
+@pytest.mark.slow
+def test_a_tuned_run_is_certified_with_its_weights(tmp_path, machine_file, part_file, capsys):
+    tuned, out = tmp_path / "tuned", tmp_path / "certified"
+    effort = "--scatter 0 --starts 1 --steps 1 --preview 4".split()
+    flags = ["--plant", str(machine_file), "--json", "--out", str(tuned)]
+    assert main(["tune", str(part_file), *flags, *effort]) == 0
+    assert main(["certify", str(tuned), "--out", str(out)]) == 0
+    told = capsys.readouterr().out
+    result = read_result(out, CertifiedResult)
+    assert result.force == 1.0  # control_noise of the machine file
+    proven = read_result(tuned, TunedResult).certified
+    assert proven.error == pytest.approx(result.worst.bound, rel=1e-9)
+    assert (proven.contour, proven.plant) == (result.worst.contour, result.worst.plant)
+    assert all(row.reached <= row.bound for row in result.rows)
+    assert "Proven for every force of up to 1 " in told and "An attack reaches" in told
+
+
+@pytest.mark.slow
+def test_all_gains_are_certified_at_every_delay(simulated, tmp_path, capsys):
+    out = tmp_path / "cells"
+    flags = ["--force", "0.5", "--cells", "3", "--out", str(out)]
+    assert main(["certify", str(simulated), *flags]) == 0
+    result = read_result(out, CertifiedResult)
+    assert result.gain == 0.1
+    assert [row.plant for row in result.rows[4:]] == ["all gains, 0 late", "all gains, 1 late"]
+    of_gains, members = result.rows[4:], result.rows[:4]
+    assert max(row.bound for row in members) <= max(row.bound for row in of_gains)
+    for row in of_gains:
+        assert 0.8 * row.bound < row.reached <= row.bound and row.counted <= row.bound
+    told = " ".join(capsys.readouterr().out.split())
+    assert "every constant gain from 0.9 to 1.1 on each axis" in told
+
+
+@pytest.mark.slow
+def test_faults_are_told_in_a_line_and_nothing_is_written(simulated, tmp_path, capsys):
+    out = tmp_path / "none"
+    faults = {
+        "force: a bound needs to be finite and at least zero, is -1.0": ("--force", "-1"),
+        "encoder-um: rounding alone errs by half a count, 0.5 um": ("--encoder-um", "0.1"),
+        "may reach its limit of 300": ("--force", "1e4"),
+        "cells: needs at least zero, received -1": ("--cells", "-1"),
+    }
+    for line, flags in faults.items():
+        assert main(["certify", str(simulated), *flags, "--out", str(out)]) == 2
+        assert line in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_run_without_a_loop_is_told(tmp_path, capsys):
+    assert main(["certify", str(tmp_path)]) == 2
+    assert "settings.json" in capsys.readouterr().err
+    (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
+    assert main(["certify", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "holds a run of 'front'; a loop is stored by 'tune' and 'simulate'" in told

@@ -1,0 +1,148 @@
+"""One whole `jcontour learn` on a tiny machine, and what it says of laps that diverge."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands.loops.learn import run
+from experiments.files.results.learned_result import LearnedMachine, LearnedResult
+from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.flags.loops import Learn
+from experiments.reports.figures.learning import learning
+from experiments.reports.learning_tables import after, before
+
+
+def learned(folder, machine_file, part_file, *flags):
+    named = ["learn", str(part_file), "--plant", str(machine_file), "--preview", "4"]
+    assert main([*named, *flags, "--out", str(folder)]) == 0
+    return read_result(folder, LearnedResult)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory, machine_file, part_file):
+    folder = tmp_path_factory.mktemp("learned") / "run"
+    return learned(folder, machine_file, part_file, "--laps", "6")
+
+
+@pytest.mark.slow
+def test_every_machine_has_its_laps(result):
+    assert [one.name for one in result.machines[:3]] == [
+        "linear model",
+        "linear model, encoder noise",
+        "nominal",
+    ]
+    assert len(result.machines) == 6 and result.laps == 6
+    for one in result.machines:
+        assert len(one.tool_um) == len(one.measured_um) == len(one.control) == 6
+        assert one.best_um == one.tool_um[one.pays_until - 1] <= 1.05 * min(one.tool_um)
+
+
+@pytest.mark.slow
+def test_the_linear_model_has_its_error_measured_and_noise_adds_to_it(result):
+    model, noise = result.machines[:2]
+    np.testing.assert_allclose(model.tool_um, model.measured_um, rtol=1e-12)
+    assert noise.tool_um != noise.measured_um and result.noise_um > 0
+
+
+@pytest.mark.slow
+def test_what_is_assured_happens(result):
+    assert result.assured
+    for one in result.machines:
+        assert one.diverged is None and one.tool_um[-1] < one.tool_um[0]
+    text = " ".join(before(result))
+    assert "converge on the whole family" in text and result.bound_member in text
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (Learn(gain=3.0), "gain: the law norm-optimal has none"),
+        (Learn(lead=3), "lead: the law norm-optimal has none"),
+        (Learn(law="p-type", effort=3.0), "effort: the law p-type has none"),
+    ],
+)
+def test_numbers_of_the_other_law_are_refused(flags, says):
+    with pytest.raises(ValueError, match=says):
+        run(flags)
+
+
+@pytest.mark.slow
+def test_learning_reaches_the_noise(result):
+    """What is left is what the model leaves at its corners, and at most twice the noise."""
+    model, noise = result.machines[:2]
+    assert noise.tool_um[-1] < np.hypot(min(model.tool_um), 2 * result.noise_um)
+
+
+@pytest.mark.slow
+def test_a_gain_that_diverges_is_stopped_at_its_lap(tmp_path, machine_file, part_file, capsys):
+    flags = ("--law", "p-type", "--gain", "4", "--smoothing", "0", "--laps", "30")
+    found = learned(tmp_path / "run", machine_file, part_file, *flags)
+    said = capsys.readouterr().out
+    assert not found.assured and found.bound > 1
+    assert "WARNING: it is not sure that the laps converge" in said
+    for one in found.machines:
+        assert one.diverged == len(one.tool_um) < 30
+        assert one.measured_um[-1] > 2 * one.measured_um[0]
+        assert f"{one.name}: diverges, stopped at lap {one.diverged}" in said
+    assert (tmp_path / "run" / "learning.png").exists()
+
+
+@pytest.mark.slow
+def test_a_p_type_law_takes_the_lag_of_the_loop(tmp_path, machine_file, part_file):
+    found = learned(tmp_path / "run", machine_file, part_file, "--law", "p-type", "--laps", "8")
+    assert found.assured and set(found.numbers) == {"gain", "lead", "smoothing"}
+    assert found.machines[0].tool_um[-1] < 0.5 * found.machines[0].tool_um[0]
+
+
+@pytest.mark.slow
+def test_json_is_the_result_alone(tmp_path, machine_file, part_file, capsys, result):
+    learned(tmp_path / "run", machine_file, part_file, "--laps", "6", "--json")
+    stored = json.loads(capsys.readouterr().out)
+    del stored["run"]
+    assert from_json(stored, LearnedResult) == result
+
+
+@pytest.mark.slow
+def test_the_figure_has_a_curve_for_every_machine(result):
+    (axes,) = learning(result).axes
+    assert len(axes.lines) == len(result.machines) + 1
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), result.machines[0].tool_um)
+
+
+def machine_of(tool, measured, **more):
+    control = [1.0] * len(tool)
+    return LearnedMachine(name="m", tool_um=tool, measured_um=measured, control=control, **more)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("one", "says"),
+    [
+        (machine_of([4.0, 1.0, 1.0], [4.0, 1.0, 1.0], pays_until=2), "after lap 2 it no longer"),
+        (machine_of([4.0, 2.0, 1.0], [4.0, 2.0, 1.0], pays_until=3), "in the last lap it still"),
+        (machine_of([4.0, 6.0], [4.0, 1.0], pays_until=1), "that of the tool is not measured"),
+        (machine_of([4.0, 6.0], [4.0, 6.0], pays_until=1), "learning does not pay: 4 um"),
+        (machine_of([4.0, 9.0], [4.0, 9.0], pays_until=1, diverged=2), "stopped at lap 2"),
+        (machine_of([None], [None], pays_until=None, diverged=1), "diverges, stopped at lap 1"),
+    ],
+)
+def test_words(result, one, says):
+    fields = to_json(result) | {"machines": [to_json(one)]}
+    assert says in after(from_json(fields, LearnedResult))[1]
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--laps", "0"], "laps: needs to be at least 1, received 0"),
+        (["--smoothing", "-1"], "smoothing: needs to be at least 0"),
+        (["--effort", "0"], "effort: needs to be above zero"),
+        (["--law", "p-type", "--gain", "-1"], "gain: needs to be finite and at least zero"),
+    ],
+)
+def test_bad_input_is_one_line(capsys, flags, says):
+    assert main(["learn", *flags]) == 2
+    said = capsys.readouterr().err.strip()
+    assert says in said and "\n" not in said

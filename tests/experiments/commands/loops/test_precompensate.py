@@ -1,0 +1,57 @@
+"""`precompensate` from the command line."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands.loops.precompensate import sentences
+from experiments.files.results.bent_result import BentResult
+from experiments.files.results.stored import read_result
+
+
+@pytest.fixture(scope="module")
+def bent(tmp_path_factory, machine_file, part_file):
+    out = tmp_path_factory.mktemp("bent") / "run"
+    flags = ["--plant", str(machine_file), "--controller", "linear-cascade", "--out", str(out)]
+    assert main(["precompensate", str(part_file), *flags]) == 0
+    return out
+
+
+@pytest.mark.slow
+def test_the_nominal_and_the_worst_machine_come_nearer(bent):
+    result = read_result(bent, BentResult)
+    assert result.nominal_gain > 10 and result.worst_gain > 2 and result.usable
+    assert list(result.before) == list(result.after) and not result.exceeded
+    rows = np.loadtxt(bent / "reference.csv", delimiter=",", skiprows=1)
+    assert len(rows) == result.samples
+    program = (bent / "part.ngc").read_text()
+    assert program.count("G1 ") == result.moves and result.chord <= 0.5e-6
+    assert (bent / "bent.png").exists()
+
+
+@pytest.mark.slow
+def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
+    result = read_result(bent, BentResult)
+    assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
+    limited = replace(result, exceeded=["speed of X EXCEEDS its limit"])
+    assert "DO NOT USE: a limit of the machine is exceeded" in sentences(limited)[1]
+    worse = replace(result, before=result.after, after=result.before)
+    assert "times LARGER" in sentences(worse)[0]
+    assert "DO NOT USE: the worst machine is no better" in sentences(worse)[1]
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("circle --roughness 0", "roughness: needs to be above zero"),
+        (". --preview 5", "preview: the run in . has its own settings"),
+        (".", "is not a run folder"),
+    ],
+)
+def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
+    assert main(["precompensate", *flags.split(), "--out", str(tmp_path / "bent")]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert re.search(told, line) and not (tmp_path / "bent").exists()

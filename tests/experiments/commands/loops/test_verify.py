@@ -1,0 +1,82 @@
+"""`verify` from the command line."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import machine_named
+from experiments.cli import main
+from experiments.commands.loops.verify import GapRow, Verified, _next, limits_of
+from experiments.files.netcdf import load_dataset
+from experiments.files.results.run_metrics import RunMetrics
+from experiments.files.results.stored import read_result
+from experiments.flags.loops import Verify
+from experiments.machines.machine import MachineLimits
+
+EFFORT = "--scatter 0 --starts 1 --steps 2 --preview 4".split()
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory, machine_file, part_file):
+    folder = tmp_path_factory.mktemp("tuned") / "run"
+    where = ["--plant", str(machine_file), "--json", "--out", str(folder)]
+    assert main(["tune", str(part_file), *where, *EFFORT]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_verify_tells_what_limits_cost(tuned, tmp_path, capsys):
+    capsys.readouterr()
+    out = tmp_path / "verified"
+    code = main(["verify", str(tuned), "--max-increment", "5", "--json", "--out", str(out)])
+    summary = json.loads(capsys.readouterr().out)
+    gaps = summary["gaps"]
+    assert code == (1 if any(gap["failure"] for gap in gaps) else 0)
+    assert any(gap["active_fraction"] > 0 for gap in gaps)
+    assert all(gap["residual"] <= 1e-8 for gap in gaps)
+    assert read_result(out, Verified).gaps[0].contour == gaps[0]["contour"]
+    stored = sorted(out.glob("run-*.nc"))
+    assert len(stored) == len(gaps)
+    assert np.abs(np.diff(load_dataset(stored[0]).control.values, axis=0)).max() <= 5 * (1 + 1e-9)
+
+
+def test_verify_needs_a_run(tmp_path, capsys):
+    assert main(["verify", str(tmp_path)]) == 2
+    assert "settings.json" in capsys.readouterr().err
+
+
+def test_limits_of_the_machine_and_of_the_flags(machine_file):
+    machine = machine_named(str(machine_file))
+    own = limits_of(Verify(), machine)
+    changed = limits_of(Verify(max_control=7.0, max_speed_mm_s=50.0), machine)
+    assert own.speed[1].tolist() == [0.2, 0.2]
+    assert changed.speed[1] == 0.05 and changed.control[1] == 7.0
+    assert changed.increment[1].tolist() == own.increment[1].tolist()
+    with pytest.raises(ValueError, match="max-control"):
+        limits_of(Verify(max_control=-1.0), machine)
+
+
+def test_the_default_machine_states_a_limit_and_one_without_is_told():
+    machine = machine_named("bridgeport")
+    assert limits_of(Verify(), machine).control[1].tolist() == [10.0, 10.0]
+    with pytest.raises(ValueError, match="bridgeport states no limits; give --max-control"):
+        limits_of(Verify(), replace(machine, limits=MachineLimits()))
+
+
+def row(without, within, active=0.5, failure=""):
+    """A row whose RMS contour errors are given [m]."""
+    numbers = RunMetrics(*np.zeros(11), diverged=False)
+    limited = None if within is None else replace(numbers, rms_contour_error=within)
+    tuned = replace(numbers, rms_contour_error=without)
+    return GapRow("circle", "nominal", active, 0.1, 1e-12, 0, None, failure, tuned, limited)
+
+
+def test_the_last_sentence_says_what_was_found():
+    kept = _next([row(1e-6, 1e-6, active=0.0)])
+    assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
+    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)])
+    assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
+    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)])
+    assert stopped[0].startswith("1 of 2 runs stopped")

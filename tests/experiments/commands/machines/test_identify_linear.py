@@ -1,0 +1,120 @@
+"""`identify --machine linear` from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from experiments.benchmarks.emps_record import emps_record
+from experiments.cli import main
+from experiments.commands.machines import identify_linear
+from experiments.files.results.linear_result import LinearMachineResult
+from experiments.files.results.stored import read_result
+from experiments.machines.from_file import load_machine
+from experiments.reports.identified_tables import show
+from experiments.reports.tables import console_of
+from jcontour.plants import emps
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("linear") / "run"
+    flags = ["identify", "--machine", "linear", "--demo", "--out", str(folder)]
+    assert main([*flags, "--most-order", "1", "--most-delay", "4"]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_the_demonstration(demo):
+    assert {path.name for path in demo.iterdir()} == {
+        "settings.json",
+        "result.json",
+        "data.csv",
+        "machine.json",
+        "prediction.png",
+        "bode.png",
+        "residuals.png",
+    }
+    result = read_result(demo, LinearMachineResult)
+    for one, (gain, constant, delay) in zip(
+        result.axes, identify_linear.DEMO.values(), strict=True
+    ):
+        assert one.gain == pytest.approx(gain, rel=0.01)
+        assert one.delay * result.dt == pytest.approx(delay)
+        assert one.time_constants == pytest.approx([constant], rel=0.05)
+    assert load_machine(demo / "machine.json").model.axes == 2
+
+
+@pytest.mark.slow
+def test_what_is_printed(demo, capsys):
+    show(read_result(demo, LinearMachineResult), console_of())
+    printed = capsys.readouterr().out
+    for words in ("integrator, ", "mm/s", "Family: every gain to", "Change them to those of"):
+        assert words in printed
+
+
+@pytest.mark.slow
+def test_the_file_of_the_demonstration_gives_the_same(demo, tmp_path, capsys):
+    flags = ["--machine", "linear", "--most-order", "1", "--most-delay", "4", "--json"]
+    assert main(["identify", str(demo / "data.csv"), *flags, "--out", str(tmp_path / "b")]) == 0
+    again = json.loads(capsys.readouterr().out)
+    first = json.loads((demo / "result.json").read_text())
+    for one, other in zip(again["axes"], first["axes"], strict=True):
+        assert np.allclose(one["numerator"], other["numerator"], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        ([], "needs a log, or --demo"),
+        (["--demo", "--axes", "X", "X"], "one to three different names"),
+        (["--demo", "--most-order", "0"], "most-order: needs 1 to 8"),
+        (["--demo", "--most-delay", "-1"], "most-delay: needs 0 to 40"),
+        (["--demo", "--axes", "A", "B"], "simulated data have X and Y"),
+        (["none.csv"], "none.csv: cannot be read"),
+        (["none.csv", "--period-ms", "0"], "period-ms: needs to be above zero"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(flags, words, capsys):
+    assert main(["identify", "--machine", "linear", *flags]) == 2
+    told = capsys.readouterr().err
+    assert words in told and len(told.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_wrong_units_are_questioned(demo, tmp_path, capsys):
+    """Nanometres taken for metres, and a time of milliseconds for one of seconds."""
+    rows = np.loadtxt(demo / "data.csv", delimiter=",", skiprows=1)
+    heads = "time,x_command,y_command,x_position_m,y_position_m"
+    for factors, words in (
+        ([1, 1, 1, 1e9, 1e9], "g in the record, and 2.5e+07 m/s per control unit"),
+        ([1e3, 1, 1, 1, 1], "time: a sample every 1 s is slow; is the column in ms?"),
+    ):
+        np.savetxt(tmp_path / "log.csv", rows * factors, "%.10g", ",", header=heads, comments="")
+        flags = ["--machine", "linear", "--most-order", "1", "--most-delay", "4", "--json"]
+        flags += ["--out", str(tmp_path / words[0])]
+        main(["identify", str(tmp_path / "log.csv"), *flags])
+        notes = json.loads(capsys.readouterr().out)["notes"]
+        assert any(words in note for note in notes), notes
+
+
+@pytest.mark.slow
+def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys):
+    """Columns named as in DATA_EMPS.mat, simulated: the file holds the axis twice."""
+    time = emps.SAMPLE_PERIOD * np.arange(24_000)
+    knots = np.random.default_rng(0).uniform(0.0, 0.24, 25)
+    part = np.minimum(time % 1.0 / 0.9, 1.0)
+    whole, smooth = time.astype(int), part**3 * (10 - 15 * part + 6 * part**2)
+    reference = knots[whole] + (knots[whole + 1] - knots[whole]) * smooth
+    voltage, counted = emps_record(reference, 0)
+    savemat(tmp_path / "emps.mat", {"t": time, "qm": counted, "vir": voltage, "qg": reference})
+    flags = ["--machine", "linear", "--axes", "X", "--command-columns", "vir"]
+    flags += ["--position-columns", "qm", "--length-unit", "m", "--most-order", "1"]
+    folder = tmp_path / "run"
+    assert main(["identify", str(tmp_path / "emps.mat"), *flags, "--out", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "the machine file has X twice" in printed and "dry friction takes" in printed
+    result = read_result(folder, LinearMachineResult)
+    assert result.axes[0].gain == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.02)
+    assert load_machine(folder / "machine.json").model.axes == 2

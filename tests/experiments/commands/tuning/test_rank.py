@@ -1,0 +1,118 @@
+"""`rank` from the command line, and what it prints."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands.tuning.rank import next_steps, show
+from experiments.files.results.ranked_result import Candidate, Ranked, RankedResult
+from experiments.files.results.run_metrics import MachineSummary
+from experiments.files.results.stored import from_json, read_result, to_json
+from experiments.flags.tuning import Tune
+from experiments.reports.tables import console_of
+from experiments.runs.tuning import ranking
+from experiments.runs.tuning.problem import tuning_run
+from jcontour.simulation.evaluation import evaluate, stack_plants, stack_references
+
+MACHINE = MachineSummary("table", "A", ("X", "Y"), "encoders")
+
+
+def row(label, held_out, feasible=True, **others):
+    candidate = Candidate(controller=label, preview=5, terminal="output")
+    return Ranked(candidate=candidate, label=label, held_out=held_out, feasible=feasible, **others)
+
+
+RESULT = RankedResult(
+    machine=MACHINE,
+    error="contour",
+    evaluations=40,
+    rows=[
+        row("good", 2e-6, training=1e-6, evaluations=41, seconds=0.5, stationary=True),
+        row(
+            "other",
+            3e-6,
+            training=4e-6,
+            evaluations=12,
+            seconds=1.0,
+            peak_sensitivity=1.8,
+            learns=True,
+        ),
+        row("failed", None, failure="a plant of the family diverges on cam"),
+    ],
+)
+
+
+@pytest.fixture(scope="module")
+def folder(machine_file, part_file, tmp_path_factory):
+    """A ranking of two controllers after a few evaluations."""
+    folder = tmp_path_factory.mktemp("rank") / "run"
+    words = [str(part_file), "--plant", str(machine_file), "--preview", "4", "--evaluations", "3"]
+    controllers = ["--controllers", "contouring-lq-kalman", "contouring-lq"]
+    assert main(["rank", *words, *controllers, "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_each_has_the_same_evaluations_and_the_best_comes_first(folder):
+    rows = read_result(folder, RankedResult).rows
+    assert {row.label for row in rows} == {"contouring-lq-kalman", "contouring-lq"}
+    for row in rows:
+        # the last step may need two
+        assert row.failure is None and 3 <= row.evaluations <= 4
+    keys = [(not row.feasible, row.held_out) for row in rows]
+    assert keys == sorted(keys)
+    assert (folder / "ranking.png").exists()
+
+
+@pytest.mark.slow
+def test_errors_are_those_of_the_true_family_on_contours_that_were_not_trained_on(
+    folder, machine_file, part_file
+):
+    row = read_result(folder, RankedResult).rows[0]
+    flags = Tune(parts=(str(part_file),), plant=str(machine_file), **vars(row.candidate))
+    run = tuning_run(flags)
+    controller = run.controller(type(run.start)(**row.weights))
+    family = stack_plants(run.machine.true_family(run.design.fed))
+    jobs = run.scenarios.jobs_seen(False)
+    paths = [job.reference(run.machine.model.dt, run.design.preview) for job in jobs]
+    metrics = evaluate(controller, family, stack_references(paths))
+    worst = np.max(metrics.rms_contour_error, axis=1).tolist()
+    assert list(row.held_out_errors) == [job.name for job in jobs]
+    np.testing.assert_allclose(list(row.held_out_errors.values()), worst, rtol=1e-9)
+    assert row.held_out == pytest.approx(math.prod(worst) ** (1 / len(worst)), rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_stored_ranking_is_told_without_tuning(folder, capsys, monkeypatch):
+    monkeypatch.setattr(ranking, "_row", None)
+    before = json.loads((folder / "result.json").read_text())
+    assert main(["rank", "--resume", str(folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"run": str(folder), **before}
+
+
+def test_results_come_back_from_json():
+    assert from_json(to_json(RESULT), RankedResult) == RESULT
+
+
+def test_the_table_compares_with_the_best_and_names_failures(capsys):
+    show(RESULT, console_of())
+    printed = capsys.readouterr().out
+    rows = {line.split()[0]: line.split()[1:] for line in printed.splitlines() if line.split()}
+    assert rows["good"] == ["2", "1.00", "1", "-", "41", "1.00", "ended"]
+    assert rows["other"] == ["3", "1.50", "4", "1.8*", "12", "2.00", "not", "ended"]
+    assert "failed: no place, a plant of the family diverges on cam" in printed
+
+
+def test_what_to_do_next():
+    begins, _, unended, following = next_steps(RESULT, " part.ngc")
+    assert begins.startswith("Ms with *: of the loop that the controller begins with.")
+    assert "--evaluations" in unended
+    assert following.startswith("Next: jcontour tune part.ngc --controller good --preview 5 ")
+    nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
+    assert "no controller could be tried" in next_steps(nothing, "")[0]
+    beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
+    assert "no controller keeps every limit" in next_steps(beyond, "")[0]

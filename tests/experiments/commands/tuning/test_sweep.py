@@ -1,0 +1,143 @@
+"""`sweep`: what it makes of its flags, and a small one from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for, machine_named
+from experiments.cli import main
+from experiments.commands.tuning.sweep import SweepResult, horizons, sampled_values
+from experiments.files.netcdf import load_dataset
+from experiments.files.results.stored import read_result
+from experiments.flags.tuning import Sweep
+
+NAMES = ("alpha", "beta")
+
+
+@pytest.fixture(scope="module")
+def flags(machine_file, part_file):
+    """Four designs with one preview; the large alpha diverges where a drive is late."""
+    vary = ["--vary", "alpha=2,2e6", "beta=0.5,5", "--previews", "4"]
+    vary += [
+        "--controller",
+        "contouring-lq-kalman",
+        "--weights",
+        "control_noise=5",
+        "--rho",
+        "2e-9",
+    ]
+    return [str(part_file), "--plant", str(machine_file), *vary]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory, flags):
+    folder = tmp_path_factory.mktemp("sweep") / "run"
+    assert main(["sweep", *flags, "--devices", "1", "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def dataset(swept):
+    return load_dataset(swept / "sweep.nc")
+
+
+@pytest.mark.slow
+def test_every_file_is_there(swept):
+    found = {path.name for path in swept.iterdir()}
+    assert found == {"settings.json", "inputs", "parts", "sweep.nc", "sweep.png", "result.json"}
+
+
+@pytest.mark.slow
+def test_designs_are_the_grid(dataset):
+    places = list(zip(dataset.alpha.values, dataset.beta.values, strict=True))
+    assert places == [(2, 0.5), (2, 5), (2e6, 0.5), (2e6, 5)]
+    assert dataset.rms_contour_error.dims == ("preview", "sample", "contour", "plant")
+    assert dataset.rms_contour_error.attrs["units"] == "m" and dataset.plant.values[0] == "nominal"
+
+
+@pytest.mark.slow
+def test_the_summary_is_that_of_the_metrics(swept, dataset):
+    result = read_result(swept, SweepResult)
+    lost = dataset.diverged.values.astype(bool).any(axis=(2, 3))[0]
+    assert lost.tolist() == [False, False, True, True]
+    assert (result.points, result.diverged) == (4, 2)
+    (best,) = result.best
+    errors = 1e6 * dataset.rms_contour_error.values[0]
+    i = int(np.argmin(np.where(lost, np.inf, errors.max(axis=(1, 2)))))
+    assert best.preview == 4
+    assert best.weights == {name: float(dataset[name][i]) for name in NAMES}
+    assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
+
+
+@pytest.mark.slow
+def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
+    assert main(["sweep", "--resume", str(swept)]) == 0
+    printed = capsys.readouterr().out
+    assert "4 points, 2 diverged." in printed
+    assert "Diverged: preview 4, alpha 2e+06, beta 0.5\n" in printed
+    assert "Drawn: sweep.png" in printed
+    assert "Next: tune from the best point with jcontour tune --plant" in printed
+    assert f"Run folder: {swept}" in printed
+
+
+@pytest.mark.slow
+def test_weights_stand_beside_the_errors_in_json(swept):
+    (best,) = json.loads((swept / "result.json").read_text())["best"]
+    assert list(best) == ["preview", "alpha", "beta", "worst_um", "nominal_um"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("plant", "controller", "found"),
+    [
+        ("bridgeport", None, (5, 10, 20)),
+        ("flexible-axis", "cascade", (1,)),
+        ("gantry", "cascade", (1,)),
+        ("gantry", "contouring-lq", (5, 10, 20)),
+    ],
+)
+def test_previews_that_differ_are_swept(plant, controller, found):
+    assert (
+        horizons(
+            Sweep(plant=plant, controller=controller, previews=(5, 10, 20, 10)),
+            machine_named(plant),
+        )
+        == found
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("plant", "controller", "middle"),
+    [
+        ("bridgeport", None, {"alpha": 1.2, "beta": 20.0}),
+        ("gantry", "contouring-lq", {"alpha": 1e8, "beta": 1e9}),
+        (
+            "gantry",
+            "cascade",
+            {"position": 30.0, "integral_time": 0.05},
+        ),  # the velocity gain of X is not that of Y
+    ],
+)
+def test_what_varies_lies_around_the_start(plant, controller, middle):
+    flags = Sweep(plant=plant, controller=controller)
+    values = sampled_values(flags, design_for(machine_named(plant), flags))
+    assert {name: float(np.median(column)) for name, column in values.items()} == middle
+    assert all(
+        column.size == 25 and column.max() == pytest.approx(100 * column.min())
+        for column in values.values()
+    )
+
+
+def test_what_varies_can_be_named():
+    flags = Sweep(vary=("alpha=1,2", "beta=0,5,20"))
+    values = sampled_values(flags, design_for(machine_named("bridgeport"), flags))
+    assert sorted(zip(*map(np.ndarray.tolist, map(np.asarray, values.values())), strict=True)) == [
+        (1, 0),
+        (1, 5),
+        (1, 20),
+        (2, 0),
+        (2, 5),
+        (2, 20),
+    ]

@@ -1,0 +1,115 @@
+"""One whole `jcontour tune` on a tiny machine."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.commands.tuning.tune import next_steps
+from experiments.files.netcdf import load_dataset
+from experiments.files.results.stored import read_result, to_json
+from experiments.files.results.tuned_result import TunedResult
+
+FILES = {
+    "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
+    "observer.json", "history.png", "trade_off.png", "contour-part.png", "errors-part.png",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory, machine_file, part_file):
+    folder = tmp_path_factory.mktemp("tuned") / "run"
+    effort = "--preview 4 --scatter 2 --starts 2 --steps 8".split()
+    machine = ["--plant", str(machine_file), "--alpha", "1e3", "--beta", "1e4"]
+    assert main(["tune", str(part_file), *machine, *effort, "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(tuned):
+    return read_result(tuned, TunedResult)
+
+
+@pytest.mark.slow
+def test_its_files_are_there(tuned):
+    assert FILES <= {path.name for path in tuned.iterdir()}
+
+
+@pytest.mark.slow
+def test_the_result_loads_into_what_it_was_made_from(tuned, result):
+    stored = json.loads((tuned / "result.json").read_text())
+    assert to_json(result) == stored
+    assert {"safety", "safety_of_start", "values", "gap"} <= set(stored)
+
+
+@pytest.mark.slow
+def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
+    """Objective and metrics agree with the rollouts, computed again from the signals."""
+    contours = {one.name: one for one in result.contours}
+    part = contours["part"]
+    assert part.training and not contours["circle"].training
+    before, after = part.metrics["start"].worst, part.metrics["tuned"].worst
+    assert after.rms_contour_error < before.rms_contour_error
+    with_signals = load_dataset(tuned / "rollouts.nc").sel(contour="part", design="tuned")
+    counted = with_signals.scored.values.astype(bool)
+    size = np.linalg.norm(with_signals.contour_error.values, axis=-1)[:, counted]
+    rms = np.sqrt(np.mean(size**2, axis=-1))
+    np.testing.assert_allclose(rms[0], part.metrics["tuned"].nominal.rms_contour_error, rtol=1e-9)
+    np.testing.assert_allclose(rms.max(), after.rms_contour_error, rtol=1e-9)
+    assert result.margins.stable and result.margins.sensitivity < 2.0 * (1 + 1e-5)
+    assert result.robust.diverged == 0
+    assert result.usable and result.reasons == []
+
+
+@pytest.mark.slow
+def test_where_the_peak_is(tuned, result, part_file):
+    """The place is on the line of the program that is named."""
+    part = next(one for one in result.contours if one.name == "part")
+    peak, worst = part.peak, part.metrics["tuned"].worst
+    assert peak is not None and peak.plant in result.plants
+    assert peak.error == pytest.approx(worst.peak_contour_error, rel=1e-9)
+    line = part_file.read_text().splitlines()[peak.line - 1]
+    x, y = 1e3 * np.array(peak.position)
+    on_line = {
+        "G1 X2 F3000": abs(y),
+        "G3 X2 Y2 I0 J1": abs(np.hypot(x - 2, y - 1) - 1),
+        "G1 X0": abs(y - 2),
+        "G1 Y0": abs(x),
+    }
+    assert on_line[line] < 1e-6
+
+
+@pytest.mark.slow
+def test_what_was_read(result):
+    part = next(one for one in result.contours if one.name == "part")
+    assert part.read.pieces == 4 and part.read.ignored == ()
+    assert part.read.length == pytest.approx(1e-3 * (2 + np.pi + 2 + 2))
+    np.testing.assert_allclose(part.read.low, [0, 0], atol=2e-6)  # corners are blended within it
+    np.testing.assert_allclose(part.read.high, [3e-3, 2e-3], atol=2e-5)
+
+
+@pytest.mark.slow
+def test_the_history_holds_every_point(tuned, result):
+    points = json.loads((tuned / "history.json").read_text())
+    assert len(points) == result.evaluated_points
+    used = {f"{name}_use": 0.97 for name in ("speed", "acceleration", "control", "increment")}
+    lag = result.limits["rms_tracking_error"]  # 5 samples at the highest speed
+    assert result.limits == {"rms_tracking_error": lag, "peak_sensitivity": 2.0, **used}
+    assert 0.8 * 5 * 0.05 * 2e-3 < lag <= 5 * 0.05 * 2e-3  # the part is too short for its feed
+    kept = [one for one in points if not one["diverged"] and not one["violation"] > 1e-6]
+    chosen = min(one["objective"] for one in kept)
+    smooth = max(row.smooth for row in result.gap)
+    assert chosen == pytest.approx(smooth, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
+    assert set(result.files) == {"gains*.csv", "observer.json"}
+    for pattern in result.files:
+        assert list(tuned.glob(pattern)), pattern
+    lines = next_steps(replace(result, usable=True), tuned)
+    assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
+    assert any("jcontour rank" in line for line in lines)
+    assert next_steps(replace(result, usable=False), tuned) == []

@@ -1,0 +1,72 @@
+"""Which feed is recommended, and feeds that are what they say."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.files.results.feed_result import FeedPoint
+from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
+from experiments.jobs.job import at_constant_feed, from_file
+from experiments.jobs.pace import Pace
+from experiments.machines.linear import bridgeport_machine
+from experiments.runs.loops.feeds import recommended
+from jcontour.geometry.contours import circle
+
+
+def point(override, cycle_time, peak_um, **changes):
+    metrics = RunMetrics(*[1e-6 * peak_um] * 11, diverged=False)
+    found = FeedPoint(
+        override=override,
+        cycle_time=cycle_time,
+        metrics=FamilyMetrics(metrics, metrics),
+        diverged=[],
+        exceeded=[],
+    )
+    return replace(found, **changes)
+
+
+POINTS = [point(50, 10.0, 2.0), point(100, 5.2, 5.0), point(200, 4.9, 12.0)]
+
+
+def test_the_quickest_within_the_tolerance():
+    best, reason = recommended(POINTS, "contour", 6e-6)
+    assert best is POINTS[1] and "within 6 um" in reason
+    assert recommended(POINTS, "contour", 20e-6)[0] is POINTS[2]
+    none, reason = recommended(POINTS, "contour", 1e-6)
+    assert none is None and "least largest error is 2 um" in reason
+
+
+def test_without_a_tolerance_feed_has_to_come_off_the_cycle_time():
+    """From 100 to 200 %: 6 % of the time for 2.4 times the error."""
+    best, reason = recommended(POINTS, "contour", None)
+    assert best is POINTS[1]
+    assert "100 % more feed takes 6 % off the cycle time, with 140 % more error" in reason
+    assert recommended(POINTS[:2], "contour", None)[0] is POINTS[1]
+
+
+def test_a_feed_that_a_plant_does_not_follow_is_never_recommended():
+    lost = [POINTS[0], replace(POINTS[1], diverged=["nominal"])]
+    assert recommended(lost, "contour", 1.0)[0] is POINTS[0]
+    beyond = [replace(one, exceeded=["speed"]) for one in POINTS]
+    none, reason = recommended(beyond, "contour", 1.0)
+    assert none is None and "a limit of the machine is exceeded" in reason
+
+
+def test_an_override_scales_programmed_feeds_and_leaves_rapid_moves(tmp_path):
+    program = tmp_path / "part.ngc"
+    program.write_text("G21 G90 G64 P0\nG0 X100\nG1 X200 F600\nX300 F1200\n")
+    pace = Pace(bridgeport_machine(), None, 2.0, feed_law="trapezoidal")
+    dt = pace.machine.model.dt
+
+    def seconds(job):
+        scored = job.scored.sum() * dt
+        return job.samples * dt - scored, scored
+
+    slow, usual = (seconds(from_file(program, pace._replace(override=one))) for one in (0.5, 1.0))
+    assert usual[1] == pytest.approx(10 + 5, abs=0.1)
+    assert slow[1] == pytest.approx(2 * usual[1], rel=0.01)
+    circled = [
+        at_constant_feed("circle", circle(1e-2), pace._replace(override=one)).samples
+        for one in (0.5, 1.0)
+    ]
+    assert circled[0] == pytest.approx(2 * circled[1], rel=0.01)

@@ -1,0 +1,123 @@
+"""Machines as laps see them: what is read, linear models, noise, and a machine that has none."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for, job_named
+from experiments.flags.loops import Simulate
+from experiments.jobs.job import Pace
+from experiments.machines.families import Member
+from experiments.machines.flexible_axis import biaxial_machine, thesis_machine
+from experiments.machines.gantry import gantry_machine
+from experiments.machines.linear import bridgeport_machine
+from experiments.machines.own_plant import machine_of
+from experiments.runs.loops.learned_machines import (
+    Setting,
+    linear_family,
+    linear_nominal,
+    noisy,
+    positions_of,
+    setting,
+)
+from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.geometry.contours import circle, line
+from jcontour.motion.references import along, in_time
+from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
+from jcontour.plants.gantry.motor_coordinates import MotorEncoders
+from jcontour.sensors import motors
+from jcontour.simulation.closed_loop import simulate
+
+DT = 1e-3
+
+
+@pytest.fixture(scope="module")
+def axis():
+    """The thesis's axis under its cascade, a short move."""
+    reference = in_time(
+        line([0.0], [0.05]), lambda t: 0.05 * np.clip(t / 0.1, 0, 1), 0.15, DT, 1, dwell=0.05
+    )
+    cascade = Cascade(CascadeGains(30.0, 55.67, 0.04), motors(1), DT)
+    return Setting(thesis_machine(), cascade, "outputs", reference)
+
+
+@pytest.fixture(scope="module")
+def gantry():
+    """The gantry's cascade on a circle of 10 mm left of the beam's centre."""
+    machine = gantry_machine()
+    design = design_for(machine, Simulate(controller="cascade"))
+    path = circle(10e-3, centre=(-0.4, 0.0))
+    reference = along(path, 2e-5 * np.arange(60), DT, design.preview, at_rest=True)
+    return Setting(machine, design.build(design.start), design.fed, reference)
+
+
+@pytest.mark.slow
+def test_linear_members_are_named_like_the_family(axis):
+    assert len(linear_family(axis)) == len(axis.machine.family_names)
+    for machine in (biaxial_machine(), bridgeport_machine(), gantry_machine()):
+        one = Setting(machine, axis.controller, "outputs", axis.reference)
+        assert len(linear_family(one)) == len(machine.family_names)
+    assert Member("nominal", 1.0, 1.0, 0) == axis.machine.members[0]
+
+
+def test_noise_is_within_half_a_count_and_another_in_every_lap(axis):
+    half = axis.machine.encoder_resolution / 2
+    first, again, second = (
+        np.asarray(noisy(axis, 0)(jnp.asarray(k)).plant.noise) for k in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert np.abs(first).max() <= half and not np.array_equal(first, second)
+    assert not np.any(first[:, 1:])
+
+
+def test_positions_are_found_in_what_is_measured():
+    state = jnp.arange(8.0)
+    table = bridgeport_machine()
+    np.testing.assert_array_equal(positions_of(table, "outputs")(state[:2]), [0.0, 1.0])
+    np.testing.assert_array_equal(positions_of(table, "state")(state), table.model.output(state))
+    axes = positions_of(biaxial_machine(), "outputs")
+    np.testing.assert_array_equal(axes((state[:2], state[2:4])), [0.0, 1.0])
+
+
+@pytest.mark.slow
+def test_a_gantry_reads_its_tool_from_its_motors():
+    """Head 0.3 m along a beam that is turned by a hundredth."""
+    parameters = gantry_machine().parameters
+    state = jnp.array([0.3, 0.25, 0.01, 0.1, 0.2, 0.3])
+    found = positions_of(gantry_machine(), "outputs")(MotorEncoders(parameters)(state))
+    d, sine, cosine = float(parameters.tool_offset), np.sin(0.01), np.cos(0.01)
+    wanted = [0.3 * cosine + d * sine, 0.25 + 0.3 * sine - d * cosine]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+def test_the_linear_gantry_is_the_gantry_on_a_small_part(gantry):
+    """They differ by the head's way along the beam and by squares of the twist."""
+    runs = [
+        jax.jit(simulate)(plant, gantry.controller, gantry.reference)
+        for plant in (linear_nominal(gantry), gantry.machine.nominal())
+    ]
+    moved = np.ptp(np.asarray(runs[1].output), axis=0).max()
+    assert moved > 5e-4
+    np.testing.assert_allclose(runs[0].output, runs[1].output, atol=2e-4 * moved)
+    np.testing.assert_allclose(
+        runs[0].control, runs[1].control, atol=2e-2 * float(np.abs(runs[1].control).max())
+    )
+
+
+def test_noise_of_a_gantry_is_on_its_motors_positions_alone(gantry):
+    noise = np.asarray(noisy(gantry, 0)(jnp.asarray(0)).plant.plant.noise)
+    assert noise.shape == (gantry.shape[0], 6)
+    assert 0 < np.abs(noise[:, :3]).max() <= gantry.machine.resolution / 2
+    assert not np.any(noise[:, 3:])
+
+
+@pytest.mark.slow
+def test_a_machine_without_linear_models_is_refused(axis):
+    own = machine_of(SmoothFlexibleAxis(thesis_axis(), DT), "mine")
+    design = replace(design_for(thesis_machine(), Simulate()), machine=own)
+    job = job_named("task-a", Pace(thesis_machine(), None, None))
+    with pytest.raises(ValueError, match="flexible axes or a gantry, mine is none of them"):
+        setting(design, job)

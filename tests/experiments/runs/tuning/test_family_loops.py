@@ -1,0 +1,57 @@
+"""A gain on integrators: S = (1 - 1/z) / (1 - (1 - g)/z)."""
+
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from experiments.jobs.replays import Scenarios
+from experiments.runs.tuning.family_loops import FREQUENCIES, family_curves, family_peaks
+from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import LinearPlant, SteadyMotion
+from jcontour.motion.references import along
+from jcontour.plants.wrappers.encoders import Encoders
+from jcontour.simulation.closed_loop import prepared
+from jcontour.simulation.evaluation import stack_references
+
+DT = 1e-3
+
+
+def integrator(gain):
+    nothing = jnp.zeros((1, 1))
+    return LinearPlant(
+        jnp.eye(1), gain * jnp.eye(1), jnp.eye(1), DT, motion=SteadyMotion(nothing, nothing)
+    )
+
+
+@pytest.fixture(scope="module")
+def found():
+    path = along(line([0.0], [1e-2]), 1e-5 * np.arange(20), DT, 4, at_rest=False)
+    law = ContouringLQ(integrator(1.0), LQWeights(1.0, 0.0, 1.0), 4)
+    gain = float(prepared(law, path).F[0, 0, 0])
+    family = [Encoders(integrator(size)) for size in (1.0, 0.5, 2.5 / gain)]
+    machine = SimpleNamespace(smooth_family=lambda fed: family, model=SimpleNamespace(dt=DT))
+    scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
+    tried = law, machine, scenarios, "state"
+    peaks = family_peaks(*tried)  # type: ignore[arg-type]
+    return gain, family_curves(*tried, peaks), peaks  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_curves_are_closed_forms(found):
+    gain, curves, _ = found
+    np.testing.assert_allclose(curves.frequency[-1], 0.5 / DT)
+    z = np.exp(1j * FREQUENCIES)
+    for k, size in enumerate((1.0, 0.5)):
+        wanted = np.abs((1 - 1 / z) / (1 - (1 - size * gain) / z))
+        np.testing.assert_allclose(curves.sensitivity[k], wanted, rtol=1e-9)
+    assert np.isnan(curves.sensitivity[2]).all()  # g = 2.5
+
+
+def test_peaks_are_closed_forms(found):
+    gain, _, peaks = found
+    assert peaks.sensitivity.shape == (8, 3)
+    np.testing.assert_allclose(peaks.sensitivity[0, :2], [2 / (2 - gain), 2 / (2 - gain / 2)])
+    assert np.isinf(peaks.sensitivity[:, 2]).all()

@@ -1,0 +1,138 @@
+"""Rounds of a search, on an integrator whose gain doubles on two samples between the probes."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rich.console import Console
+
+from experiments.files.checkpoints import load_state
+from experiments.flags.tuning import Tune
+from experiments.runs.tuning.family_loops import WINDOWS
+from experiments.runs.tuning.problem import TuningRun
+from experiments.runs.tuning.searching import ROUND, NothingSound, exchange_words, searched
+from jcontour.analysis.probes import probe_samples
+from jcontour.controller import Controller
+from jcontour.geometry.contours import line
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along
+from jcontour.simulation.evaluation import stack_plants, stack_references
+from tuning.effort import THOROUGH
+from tuning.exchange import STABLE, Exchanged
+from tuning.objectives import mean_tracking_error
+from tuning.parameters import Positive
+from tuning.problem import Problem
+from tuning.tune import TuneState
+
+STEP, STEPS = 1e-4, 64  # [m] per sample
+HIGH, SAMPLES = 2.2, (27, 28)
+REFERENCE = along(
+    line(np.zeros(1), np.full(1, STEP * STEPS)),
+    STEP * np.arange(STEPS),
+    1e-3,
+    0,
+    at_rest=False,
+)
+
+
+class Bumped(Controller):
+    """u = k b (y_d - x), b = HIGH on two samples: stable below k = 2 / HIGH."""
+
+    gain: Any
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        wanted = reference.position[: reference.steps]
+        bump = jnp.isin(jnp.round(wanted / STEP), jnp.asarray(SAMPLES, float))
+        return jnp.where(bump, HIGH, 1.0), wanted
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        bump, wanted = plan
+        return None, self.gain * bump * (wanted - measurement)
+
+
+def run_from(gain, plant_gain=1.0):
+    problem = Problem(
+        lambda weights: Bumped(weights["gain"]),
+        stack_plants([LinearPlant([[1.0]], [[plant_gain]], [[1.0]], 1e-3)]),
+        stack_references([REFERENCE]),
+        mean_tracking_error,
+        {"gain": Positive()},
+    )
+    nothing = cast(Any, None)
+    design = cast(Any, SimpleNamespace(start={"gain": jnp.asarray(gain)}))
+    effort = replace(THOROUGH, starts=1, scatter=0, steps=30)
+    return TuningRun(Tune(), nothing, nothing, design, problem, effort, (), nothing, {})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run")
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return searched(run_from(0.4), folder, lambda state: None, Console(quiet=True))
+
+
+@pytest.mark.slow
+def test_a_loop_between_the_probes_ends_stable(found, folder):
+    assert not set(SAMPLES) & set(probe_samples(REFERENCE, WINDOWS).tolist())
+    first = load_state(folder)
+    alone = min(first.history, key=lambda row: row.objective)
+    assert np.exp(alone.z[0]) * HIGH > 2  # where the search alone ends
+    gain = float(found.tuned.weights["gain"])
+    assert gain == pytest.approx((1 + STABLE) / HIGH, rel=1e-4)
+    assert found.run.limits == {"spectral_radius": STABLE}
+
+
+@pytest.mark.slow
+def test_points_of_all_rounds_count(found, folder):
+    rounds = [load_state(folder), load_state(folder / ROUND.format(1))]
+    assert rounds[1].begin.size == 1 and not (folder / ROUND.format(2)).exists()
+    assert [row.start for row in found.tuned.history] == [
+        number for number, state in enumerate(rounds) for _ in state.history
+    ]
+    assert found.descents == 2
+    rejected = sum(row.diverged for state in rounds for row in state.history)
+    assert found.tuned.diverged_points == rejected and not found.tuned.stabilised
+
+
+@pytest.mark.slow
+def test_what_is_stored_counts(found, folder):
+    told: list[TuneState] = []
+    again = searched(run_from(0.4), folder, told.append, Console(quiet=True))
+    assert told == []
+    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
+    assert len(again.tuned.history) == len(found.tuned.history)
+
+
+@pytest.mark.slow
+def test_an_interrupted_round_goes_on_where_it_was(found, folder, tmp_path):
+    def stop(state):
+        if state.begin.size and len(state.history) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        searched(run_from(0.4), tmp_path, stop, Console(quiet=True))
+    again = searched(run_from(0.4), tmp_path, lambda state: None, Console(quiet=True))
+    np.testing.assert_array_equal(again.tuned.weights["gain"], found.tuned.weights["gain"])
+
+
+def test_nothing_sound_is_told(tmp_path):
+    with pytest.raises(NothingSound, match="every start diverges"):
+        searched(run_from(1e30), tmp_path, lambda state: None, Console(quiet=True))
+
+
+@pytest.mark.slow
+def test_an_exchange_is_told_in_a_line(found):
+    problem = found.run.problem
+    assert "is unstable: 1 more loop is looked" in exchange_words(Exchanged(problem, 1, True))
+    assert "limit on loops: 3 more loops are" in exchange_words(Exchanged(problem, 3, False))
