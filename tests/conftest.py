@@ -1,9 +1,12 @@
 """Shared by all tests: strict settings, two devices on a CPU, machines that many tests drive."""
 
 import gc
+import hashlib
 import os
+import shutil
 import signal
 from functools import cache
+from pathlib import Path
 
 # One thread for each worker, said before NumPy is loaded: those of two workers on two cores wait
 # for each other longer than they compute. Workers and commands inherit it.
@@ -40,14 +43,16 @@ IGNORED_WARNINGS = (
 )
 
 
-# Most of the time of a short test is compiling: its programs are compiled without optimisation.
-# Commands that tests start inherit it.
+# Most of the time of a short test is compiling: its programs are compiled without optimisation,
+# its loops with little. Commands that tests start inherit it.
 QUICKLY_COMPILED = "--xla_backend_optimization_level=0"
+QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
 
 
 def pytest_configure(config):
     if "slow" not in config.option.markexpr.replace("not slow", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ['XLA_FLAGS']} {QUICKLY_COMPILED}"
+        _compile_loops_quickly(config)
     # commands that the tests stop with Ctrl-C heed it, though the tests run in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
     _keep_compiled_programs(config)
@@ -84,6 +89,21 @@ def _keep_compiled_programs(config):
     jax.config.update("jax_compilation_cache_dir", folder)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _compile_loops_quickly(config):
+    """Numba's loops with little optimisation, in a place of their own: a user has them quick.
+
+    The place is that of these sources: Numba does not see that a function of another file changed.
+    """
+    if "NUMBA_OPT" in os.environ or not config.pluginmanager.has_plugin("cacheprovider"):
+        return
+    sources = sorted((Path(__file__).parents[1] / "jcontour").rglob("*.py"))
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:12]
+    place = config.cache.mkdir(f"numba-{digest}")
+    for older in set(place.parent.glob("numba-*")) - {place}:
+        shutil.rmtree(older, ignore_errors=True)
+    os.environ["NUMBA_OPT"], os.environ["NUMBA_CACHE_DIR"] = QUICKLY_COMPILED_LOOPS, str(place)
 
 
 @pytest.fixture(autouse=True, scope="module")
