@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from jcontour.devices import number_size, on_gpu
+from jcontour.geometry.contour import Contour
 from jcontour.linear.plant import Pattern, decoupled_axes
 from jcontour.tracing import is_concrete
 
@@ -44,6 +45,14 @@ def suits_loop(pattern: Pattern, *arrays) -> bool:
     """Whether the GPU's kernel of the closed loop takes a plant and numbers of these types."""
     non_zeros = sum(sum(map(sum, matrix)) for matrix in pattern)
     return on_gpu() and number_size(arrays) is not None and non_zeros <= MOST_NON_ZEROS
+
+
+def suits_metrics(contour: Contour, *arrays) -> bool:
+    """Whether `metric_lanes` takes a contour and numbers of these types.
+
+    It has to be of lines and arcs alone; the nearest point of others takes Newton's steps.
+    """
+    return on_gpu() and not contour.newton_steps and number_size(arrays) is not None
 
 
 def suits_rank_one(pattern: Pattern, preview: int, *arrays) -> bool:

@@ -8,7 +8,7 @@ that of the scan.
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,12 +19,22 @@ from jcontour.kernels.lanes import Batch, Operand, batch_last, dense, for_every,
 from jcontour.kernels.loop_lanes import cotangents, runs
 from jcontour.linear.plant import Pattern
 
-# outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs)
-Score = Callable[[Array, Array, Any], Any]
+
+class LaneScore(NamedTuple):
+    """Numbers of runs, flags among them, from their signals and their reference, in two ways.
+
+    Attributes:
+        readable: outputs (T, *runs, m), controls (T, *runs, p), reference -> numbers (*runs).
+        lanes: operands y (m, T), u (p, T) and a reference of operands -> the same numbers in a
+            list, as operands, by a kernel; None where there is none.
+    """
+
+    readable: Callable[[Array, Array, Any], Any]
+    lanes: Callable[[Operand, Operand, Any], list[Operand]] | None = None
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0, 1))
-def lane_score(pattern: Pattern, score: Score, A, B, C, F, f, start, reference) -> Any:
+def lane_score(pattern: Pattern, score: LaneScore, A, B, C, F, f, start, reference) -> Any:
     """Score (y, u, reference) of x(k+1) = A x + B u, u = f - F x, y = C x from x(0) = `start`.
 
     Its results are numbers of A's type.
@@ -32,28 +42,32 @@ def lane_score(pattern: Pattern, score: Score, A, B, C, F, f, start, reference) 
     return _run(pattern, score, False, A, B, C, F, f, start, reference)[0]
 
 
-def _run(pattern: Pattern, score: Score, keep: bool, A, B, C, F, f, start, reference):
+def _run(pattern: Pattern, score: LaneScore, keep: bool, A, B, C, F, f, start, reference):
     """Score, and the signals y, u, x that its derivative needs."""
     samples, tree = jax.tree.flatten(reference)
     output = jnp.zeros((f.shape[0], C.shape[0]), A.dtype)
-    numbers = jax.eval_shape(partial(_scored, score), output, f, reference)
+    shapes = jax.eval_shape(partial(_scored, score), output, f, reference)
 
     def of_reference(y, u, *samples):
         found = _scored(score, _time_first(y), _time_first(u), tree.unflatten(samples))
         return jax.tree.leaves(found)
 
     def whole(*operands):
-        loop, samples = operands[:6], operands[6:]
+        loop, samples, batch = operands[:6], operands[6:], Batch.of(operands)
         signals = [Operand(signal, Batch.of(loop).together) for signal in runs(pattern, loop, keep)]
-        found = for_every(_touched(samples), of_reference, (*signals[:2], *samples))
-        return [*found, *(signal.over(Batch.of(operands)).array for signal in signals if keep)]
+        if score.lanes is None:
+            found = for_every(_touched(samples), of_reference, (*signals[:2], *samples))
+        else:
+            numbers = score.lanes(*signals[:2], tree.unflatten(samples))
+            found = [number.over(batch).array for number in numbers]
+        return [*found, *(signal.over(batch).array for signal in signals if keep)]
 
     found = batch_last(_cut(F, whole))(A, B, C, *_time_last(F, f), start, *samples)
-    count = len(jax.tree.leaves(numbers))
-    return jax.tree.unflatten(jax.tree.structure(numbers), found[:count]), found[count:]
+    count = len(jax.tree.leaves(shapes))
+    return jax.tree.unflatten(jax.tree.structure(shapes), found[:count]), found[count:]
 
 
-def _fwd(pattern: Pattern, score: Score, *arguments):
+def _fwd(pattern: Pattern, score: LaneScore, *arguments):
     values = jax.tree.map(lambda leaf: leaf.value, arguments)
     if any(leaf.perturbed for leaf in jax.tree.leaves((arguments[:3], arguments[6]))):
         return lane_score(pattern, score, *values), (values, None)
@@ -61,7 +75,7 @@ def _fwd(pattern: Pattern, score: Score, *arguments):
     return numbers, (values, signals)
 
 
-def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
+def _bwd(pattern: Pattern, score: LaneScore, kept, numbers_bar):
     values, signals = kept
 
     def symbolic(bar):
@@ -98,7 +112,7 @@ def _bwd(pattern: Pattern, score: Score, kept, numbers_bar):
 lane_score.defvjp(_fwd, _bwd, symbolic_zeros=True)
 
 
-def scanned_score(score: Score, A, B, C, F, f, start, reference):
+def scanned_score(score: LaneScore, A, B, C, F, f, start, reference):
     """Score of the same loop by a scan, as the equations say it."""
 
     def step(x, plan):
@@ -108,9 +122,9 @@ def scanned_score(score: Score, A, B, C, F, f, start, reference):
     return _scored(score, *jax.lax.scan(step, start, (F, f))[1], reference)
 
 
-def _scored(score: Score, y, u, reference):
+def _scored(score: LaneScore, y, u, reference):
     """Score with flags as numbers, so that all of it has a cotangent."""
-    return jax.tree.map(lambda number: number.astype(y.dtype), score(y, u, reference))
+    return jax.tree.map(lambda number: number.astype(y.dtype), score.readable(y, u, reference))
 
 
 def _cut(F, function: Callable) -> Callable:

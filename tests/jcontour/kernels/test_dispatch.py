@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.geometry.contours import circle, ellipse
 from jcontour.kernels import dispatch
 from jcontour.linear.plant import Pattern
 from jcontour.plants import bridgeport
@@ -92,6 +93,14 @@ def test_the_closed_loop_of_larger_machines_has_a_kernel_too(monkeypatch):
     assert dispatch.suits_loop(axes_of(8, 2), jnp.zeros(1))
     assert not dispatch.suits_loop(axes_of(16, 1), jnp.zeros(1))
     assert not dispatch.suits_loop(axes_of(4, 2), jnp.zeros(1, np.float16))
+
+
+def test_metrics_on_lines_and_arcs_have_a_kernel(monkeypatch):
+    assert dispatch.suits_metrics(circle(1e-2), jnp.zeros(1)) == dispatch.on_gpu()
+    monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
+    assert dispatch.suits_metrics(circle(1e-2), jnp.zeros(1))
+    assert not dispatch.suits_metrics(circle(1e-2), jnp.zeros(1), np.zeros(1, np.float32))
+    assert not dispatch.suits_metrics(ellipse(2e-2, 1e-2), jnp.zeros(1))
 
 
 def test_multiplications_are_counted_over_what_is_not_zero():

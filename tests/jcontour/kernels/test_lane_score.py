@@ -1,12 +1,19 @@
 """The GPU's scored closed loop against the scan; without a GPU its kernels are interpreted."""
 
+from dataclasses import replace
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jcontour.devices import on_gpu
-from jcontour.kernels.lane_score import lane_score, scanned_score
+from jcontour.geometry.contours import circle
+from jcontour.kernels.lane_score import LaneScore, lane_score, scanned_score
+from jcontour.kernels.metric_lanes import lane_metrics
+from jcontour.motion.references import along
+from jcontour.simulation.metrics import SEARCH_REACH, score_signals
 
 
 def case(problems, sizes, inputs, outputs, steps):
@@ -16,7 +23,7 @@ def case(problems, sizes, inputs, outputs, steps):
     return plant, (0.1 * F, f, start, (reference, jnp.arange(steps) != 1))
 
 
-def score(y, u, reference):
+def numbers(y, u, reference):
     """A number and a flag of every run."""
     behind = tuple(range(1, y.ndim - 1))
     wanted, mask = (
@@ -29,6 +36,9 @@ def score(y, u, reference):
         "control": jnp.sum(u**2, (0, -1)),
         "far": jnp.max(jnp.abs(error), (0, -1)) > 1.0,
     }
+
+
+score = LaneScore(numbers)
 
 
 def kernel(plant, *run):
@@ -106,6 +116,35 @@ def test_only_the_reference_differs(problems):
         )
 
     problems.close(runs(kernel)(batch), runs(scan)(batch), 1e-12)
+
+
+@pytest.mark.slow
+def test_metrics_by_lanes_with_their_derivative(problems):
+    plant, steps = problems.machine((2, 2), 2, 2), 12
+    arc = np.linspace(0.0, 0.05, steps)
+    reference = along(circle(1e-2), arc, plant.dt, 0, at_rest=False)
+    random = np.random.default_rng(0)
+    F, f = (jnp.asarray(random.standard_normal(size)) for size in ((steps, 2, 4), (steps, 2)))
+    readable = partial(score_signals, window=(2, 11))
+    quick = LaneScore(readable, partial(lane_metrics, SEARCH_REACH, (2, 11)))
+
+    def runs(score):
+        def of_one(a, shift):
+            moved = replace(reference, start_increment=reference.start_increment + shift)
+
+            def value(f):
+                model = plant.A, plant.B, plant.C
+                run = 1e-3 * F, 1e-3 * f, jnp.zeros(4), moved
+                found = lane_score(plant.pattern, score, *model, *run)
+                numbers = jax.tree.leaves(found)
+                return numbers[0] + numbers[9], found
+
+            return jax.value_and_grad(value, has_aux=True)(a * f)
+
+        both = jax.vmap(jax.vmap(of_one, (0, None)), (None, 0))
+        return problems.quick(both)(jnp.array([1.0, -2.0]), jnp.array([0.0, 1e-3]))
+
+    problems.close(runs(quick), runs(LaneScore(readable)), 1e-10)
 
 
 @pytest.mark.skipif(not on_gpu(), reason="no GPU")
