@@ -40,7 +40,18 @@ class RunRates:
 
 @dataclass(frozen=True)
 class SizeRate:
-    """Runs per second, forward, on a machine of another size."""
+    """Runs per second, forward, on a machine of another size.
+
+    Attributes:
+        states: of the axes.
+        inputs: controls.
+        batch: runs at once.
+        by: formulation that is chosen.
+        forward: runs per second.
+        share_of_rate: as of `RunRates`.
+        compiling: [s].
+        apart: largest difference of the gains from those of a CPU, over the largest gain.
+    """
 
     states: str
     inputs: int
@@ -49,6 +60,7 @@ class SizeRate:
     forward: float
     share_of_rate: float
     compiling: float
+    apart: float
 
 
 @dataclass(frozen=True)
