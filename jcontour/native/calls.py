@@ -8,17 +8,16 @@ import ctypes
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from jcontour.native.lanes import part
+from jcontour.native.memory import floats, ints, longs, word
 
 # places in the structures [bytes]
 _EXTENSION = 8  # of a call frame
@@ -35,42 +34,23 @@ _IS_METADATA = 1
 _KEPT = {}  # what is compiled, by name: XLA knows but its address
 
 
-def _pointer(number):
-    @intrinsic
-    def pointer(context, address) -> Any:
-        def code(context, builder, signature, values):
-            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(number)(types.intp), code
-
-    return pointer
-
-
-_floats, _longs, _ints = (_pointer(kind) for kind in (types.float64, types.int64, types.int32))
-
-
-@part
-def _long(address):
-    return carray(_longs(address), 1)[0]
-
-
 @part
 def asks(frame):
     """Whether a frame only asks for the version; it is answered."""
-    extension = _long(frame + _EXTENSION)
-    if extension == 0 or carray(_ints(extension + _KIND), 1)[0] != _IS_METADATA:
+    extension = word(frame + _EXTENSION)
+    if extension == 0 or carray(ints(extension + _KIND), 1)[0] != _IS_METADATA:
         return False
-    metadata = _long(extension + _METADATA)
-    own = carray(_ints(_long(frame + _INTERFACE) + _OWN_MINOR), 1)[0]
-    carray(_ints(metadata + _MAJOR), 1)[0] = 0
-    carray(_ints(metadata + _MINOR), 1)[0] = own  # minor versions only add
-    carray(_ints(metadata + _TRAITS), 1)[0] = 0
+    metadata = word(extension + _METADATA)
+    own = carray(ints(word(frame + _INTERFACE) + _OWN_MINOR), 1)[0]
+    carray(ints(metadata + _MAJOR), 1)[0] = 0
+    carray(ints(metadata + _MINOR), 1)[0] = own  # minor versions only add
+    carray(ints(metadata + _TRAITS), 1)[0] = 0
     return True
 
 
 @part
 def _extents(buffer):
-    return carray(_longs(_long(buffer + _EXTENTS)), _long(buffer + _RANK))
+    return carray(longs(word(buffer + _EXTENTS)), word(buffer + _RANK))
 
 
 @part
@@ -78,26 +58,26 @@ def _numbers(buffer):
     size = 1
     for extent in _extents(buffer):
         size *= extent
-    return carray(_floats(_long(buffer + _DATA)), size)
+    return carray(floats(word(buffer + _DATA)), size)
 
 
 @part
 def extent(frame, k, back):
     """Extent of an argument, counted from its last axis, which is 1."""
-    found = _extents(_long(_long(frame + _ARGUMENTS) + 8 * k))
+    found = _extents(word(word(frame + _ARGUMENTS) + 8 * k))
     return found[len(found) - back]
 
 
 @part
 def argument(frame, k):
     """Numbers of an argument (float64), flat."""
-    return _numbers(_long(_long(frame + _ARGUMENTS) + 8 * k))
+    return _numbers(word(word(frame + _ARGUMENTS) + 8 * k))
 
 
 @part
 def result(frame, k):
     """Numbers of a result (float64), flat, to be written."""
-    return _numbers(_long(_long(frame + _RESULTS) + 8 * k))
+    return _numbers(word(word(frame + _RESULTS) + 8 * k))
 
 
 @part
@@ -114,6 +94,8 @@ def native_call(name: str) -> Callable[[Callable], Callable]:
     `argument` and `extent`, and writes every number of its results. What it becomes is called with
     shapes of the results, all of float64, and arrays of float64; a `vmap` hands over one more axis
     in front of every argument and result.
+
+    It may share what it does (`jcontour.native.threads`): then helpers call it too, with the work.
 
     XLA does not see an error in it, as of memory that there is not: what holds memory calls `spoil`
     on the results first. Who calls it has to see to the sizes.

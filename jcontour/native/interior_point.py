@@ -51,6 +51,15 @@ from jcontour.native.staged import (
     slope_left,
     step_of,
 )
+from jcontour.native.threads import (
+    done,
+    frame_of,
+    is_work,
+    leave,
+    next_part,
+    own_address,
+    shared_work,
+)
 from jcontour.qp.one_sided import Point
 from jcontour.qp.path import (
     AIM,
@@ -67,6 +76,7 @@ from jcontour.qp.path import (
 )
 from jcontour.qp.staged import Trajectory
 
+RESULTS = 7
 TINY = float(np.finfo(float).tiny ** 0.5)
 
 
@@ -280,17 +290,37 @@ def _eight(frame, sizes, first, count):
     scatter(iterations, result(frame, intp(6)), first, count, intp(1))
 
 
-@native_call("jcontour_interior_point")
-def _call(frame):
-    if asks(frame):
-        return 0
+@part
+def _sizes(frame):
     n, v = extent(frame, intp(0), intp(2)), extent(frame, intp(0), intp(1))
-    sizes = Sizes(extent(frame, intp(4), intp(2)), n, v - n, v, extent(frame, intp(7), intp(2)))
-    count = len(argument(frame, intp(2))) // n
-    for k in range(7):
-        spoil(result(frame, k))
-    for first in range(0, count, WIDTH):
-        _eight(frame, sizes, first, count)
+    return Sizes(extent(frame, intp(4), intp(2)), n, v - n, v, extent(frame, intp(7), intp(2)))
+
+
+@native_call("jcontour_interior_point")
+def _call(address):
+    first = not is_work(address)
+    if first:
+        if asks(address):
+            return 0
+        for k in range(RESULTS):
+            spoil(result(address, k))
+        count = len(argument(address, intp(2))) // _sizes(address).n
+        work = shared_work(address, -(-count // WIDTH), own_address())
+    else:
+        work = address
+    if work == 0:
+        return 0
+    at = next_part(work)
+    while at >= 0:
+        frame = frame_of(work)
+        sizes = _sizes(frame)
+        try:
+            _eight(frame, sizes, WIDTH * at, len(argument(frame, intp(2))) // sizes.n)
+        except Exception:  # no memory: the results stay NaN
+            pass
+        done(work)
+        at = next_part(work)
+    leave(work, first)
     return 0
 
 
