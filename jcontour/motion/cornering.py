@@ -11,17 +11,15 @@ blends there. A joint that is stopped in once stays so: there is an end.
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
-from jcontour.motion.jerk_limited.conditions import path_derivatives
+from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.jerk_limited.mesh import SAMPLES
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.rests import Rests, rest_of_pieces
@@ -131,8 +129,7 @@ def _laws(
     pieces: Piece, first: Int[np.ndarray, " L"], feed: Float[np.ndarray, " P"], limits: AxisLimits
 ) -> tuple[Float[np.ndarray, "L 4"], Float[np.ndarray, " L"]]:
     """Length, speed, acceleration and jerk of every leg, and a bound of its time [s]."""
-    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
-    direction, bend, _ = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    direction, bend, _ = everywhere(pieces)
     with np.errstate(divide="ignore"):
         speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
         turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))

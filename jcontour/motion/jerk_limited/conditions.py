@@ -7,14 +7,16 @@ for the speed `speed @ c <= 1`, for the acceleration `|acceleration @ c| <= 1`, 
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
+from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
+from jcontour.motion.jerk_limited.derivatives import axis_jet, chained, moved, wave
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.warp import Ordinates
+from jcontour.native.lanes import part
 
 POINTS = np.array([0.0, 0.5, 1.0])  # of a cell
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
@@ -44,11 +46,6 @@ class Cells(NamedTuple):
         """Some of the cells."""
         return Cells(*(values[some] for values in self))
 
-    def motion(self, old: CubicMotion, fractions: Float[np.ndarray, " k"]) -> MotionSamples:
-        """Motion at fractions of every cell, (n, k)."""
-        elapsed = self.elapsed[:, None] + fractions * self.length[:, None]
-        return old.on_cell(np.broadcast_to(self.cell[:, None], elapsed.shape), elapsed)
-
 
 class Conditions(NamedTuple):
     """Conditions of every cell on its window of three unknowns.
@@ -56,7 +53,7 @@ class Conditions(NamedTuple):
     Attributes:
         middle: (n, 1, 3) middle ordinate of u, which is kept above zero, and u with it.
         square: (n, 3, 3) u at the three points.
-        weight: (n, 3) of 1 / sqrt(u) in the duration [s].
+        weight: (n, 3, 1) of 1 / sqrt(u) in the duration [s].
         speed: (n, 3, 3).
         acceleration: (n, 3 m, 3).
         jerk: (n, 3 m, 3).
@@ -64,32 +61,10 @@ class Conditions(NamedTuple):
 
     middle: Float[np.ndarray, "n 1 3"]
     square: Float[np.ndarray, "n 3 3"]
-    weight: Float[np.ndarray, "n 3"]
+    weight: Float[np.ndarray, "n 3 1"]
     speed: Float[np.ndarray, "n 3 3"]
     acceleration: Float[np.ndarray, "n rows 3"]
     jerk: Float[np.ndarray, "n rows 3"]
-
-
-Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
-
-
-def path_derivatives(pieces: Piece, s: Float[np.ndarray, "..."]) -> Jet:
-    """First, second and third derivative [1, 1/m, 1/m^2] of pieces at their own arc length [m]."""
-    if not pieces.rate.any():  # sines of no waves would take most of the time
-        pieces = pieces._replace(rate=None)
-    _, velocity, bend = pieces.jet(s)
-    return velocity, bend, pieces.third(s)
-
-
-def composed(path: Jet, motion: MotionSamples) -> Jet:
-    """Derivatives of p(sigma(tau)) with respect to tau, axes last."""
-    first, second, third = path
-    v, a, j = (values[..., None] for values in motion[1:])
-    return (
-        first * v,
-        second * v**2 + first * a,
-        third * v**3 + 3 * second * v * a + first * j,
-    )
 
 
 def conditions(
@@ -101,28 +76,61 @@ def conditions(
     ordinates: Ordinates,
 ) -> Conditions:
     """Conditions at the beginning, the middle and the end of every cell."""
-    motion = cells.motion(old, POINTS)
-    on = jax.tree.map(lambda rows: rows[cells.piece][:, None], pieces)
-    path = path_derivatives(on, motion.arc - cells.place[:, None])
-    first, second, third = composed(path, motion)
-    length = cells.length[:, None, None]
-    square = np.einsum("pb,nbk->npk", BERNSTEIN, ordinates.weights)
-    slope = np.einsum("pb,nbk->npk", SLOPES, ordinates.weights) / length
-    bend = np.einsum("pb,nbk->npk", BENDS, ordinates.weights) / length**2
-    fastest = np.maximum(
-        (np.abs(first) / limits.speed).max(axis=-1),
-        np.linalg.norm(first, axis=-1) / feed[cells.piece][:, None],
+    n, rows = cells.length.size, POINTS.size * pieces.cosine.shape[1]
+    parts = Conditions(
+        ordinates.weights[:, 1:2].copy(),
+        np.empty((n, POINTS.size, 3)),
+        (cells.length[:, None] * SIMPSON)[..., None],
+        np.empty((n, POINTS.size, 3)),
+        np.empty((n, rows, 3)),
+        np.empty((n, rows, 3)),
     )
-    u, du, ddu = (values[:, :, None, :] for values in (square, slope, bend))
-    first, second, third = (values[..., None] for values in (first, second, third))
-    acceleration = (second * u + 0.5 * first * du) / limits.acceleration[:, None]
-    jerk = (third * u + 1.5 * second * du + 0.5 * first * ddu) / limits.jerk[:, None]
-    n = cells.length.size
-    return Conditions(
-        ordinates.weights[:, 1:2],
-        square,
-        cells.length[:, None] * SIMPSON,
-        fastest[..., None] ** 2 * square,
-        acceleration.reshape(n, -1, 3),
-        jerk.reshape(n, -1, 3),
-    )
+    _fill(pieces, feed, limits, old, cells, ordinates.weights, parts)
+    return parts
+
+
+@part
+def _fill_window(weights, i, p, length, u, du, ddu):
+    """u and its derivatives at a point of cell i, as rows that take the three unknowns."""
+    for b in range(3):
+        u[b], du[b], ddu[b] = 0.0, 0.0, 0.0
+        for q in range(3):
+            u[b] += BERNSTEIN[p, q] * weights[i, q, b]
+            du[b] += SLOPES[p, q] * weights[i, q, b] / length
+            ddu[b] += BENDS[p, q] * weights[i, q, b] / (length * length)
+
+
+@compiled
+def _fill(
+    pieces: Piece,
+    feed: np.ndarray,
+    limits: AxisLimits,
+    old: CubicMotion,
+    cells: Cells,
+    weights: np.ndarray,
+    parts: Conditions,
+) -> None:
+    """Write the conditions of the axes, and what they hang on."""
+    axes, u, du, ddu = pieces.cosine.shape[1], np.empty(3), np.empty(3), np.empty(3)
+    for i in range(cells.length.size):
+        k, length = cells.piece[i], cells.length[i]
+        for p in range(POINTS.size):
+            place, v, a, j = moved(old, cells, i, POINTS[p] * length)
+            cos, sin = wave(pieces, k, place)
+            _fill_window(weights, i, p, length, u, du, ddu)
+            fastest, square = 0.0, 0.0
+            for axis in range(axes):
+                one, two, three = axis_jet(pieces, k, axis, place, cos, sin)
+                first, second, third = chained(one, two, three, v, a, j)
+                fastest = max(fastest, abs(first) / limits.speed[axis])
+                square += first * first
+                r = p * axes + axis
+                for b in range(3):
+                    pushed = second * u[b] + 0.5 * first * du[b]
+                    jerked = third * u[b] + 1.5 * second * du[b] + 0.5 * first * ddu[b]
+                    parts.acceleration[i, r, b] = pushed / limits.acceleration[axis]
+                    parts.jerk[i, r, b] = jerked / limits.jerk[axis]
+            fastest = max(fastest, np.sqrt(square) / feed[k])
+            for b in range(3):
+                parts.square[i, p, b] = u[b]
+                parts.speed[i, p, b] = fastest * fastest * u[b]

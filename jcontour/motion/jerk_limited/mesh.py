@@ -7,15 +7,15 @@ that their number depends on the geometry.
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.feed_laws import trapezoidal
-from jcontour.motion.jerk_limited.conditions import Cells, path_derivatives
+from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
+from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 PER_RAMP = 8  # cells in the time in which an axis builds up its acceleration
@@ -27,7 +27,6 @@ CALM = 0.1  # of the limits of acceleration and jerk: what a calm piece asks for
 TURN = 0.2  # [rad] of the path, in a long cell
 MOST_CELLS = 2_000_000
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
-SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece that limit its speed
 
 
 def cell_time(limits: AxisLimits) -> float:
@@ -50,8 +49,7 @@ def passing_speed(
     pieces: Piece, feed: Float[np.ndarray, " P"], limits: AxisLimits
 ) -> Float[np.ndarray, " P"]:
     """Greatest constant speed [m/s] on every piece under the feed and the jerk."""
-    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
-    _, _, third = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    _, _, third = everywhere(pieces)
     with np.errstate(divide="ignore"):
         turning = np.cbrt((limits.jerk / np.abs(third)).min(axis=(0, 2)))
     return np.minimum(feed, turning)
@@ -61,8 +59,7 @@ def calm(
     pieces: Piece, speed: Float[np.ndarray, " P"], limits: AxisLimits
 ) -> Bool[np.ndarray, " P"]:
     """Which pieces ask for little acceleration and jerk at a speed, and have it on every axis."""
-    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
-    first, second, third = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    first, second, third = everywhere(pieces)
     speed = speed[:, None]
     shares = [
         np.abs(first) * speed / limits.speed * CALM,
@@ -74,8 +71,7 @@ def calm(
 
 def turned(pieces: Piece) -> Float[np.ndarray, " P"]:
     """About how much every piece turns [rad]."""
-    everywhere = jax.tree.map(lambda rows: rows[None], pieces)
-    _, bend, _ = path_derivatives(everywhere, SAMPLES * pieces.extent)
+    _, bend, _ = everywhere(pieces)
     return np.linalg.norm(bend, axis=-1).mean(axis=0) * pieces.extent
 
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -12,12 +11,7 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.conditions import (
-    Cells,
-    composed,
-    conditions,
-    path_derivatives,
-)
+from jcontour.motion.jerk_limited.conditions import Cells, conditions
 from jcontour.motion.jerk_limited.cubic_motion import (
     CubicMotion,
     MotionSamples,
@@ -25,6 +19,8 @@ from jcontour.motion.jerk_limited.cubic_motion import (
     ramped,
     through,
 )
+from jcontour.motion.jerk_limited.derivatives import composed, path_derivatives
+from jcontour.motion.jerk_limited.excess import slower
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.optimum import fullest, quickest
@@ -36,8 +32,6 @@ ROOM = 0.02  # of every limit that is left at the start of a pass
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
-CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits are checked
-MARGIN = 2e-4  # of every limit: what may pass between two of them
 QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
 SPARSE = 0.1  # of the cells elsewhere, at most
 GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
@@ -99,9 +93,8 @@ class JerkLimitedMotion:
         warped = self._cell(time)
         found = self._on(*warped, moves, time)
         piece = self._cells.piece[warped[0]]
-        on = jax.tree.map(lambda rows: rows[piece], self._pieces)
-        s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, on.extent)
-        return composed(path_derivatives(on, s), found)
+        s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, self._pieces.extent[piece])
+        return composed(path_derivatives(self._pieces, piece, s), found)
 
     def sampled(self, dt: float, rests: Rests = NEVER) -> Float[np.ndarray, " T"]:
         """Arc length at 0, dt, ... [m], with rests in between; the last sample rests at the end.
@@ -215,7 +208,7 @@ def jerk_limited(
             f"feed: needs one number or one for each of the {pieces.extent.size} pieces, finite "
             f"and above zero, received shape {feed.shape}, least {np.min(feed, initial=np.inf)}"
         )
-    feed = np.broadcast_to(feed, pieces.extent.shape)
+    feed = feed * np.ones(pieces.extent.size)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
     if stopping is not None:
@@ -289,57 +282,29 @@ def _quickest(
     every = np.ones(stretch[-1] + 1, bool)
     start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
     found, gap = quickest(parts, unknowns, start, stretch, every)
-    slower = _slower(task, old, cells, unknowns.of(found))
+    less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
-        exceeds[stretch[slower < 1 - WORTH]] = True
+        exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
-        tight = np.where(again, 1 / slower**TIGHTER, 1.0)[:, None, None]
+        tight = np.where(again, 1 / less**TIGHTER, 1.0)[:, None, None]
         parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
         start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
         found, left = quickest(parts, unknowns, start, stretch, exceeds)
         gap = np.where(exceeds, left, gap)
-        slower[again] = _slower(task, old, cells.taken(again), unknowns.of(found)[again])
+        less[again] = slower(
+            task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(found)[again]
+        )
     most = np.ones(every.size)
-    np.minimum.at(most, stretch, slower)
+    np.minimum.at(most, stretch, less)
     return unknowns.of(found) * most[stretch, None], float(gap.sum())
 
 
 def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
     """Unknowns of a shape, stretch by stretch as fast as leaves room in every condition."""
     most = np.full(stretch[-1] + 1, np.inf)
-    np.minimum.at(most, stretch, fullest(parts, unknowns, shape))
+    np.minimum.at(most, stretch, fullest(parts, unknowns.first, shape))
     return (1 - ROOM) * most[stretch] * shape
-
-
-def _slower(task: _Task, old, cells: Cells, square) -> Float[np.ndarray, " n"]:
-    """Factor on the square of the rate of every cell that brings it within all limits."""
-    x = CHECKED
-    u = square @ np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2])
-    slope = square @ np.stack([2 * (x - 1), 2 - 4 * x, 2 * x]) / cells.length[:, None]
-    bend = (square @ [2.0, -4.0, 2.0] / cells.length**2)[:, None]
-    rate = np.sqrt(u)
-    warped = MotionSamples(0.0 * u, rate, 0.5 * slope, 0.5 * bend * rate)
-    motion = cells.motion(old, x)
-    on = jax.tree.map(lambda rows: rows[cells.piece][:, None], task.pieces)
-    path = path_derivatives(on, motion.arc - cells.place[:, None])
-    speed, acceleration, jerk = composed(composed(path, motion), warped)
-    feed = _peak(np.linalg.norm(speed, axis=-1, keepdims=True)) / task.feed[cells.piece]
-    ratios = [
-        np.maximum(_peak(speed / task.limits.speed), feed) ** 2,
-        _peak(acceleration / task.limits.acceleration),
-        _peak(jerk / task.limits.jerk) ** (2 / 3),
-    ]
-    return (1 - MARGIN) / np.maximum(np.max(ratios, axis=0), 1 - MARGIN)
-
-
-def _peak(values: Float[np.ndarray, "n k m"]) -> Float[np.ndarray, " n"]:
-    """Greatest magnitude in every cell, that between the samples included.
-
-    A parabola through three samples exceeds them by an eighth of their second difference.
-    """
-    between = np.abs(np.diff(values, n=2, axis=1)).max(axis=1) / 8
-    return (np.abs(values).max(axis=1) + between).max(axis=1)
 
 
 def _again(

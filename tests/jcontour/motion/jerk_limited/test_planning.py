@@ -5,7 +5,7 @@ import pytest
 
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
-from jcontour.motion.jerk_limited import newton, optimum
+from jcontour.motion.jerk_limited import optimum
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
@@ -70,10 +70,8 @@ def test_a_line_cut_into_pieces_of_any_length_takes_as_long():
 
 
 def test_a_search_that_ends_early_says_how_much_is_left(monkeypatch):
-    """With a fifth of the steps, and in plain Python where their number can be changed."""
-    plain = getattr(newton.solve, "py_func", newton.solve)
-    monkeypatch.setattr(newton, "STEPS", 8)
-    monkeypatch.setattr(optimum, "solve", plain)
+    """With a fifth of the steps."""
+    monkeypatch.setattr(optimum, "STEPS", 8)
     line = contours.polyline([[0.0, 0.0], [1e-3, 0.0], [2e-3, 0.0]])
     motion = jerk_limited(line, 0.12 * ONE_DIGIT_APART, LIMITS)
     best = stopping_time(np.array([[0.0, 0.0], [2e-3, 0.0]]), 12e-3, LIMITS)
