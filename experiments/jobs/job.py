@@ -33,10 +33,12 @@ class Program(NamedTuple):
     Attributes:
         line: (P,) line of the file that every piece is from.
         ignored: its words that mean nothing for the path, or what of a drawing is left out.
+        doubts: what of it may be meant otherwise.
     """
 
     line: np.ndarray
     ignored: tuple[str, ...]
+    doubts: tuple[str, ...]
 
 
 class Job(NamedTuple):
@@ -73,6 +75,11 @@ class Job(NamedTuple):
     def ignored(self) -> tuple[str, ...]:
         """Words of the program that mean nothing for the path."""
         return () if self.program is None else self.program.ignored
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What of the program may be meant otherwise."""
+        return () if self.program is None else self.program.doubts
 
     def line_at(self, sample: int) -> int | None:
         """Line of the program that the run is on; None where there is no program."""
@@ -114,6 +121,11 @@ class AxisMove(NamedTuple):
     @property
     def ignored(self) -> tuple[str, ...]:
         """Nothing: it comes from no program."""
+        return ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """None: it comes from no program."""
         return ()
 
     def line_at(self, sample: int) -> None:
@@ -197,8 +209,8 @@ def _read(path: Path, pace: Pace) -> Job:
         rest = np.full(contour.rate.shape, np.nan)
         program = None
     else:
-        contour, feed, rapid, line, ignored, rest = _toolpath(path, pace)
-        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored)
+        contour, feed, rapid, line, ignored, rest, doubts = _toolpath(path, pace)
+        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored, doubts)
     feed = pace.override * feed
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
@@ -207,7 +219,7 @@ def _read(path: Path, pace: Pace) -> Job:
     moving, resting = np.sum(np.asarray(contour.extent) / speeds), np.nansum(rest)
     _check_duration(float(moving), float(resting), machine.model.dt)
     run = along_path(contour, speeds, rapid, pace, rest)
-    scored = ~rapid[_piece_at(contour, run.arc)]
+    scored = ~(rapid[_piece_at(contour, run.arc)] & rapid[_piece_before(contour, run.arc)])
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )
@@ -234,6 +246,11 @@ def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:
     reached = arc + ROUNDING * float(contour.length)
     started = np.searchsorted(np.asarray(contour.start), reached, side="right")
     return np.clip(started - 1, 0, contour.rate.size - 1)
+
+
+def _piece_before(contour: Contour, arc: np.ndarray) -> np.ndarray:
+    """As `_piece_at`, but at a joint the piece that ends: who rests there is still in the work."""
+    return _piece_at(contour, arc - 2 * ROUNDING * float(contour.length))
 
 
 def _on_axes(name: str, contour: Contour, pace: Pace) -> Contour:

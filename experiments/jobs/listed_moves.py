@@ -10,10 +10,11 @@ import numpy as np
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.gcode.move import Dwell, Move
+from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
+from jcontour.geometry.toolpaths import long_dwells
 
 AXES = "XYZ"
 HEAD = "  line  move      "
@@ -47,18 +48,36 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     if not machine.moves:
         raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
     yield _head(axes)
-    dwells = machine.tracer.dwells
-    # a dwell comes before the move that has its number
-    steps = merge(enumerate(machine.moves), ((dwell.after - 0.5, dwell) for dwell in dwells))
-    for _, step in steps:
-        yield _dwell(step, axes) if isinstance(step, Dwell) else _move(step, axes)
+    stops = machine.tracer.stops
+    # a stop comes before the move that has its number
+    shown = ((stop.after - 0.5, stop) for stop in stops if not stop.why.startswith("G61"))
+    for _, step in merge(enumerate(machine.moves), shown):
+        yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
+    told = _stopping(stops, [k for k, move in enumerate(machine.moves) if not move.rapid])
+    yield _count(len(machine.moves), sorted(machine.ignored), told)
+    doubt = long_dwells(stops)
+    if doubt:
+        yield doubt
+
+
+def _stopping(stops: Sequence[Stop], cuts: Sequence[int]) -> str:
+    """Stops and dwells in words, by how many moves come before; `cuts` are those that cut."""
+    dwells = [stop for stop in stops if stop.why == "G4"]
     resting = sum(dwell.lasting for dwell in dwells)
-    dwelt = f", {len(dwells)} dwell{'' if len(dwells) == 1 else 's'} of {resting:.6g} s in all"
-    cuts = [k for k, move in enumerate(machine.moves) if not move.rapid]
+    told = f", {_number(dwells, 'dwell')} of {resting:.6g} s in all" if dwells else ""
     outside = sum(not (cuts and cuts[0] < dwell.after <= cuts[-1] + 1) for dwell in dwells)
     if outside:
-        dwelt += f" ({outside} before the first cut or behind the last one, which a run leaves out)"
-    yield _count(len(machine.moves), sorted(machine.ignored), dwelt if dwells else "")
+        told += f" ({outside} before the first cut or behind the last one, which a run leaves out)"
+    others = [stop for stop in stops if stop.why != "G4" and not stop.why.startswith("G61")]
+    told += f", {_number(others, 'stop')}" if others else ""
+    for code, where in (("G61.1", "after every move"), ("G61", "in corners")):
+        lines = [stop.line for stop in stops if stop.why == code]
+        told += f", {code} from line {lines[0]}: stops {where}" if lines else ""
+    return told
+
+
+def _number(stops: Sequence[Stop], name: str) -> str:
+    return f"{len(stops)} {name}{'' if len(stops) == 1 else 's'}"
 
 
 def _move(move: Move, axes: int) -> str:
@@ -68,9 +87,10 @@ def _move(move: Move, axes: int) -> str:
     return _line(move.line, _kind(move), move.end[:axes], move.feed) + around
 
 
-def _dwell(dwell: Dwell, axes: int) -> str:
-    place = _line(dwell.line, "dwell", dwell.place[:axes], math.nan)
-    return f"{place}  for {dwell.lasting:.6g} s"
+def _stop(stop: Stop, axes: int) -> str:
+    dwells = stop.why == "G4"
+    place = _line(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
+    return f"{place}  for {stop.lasting:.6g} s" if dwells else f"{place}  for {stop.why}"
 
 
 def _drawn(path: Path, pace: Pace) -> Iterator[str]:

@@ -22,6 +22,7 @@ def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
         low=tuple(path.min(axis=0).tolist()),
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,
+        doubts=job.doubts,
     )
 
 

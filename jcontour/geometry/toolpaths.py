@@ -12,14 +12,16 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     places     G28 G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20, G52, G92 and its kin, G43.1
     dwells     G4 P (seconds, as in LinuxCNC; some controls mean milliseconds), or X without P; P of
                the cycles that dwell
+    stops      M0 M1 M3 to M9 M19 M60 M64 M65 M66 M68, as in LinuxCNC; under G61.1 after every move,
+               under G61 in corners; moves along Z alone where two axes are traced
     modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
                minute (G94) or one over the minutes of a move (G93); @ ^ polar end points
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
-    told       in `ignored`, as they move nothing here: G40, G43, G61, G64, G96, G97, G4 without a
-               time, all other M codes, and D, E, H, S, T; tools have no length; lines of grbl that
-               begin with $
+    told       in `ignored`, as they move nothing here: G40, G43, G64 with its tolerance, G96, G97,
+               G4 without a time, all M codes but those of the flow, and D, E, H, S, T; tools have
+               no length; lines of grbl that begin with $
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
                that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) is
@@ -30,23 +32,27 @@ splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts a
 absolute, XY plane, with neither a feed nor a motion mode.
 """
 
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.move import Dwell, Move
+from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
 Axes = Literal["XY", "XYZ"]
+CORNER = 1e-6  # [rad] of turn; less is rounding of a program
+LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 
 
 class Toolpath(NamedTuple):
@@ -59,6 +65,7 @@ class Toolpath(NamedTuple):
         line: (P,) line of the program that every piece is from.
         ignored: words of the program that mean nothing for the path, as S or M3.
         rest: (P,) how long the tool rests at the end of every piece [s]; NaN where it goes on.
+        doubts: what of the program may be meant otherwise.
     """
 
     contour: Contour
@@ -67,6 +74,7 @@ class Toolpath(NamedTuple):
     line: Int[np.ndarray, " P"]
     ignored: tuple[str, ...]
     rest: Float[np.ndarray, " P"]
+    doubts: tuple[str, ...] = ()
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -126,8 +134,26 @@ def parse_gcode(
             f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
         )
     traced = moves[cutting[0] : cutting[-1] + 1]
-    rest = _rest(interpreter.tracer.dwells, cutting[0], len(traced))
-    return _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)), rest)
+    stops = interpreter.tracer.stops
+    path = _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)))
+    rest = _rest(stops, cutting[0], path.contour)
+    return path._replace(rest=rest, doubts=tuple(filter(None, [long_dwells(stops)])))
+
+
+def long_dwells(stops: Sequence[Stop]) -> str | None:
+    """Question about dwells so long that milliseconds may be meant; None where there are none.
+
+    >>> long_dwells([Stop(1, (0.0, 0.0, 0.0), 500.0, 12, "G4")])
+    'line 12: a dwell of 500 s; P is in seconds here, some controls mean milliseconds'
+    """
+    long = [stop for stop in stops if stop.lasting > LONG_DWELL]
+    if not long:
+        return None
+    more = f" and {len(long) - 1} more" if len(long) > 1 else ""
+    return (
+        f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds here, "
+        "some controls mean milliseconds"
+    )
 
 
 def read_csv(path: str | PathLike[str]) -> Contour:
@@ -152,14 +178,28 @@ def read_csv(path: str | PathLike[str]) -> Contour:
     return contours.polyline(points)
 
 
-def _rest(dwells: list[Dwell], first: int, count: int) -> Float[np.ndarray, " P"]:
-    """Rest at the end of each of so many moves, from the first one that cuts [s]; NaN for none."""
-    rest = np.full(count, np.nan)
-    for dwell in dwells:
-        move = dwell.after - 1 - first
-        if 0 <= move < count:
-            rest[move] = np.nan_to_num(rest[move]) + dwell.lasting
+def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, " P"]:
+    """Rest at the end of every piece, the first of which is a move [s]; NaN where it goes on.
+
+    Under G61 it comes to rest in corners alone.
+    """
+    rest = np.full(contour.rate.size, np.nan)
+    exact = any(stop.why == "G61" for stop in stops)
+    corner = np.append(_turned(contour) > CORNER, True) if exact else None
+    for stop in stops:
+        move = stop.after - 1 - first
+        if not 0 <= move < rest.size:
+            continue
+        if stop.why != "G61" or corner is None or corner[move]:
+            rest[move] = np.nan_to_num(rest[move]) + stop.lasting
     return rest
+
+
+def _turned(contour: Contour) -> Float[np.ndarray, " joints"]:
+    """Jump of the direction between neighbouring pieces [1]."""
+    pieces = jax.tree.map(np.asarray, contour.pieces)
+    end, begin = (pieces.jet(s)[1] for s in (pieces.extent, 0.0 * pieces.extent))
+    return np.linalg.norm(begin[1:] - end[:-1], axis=-1)
 
 
 def _toolpath(
@@ -167,9 +207,8 @@ def _toolpath(
     axes: int,
     feed_given: float | None,
     ignored: tuple[str, ...],
-    rest: Float[np.ndarray, " P"],
 ) -> Toolpath:
-    """Toolpath of all moves at once: chaining a Contour per move would take minutes."""
+    """Toolpath of all moves at once, without stops: a Contour per move would take minutes."""
     start, end, centre, angle, normal, feed, rapid, line = (
         np.array(column) for column in zip(*moves, strict=True)
     )
@@ -189,7 +228,7 @@ def _toolpath(
     helical = (pieces.rate > 0) & pieces.polynomial[:, 1].any(axis=-1)
     newton_steps = contours.NEWTON_STEPS if helical.any() else 0
     contour = contours.from_pieces(pieces, newton_steps=newton_steps)
-    return Toolpath(contour, feed, rapid, line, ignored, rest)
+    return Toolpath(contour, feed, rapid, line, ignored, np.full(line.size, np.nan))
 
 
 def _pieces(start, end, centre, angle, normal) -> Piece:

@@ -66,6 +66,7 @@ class ContourRead:
         duration: of the whole run [s].
         low, high: corners of the box around the reference [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
+        doubts: what of the program may be meant otherwise.
     """
 
     pieces: int
@@ -74,6 +75,7 @@ class ContourRead:
     low: tuple[float, ...]
     high: tuple[float, ...]
     ignored: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

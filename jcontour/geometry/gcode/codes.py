@@ -15,6 +15,7 @@ GROUPS = {
     "distance": frozenset({900, 910}),
     "centres": frozenset({901, 911}),
     "feed": frozenset({930, 940}),
+    "path": frozenset({610, 611, 640}),
     "tool length": frozenset({430, 431, 490}),
     "return": frozenset({980, 990}),
     "system": frozenset({540, 550, 560, 570, 580, 590, 591, 592, 593}),
@@ -23,10 +24,10 @@ GROUPS = {
 GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 # of the once group; they take the axis words away from the motion in force
 TAKING_AXES = frozenset({100, 280, 300, 520, 920})
-# nothing of what they ask for moves this machine: cutter compensation off, path modes, spindle
-# speed modes, radii of lathes, and cancelling what could not be switched on (scaling, mirrors,
-# rotation, polar coordinates, plane tilt)
-IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 610, 611, 640, 690, 960, 970})
+# nothing of what they ask for moves this machine: cutter compensation off, spindle speed modes,
+# radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
+# coordinates, plane tilt)
+IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 690, 960, 970})
 REFUSED = {
     50: "a spline",
     51: "a spline",
@@ -64,6 +65,12 @@ LETTERS = {  # that belong to a code, besides those of motion
 END = frozenset({2, 30})  # M codes that end the program
 CALL, RETURN = 98, 99  # M codes of subprograms
 FLOW = frozenset({CALL, RETURN})
+# M codes for which motion stops, as LinuxCNC's task controller waits for it: spindle, tool, coolant
+# and outputs set at once, before the move of their line; pauses after it. Outputs in time with the
+# motion (M62, M63, M67) do not stop it; neither do S, of which lasers have one a line, and codes of
+# printers, from M82 on.
+STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 64, 65, 66, 68})
+PAUSES = frozenset({0, 1, 60})
 INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
 MOST_M = 9999
 

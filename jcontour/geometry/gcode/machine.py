@@ -5,13 +5,8 @@ from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field
 
-from jcontour.geometry.arcs import (
-    ARC_SLACK,
-    ARC_SLACK_INCH,
-    arcs_between,
-    centre_from_radius,
-)
 from jcontour.geometry.gcode import codes, cycles
+from jcontour.geometry.gcode.arc_words import MOST_TURNS, Arcs, arcs_of
 from jcontour.geometry.gcode.expressions import whole
 from jcontour.geometry.gcode.line_words import LineWords, sorted_words
 from jcontour.geometry.gcode.modes import PLANES, Modes
@@ -19,21 +14,13 @@ from jcontour.geometry.gcode.move import Move, Point
 from jcontour.geometry.gcode.offsets import SYSTEMS, ZERO, Offsets, replaced
 from jcontour.geometry.gcode.targets import target
 from jcontour.geometry.gcode.tracer import Tracer, check_near
-from jcontour.geometry.toolpath_rules import (
-    FASTEST,
-    INCH,
-    SHORTEST,
-    SLOWEST,
-    ToolpathError,
-)
+from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
-CENTRES = {"I": 0, "J": 1, "K": 2}
 MOVING = frozenset("XYZIJKR@^")
 LENGTHS = frozenset("XYZIJKR@Q")
 TOLD = frozenset("ABCDEHSTUVW")  # letters without meaning for the path
 TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
-MOST_TURNS = 10_000  # of an arc, and holes of a cycle
 
 
 @dataclass
@@ -82,6 +69,8 @@ class Machine:
         values = found.values
         if found.codes or found.m_codes or found.without_motion:
             self._switch(found)
+        if not codes.STOPPING.isdisjoint(found.m_codes):
+            self._stop(found.m_codes, codes.STOPPING)
         if "F" in values:
             self._set_feed(values["F"])
         if not values.keys() <= MOVING:
@@ -94,9 +83,15 @@ class Machine:
         if once not in codes.TAKING_AXES and once != 40:
             if not MOVING.isdisjoint(values) and not self._only_said(found):
                 self._move(values, on_machine=once == 530)
+        if not codes.PAUSES.isdisjoint(found.m_codes):
+            self._stop(found.m_codes, codes.PAUSES)
         if not codes.END.isdisjoint(found.m_codes):
             self.ended = True
         return found
+
+    def _stop(self, m_codes: list[int], stopping: frozenset[int]) -> None:
+        """Come to rest once for all M codes of a line that ask for it."""
+        self.tracer.stop(" ".join(f"M{code}" for code in m_codes if code in stopping))
 
     def _switch(self, found: LineWords) -> None:
         self._tell_codes(found)
@@ -131,9 +126,12 @@ class Machine:
     def _tell_codes(self, found: LineWords) -> None:
         self.ignored |= {f"G{code / 10:g}" for code in found.without_motion}
         self.ignored |= {f"M{code}" for code in found.m_codes if code not in codes.FLOW | codes.END}
+        blends = found.codes.get("path") == 640
         if found.codes.get("tool length") == 430:
             self.ignored.add("G43")
-        if found.without_motion or not codes.FLOW.issuperset(found.m_codes):
+        if blends:
+            self.ignored.add("G64")
+        if blends or found.without_motion or not codes.FLOW.issuperset(found.m_codes):
             self.ignored |= found.values.keys() & TOLD_WITH_CODES
 
     def _only_said(self, found: LineWords) -> bool:
@@ -253,44 +251,13 @@ class Machine:
         return target(values, self._here(), self.modes)
 
     def _arc(self, values: dict[str, float]) -> None:
-        first, second, normal = PLANES[self.modes.plane]
-        centres = [letter for letter in CENTRES if letter in values]
-        if bool(centres) == ("R" in values):
-            raise ToolpathError("an arc needs either a centre (I, J, K) or a radius (R)")
-        if values.get("IJK"[normal]):
-            raise ToolpathError(f"{'IJK'[normal]} is not in the plane of G{self.modes.plane // 10}")
         here, there = self._here(), self._target(values)
-        start, end = complex(here[first], here[second]), complex(there[first], there[second])
-        counter_clockwise = self.motion == 30
-        if "R" in values:
-            radius = values["R"] * self.modes.unit
-            check_near([radius])
-            centre = centre_from_radius(start, end, radius, counter_clockwise)
-        else:
-            centre = self._centre(values, start)
-        slack = ARC_SLACK_INCH if self.modes.unit == INCH else ARC_SLACK
-        arcs = list(arcs_between(start, end, centre, counter_clockwise, slack))
-        turns = whole(values.get("P", 1.0), "P of an arc")
-        if not 1 <= turns <= MOST_TURNS:
-            raise ToolpathError(f"P of an arc needs to be 1 to {MOST_TURNS}, received {turns}")
-        if turns > 1:
-            whole_turn = math.copysign(math.tau, arcs[0][2])
-            arcs = [(start, arcs[0][1], whole_turn)] * (turns - 1) + arcs
-        self._trace_arcs(arcs, here, there[normal], values)
-
-    def _centre(self, values: dict[str, float], start: complex) -> complex:
-        first, second, _ = PLANES[self.modes.plane]
-        unit = self.modes.unit
-        letters = "IJK"[first], "IJK"[second]
-        if self.modes.absolute_centres and not values.keys() >= set(letters):
-            raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
-        offset = complex(*(values.get(letter, 0.0) * unit for letter in letters))
-        check_near([offset.real, offset.imag])
-        return offset if self.modes.absolute_centres else start + offset
+        arcs = arcs_of(values, here, there, self.modes, counter_clockwise=self.motion == 30)
+        self._trace_arcs(arcs, here, there[PLANES[self.modes.plane][2]], values)
 
     def _trace_arcs(
         self,
-        arcs: list[tuple[complex, complex, float]],
+        arcs: Arcs,
         here: Point,
         last_level: float,
         values: dict[str, float],
@@ -312,6 +279,7 @@ class Machine:
             shadow = normal < 2 and self.tracer.axes == 2
             add = self.tracer.add_shadow if shadow else self.tracer.add
             add(end_point, middle, angle, feed, plane)
+        self._joint()
 
     def _drill(self, values: dict[str, float]) -> None:
         """A canned cycle at every hole that the line says."""
@@ -377,6 +345,12 @@ class Machine:
     def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
         feed = math.nan if rapid else self._feed(math.dist(self.tracer.at, end), values or {})
         self.tracer.add_line(end, feed, self.modes.plane)
+        self._joint()
+
+    def _joint(self) -> None:
+        """Stop at the end of a move where the mode in force asks for it."""
+        if self.modes.path != 640:
+            self.tracer.stop("G61" if self.modes.path == 610 else "G61.1")
 
     def kept_modes(self) -> tuple[Modes, int]:
         """Copy of the modes and the work system in force (M70)."""

@@ -20,6 +20,7 @@ class Modes:
         inverse_time: whether F is one over the minutes of a move.
         to_r_plane: whether cycles go back to R only.
         feed: speed along the path [m/s], None before the first F.
+        path: code of how joints of moves are passed: G61 stops in corners, G61.1 after every move.
     """
 
     plane: int = 170
@@ -29,6 +30,7 @@ class Modes:
     inverse_time: bool = False
     to_r_plane: bool = False
     feed: float | None = None
+    path: int = 640
 
     def switch(self, codes: dict[str, int]) -> None:
         """Put codes in force, by their groups."""
@@ -42,3 +44,4 @@ class Modes:
             self.absolute_centres = codes["centres"] == 901
         if "return" in codes:
             self.to_r_plane = codes["return"] == 990
+        self.path = codes.get("path", self.path)

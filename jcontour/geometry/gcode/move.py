@@ -1,4 +1,4 @@
-"""One move of the tool: a line, an arc or a helix; and a dwell between two of them."""
+"""One move of the tool: a line, an arc or a helix; and a stop between two of them."""
 
 from typing import NamedTuple
 
@@ -29,17 +29,19 @@ class Move(NamedTuple):
     line: int
 
 
-class Dwell(NamedTuple):
-    """A stop in which the tool rests for a time (G4, some canned cycles).
+class Stop(NamedTuple):
+    """A place between two moves where the tool comes to rest, for a time in a dwell.
 
     Attributes:
         after: how many moves come before it.
         place: where it rests [m].
-        lasting: for how long [s].
+        lasting: for how long [s], 0 for a stop alone.
         line: of the program, from 1.
+        why: word of the program that asks for it, as G4 or M8.
     """
 
     after: int
     place: Point
     lasting: float
     line: int
+    why: str

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from jcontour.geometry.gcode.modes import PLANES
-from jcontour.geometry.gcode.move import Dwell, Move, Point
+from jcontour.geometry.gcode.move import Move, Point, Stop
 from jcontour.geometry.gcode.offsets import ZERO
 from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
 
@@ -19,24 +19,28 @@ class Tracer:
         at: place on the machine [m].
         line: of the program that is carried out.
         moves: made so far.
-        dwells: between them, so far.
+        stops: between them, so far.
     """
 
     axes: int
     at: Point = ZERO
     line: int = 0
     moves: list[Move] = field(default_factory=list)
-    dwells: list[Dwell] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
 
     def add(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
-        """Add a move; one too short to see only moves the axes that are not traced.
+        """Add a move; one too short to see only moves the axes that are not traced, and stops.
 
         Raises:
             ToolpathError: it ends too far away, or there are too many.
         """
         check_near(end)
         if angle == 0.0 and math.dist(self.at[: self.axes], end[: self.axes]) < SHORTEST:
-            self.at = (self.at[0], self.at[1], end[2] if self.axes == 2 else self.at[2])
+            if self.axes == 2:
+                rises = abs(end[2] - self.at[2]) >= SHORTEST
+                self.at = self.at[0], self.at[1], end[2]
+                if rises:  # X and Y stand still meanwhile
+                    self.stop("Z")
             return
         rapid = math.isnan(feed)
         normal = PLANES[plane][2]
@@ -53,13 +57,25 @@ class Tracer:
         """Rest for a time [s], which `word` of the program gives.
 
         Raises:
-            ToolpathError: the time is negative, or there are too many dwells.
+            ToolpathError: the time is negative, or there are too many stops.
         """
         if not lasting >= 0:
             raise ToolpathError(f"{word}{lasting:g}: a dwell needs seconds, not below 0")
-        self.dwells.append(Dwell(len(self.moves), self.at, lasting, self.line))
-        if len(self.dwells) > MOST_MOVES:
-            raise ToolpathError(f"more than {MOST_MOVES} dwells")
+        self.stop("G4", lasting)
+
+    def stop(self, why: str, lasting: float = 0.0) -> None:
+        """Come to rest, for a time in a dwell [s]; `why` is the word that asks for it.
+
+        Before the first move there is nothing to stop.
+
+        Raises:
+            ToolpathError: there are too many stops.
+        """
+        if not (self.moves or lasting):
+            return
+        self.stops.append(Stop(len(self.moves), self.at, lasting, self.line, why))
+        if len(self.stops) > MOST_MOVES:
+            raise ToolpathError(f"more than {MOST_MOVES} stops")
 
     def add_shadow(self, end: Point, centre: Point, angle: float, feed: float, plane: int) -> None:
         """Add what X and Y do on an arc in another plane: straight lines to and fro.

@@ -28,7 +28,7 @@ def test_a_line_for_each_move(tmp_path):
         ["5", "line", "8.0000", "4.5000", "0.0000", "300"],
     ]
     assert last == "4 moves; ignored: M3"
-    assert len(listed(path, 2)) == 5  # the last move is along Z alone
+    assert listed(path, 2)[-2].split()[1:] == "stop 8.0000 4.5000 - for Z".split()
 
 
 def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
@@ -47,6 +47,16 @@ def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
     assert dwelt.split()[1:] == ["dwell", "12.0000", "0.0000", "-1.0000", "-", "for", "0.5", "s"]
     assert out.split()[1] == "rapid"
     assert last.startswith("5 moves, 4 dwells of 4 s in all (1 before the first cut or behind")
+
+
+def test_stops_stand_in_their_places_and_long_dwells_are_asked_about(tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 F600 G1 X10\nM8\nX20\nG61.1 X30\nX40\nG4 P500\nG1 X50\n")
+    _, *moves, last, doubt = listed(path, 3)
+    assert moves[1].split() == ["2", "stop", "10.0000", "0.0000", "0.0000", "-", "for", "M8"]
+    assert [line.split()[1] for line in moves] == ["line", "stop", *["line"] * 3, "dwell", "line"]
+    assert last.startswith("5 moves, 1 dwell of 500 s in all, 1 stop, G61.1 from line 4: stops ")
+    assert doubt.startswith("line 6: a dwell of 500 s; P is in seconds here")
 
 
 def test_faults_name_the_file(tmp_path):

@@ -1,5 +1,7 @@
 """Lines that several commands print."""
 
+from dataclasses import replace
+
 from experiments.files.results.run_metrics import ContourRead
 from experiments.reports.tables import read_line
 
@@ -15,3 +17,5 @@ def test_what_rounding_leaves_of_zero_is_zero():
     )
     line = read_line("task", read, ("X", "Y"))
     assert line == "task: 1 move, 100 mm in 2 s, X 0 ... 100, Y 0 ... 46.26 mm"
+    asked = read_line("task", replace(read, doubts=("line 3: a dwell of 500 s",)), ("X", "Y"))
+    assert asked == f"{line}\nline 3: a dwell of 500 s"

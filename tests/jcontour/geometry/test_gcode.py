@@ -36,6 +36,30 @@ def test_dwells_are_rests_at_the_ends_of_pieces():
     assert toolpath.ignored == ()
 
 
+def test_exact_path_stops_in_corners_and_exact_stop_everywhere():
+    """A line, its own half circle with a smooth joint, a corner, and a line in two parts."""
+    moves = "G1 X4\nG3 Y2 J1\nG1 X3 Y5\nX2 Y8\nX0"
+    free = parse_gcode(HEAD + moves).rest
+    np.testing.assert_array_equal(free, np.full(5, np.nan))
+    corners = parse_gcode(HEAD + "G61 " + moves).rest
+    np.testing.assert_array_equal(corners, [np.nan, 0, np.nan, 0, 0])
+    np.testing.assert_array_equal(parse_gcode(HEAD + "G61.1 " + moves).rest, np.zeros(5))
+
+
+def test_stops_of_the_projection():
+    """Z alone between two cuts; the time of a dwell there is kept."""
+    program = HEAD + "G1 X4\nZ-1\nX5\nM5\nX6\nG4 P2\nM3\nX7"
+    np.testing.assert_array_equal(parse_gcode(program).rest, [0, 0, 2, np.nan])
+    np.testing.assert_array_equal(parse_gcode(program, "XYZ").rest, [np.nan, np.nan, 0, 2, np.nan])
+
+
+def test_dwells_of_minutes_are_asked_about():
+    program = HEAD + "G1 X4\nG4 P500\nX5\nG4 P60\nG4 P61"
+    (doubt,) = parse_gcode(program).doubts
+    assert re.match(r"line \d: a dwell of 500 s and 1 more; P is in seconds here", doubt)
+    assert parse_gcode(HEAD + "G1 X4\nG4 P60").doubts == ()
+
+
 def test_lines_for_the_sender_are_told(traced):
     toolpath = parse_gcode("$H\n $32 = 1\nG21 G90 F600\nG1 X3\n$H\nG1 X5")
     assert toolpath.ignored == ("$32", "$H")

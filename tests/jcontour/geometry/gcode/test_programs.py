@@ -72,7 +72,7 @@ def test_moves(name):
     if name in FEEDS:
         feeds = [move.feed for move in machine.moves if not move.rapid]
         np.testing.assert_allclose(feeds, np.array(FEEDS[name]) * PER_MINUTE, rtol=1e-12)
-    dwells = [(dwell.after, dwell.lasting) for dwell in machine.tracer.dwells]
+    dwells = [(stop.after, stop.lasting) for stop in machine.tracer.stops if stop.why == "G4"]
     assert dwells == DWELLS.get(name, [])
     if name in TOLD:
         assert machine.ignored == TOLD[name]
@@ -189,10 +189,34 @@ def test_a_loop_that_stands_still_ends_sooner(monkeypatch):
         moves("G91 F1\no1 repeat [500]\nG4 P1\no1 endrepeat")
 
 
+def stops_of(program: str, axes: int = 3) -> list[tuple[int, int, str]]:
+    machine = interpreted(program.split("\n"), axes, None)
+    return [(stop.line, stop.after, stop.why) for stop in machine.tracer.stops]
+
+
+def test_spindle_tool_coolant_and_pauses_stop():
+    """Pauses after the move of their line, the others before it; before any move there is none."""
+    program = "M3 S9\nF600 G1 X1\nX2 M8 M4\nX3 M1\nM62 P1 X4\nM73 S9 X5\nM204 S3\nM5 M9\nM30"
+    assert stops_of(program) == [(3, 1, "M8 M4"), (4, 3, "M1"), (8, 5, "M5 M9")]
+
+
+def test_exact_stop_after_every_move_until_it_is_switched_off():
+    """M70 keeps the mode and M72 brings it back."""
+    program = "F600 G1 X1\nG61.1 X2\nG2 X4 I1\nM70\nG1 G64 X5\nM72\nX6\nG61 X7"
+    stops = stops_of(program)
+    assert stops == [(2, 2, "G61.1"), (3, 3, "G61.1"), (7, 5, "G61.1"), (8, 6, "G61")]
+
+
+def test_two_axes_stand_still_while_z_moves():
+    program = "F600 G1 X1\nZ-1\nZ-1\nX2 Z-2\nG0 Z5\nX9"
+    assert stops_of(program, axes=2) == [(2, 1, "Z"), (5, 2, "Z")]
+    assert stops_of(program) == []
+
+
 def test_dwells_say_how_long_and_where():
     program = "F600 G1 X1\nG4 P1.5\nG20 G4 X0.5\nG21 X2 G4 P.25\nG4"
     machine = interpreted(program.split("\n"), 3, None)
-    found = [(dwell.line, dwell.after, dwell.lasting) for dwell in machine.tracer.dwells]
+    found = [(dwell.line, dwell.after, dwell.lasting) for dwell in machine.tracer.stops]
     assert found == [(2, 1, 1.5), (3, 1, 0.5), (4, 1, 0.25)]  # before the move of their line
     assert len(machine.moves) == 2 and machine.ignored == {"G4"}
     with pytest.raises(ToolpathError, match=r"line 2: P-1: a dwell needs seconds"):
