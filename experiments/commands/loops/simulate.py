@@ -75,7 +75,7 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
         save_figure(figure, folder / f"{name}.png")
     if isinstance(job, Job) and job.planned:
-        draw_motion(job.planned.motion, machine.axes, folder)
+        draw_motion(job.planned, machine.axes, folder)
     write_result(folder, found)
     if maker:
         title = f"{design.name} on {found.contour}"
