@@ -51,6 +51,20 @@ def test_a_part_is_run_within_half_of_the_acceleration(tmp_path):
     assert needed.max() == pytest.approx(1.5, rel=2e-3)
 
 
+@pytest.mark.parametrize("law", ["trapezoidal", "jerk"])
+def test_a_tool_that_rests_where_a_cut_ends_is_scored(law, tmp_path):
+    """Before the rapid move as well as after it; in between it is not."""
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 F1000 G1 X4\nG4 P.3\nG0 X8\nG4 P.2\nG1 X9\n")
+    machine = MACHINES["bridgeport"]()
+    found = from_file(path, Pace.of(MachineFlags(feed_law=law), machine))
+    at_end, at_start = (abs(found.arc - place) < 1e-12 for place in (4e-3, 8e-3))
+    assert found.scored[at_end].sum() * machine.model.dt == pytest.approx(0.3, abs=0.01)
+    assert found.scored[at_start].sum() * machine.model.dt == pytest.approx(0.2, abs=0.01)
+    between = (found.arc > 4e-3) & (found.arc < 8e-3)
+    np.testing.assert_array_equal(found.scored, ~between | at_end | at_start)
+
+
 def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():
     plate = Path(__file__).parents[2] / "data" / "drawings" / "plate.dxf"
     found = from_file(plate, Pace(machine_named(EXAMPLE), 0.1, None))
