@@ -70,8 +70,8 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     """
     if isinstance(flags.preview, WholePath):
         raise ValueError(
-            "preview: path is for the one run of simulate, precompensate or learn; "
-            "give a number of samples here"
+            "preview: path is for the one run of simulate, feed, precompensate or learn; the "
+            "shortest of several runs bounds it, give a number of samples here"
         )
     asked = flags.controller or machine.usual.controller
     if not asked:

@@ -64,7 +64,7 @@ class Controlled(MachineFlags):
     """First weights by name, each as NAME=VALUE, instead of the controller's own."""
     preview: Samples = 10  # the paper's usual horizon
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
-    path: all samples of the run, with `simulate`, `precompensate` and `learn`."""
+    path: all samples of the run, with `simulate`, `feed`, `precompensate` and `learn`."""
     terminal: Terminal = "output"  # the paper's better performing choice
     """Cost at the end of an LQ controller's horizon: output error, or the Riccati solution.
     The Riccati solution is stable on straight lines."""

@@ -5,7 +5,6 @@ from rich.console import Console
 from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Feed
-from experiments.plain_numbers import WholePath
 from experiments.reports import tables
 from experiments.reports.figures.feeds import feeds_figure
 from experiments.reports.figures.png import save_figure
@@ -31,7 +30,7 @@ def command(flags: Feed) -> int:
     loop = loop_at_feeds(flags)
     points, count = [], len(set(flags.overrides))
     with tables.console_of(quiet=flags.json).status("planning and running") as status:
-        for point in feed_points(loop, flags.overrides):
+        for point in feed_points(loop, flags):
             points.append(point)
             status.update(f"planning and running: {len(points)} of {count} feeds done")
     tolerance = None if flags.tolerance_um is None else 1e-6 * flags.tolerance_um
@@ -54,8 +53,6 @@ def command(flags: Feed) -> int:
 
 
 def _check(flags: Feed) -> None:
-    if isinstance(flags.preview, WholePath):
-        raise ValueError("preview: a path has other samples at every feed; give a number of them")
     if not flags.overrides:
         raise ValueError("overrides: needs at least one feed")
     for one in flags.overrides:

@@ -4,13 +4,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from experiments.catalogue.choices import job_named
+from experiments.catalogue.choices import design_for, job_named, seeing_all
 from experiments.files.results.feed_result import FeedPoint
 from experiments.flags.loops import Feed
+from experiments.jobs.job import Task
 from experiments.jobs.replays import Scenarios, replay
+from experiments.plain_numbers import WholePath
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.checks.warnings import exceeded_limits
 from experiments.runs.tuning.results import family_metrics
+from jcontour.controller import Controller
 
 PAYS = 0.5  # of a rise of the feed, that has to come off the cycle time
 
@@ -27,22 +30,25 @@ def loop_at_feeds(flags: Feed) -> StoredLoop:
     return loop
 
 
-def feed_points(loop: StoredLoop, overrides: Sequence[float]) -> Iterator[FeedPoint]:
+def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
     """Every feed, from the slowest to the quickest; the motion is planned anew for each.
 
+    A preview that is the whole path has other samples at every feed.
+
     Args:
-        loop: its first part is run.
-        overrides: per cent of the programmed feed.
+        loop: of the flags; its first part is run.
+        flags: with the feeds, in per cent of the programmed ones.
 
     Raises:
         ValueError: a feed that the machine's samples cannot hold.
     """
-    for override in sorted(set(overrides)):
+    for override in sorted(set(flags.overrides)):
         pace = loop.pace._replace(override=override / 100)
         planned = pace == loop.pace  # already, with the loop
         job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
-        scenarios = Scenarios.of([job], [False], loop.machine, loop.fed, loop.controller.preview)
-        found = replay(loop.controller, scenarios)
+        controller = _controller_along(loop, flags, job)
+        scenarios = Scenarios.of([job], [False], loop.machine, loop.fed, controller.preview)
+        found = replay(controller, scenarios)
         lost = np.asarray(found.metrics.diverged)[0]
         scored = int(np.sum(np.asarray(scenarios.references.mask)))
         yield FeedPoint(
@@ -52,6 +58,13 @@ def feed_points(loop: StoredLoop, overrides: Sequence[float]) -> Iterator[FeedPo
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
         )
+
+
+def _controller_along(loop: StoredLoop, flags: Feed, job: Task) -> Controller:
+    if not isinstance(flags.preview, WholePath):
+        return loop.controller
+    design = design_for(loop.machine, seeing_all(flags, job))
+    return design.build(design.start)
 
 
 def recommended(

@@ -52,6 +52,17 @@ def test_bad_input_is_one_line(flags, told, tmp_path, capsys):
     assert not (tmp_path / "feed").exists()
 
 
-def test_a_whole_path_is_refused(capsys):
-    assert main(["feed", "circle", "--preview", "path"]) == 2
-    assert "preview: a path has other samples at every feed" in capsys.readouterr().err
+@pytest.mark.slow
+def test_a_whole_path_at_every_feed(tmp_path, machine_file, part_file):
+    """At each feed it is the run of `simulate` with as many samples as there are."""
+    machine, out = ["--plant", str(machine_file)], tmp_path / "feed"
+    flags = [*machine, "--preview", "path", "--overrides", "100", "50", "--out", str(out)]
+    assert main(["feed", str(part_file), *flags]) == 0
+    slow = tmp_path / "slow.ngc"
+    slow.write_text(part_file.read_text().replace("F3000", "F1500"))
+    found = read_result(out, FeedResult).points
+    for point, program in zip(found, (slow, part_file), strict=True):
+        alone = tmp_path / program.stem
+        flags = [*machine, "--preview", "path", "--out", str(alone)]
+        assert main(["simulate", str(program), *flags]) == 0
+        assert point.metrics.nominal == read_result(alone, SimulatedResult).plants["nominal"]
