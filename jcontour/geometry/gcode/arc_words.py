@@ -34,8 +34,7 @@ def arcs_of(
         centre = centre_from_radius(start, end, radius, counter_clockwise)
     else:
         centre = _centre(values, start, modes)
-    slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
-    arcs = list(arcs_between(start, end, centre, counter_clockwise, slack))
+    arcs = _arcs(values, start, end, centre, modes, counter_clockwise)
     turns = whole(values.get("P", 1.0), "P of an arc")
     if not 1 <= turns <= MOST_TURNS:
         raise ToolpathError(f"P of an arc needs to be 1 to {MOST_TURNS}, received {turns}")
@@ -43,6 +42,36 @@ def arcs_of(
         whole_turn = math.copysign(math.tau, arcs[0][2])
         arcs = [(start, arcs[0][1], whole_turn)] * (turns - 1) + arcs
     return arcs
+
+
+def _arcs(
+    values: dict[str, float],
+    start: complex,
+    end: complex,
+    centre: complex,
+    modes: Modes,
+    counter_clockwise: bool,
+) -> Arcs:
+    slack = ARC_SLACK_INCH if modes.unit == INCH else ARC_SLACK
+    try:
+        return list(arcs_between(start, end, centre, counter_clockwise, slack))
+    except ToolpathError as error:
+        if "R" in values or modes.absolute_centres:
+            raise
+        if not _fits(start, end, centre - start, counter_clockwise, slack):
+            raise
+        raise ToolpathError(
+            f"{error}; in absolute coordinates its centre fits: G90.1 says so"
+        ) from None
+
+
+def _fits(start: complex, end: complex, centre: complex, left: bool, slack: float) -> bool:
+    """Whether an arc around a centre meets both of its ends."""
+    try:
+        list(arcs_between(start, end, centre, left, slack))
+    except ToolpathError:
+        return False
+    return True
 
 
 def _centre(values: dict[str, float], start: complex, modes: Modes) -> complex:

@@ -52,3 +52,12 @@ def test_turns_come_first_and_absolute_centres_are_of_the_program():
 def test_what_is_no_arc_is_refused(values, message):
     with pytest.raises(ToolpathError, match=message):
         ends_of(values)
+
+
+def test_an_arc_whose_centre_fits_in_absolute_coordinates_is_told_so():
+    here, there = (-40e-3, 50e-3, 0.0), (-30e-3, 40e-3, 0.0)
+    with pytest.raises(ToolpathError, match=r"14\.1 mm apart; in absolute .* G90\.1 says so$"):
+        ends_of({"I": -40.0, "J": 40.0}, True, here, there)
+    assert ends_of({"I": -40.0, "J": 40.0}, True, here, there, absolute_centres=True)
+    with pytest.raises(ToolpathError, match="mm apart$"):
+        ends_of({"I": -40.0, "J": 30.0}, True, here, there)
