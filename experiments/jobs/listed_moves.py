@@ -14,7 +14,7 @@ from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
-from jcontour.geometry.toolpaths import long_dwells
+from jcontour.geometry.toolpaths import long_dwells, stops_in_cuts
 
 AXES = "XYZ"
 HEAD = "  line  move      "
@@ -53,19 +53,19 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     shown = ((stop.after - 0.5, stop) for stop in stops if not stop.why.startswith("G61"))
     for _, step in merge(enumerate(machine.moves), shown):
         yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
-    told = _stopping(stops, [k for k, move in enumerate(machine.moves) if not move.rapid])
+    told = _stopping(stops, stops_in_cuts(stops, machine.moves))
     yield _count(len(machine.moves), sorted(machine.ignored), told)
     doubt = long_dwells(stops)
     if doubt:
         yield doubt
 
 
-def _stopping(stops: Sequence[Stop], cuts: Sequence[int]) -> str:
-    """Stops and dwells in words, by how many moves come before; `cuts` are those that cut."""
+def _stopping(stops: Sequence[Stop], in_cuts: Sequence[Stop]) -> str:
+    """Stops and dwells in words; `in_cuts` are those that a run has."""
     dwells = [stop for stop in stops if stop.why == "G4"]
     resting = sum(dwell.lasting for dwell in dwells)
     told = f", {_number(dwells, 'dwell')} of {resting:.6g} s in all" if dwells else ""
-    outside = sum(not (cuts and cuts[0] < dwell.after <= cuts[-1] + 1) for dwell in dwells)
+    outside = len(dwells) - sum(stop.why == "G4" for stop in in_cuts)
     if outside:
         told += f" ({outside} before the first cut or behind the last one, which a run leaves out)"
     others = [stop for stop in stops if stop.why != "G4" and not stop.why.startswith("G61")]

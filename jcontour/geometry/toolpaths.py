@@ -134,10 +134,20 @@ def parse_gcode(
             f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
         )
     traced = moves[cutting[0] : cutting[-1] + 1]
-    stops = interpreter.tracer.stops
+    stops = stops_in_cuts(interpreter.tracer.stops, moves)
     path = _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)))
     rest = _rest(stops, cutting[0], path.contour)
     return path._replace(rest=rest, doubts=tuple(filter(None, [long_dwells(stops)])))
+
+
+def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
+    """Stops from the first cut on, to the end of the last one or until Z leaves it alone."""
+    cuts = [k for k, move in enumerate(moves) if not move.rapid]
+    if not cuts:
+        return []
+    found = [stop for stop in stops if cuts[0] < stop.after <= cuts[-1] + 1]
+    left = (k for k, stop in enumerate(found) if (stop.after, stop.why) == (cuts[-1] + 1, "Z"))
+    return found[: next(left, len(found))]
 
 
 def long_dwells(stops: Sequence[Stop]) -> str | None:
@@ -188,8 +198,6 @@ def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, 
     corner = np.append(_turned(contour) > CORNER, True) if exact else None
     for stop in stops:
         move = stop.after - 1 - first
-        if not 0 <= move < rest.size:
-            continue
         if stop.why != "G61" or corner is None or corner[move]:
             rest[move] = np.nan_to_num(rest[move]) + stop.lasting
     return rest

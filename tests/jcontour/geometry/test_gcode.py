@@ -53,6 +53,13 @@ def test_stops_of_the_projection():
     np.testing.assert_array_equal(parse_gcode(program, "XYZ").rest, [np.nan, np.nan, 0, 2, np.nan])
 
 
+def test_dwells_behind_the_last_cut_are_left_out():
+    """On two axes, too, where Z has left it; a dwell at its very end is kept."""
+    program = HEAD + "G1 X4\nG4 P2\nG0 Z5\nG4 P1\nM30"
+    for axes in ("XY", "XYZ"):
+        np.testing.assert_array_equal(parse_gcode(program, axes).rest, [2.0])
+
+
 def test_dwells_of_minutes_are_asked_about():
     program = HEAD + "G1 X4\nG4 P500\nX5\nG4 P60\nG4 P61"
     (doubt,) = parse_gcode(program).doubts
