@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.console import Console
 
-from experiments.benchmarks.kept_paths import opened, write
+from experiments.benchmarks.kept_rows import opened, write
 from experiments.benchmarks.random_paths import KINDS, Checked, checked
 from experiments.flags.others import Bench
 from experiments.reports import tables
@@ -46,7 +46,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> MotionBench:
     if flags.keep is None:
         rows = list(_run(seeds, tell))
         return MotionBench(sorted(rows), time.perf_counter() - began)
-    known, file = opened(flags.keep)
+    known, file = opened(flags.keep, Checked, "random toolpaths")
     rows = list({row.seed: row for row in known if row.seed in seeds}.values())
     kept = len(rows)
     with file:

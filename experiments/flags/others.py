@@ -91,6 +91,6 @@ class Bench(Common):
     Whole_way: of every search at most, one with slopes counts one."""
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
-    Tuners: every start, JSON. Motion: every path, CSV."""
+    Tuners: every start, JSON. Motion: every path, whole_way: every machine, CSV."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""

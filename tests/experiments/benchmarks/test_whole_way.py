@@ -1,5 +1,5 @@
 import json
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +9,6 @@ from experiments.benchmarks.hidden_machines import DT, hidden_axis
 from experiments.benchmarks.identify import response
 from experiments.benchmarks.whole_way import (
     OnTheMachine,
-    Way,
-    WholeWayBench,
     measured,
     show,
     true_fields,
@@ -38,18 +36,62 @@ def test_the_true_file_answers_as_the_hidden_axes(takes):
     assert not answers[:, 0, 1].any()
 
 
-def test_ratios_of_the_mean_and_of_the_worst_contour(capsys):
-    errors = {"circle": (3e-6, 1e-6), "square": (6e-6, 5e-6)}
-    way = Way(0, "speed", (0, 1), errors, 0.02, 0, sound=False, diverged=True)
-    assert way.ratio == pytest.approx(1.5) and way.worst == pytest.approx(3.0)
-    show(console_of(), WholeWayBench([way]))
+def found(first, second, largest=None, sound=True, diverged=False):
+    """A design on the machine, with errors of two contours [m]."""
+    errors = {"circle": first, "square": second}
+    return OnTheMachine(errors, largest or errors, sound, diverged)
+
+
+TUNED, LOST = found(3e-6, 6e-6), found(3e-6, np.nan, diverged=True)
+NOTHING = OnTheMachine({}, {}, False, True)
+
+
+@pytest.fixture
+def designs(monkeypatch):
+    """Gives the bench these designs in place of identification and search."""
+
+    def give(*pairs):
+        waiting = iter([one for pair in pairs for one in pair])
+        monkeypatch.setattr(whole_way, "_tuned_on", lambda *_: next(waiting))
+        monkeypatch.setattr(whole_way, "hidden_record", lambda *_: None)
+        monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
+        monkeypatch.setattr(whole_way, "identify_machine", lambda *_: None)
+        monkeypatch.setattr(whole_way, "machine_fields", lambda *_: {})
+        monkeypatch.setattr(whole_way, "true_fields", lambda *_: {})
+
+    return give
+
+
+def test_ratios_of_the_mean_the_worst_contour_and_the_family(designs, capsys):
+    """Means 4.5 over 3, 3 over 1 on the circle, and the largest errors 8 over 5."""
+    most = {"circle": 8e-6, "square": 8e-6}
+    one = found(3e-6, 6e-6, most, sound=False)
+    designs((one, found(1e-6, 5e-6, {"circle": 5e-6, "square": 5e-6})))
+    result = measured(Bench(what="whole_way", seeds=1), lambda _: None)
+    (way,) = result.machines
+    assert (way.ratio, way.worst, way.family) == pytest.approx((1.5, 3.0, 1.6))
+    assert not way.sound and not way.diverged
+    show(console_of(), result)
     printed = capsys.readouterr().out
-    assert "1.500" in printed and "3.000" in printed and "yes" in printed
+    assert all(text in printed for text in ("1.500", "3.000", "1.600"))
 
 
-TUNED = OnTheMachine({"circle": 3e-6, "square": 6e-6}, True, False)
-LOST = OnTheMachine({"circle": 3e-6, "square": np.nan}, True, True)
-NOTHING = OnTheMachine({}, False, True)
+def test_no_error_counts_for_less_than_a_count(designs):
+    """Errors of nanometres, three times as large: no encoder shows the difference."""
+    designs((found(3e-9, 6e-9), found(1e-9, 2e-9)))
+    (way,) = measured(Bench(what="whole_way", seeds=1), lambda _: None).machines
+    assert way.ratio == pytest.approx(3.0) and way.counted == 1.0
+
+
+def test_machines_that_are_kept_are_not_run_again(designs, tmp_path):
+    designs((TUNED, TUNED), (LOST, TUNED), (NOTHING, TUNED))
+    path, told = tmp_path / "ways.csv", []
+    flags = Bench(what="whole_way", seeds=2, first_seed=3, keep=path)
+    before = measured(flags, told.append).machines
+    after = measured(replace(flags, seeds=3), told.append).machines
+    assert [way.seed for way in after] == [3, 4, 5] and len(told) == 3
+    assert str(after[:2]) == str(before)  # NaN is no other NaN
+    assert np.isinf(after[2].ratio) and after[2].diverged
 
 
 @pytest.mark.parametrize(
@@ -63,16 +105,9 @@ NOTHING = OnTheMachine({}, False, True)
         (TUNED, LOST, np.nan, np.nan),
     ],
 )
-def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, monkeypatch, capsys):
+def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, designs, capsys):
     """The bench goes on; NaN is not lost behind a number."""
-    designs = iter([identified, known])
-    monkeypatch.setattr(whole_way, "_tuned_on", lambda *_: next(designs))
-    monkeypatch.setattr(whole_way, "hidden_record", lambda *_: None)
-    monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
-    found = SimpleNamespace(gain=0.02, late=0)
-    monkeypatch.setattr(whole_way, "identify_machine", lambda *_: found)
-    monkeypatch.setattr(whole_way, "machine_fields", lambda *_: {})
-    monkeypatch.setattr(whole_way, "true_fields", lambda *_: {})
+    designs((identified, known))
     told = []
     result = measured(Bench(what="whole_way", seeds=1, first_seed=7), told.append)
     (way,) = result.machines
