@@ -27,6 +27,7 @@ from tuning.identification.linear.output_error import (
     solved,
     structure_of,
 )
+from tuning.identification.linear.triangles import triangle_of
 
 LAGS = 50  # of the autocorrelation in the covariance and in the test for whiteness
 POINTS = 120  # of a frequency response
@@ -199,8 +200,7 @@ def _left(columns: np.ndarray, right: np.ndarray) -> float:
     scale = np.sqrt((columns**2).sum(axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     both = np.concatenate([columns / scale, right[:, None]], axis=1)
-    triangle = np.asarray(np.linalg.qr(both, mode="r"))
-    return float(triangle[-1, -1] ** 2)
+    return float(triangle_of(both)[-1, -1] ** 2)
 
 
 def halves_apart(first: Response, second: Response, highest: float) -> float:

@@ -12,6 +12,8 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
+from tuning.identification.linear.triangles import triangle_of
+
 WHITE: Float[np.ndarray, " 1"] = np.ones(1)
 RIDGE = 1e-12  # of a column's squares: a residual of few tones has a filter too
 
@@ -77,7 +79,7 @@ def disturbance_filter(
     )
     scale = np.maximum(np.sqrt((columns**2).sum(axis=0)), np.finfo(float).tiny)
     both = np.column_stack([columns / scale, position[terms:]])
-    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    triangle = triangle_of(both)
     found, *_ = np.linalg.lstsq(triangle[:-1, :-1], triangle[:-1, -1], rcond=1e-12)
     return np.concatenate([[1.0], -(found / scale)[:terms]])
 

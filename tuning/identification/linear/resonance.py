@@ -25,6 +25,7 @@ from tuning.identification.linear.output_error import (
     shifted,
     solved,
 )
+from tuning.identification.linear.triangles import triangle_of
 
 FREQUENCIES = np.geomspace(0.05, 1.5, 13)  # [rad/sample]: 8 to 240 Hz of 1 kHz
 DAMPINGS = (0.05, 0.2)
@@ -82,7 +83,7 @@ def _numerators(
     columns = [shifted(answer, k) for k in range(1, m + most_delay + 1)]
     columns += [time**k for k in range(structure.integrators + 1)]
     both = np.stack([*columns, position], axis=1)[first:]
-    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    triangle = triangle_of(both)
     last = list(range(m + most_delay, len(columns)))
     for delay in range(most_delay + 1):
         chosen = triangle[:, [*range(delay, delay + m), *last]]
