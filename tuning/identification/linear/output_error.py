@@ -22,6 +22,7 @@ from scipy.signal import lfilter
 
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import WHITE, whitened
+from tuning.identification.linear.triangles import triangle_of
 
 ITERATIONS, HALVINGS = 40, 12
 SETTLED = 1e-10  # relative change of the loss
@@ -67,6 +68,32 @@ class Structure:
     zeros: int
     integrators: int
     delay: int
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A model on a record, and all that Gauss-Newton asks of it.
+
+    Attributes:
+        answer: of the model to the command and the drags (T,) [m].
+        before: columns of what no command of the record brings (T, l).
+        begin: sample from which commands before the record act no more.
+        model, drag, linear, errors, jacobian: as in `AxisFit`.
+    """
+
+    model: AxisModel
+    drag: np.ndarray
+    answer: np.ndarray
+    before: np.ndarray
+    begin: int
+    linear: np.ndarray
+    errors: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def loss(self) -> float:
+        """Mean square of the errors [m^2]."""
+        return float(np.mean(self.errors**2))
 
 
 @dataclass(frozen=True)
@@ -164,7 +191,8 @@ def simulated(
     drag: Float[np.ndarray, " s"] | None = None,
 ) -> AxisFit:
     """Any model on a record, without a fit but of the motion before it."""
-    return _evaluated(record, structure_of(model), filter_, model, drag, slopes=False)
+    trial = _evaluated(record, structure_of(model), filter_, model, drag, slopes=False)
+    return _finished(record, filter_, trial)
 
 
 def _equation_error(
@@ -193,32 +221,39 @@ def _refined(
     drag: np.ndarray | None,
 ) -> AxisFit:
     """Gauss-Newton from a start, every step halved until the loss falls."""
-    n, m = structure.poles, structure.zeros
-    fit = _evaluated(record, structure, filter_, start, drag)
+    best = _evaluated(record, structure, filter_, start, drag)
     fallen = 0
     for _ in range(iterations):
-        step = solved(fit.jacobian, -fit.errors)
-        scale = 1.0
-        for _ in range(HALVINGS):
-            a = fit.model.denominator + scale * step[:n]
-            if n == 0 or np.abs(np.roots(np.concatenate([[1.0], a]))).max() < STABLE:
-                model = replace(
-                    fit.model,
-                    denominator=a,
-                    numerator=fit.model.numerator + scale * step[n : n + m],
-                )
-                drag = fit.drag + scale * step[n + m : n + m + len(fit.drag)]
-                tried = _evaluated(record, structure, filter_, model, drag)
-                if tried.loss < fit.loss:
-                    break
-            scale /= 2
-        else:
-            return fit
-        fallen = fallen + 1 if tried.loss > (1 - SETTLED) * fit.loss else 0
-        fit = tried
+        tried = _stepped(record, structure, filter_, best)
+        if tried is None:
+            break
+        fallen = fallen + 1 if tried.loss > (1 - SETTLED) * best.loss else 0
+        best = tried
         if fallen >= 2:
-            return fit
-    return fit
+            break
+    return _finished(record, filter_, best)
+
+
+def _stepped(
+    record: AxisRecord, structure: Structure, filter_: np.ndarray, before: _Trial
+) -> _Trial | None:
+    """A step that is stable and lets the loss fall; None where none does, or would by a trace."""
+    n, m = structure.poles, structure.zeros
+    step, model = solved(before.jacobian, -before.errors), before.model
+    expected = before.jacobian @ step  # the loss falls by its square if the model is linear
+    if expected @ expected < SETTLED * (before.errors @ before.errors):
+        return None
+    for halving in range(HALVINGS):
+        part = 0.5**halving * step
+        a = model.denominator + part[:n]
+        if n > 0 and np.abs(np.roots(np.concatenate([[1.0], a]))).max() >= STABLE:
+            continue
+        moved = replace(model, denominator=a, numerator=model.numerator + part[n : n + m])
+        drag = before.drag + part[n + m : n + m + len(before.drag)]
+        tried = _evaluated(record, structure, filter_, moved, drag)
+        if tried.loss < before.loss:
+            return tried
+    return None
 
 
 def _evaluated(
@@ -228,7 +263,7 @@ def _evaluated(
     model: AxisModel,
     drag: np.ndarray | None,
     slopes: bool = True,
-) -> AxisFit:
+) -> _Trial:
     """Model on a record: the motion before it by least squares, then errors and slopes."""
     below = np.concatenate([[1.0], model.denominator])
     above = np.concatenate([[0.0], model.numerator])
@@ -239,14 +274,14 @@ def _evaluated(
     answer = whitened(drive, above)
     begin = structure.zeros + model.delay  # what commands before the record still bring is over
     first = begin + len(filter_) - 1
-    before = _before(below, structure, len(drive), begin)
-    seen = np.stack([whitened(one, filter_) for one in before.T], axis=1)[first:]
-    moved = record.position - record.position[0]
-    missed = whitened(moved - answer, filter_)[first:]
+    free, grown = _before(below, structure, len(drive), begin)
+    seen = _side_by_side(
+        whitened(free, filter_), [whitened(one, filter_) for one in grown], structure
+    )
+    seen = seen[first:]
+    missed = whitened(record.position - record.position[0] - answer, filter_)[first:]
+    before = _side_by_side(free, grown, structure)
     linear = solved(seen, missed)
-    residual = moved - answer - before @ solved(before[begin:], (moved - answer)[begin:])
-    residual[:begin] = 0.0
-    output = record.position - residual
     errors = missed - seen @ linear
     jacobian = np.zeros((len(errors), 0))
     if slopes:
@@ -256,17 +291,40 @@ def _evaluated(
         parts += [-shifted(drive, i)[first:] for i in range(1, structure.zeros + 1)]
         parts += [-whitened(whitened(one, above), filter_)[first:] for one in drags]
         jacobian = np.concatenate([np.stack(parts, axis=1), -seen], axis=1)
-    return AxisFit(model, drag, linear, filter_, output, residual, errors, jacobian)
+    return _Trial(model, drag, answer, before, begin, linear, errors, jacobian)
 
 
-def _before(below: np.ndarray, structure: Structure, rows: int, begin: int) -> np.ndarray:
-    """Columns of what no command of the record brings: pulses behind 1 / A, and a polynomial."""
+def _finished(record: AxisRecord, filter_: np.ndarray, trial: _Trial) -> AxisFit:
+    """The model with what it leaves of the position, the motion before the record fitted to it."""
+    before, begin = trial.before, trial.begin
+    left = record.position - record.position[0] - trial.answer
+    residual = left - before @ solved(before[begin:], left[begin:])
+    residual[:begin] = 0.0
+    return AxisFit(
+        trial.model,
+        trial.drag,
+        trial.linear,
+        filter_,
+        record.position - residual,
+        residual,
+        trial.errors,
+        trial.jacobian,
+    )
+
+
+def _before(
+    below: np.ndarray, structure: Structure, rows: int, begin: int
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """What no command of the record brings: a pulse behind 1 / A, and powers of the time."""
     pulse = np.zeros(rows)
     pulse[begin] = 1.0
-    free, time = _filtered(below, pulse), np.linspace(-1, 1, rows)
-    columns = [shifted(free, j) for j in range(structure.poles)]
-    columns += [time**j for j in range(structure.integrators + 1)]
-    return np.stack(columns, axis=1)
+    time = np.linspace(-1, 1, rows)
+    return _filtered(below, pulse), [time**j for j in range(structure.integrators + 1)]
+
+
+def _side_by_side(free: np.ndarray, grown: list[np.ndarray], structure: Structure) -> np.ndarray:
+    """Columns: the pulse's answer, once for every pole and each a sample later, and the powers."""
+    return np.stack([*(shifted(free, j) for j in range(structure.poles)), *grown], axis=1)
 
 
 def driven(command: Float[np.ndarray, " T"], structure: Structure) -> Float[np.ndarray, " T"]:
@@ -292,8 +350,7 @@ def solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Least squares over columns of any size; a column of zeros gets zero."""
     scale = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     scale = np.where(scale > 0, scale, 1.0)
-    triangle = np.linalg.qr(np.concatenate([columns / scale, right[:, None]], axis=1), mode="r")
-    both = np.asarray(triangle)
+    both = triangle_of(np.concatenate([columns / scale, right[:, None]], axis=1))
     found, *_ = np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=1e-14)
     return found / scale
 
