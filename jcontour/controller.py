@@ -55,8 +55,8 @@ class Controller(eqx.Module):
         """Model that the controller is designed on; None for one without a model."""
         return None
 
-    def unlimited(self) -> "Controller":
-        """The controller that margins are of: without limits that it plans for, if it has any."""
+    def without_planned_limits(self) -> "Controller":
+        """The controller without limits that it plans for, if it has any: margins are of that."""
         return self
 
 
@@ -74,9 +74,10 @@ class Wrapper(Controller):
         """Plan of the wrapped controller."""
         return self.controller.prepare(reference)
 
-    def unlimited(self) -> Controller:
-        """Wrapper around the controller without its limits."""
-        return eqx.tree_at(lambda one: one.controller, self, self.controller.unlimited())
+    def without_planned_limits(self) -> Controller:
+        """Wrapper around the controller without them."""
+        free = self.controller.without_planned_limits()
+        return eqx.tree_at(lambda one: one.controller, self, free)
 
 
 def whole_preview(preview: float | int) -> int:

@@ -160,7 +160,7 @@ def linear_law(
 
     One that plans for limits is linearised without them: at a limit there is no loop.
     """
-    controller = controller.unlimited()
+    controller = controller.without_planned_limits()
     moving, fixed = eqx.partition(memory, eqx.is_inexact_array)
     seen, unseen = eqx.partition(measurement, eqx.is_inexact_array)
 
@@ -182,7 +182,12 @@ def _slope(function: Any, inputs: Any) -> Float[Array, "outputs inputs"]:
 
 
 def unlimited(module: Any) -> Any:
-    """The same plant or controller with every field `limit` (or `..._limit`) infinite."""
+    """The same plant or controller without limits.
+
+    A controller plans for none, and every field `limit` (or `..._limit`) is infinite.
+    """
+    if isinstance(module, Controller):
+        module = module.without_planned_limits()
 
     def without(path, leaf):
         name = getattr(path[-1], "name", "") if path else ""

@@ -27,7 +27,7 @@ from jcontour.controllers.observers.kalman import (
 )
 from jcontour.export.drive_law import Correction, DriveLaw, DrivePlan, drive_plan, some
 from jcontour.guarantees.affine import NotAffine
-from jcontour.guarantees.disturbed_loop import check_linear_controller
+from jcontour.guarantees.disturbed_loop import check_linear_controller, check_planless
 from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout, prepared
@@ -63,6 +63,7 @@ def linear_form(
     Raises:
         NotAffine: the controller has no linear form; the message names the operation.
     """
+    check_planless(controller)
     plan = prepared(controller, reference)
     if isinstance(controller, Observer) and not jax.tree.leaves(run.memory.inner):
         return _observed(controller, reference, plan)

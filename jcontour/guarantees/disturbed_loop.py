@@ -132,6 +132,7 @@ def check_linear(plant: Plant, controller: Controller, reference: Reference) -> 
         ValueError: as `simulate`.
     """
     check_run(plant, controller, reference)
+    check_planless(controller)
     plant, controller = unlimited(plant), unlimited(controller)
     plan = eqx.filter_eval_shape(controller.prepare, reference)
     row = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), plan)
@@ -146,6 +147,15 @@ def check_linear(plant: Plant, controller: Controller, reference: Reference) -> 
         return plant.step(state, control), plant.output(state), plant.measure(state)
 
     _check(plant, driven, row, (state, control))
+
+
+def check_planless(controller: Controller) -> None:
+    """Raise NotAffine where a controller plans for limits, whether they are reached or not."""
+    if not eqx.tree_equal(controller, controller.without_planned_limits()):
+        raise NotAffine(
+            f"{type(controller).__name__}: it plans for limits, with a quadratic program at every "
+            "sample"
+        )
 
 
 def check_linear_controller(

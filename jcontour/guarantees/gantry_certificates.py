@@ -29,6 +29,7 @@ from jcontour.guarantees.disturbed_loop import (
     Box,
     DisturbedLoop,
     check_linear_controller,
+    check_planless,
     loop_along,
 )
 from jcontour.guarantees.gained_loops import received_rows
@@ -74,6 +75,7 @@ def gantry_certificate(
     """
     plant = Sensed(gantry, sensors)
     check_run(plant, controller, reference)
+    check_planless(controller)
     free = unlimited(controller)
     plan = prepared(free, reference)
     run = simulate(plant, free, reference)

@@ -79,12 +79,12 @@ class LimitRows(eqx.Module):
         beside: what is beside the state: the last control, the last output.
     """
 
-    D: Float[np.ndarray, "r v"]
-    load: Float[np.ndarray, "r p"]
-    lower: Float[np.ndarray, "N r"]
-    upper: Float[np.ndarray, "N r"]
-    soft: Bool[np.ndarray, " r"]
-    size: Float[np.ndarray, " r"]
+    D: Float[Array | np.ndarray, "r v"]
+    load: Float[Array | np.ndarray, "r p"]
+    lower: Float[Array | np.ndarray, "N r"]
+    upper: Float[Array | np.ndarray, "N r"]
+    soft: Bool[Array | np.ndarray, " r"]
+    size: Float[Array | np.ndarray, " r"]
     beside: tuple[bool, bool] = eqx.field(static=True)
 
     def none(self) -> "LimitRows":
@@ -147,7 +147,7 @@ class ConstrainedLQ(Controller):
         """Model that it is designed on."""
         return self.model
 
-    def unlimited(self) -> "ConstrainedLQ":
+    def without_planned_limits(self) -> "ConstrainedLQ":
         """The same with nothing in its way: `ContouringLQ`, with the memory of this one."""
         return eqx.tree_at(lambda one: one.rows, self, self.rows.none())
 

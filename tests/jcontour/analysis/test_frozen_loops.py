@@ -4,6 +4,9 @@ import pytest
 
 from jcontour.analysis.frozen_loops import frozen_loop, unlimited
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
+from jcontour.controllers.lq.contouring_lq import LQWeights
+from jcontour.mpc.constrained_lq import ConstrainedLQ
+from jcontour.mpc.limits import Limits
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.plants.wrappers.saturation import Saturated
@@ -55,3 +58,11 @@ def test_limits_are_lifted_and_nothing_else(linear_machine):
     assert np.isinf(plant.limit).all() and (plant.plant.A == A).all()
     cascade = unlimited(Cascade(CascadeGains(1.0, 2.0, 3.0), motors(2), 1e-3, limit=5.0))
     assert np.isinf(cascade.limit) and cascade.gains.integral_time == 3.0
+
+
+def test_limits_that_are_planned_for_are_lifted(linear_machine):
+    model = linear_machine(*matrices((4, 4), (4, 2), (2, 4)))
+    limits = Limits.within(control=1.0, speed=2.0)
+    planning = ConstrainedLQ(model, LQWeights(3.0, 5.0, 2e-9), 3, limits)
+    assert len(planning.rows.D) == 4
+    assert len(unlimited(planning).rows.D) == 0

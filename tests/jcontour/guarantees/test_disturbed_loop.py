@@ -6,10 +6,13 @@ import pytest
 
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
+from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import polygon
 from jcontour.guarantees.affine import NotAffine
-from jcontour.guarantees.disturbed_loop import Box, UnstableLoop, disturbed_loop
+from jcontour.guarantees.disturbed_loop import Box, UnstableLoop, check_planless, disturbed_loop
 from jcontour.motion.references import along
+from jcontour.mpc.constrained_lq import ConstrainedLQ
+from jcontour.mpc.limits import Limits
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
@@ -72,6 +75,15 @@ def test_the_matrices_predict_a_disturbed_run(two_axes, name):
 def test_a_controller_that_is_not_linear_is_told(two_axes):
     with pytest.raises(NotAffine, match="OnPosition: its step is not linea"):
         disturbed_loop(Encoders(two_axes), OnPosition(law="cubic"), run_on(two_axes))
+
+
+def test_limits_that_are_planned_for_are_told(two_axes):
+    limited = ConstrainedLQ(two_axes, LQWeights(3.0, 5.0, 2e-9), 2, Limits.within(control=1e9))
+    filtered = FilterObserver(limited, two_axes, gain=kalman_gain(two_axes, 0.1, 1e-6))
+    for controller, name in ((limited, "ConstrainedLQ"), (filtered, "FilterObserver")):
+        with pytest.raises(NotAffine, match=f"{name}: it plans for limits"):
+            check_planless(controller)
+        check_planless(controller.without_planned_limits())
 
 
 def test_counting_encoders_are_told(two_axes):
