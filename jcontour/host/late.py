@@ -27,11 +27,16 @@ class OneSampleLate(HostWrapper):
 
     def __init__(self, controller: HostController, model: LinearPlant):
         super().__init__(controller)
-        self.inputs = model.inputs
+        self.model = model
 
     def initial_memory(self, reference: Reference) -> LateMemory:
-        """Nothing on its way to the machine."""
-        return LateMemory(self.controller.initial_memory(reference), np.zeros(self.inputs))
+        """The control that holds the machine at the start on its way, as in `Delayed`.
+
+        Raises:
+            ValueError: as `LinearPlant.holding_control`, or what the wrapped controller raises.
+        """
+        held = np.asarray(self.model.holding_control(reference.position[0]))
+        return LateMemory(self.controller.initial_memory(reference), held)
 
     def enter(self, memory: LateMemory, measurement: Any) -> np.ndarray:
         """The state, and the control that acts now."""

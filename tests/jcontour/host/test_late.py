@@ -3,6 +3,8 @@ import numpy as np
 from jcontour.geometry.contours import circle
 from jcontour.host.controller import HostController, StepReport
 from jcontour.host.late import OneSampleLate
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along
 from jcontour.plants.xy_table import xy_table
 
@@ -32,3 +34,16 @@ def test_one_sample_late_is_late_by_one_sample():
         memory, control, _ = late.step(memory, None, np.zeros(1))
         acted.append(control[0])
     assert acted == [0, 1, 2, 3, 4]
+
+
+def test_drives_that_take_a_position_are_held_where_the_run_begins():
+    """y = 2 u at rest: half of the place is on its way, and is what the controller is told."""
+    drives = LinearPlant(np.diag([0.9, 0.8]), np.diag([0.2, 0.4]), np.eye(2), 1e-3)
+    model = with_input_delay(drives, 1)
+    path = along(circle(1e-2), np.zeros(5), model.dt, 0, at_rest=True)
+    late = OneSampleLate(Counting(), model)
+    waiting = late.initial_memory(path).waiting
+    np.testing.assert_allclose(waiting, np.asarray(path.position[0]) / 2, rtol=1e-12, atol=1e-15)
+    assert np.any(waiting != 0)
+    state = np.asarray(model.initial_state(path.position[0], np.zeros(2)))
+    np.testing.assert_allclose(late.enter(late.initial_memory(path), state[:2]), state, rtol=1e-12)
