@@ -12,8 +12,10 @@ const run = () => RUNS[state.run];
 const contour = () => run().contours[state.contour];
 const colour = (design) => START[run().designs[design]] || COLOURS[(design + 1) % COLOURS.length];
 
+// A loop: `Uint8Array.from` would call back for every byte, most of the time of a new contour.
 function numbers(packed) {
-  const bytes = Uint8Array.from(atob(packed.f32), (letter) => letter.charCodeAt(0));
+  const letters = atob(packed.f32), bytes = new Uint8Array(letters.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = letters.charCodeAt(k);
   return new Float32Array(bytes.buffer);
 }
 
