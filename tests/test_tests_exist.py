@@ -16,6 +16,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/geometry/gcode": "jcontour/geometry/test_gcode.py",
     # what readers of drawings are made of
     "jcontour/geometry/drawings": "jcontour/geometry/drawings/test_dxf.py",
+    "jcontour/analysis/loop_slopes.py": "jcontour/analysis/test_peak_search.py",
     # loops for the CPU, beside what they do faster
     "jcontour/native/staged.py": "jcontour/qp/test_native.py",
     "jcontour/native/one_sided.py": "jcontour/qp/test_native.py",

@@ -13,6 +13,7 @@ from jcontour.analysis.late_loops import late_measures
 from jcontour.analysis.peak_search import loop_measures
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import LoopPeaks, encoding_of, frozen_family
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -64,17 +65,26 @@ class ProbedLoops(Loops):
         windows: `probe_windows(...)`.
         encoding: how the sensors of the family show positions.
         more: samples of delay that the loops are looked at with as well; none for 0.
+        doubt: how far off the response of the plants may be; nothing is said of it for None.
     """
 
     windows: Reference
     encoding: Encoding
     more: int = eqx.field(static=True, default=0)
+    doubt: Doubt | None = None
 
     @classmethod
-    def of(cls, plants: Plant, references: Reference, count: int, more: int = 0) -> "ProbedLoops":
+    def of(
+        cls,
+        plants: Plant,
+        references: Reference,
+        count: int,
+        more: int = 0,
+        doubt: Doubt | None = None,
+    ) -> "ProbedLoops":
         """Probes of stacked references, `count` for each."""
         windows = probe_windows(references, count)
-        return cls(windows, encoding_of(plants, windows), more)
+        return cls(windows, encoding_of(plants, windows), more, doubt)
 
     def matrices(self, controller: Controller, plants: Plant) -> FrozenLoop:
         """Frozen loops of every probe and plant."""
@@ -82,7 +92,7 @@ class ProbedLoops(Loops):
 
     def look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
         """Peaks of the sensitivities, and the radius with more delay."""
-        values, gradients = loop_measures(matrices, self.encoding)
+        values, gradients = loop_measures(matrices, self.encoding, self.doubt)
         change = _along(gradients, slopes, "...mij,...ijd->...md")
         peaks = LoopPeaks(*np.moveaxis(values, -1, 0))
         moved = LoopPeaks(*np.moveaxis(change, -2, 0))

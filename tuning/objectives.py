@@ -42,6 +42,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "peak_sensitivity": "sensitivity",
     "peak_complementary_sensitivity": "complementary",
     "spectral_radius": "spectral_radius",
+    "response_doubt": "doubt",
 }
 LATE = "late_radius"
 RATIO = "error_ratio"
@@ -170,7 +171,8 @@ class AtMost(eqx.Module):
     ('rms_increment', 'peak_sensitivity')
 
     Names are those of `Metrics`, `peak_sensitivity`, `peak_complementary_sensitivity` and
-    `spectral_radius` of the loops, `late_radius` for the largest spectral radius with more delay,
+    `spectral_radius` of the loops, `response_doubt` for what is not known of the response (1 is all
+    that a loop bears), `late_radius` for the largest spectral radius with more delay,
     `error_ratio` for the RMS error over that of `before`, and `speed_use`, `acceleration_use`,
     `control_use`, `increment_use`: 1 is all that the machine has; `certified_control_use` is that
     of the largest control under bounded disturbances.

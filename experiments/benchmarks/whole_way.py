@@ -209,12 +209,13 @@ def _over(identified: float, true: float) -> float:
 
 
 def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[str, Any]:
-    """The machine file with the true model: its own states and delays."""
+    """The machine file with the true model: its own states and delays, nothing doubted of them."""
     models = [true_model(one) for one in axes]
     shared = min(one.delay for one in models)
     parts = [one.realisation(one.delay - shared) for one in models]
     A, B, C = (np.asarray(block_diag(*three)).tolist() for three in zip(*parts, strict=True))
     model = {"A": A, "B": B, "C": C, "known_delay": shared}
+    model["uncertainty"] = {name: fields["uncertainty"][name] for name in ("gain", "delay")}
     return fields | model | {"encoder_resolution": min(one.count for one in axes)}
 
 

@@ -137,6 +137,7 @@ def _first_loop(machine: LinearMachine) -> tuple[np.ndarray, float]:
             jnp.asarray(np.array(gains)),
             family,
             straight_windows(machine, 1),
+            machine.doubt,
         )
     )
     kept = np.flatnonzero(peaks <= SENSITIVITY)

@@ -210,7 +210,11 @@ def first_cascade(machine: LinearMachine) -> dict[str, Gain]:
     family = stack_plants(machine.smooth_family())
     peaks = np.asarray(
         sensitivity_peaks(
-            lambda gains: cascade(machine, gains), stacked, family, straight_windows(machine, 1)
+            lambda gains: cascade(machine, gains),
+            stacked,
+            family,
+            straight_windows(machine, 1),
+            machine.doubt,
         )
     )
     kept = np.flatnonzero(peaks <= SENSITIVITY)

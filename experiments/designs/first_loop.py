@@ -27,6 +27,7 @@ from experiments.machines.machine import Fed
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import encoding_of, frozen_family, host_peaks
+from jcontour.analysis.uncertain_loops import BORNE, Doubt
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.motion.references import Reference, along
@@ -59,7 +60,7 @@ def first_loop(
     family = stack_plants(machine.smooth_family(fed))
     stacked = jax.tree.map(lambda *values: jnp.stack([jnp.asarray(v) for v in values]), *series)
     peaks = np.asarray(
-        sensitivity_peaks(build, stacked, family, straight_windows(machine, preview))
+        sensitivity_peaks(build, stacked, family, straight_windows(machine, preview), machine.doubt)
     )
     kept = np.flatnonzero(peaks <= SENSITIVITY)
     return series[kept[0] if kept.size else int(np.argmin(peaks))]
@@ -113,11 +114,17 @@ def straight_windows(machine: LinearMachine, preview: int) -> Reference:
     return probe_windows(stack_references(runs), 1)
 
 
-def sensitivity_peaks(build, series, family: Plant, windows: Reference) -> np.ndarray:
-    """Largest peak sensitivity of every loop of the series, weights with a leading axis."""
+def sensitivity_peaks(
+    build, series, family: Plant, windows: Reference, doubt: Doubt | None = None
+) -> np.ndarray:
+    """Largest peak sensitivity of every loop of the series, weights with a leading axis.
+
+    What a doubt of the response uses up counts alike: `SENSITIVITY` is its bound, too.
+    """
     loops = jax.device_get(_loops(build, series, family, windows))
-    peaks = host_peaks(loops, encoding_of(family, windows))
-    return np.max(peaks.sensitivity, axis=(1, 2))
+    peaks = host_peaks(loops, encoding_of(family, windows), doubt)
+    used = np.maximum(peaks.sensitivity, SENSITIVITY * np.asarray(peaks.doubt) / BORNE)
+    return np.max(used, axis=(1, 2))
 
 
 @eqx.filter_jit

@@ -17,7 +17,9 @@ A JSON object, or an npz with the same names (`limits.speed` for what is nested)
     into the model (default 0)
     uncertainty          optional: gain (0.1: each input gain is known to 10 %; of a drive that
                          takes a position, for moves from where the part begins), delay (most
-                         further samples of delay)
+                         further samples of delay), response: how far off the frequency response
+                         may be, as {"hertz": [1, 10, 100], "relative": [[...], [...]]}, one row
+                         |G_true / G - 1| per axis. Tuned loops stay stable for twice as much
     encoder_resolution   [length] per count; 0.8 um when not given
     control_noise        [control unit] standard deviation that the Kalman filter assumes on each
     control;
@@ -44,6 +46,7 @@ from experiments.files.checks import METRES, MachineError
 from experiments.machines.flexible_axis import flexible_machine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine, MachineLimits
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.plant import LinearPlant, steady_motion
 from jcontour.linear.transformations import with_input_delay
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION
@@ -160,7 +163,9 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
     model = with_input_delay(plant, known_delay)
     _check_motion(model)
     limits = _limits(fields.get("limits", {}), metre, plant)
-    uncertainty = checks.mapping("uncertainty", fields.get("uncertainty", {}), {"gain", "delay"})
+    uncertainty = checks.mapping(
+        "uncertainty", fields.get("uncertainty", {}), {"gain", "delay", "response"}
+    )
     gain = checks.number("uncertainty.gain", uncertainty.get("gain", 0.0), least=0.0)
     if gain >= 1:
         raise MachineError(f"uncertainty.gain: needs a fraction below 1, received {gain:g}")
@@ -184,6 +189,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         checks.whole("uncertainty.delay", uncertainty.get("delay", 0), MOST_DELAY),
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
+        response_doubt=_doubt(uncertainty.get("response"), plant),
     )
 
 
@@ -239,6 +245,28 @@ def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
             for key in given
         }
     )
+
+
+def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:
+    """What a file says of the response; a frequency in rad per sample."""
+    if value is None:
+        return None
+    name = "uncertainty.response"
+    given = checks.mapping(name, value, {"hertz", "relative"})
+    if set(given) != {"hertz", "relative"}:
+        raise MachineError(
+            f"{name}: needs hertz and relative, received {', '.join(given) or 'none'}"
+        )
+    hertz = np.ravel(checks.matrix(f"{name}.hertz", [given["hertz"]]))
+    relative = checks.matrix(f"{name}.relative", given["relative"])
+    highest = 1 / (2 * plant.dt)
+    if not (hertz[0] > 0 and np.all(np.diff(hertz) > 0) and hertz[-1] <= highest):
+        raise MachineError(f"{name}.hertz: needs rising frequencies above 0, up to {highest:g} Hz")
+    if relative.shape != (plant.axes, hertz.size) or relative.min() < 0:
+        raise MachineError(
+            f"{name}.relative: needs {plant.axes} rows of {hertz.size} numbers of at least 0"
+        )
+    return Doubt(2 * np.pi * plant.dt * hertz, relative.T)
 
 
 def _check_modes(A, B, C) -> None:

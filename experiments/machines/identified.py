@@ -14,6 +14,8 @@ from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
 from tuning.identification.linear.order_search import TELLS
 
 ROUGH = 4  # windows over which the largest acceleration is taken
+THINNED = 4  # frequencies of the intervals for one of the file
+UNKNOWN = 100.0  # |G_true / G - 1| that stands for more
 HIGH = 99.9  # percentile that counts as the largest: encoders have outliers
 
 
@@ -34,9 +36,24 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "C": np.asarray(plant.C).tolist(),
         "limits": largest(found),
         "known_delay": found.known_delay,
-        "uncertainty": {"gain": found.gain, "delay": found.late},
+        "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
         "encoder_resolution": min(one.resolution for one in found.axes),
     }
+
+
+def _doubt(found: LinearMachineFound) -> dict[str, list]:
+    """Intervals of the responses at a few frequencies, the largest around each."""
+    frequency = found.axes[0].response.frequency
+    kept = frequency[::THINNED]
+    edges = np.sqrt(kept[1:] * kept[:-1])
+    rows = []
+    for one in found.axes:
+        width = np.interp(
+            np.log(frequency), np.log(one.response.frequency), one.response.half_width
+        )
+        parts = np.split(np.minimum(width, UNKNOWN), np.searchsorted(frequency, edges))
+        rows.append([float(f"{part.max():.3g}") for part in parts])
+    return {"hertz": [float(f"{one:.4g}") for one in kept], "relative": rows}
 
 
 def largest(found: LinearMachineFound) -> dict[str, list[float]]:

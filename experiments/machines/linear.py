@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.machines.count_noise import rounding_noise
 from experiments.machines.machine import Fed, Hosted, Machine, MachineLimits, Usual
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
@@ -49,6 +50,7 @@ class LinearMachine(Machine):
         with_friction: the machine that a controller of a given period [s] meets on the host, where
             that is another than the model.
         contours: what the commands run on it.
+        response_doubt: how far off the response may be beside gains and delays.
     """
 
     known_delay: int
@@ -59,6 +61,12 @@ class LinearMachine(Machine):
     published: Mapping[str, float] | None = None
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL
+    response_doubt: Doubt | None = None
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """What the machine file says of the response."""
+        return self.response_doubt
 
     @property
     def nonsmooth_effects(self) -> str:

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from experiments.video.film import FilmMaker
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.linear.plant import LinearPlant
 from jcontour.plant import Plant
 
@@ -110,6 +111,11 @@ class Machine(abc.ABC):
     @property
     def resolution(self) -> float | None:
         """Length of a count of the encoders [m]; None where nothing is counted."""
+        return None
+
+    @property
+    def doubt(self) -> Doubt | None:
+        """How far off the response may be, beside the family; None where nothing is said."""
         return None
 
     @property

@@ -91,9 +91,24 @@ class Responses(NamedTuple):
                 T = (self.encoding.read @ P) @ (S @ (K @ self.encoding.at(z)))
                 pairs.append((T + np.eye(T.shape[-1]), T))
             curves = [
-                np.maximum.reduce([_norm(G) for G in both]) for both in zip(*pairs, strict=True)
+                np.maximum.reduce([largest_singular(G) for G in both])
+                for both in zip(*pairs, strict=True)
             ]
         return np.nan_to_num(np.stack(np.broadcast_arrays(*curves), axis=-1), posinf=0.0)
+
+    def control_complementary(
+        self, frequency: Float[np.ndarray, "*any F"]
+    ) -> Complex[np.ndarray, "*loops F p p"]:
+        """T_u = (I - K P)^-1 K P, what a disturbance of the control comes to in the control.
+
+        Args:
+            frequency: [rad per sample].
+        """
+        z = np.exp(1j * frequency)
+        with np.errstate(all="ignore"):  # on a pole of plant or controller
+            P, K = self.plant.response(z), self.D[..., None, :, :] + self.law.response(z)
+            one = np.eye(K.shape[-2])
+            return _inverse(one - K @ P) - one
 
 
 def _unrepeated(part: Any) -> Any:
@@ -116,7 +131,7 @@ def _inverse(G: Complex[np.ndarray, "*any p p"]) -> Complex[np.ndarray, "*any p 
     return adjugate / (a * d - b * c)[..., None, None]
 
 
-def _norm(G: Complex[np.ndarray, "*any p p"]) -> Float[np.ndarray, "*any"]:
+def largest_singular(G: Complex[np.ndarray, "*any p p"]) -> Float[np.ndarray, "*any"]:
     """Largest singular value, in closed form up to 2 x 2."""
     if G.shape[-1] == 1:
         return np.abs(G[..., 0, 0])

@@ -15,7 +15,9 @@ from jaxtyping import Bool, Complex, Float
 
 from jcontour.analysis.frequency_response import Encoding, Responses
 from jcontour.analysis.frozen_loops import FrozenLoop, LinearLaw, LinearMachine, blocks
-from jcontour.analysis.spectral import dominant, real_outer, times
+from jcontour.analysis.loop_slopes import Ends, slope_of, turned
+from jcontour.analysis.spectral import dominant, times
+from jcontour.analysis.uncertain_loops import Doubt, doubt_measure
 
 # [rad per sample]; the first stands for 0, where integrators have no response
 GRID = np.pi * np.concatenate([[1e-7], np.geomspace(1e-4, 0.2, 28), np.linspace(0.2, 1, 17)[1:]])
@@ -23,7 +25,7 @@ REFINED = 4  # highest points of the grid that are refined: the highest may lie 
 WIDEST = 0.02  # half a bracket around the angle of a pair of poles, in the logarithm
 SPREAD = 0.05  # of a bracket, about the vertex of its parabola: it shrinks to a tenth each time
 NARROWED = 4  # brackets of the highest peak after the first
-MEASURES = 3  # peak of S, peak of T, spectral radius
+MEASURES = 4  # peak of S, peak of T, spectral radius, peak of W T
 
 
 class Brackets(NamedTuple):
@@ -39,9 +41,9 @@ class Brackets(NamedTuple):
 
 
 def loop_measures(
-    loop: FrozenLoop, encoding: Encoding
-) -> tuple[Float[np.ndarray, "*loops 3"], FrozenLoop]:
-    """Peak of S, peak of T and spectral radius of a batch of loops, and their slopes.
+    loop: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None
+) -> tuple[Float[np.ndarray, "*loops 4"], FrozenLoop]:
+    """Peak of S, peak of T, spectral radius and peak of W T of a batch of loops, and their slopes.
 
     A loop that is not stable has infinite peaks with slope 0; one that is not finite has an
     infinite radius, too.
@@ -49,9 +51,10 @@ def loop_measures(
     Args:
         loop: batched in front; plant and controller may have different batches that go together.
         encoding: how the sensors show positions.
+        doubt: W, how far off the response of the plant may be; without it W T is 0.
 
     Returns:
-        Values, and their derivatives with respect to the matrices of the loop (*loops, 3, ...).
+        Values, and their derivatives with respect to the matrices of the loop (*loops, 4, ...).
     """
     loop = FrozenLoop(
         LinearMachine(*(np.asarray(matrix, float) for matrix in loop.machine)),
@@ -62,14 +65,26 @@ def loop_measures(
     M = np.asarray(loop.cut().closed())
     poles, radius, left, right = dominant(M)
     stable = finite & (radius < 1)
-    size = np.where(finite, radius, np.inf), _only(_slope(loop, left, right), finite)
+    size = np.where(finite, radius, np.inf), _only(slope_of(loop, left, right), finite)
     found = [*_peaks(loop, encoding, M, poles, stable), size]
+    found.append(_doubted(loop, encoding, M, poles, stable, doubt))
     values = np.stack([value for value, _ in found], axis=-1)
     matrices = [
         [np.stack(three, axis=-3) for three in zip(*parts, strict=True)]
         for parts in zip(*(slope for _, slope in found), strict=True)
     ]
     return values, FrozenLoop(LinearMachine(*matrices[0]), LinearLaw(*matrices[1]))
+
+
+def _doubted(loop, encoding, M, poles, stable, doubt: Doubt | None):
+    """Peak of W T and its slope; 0 without a doubt."""
+    if doubt is None:
+        still = np.zeros(M.shape[:-1])
+        return np.zeros(stable.shape), slope_of(loop, still, still)
+    places = np.exp(_places(np.where(stable[..., None], poles, 0.0)))
+    kept = np.where(stable[..., None, None], M, 0.0)
+    size, slope = doubt_measure(loop, kept, Responses.of(loop, encoding), places, doubt)
+    return np.where(stable, size, np.inf), _only(slope, stable)
 
 
 def _peaks(loop: FrozenLoop, encoding: Encoding, M, poles, stable: Bool[np.ndarray, "*loops"]):
@@ -205,9 +220,9 @@ def _top(loop: FrozenLoop, M, encoding: Encoding, z: Complex[np.ndarray, "*loops
         np.where(larger[..., None], *both) for both in zip(of_input[1:], of_output[1:], strict=True)
     )
     right = times(resolvent, times(entry, v))
-    left = times(_turned(exit @ resolvent), u)
+    left = times(turned(exit @ resolvent), u)
     ends = Ends(v[..., :p], times(J, v[..., p:]), u[..., :p], times(encoding.read.T, u[..., p:]))
-    return size, _slope(loop, left, right, ends)
+    return size, slope_of(loop, left, right, ends)
 
 
 def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
@@ -223,50 +238,6 @@ def _singular(T: Complex[np.ndarray, "*loops s s"], rows: slice, one: int):
     U, heights, V = np.linalg.svd(block + one * np.eye(size))
     u[..., rows], v[..., rows] = np.conj(U[..., 0]), np.conj(V[..., 0, :])
     return heights[..., 0], u, v
-
-
-class Ends(NamedTuple):
-    """Where a disturbance comes into a loop, and what of its answer counts, by weights.
-
-    Attributes:
-        control: added to the control.
-        reading: added to what the controller reads.
-        of_control: weights of the control.
-        of_reading: weights of what the sensors show.
-    """
-
-    control: Complex[np.ndarray, "*loops p"]
-    reading: Complex[np.ndarray, "*loops q"]
-    of_control: Complex[np.ndarray, "*loops p"]
-    of_reading: Complex[np.ndarray, "*loops q"]
-
-
-NO_ENDS = Ends(*[np.zeros(())] * 4)
-
-
-def _slope(loop: FrozenLoop, left, right, ends: Ends = NO_ENDS) -> FrozenLoop:
-    """Derivative of Re(left' M right), ends included, with respect to the matrices of the loop.
-
-    x and w are the states that `right` stands for, y what the controller reads and u the control
-    then. of_x, ... are the weights of their changes, as far as `left` stands for them.
-    """
-    (A, B, H), (_, E, K, D) = loop
-    n = A.shape[-1]
-    x, w, of_x, of_w = right[..., :n], right[..., n:], left[..., :n], left[..., n:]
-    y = times(H, x) + ends.reading
-    u = times(D, y) + times(K, w) + ends.control
-    of_u = times(_turned(B), of_x) + ends.of_control
-    of_y = times(_turned(D), of_u) + times(_turned(E), of_w) + ends.of_reading
-    return FrozenLoop(
-        LinearMachine(real_outer(of_x, x), real_outer(of_x, u), real_outer(of_y, x)),
-        LinearLaw(
-            real_outer(of_w, w), real_outer(of_w, y), real_outer(of_u, w), real_outer(of_u, y)
-        ),
-    )
-
-
-def _turned(matrix):
-    return np.swapaxes(matrix, -1, -2)
 
 
 def _finite(loop: FrozenLoop) -> Bool[np.ndarray, "*loops"]:

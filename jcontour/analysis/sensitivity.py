@@ -39,6 +39,7 @@ from jcontour.analysis.frozen_loops import (
 )
 from jcontour.analysis.peak_search import MEASURES, loop_measures
 from jcontour.analysis.spectral import on_host, radius, with_slope
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -57,11 +58,14 @@ class LoopPeaks(NamedTuple):
         sensitivity: Ms, largest singular value of S; infinite for a loop that is not stable.
         complementary: Mt, largest singular value of T; likewise.
         spectral_radius: of the closed loop; stable below 1.
+        doubt: largest singular value of W T_u, see `uncertain_loops`; infinite for a loop that is
+            not stable, 0 where nothing is said of W.
     """
 
     sensitivity: Float[Array, "K P"]
     complementary: Float[Array, "K P"]
     spectral_radius: Float[Array, "K P"]
+    doubt: Float[Array, "K P"]
 
 
 @eqx.filter_jit
@@ -109,9 +113,9 @@ def sensitivity_curves(
     return np.broadcast_to(heights, (*batch, heights.shape[-1]))
 
 
-def host_peaks(loops: FrozenLoop, encoding: Encoding) -> LoopPeaks:
+def host_peaks(loops: FrozenLoop, encoding: Encoding, doubt: Doubt | None = None) -> LoopPeaks:
     """Peaks of frozen loops that a program has made, on the host and without derivatives."""
-    values, _ = loop_measures(loops, encoding)
+    values, _ = loop_measures(loops, encoding, doubt)
     return LoopPeaks(*np.moveaxis(values, -1, 0))
 
 

@@ -35,7 +35,9 @@ def metrics(**values):
 
 
 def outcome(**values):
-    return Outcome(metrics(**values), LoopPeaks(jnp.asarray(PEAKS), PEAKS / 2, PEAKS / 4))
+    return Outcome(
+        metrics(**values), LoopPeaks(jnp.asarray(PEAKS), PEAKS / 2, PEAKS / 4, PEAKS / 8)
+    )
 
 
 @pytest.mark.parametrize(

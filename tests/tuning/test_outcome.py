@@ -11,7 +11,11 @@ def outcome(lost, radii):
         **{name: jnp.ones((1, 2)) for name in Metrics.__dataclass_fields__ if name != "diverged"},
         diverged=jnp.asarray([[False, lost]]),
     )
-    loops = None if radii is None else LoopPeaks(jnp.ones(2), jnp.ones(2), jnp.asarray(radii))
+    loops = (
+        None
+        if radii is None
+        else LoopPeaks(jnp.ones(2), jnp.ones(2), jnp.asarray(radii), jnp.zeros(2))
+    )
     return Outcome(metrics, loops)
 
 

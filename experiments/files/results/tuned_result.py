@@ -51,6 +51,8 @@ class PathMargins:
         sensitivity: peak Ms over the whole family, at plant input and output; None where a loop is
             unstable, or in folders of older versions; so is the next.
         complementary: peak Mt likewise.
+        doubt: part that what is not known of the response takes of all that the loops bear; None
+            where the machine says nothing of it.
     """
 
     spectral_radius: float = stored_as("largest_frozen_spectral_radius")
@@ -64,6 +66,7 @@ class PathMargins:
     lost_first: LostFirst | None
     sensitivity: float | None = None
     complementary: float | None = None
+    doubt: float | None = None
 
     @property
     def stable(self) -> bool:

@@ -48,15 +48,17 @@ def path_margins(
         probes_left_out=int(open_loops[~without].sum()),
         contours_without_margins=tuple(np.array(names)[without].tolist()),
         lost_first=lost_first(found, paths, names),
-        **_largest(peaks),
+        **_largest(peaks, doubted=machine.doubt is not None),
     )
 
 
-def _largest(peaks: LoopPeaks) -> dict[str, float | None]:
+def _largest(peaks: LoopPeaks, doubted: bool) -> dict[str, float | None]:
     largest = {
         "sensitivity": float(np.max(peaks.sensitivity)),
         "complementary": float(np.max(peaks.complementary)),
     }
+    if doubted:
+        largest["doubt"] = float(np.max(peaks.doubt))
     return {name: peak if np.isfinite(peak) else None for name, peak in largest.items()}
 
 

@@ -154,6 +154,11 @@ def _what_helps(tuned: Tuned, limit: str) -> list[str]:
     if limit == "peak_sensitivity" and tuned.outcome.loops is not None:
         least = float(np.max(tuned.outcome.loops.sensitivity))
         return [f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more"]
+    if limit == "response_doubt":
+        return [
+            "the machine's response is not known well enough for a loop as fast; record what shows "
+            "it, jcontour identify --excite, or tune a slower one, --max-sensitivity 1.5"
+        ]
     if limit == LATE:
         return ["a loop does not bear the delay that --min-delay-margin asks for; ask for less"]
     if limit == RATIO:

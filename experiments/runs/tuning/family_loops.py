@@ -14,6 +14,7 @@ from jcontour.analysis.sensitivity import (
     host_peaks,
     sensitivity_curves,
 )
+from jcontour.analysis.uncertain_loops import Doubt
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
@@ -27,13 +28,15 @@ def family_peaks(
     controller: Controller, machine: Machine, scenarios: Scenarios, fed: Fed
 ) -> LoopPeaks:
     """Peaks at the probes of the training paths, over the whole smooth family."""
-    return probed_peaks(controller, *_probed(machine, scenarios, fed))
+    return probed_peaks(controller, *_probed(machine, scenarios, fed), machine.doubt)
 
 
-def probed_peaks(controller: Controller, family: Plant, windows: Reference) -> LoopPeaks:
+def probed_peaks(
+    controller: Controller, family: Plant, windows: Reference, doubt: Doubt | None = None
+) -> LoopPeaks:
     """Peaks of a family at the windows of some probes."""
     loops = jax.device_get(frozen_family(controller, family, windows))
-    return host_peaks(loops, encoding_of(family, windows))
+    return host_peaks(loops, encoding_of(family, windows), doubt)
 
 
 def family_curves(

@@ -22,6 +22,7 @@ from experiments.machines.machine import Machine, Usual
 from experiments.runs.spread.spreading import batching_of
 from experiments.runs.tuning.family_loops import WINDOWS
 from jcontour.analysis.stability import DELAY_SEARCH
+from jcontour.analysis.uncertain_loops import BORNE, Doubt
 from jcontour.controller import Controller
 from jcontour.guarantees.disturbed_family import DisturbedFamily
 from jcontour.guarantees.disturbed_loop import check_linear
@@ -155,13 +156,15 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     limits |= _effort_limit(flags, usual, problem, design.start)
     stated = _stated_limits(machine)
     kept = [] if design.keeps_limits else _named(stated)
+    if machine.doubt is not None:
+        limits["response_doubt"] = BORNE
     limits |= asked | {f"{name}_use": RESERVED for name in kept}
     if flags.objective == "certified" and stated.control is not None:
         limits[CERTIFIED_USE] = RESERVED
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
-        loops=probed_loops(flags, problem),
+        loops=probed_loops(flags, problem, machine.doubt),
         axis_limits=stated if _named(stated) else None,
         disturbed=_disturbed(flags, machine, bounds, design, runs[0]),
     )
@@ -288,11 +291,13 @@ def _disturbed(
     return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
 
 
-def probed_loops(flags: Limited, problem: Problem) -> ProbedLoops | None:
+def probed_loops(flags: Limited, problem: Problem, doubt: Doubt | None) -> ProbedLoops | None:
     """The frozen loops that the limits look at; None where none does."""
-    if not loop_limits(flags):
+    if not loop_limits(flags) and doubt is None:
         return None
-    return ProbedLoops.of(problem.plants, problem.references, WINDOWS, flags.min_delay_margin)
+    return ProbedLoops.of(
+        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt
+    )
 
 
 def _ratio_limit(flags: Tune) -> dict[str, float]:

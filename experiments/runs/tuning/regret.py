@@ -48,4 +48,4 @@ def _alone(run: TuningRun, index: int) -> Problem:
     if isinstance(limits, AtMost):
         limits = limits.of_contour(index)
     alone = replace(problem, references=references, objective=objective, limits=limits)
-    return replace(alone, loops=probed_loops(run.flags, alone))
+    return replace(alone, loops=probed_loops(run.flags, alone, run.machine.doubt))

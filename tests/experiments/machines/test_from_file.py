@@ -76,6 +76,23 @@ def test_npz_equals_json():
         ({"length_unit": "furlong"}, "length_unit: needs one of"),
         ({"known_delay": 1.5}, "known_delay: needs a whole number"),
         ({"uncertainty": {"gain": 1.0}}, "uncertainty.gain: needs a fraction below 1"),
+        ({"uncertainty": {"response": {"hertz": [1]}}}, "response: needs hertz and relative"),
+        (
+            {"uncertainty": {"response": {"hertz": [9, 3], "relative": [[0, 0]] * 2}}},
+            "response.hertz: needs rising frequencies above 0",
+        ),
+        (
+            {"uncertainty": {"response": {"hertz": [1e9], "relative": [[0]] * 2}}},
+            "response.hertz: needs rising frequencies above 0",
+        ),
+        (
+            {"uncertainty": {"response": {"hertz": [1, 3], "relative": [[0, 1]]}}},
+            "response.relative: needs 2 rows of 2 numbers",
+        ),
+        (
+            {"uncertainty": {"response": {"hertz": [1], "relative": [[-1], [0]]}}},
+            "response.relative: needs 2 rows of 1 numbers of at least 0",
+        ),
         ({"axes": ["X", "X"]}, "axes: needs 2 different names"),
         ({"B": [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0001], [0.0, 0.18]]}, "out of reach of the inputs"),
         ({"C": [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]}, "does not show in the outputs"),

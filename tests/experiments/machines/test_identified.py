@@ -49,6 +49,18 @@ def test_the_file_is_read_by_the_other_commands(found):
     assert fields["encoder_resolution"] == pytest.approx(1e-6, rel=1e-3)
 
 
+def test_the_file_doubts_the_response_where_the_intervals_are_wide(found):
+    fields = machine_fields(found, "mine", "V")
+    machine, given = machine_from(json.dumps(fields).encode()), fields["uncertainty"]["response"]
+    assert machine.doubt is not None
+    inner = np.array(given["hertz"][1:-1])
+    widths = machine.doubt.at(2 * np.pi * DT * inner)
+    for k, one in enumerate(found.axes):
+        own = np.interp(inner, one.response.frequency, one.response.half_width)
+        assert (widths[:, k] >= 0.98 * own).all()
+        assert max(given["relative"][k]) <= max(0.02, 1.01 * one.response.half_width.max())
+
+
 def test_limits_are_those_of_the_record(found):
     limits = largest(found)
     assert limits["control"] == np.abs(found.record.command).max(axis=0).tolist()

@@ -22,7 +22,7 @@ from tuning.tune import Price, Tuned
 
 
 def found(feasible=True, violation=-0.1, sensitivity=1.9):
-    loops = LoopPeaks(*(np.full((2, 2), value) for value in (sensitivity, 1.2, 0.9)))
+    loops = LoopPeaks(*(np.full((2, 2), value) for value in (sensitivity, 1.2, 0.9, 0.0)))
     return Tuned(
         {},
         outcome=Outcome(None, loops),  # pyright: ignore[reportArgumentType]
@@ -176,7 +176,7 @@ def test_the_limit_that_is_exceeded_most_is_found(proportional):
 @pytest.fixture
 def proportional():
     """A problem of two limits; the loops are farther beyond theirs than the runs."""
-    loops = LoopPeaks(*(np.array([[1.5, value]]) for value in (4.0, 1.2, 0.9)))
+    loops = LoopPeaks(*(np.array([[1.5, value]]) for value in (4.0, 1.2, 0.9, 0.0)))
     limits = AtMost(acceleration_use=0.5, peak_sensitivity=2.0)
     use = LimitUse(*(np.array([[0.6, 0.7]]) for _ in range(4)))
     problem = SimpleNamespace(limits=limits, limit_entries=limits.entries)

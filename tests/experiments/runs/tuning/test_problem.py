@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -152,6 +153,24 @@ def test_a_delay_margin_limits_loops_with_that_much_more_delay(
     np.testing.assert_allclose(point.outcome.late, wanted, rtol=1e-9)
     assert run.limits["late_radius"] < 1
     assert ("peak_sensitivity" in run.limits) == (sensitivity is not None)
+
+
+@pytest.mark.slow
+def test_what_is_not_known_of_the_response_limits_the_loops(machine_file, part_file, tmp_path):
+    fields = json.loads(machine_file.read_text())
+    fields["uncertainty"]["response"] = {"hertz": [1, 100], "relative": [[0.01, 2.0]] * 2}
+    doubted = tmp_path / "doubted.json"
+    doubted.write_text(json.dumps(fields))
+    run = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
+    z = Chart(run.problem.space, run.start).coordinates()
+    found = evaluate_point(run.problem, run.start, np.asarray(z))
+    assert run.limits["response_doubt"] == 0.5
+    assert 0 < np.max(found.outcome.loops.doubt) <= 0.5  # the first loop keeps it
+    fields["uncertainty"]["response"]["relative"] = [[0.02, 4.0]] * 2
+    doubted.write_text(json.dumps(fields))
+    twice = tuning_run(Tune(parts=(str(part_file),), plant=str(doubted), preview=4))
+    other = evaluate_point(twice.problem, run.start, np.asarray(z))
+    np.testing.assert_allclose(other.outcome.loops.doubt, 2 * found.outcome.loops.doubt, rtol=1e-9)
 
 
 @pytest.mark.slow
