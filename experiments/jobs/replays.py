@@ -16,7 +16,7 @@ from jaxtyping import Array
 from experiments.jobs.job import Task
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller, Plan
-from jcontour.motion.references import Reference
+from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant, State
 from jcontour.simulation.closed_loop import check_run, follow, prepared
 from jcontour.simulation.evaluation import (
@@ -72,9 +72,15 @@ class Scenarios(NamedTuple):
         machine: Machine,
         fed: Fed,
         preview: int,
+        steps: int = 0,
     ) -> "Scenarios":
-        """Scenarios over the true machines of the family."""
-        references = stack_references([job.reference(machine.model.dt, preview) for job in jobs])
+        """Scenarios over the true machines of the family.
+
+        Runs are padded to one length, and to so many `steps` at least: those of one length share
+        what is compiled for them.
+        """
+        runs = [job.reference(machine.model.dt, preview) for job in jobs]
+        references = stack_references([pad(run, max(run.steps, steps)) for run in runs])
         family = stack_plants(machine.true_family(fed))
         return cls(tuple(jobs), tuple(training), tuple(machine.family_names), references, family)
 

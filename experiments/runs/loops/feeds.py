@@ -33,7 +33,9 @@ def loop_at_feeds(flags: Feed) -> StoredLoop:
 def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
     """Every feed, from the slowest to the quickest; the motion is planned anew for each.
 
-    A preview that is the whole path has other samples at every feed.
+    All runs are as long as that of the slowest feed, with samples that do not count behind their
+    ends: to compile a program for each length would take more time than they do. A preview that is
+    the whole path has other samples at every feed.
 
     Args:
         loop: of the flags; its first part is run.
@@ -42,12 +44,17 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
     Raises:
         ValueError: a feed that the machine's samples cannot hold.
     """
+    longest = 0
     for override in sorted(set(flags.overrides)):
         pace = loop.pace._replace(override=override / 100)
         planned = pace == loop.pace  # already, with the loop
         job = loop.jobs[0] if planned else job_named(loop.parts[0], pace)
         controller = _controller_along(loop, flags, job)
-        scenarios = Scenarios.of([job], [False], loop.machine, loop.fed, controller.preview)
+        scenarios = Scenarios.of(
+            [job], [False], loop.machine, loop.fed, controller.preview, longest
+        )
+        if controller is loop.controller:
+            longest = scenarios.references.steps
         found = replay(controller, scenarios)
         lost = np.asarray(found.metrics.diverged)[0]
         scored = int(np.sum(np.asarray(scenarios.references.mask)))
