@@ -7,6 +7,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from experiments.designs.first_loop import first_loop
 from experiments.designs.loop_weights import LoopWeights
 from experiments.designs.lq import TERMINALS, LQDesign, contouring_lq
@@ -19,8 +21,19 @@ from jcontour.controller import Controller
 from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.limits import Limits
+from tuning.parameters import Positive
 
 UNKNOWN = 0.03  # of speed and acceleration
+
+
+class CostWeight(Positive):
+    """Weight on errors, at most a hundred thousand times more or less than at the start.
+
+    Control is then as good as free: ten times more changes the gains by 0.14 % or less. A plan
+    within limits bears any weight, so that nothing would stop the search where margins do not.
+    """
+
+    reach: ClassVar[float] = float(np.log(1e5))
 
 
 class ConstrainedLQDesign(LQDesign):
@@ -79,4 +92,5 @@ def constrained_lq(
     """
     free = contouring_lq()(name, line, machine, flags)
     found = ConstrainedLQDesign(**{one.name: getattr(free, one.name) for one in fields(free)})
-    return replace(found, line="receding-horizon LQ contouring under limits")
+    space = found.space._replace(alpha=CostWeight(), beta=CostWeight())
+    return replace(found, line="receding-horizon LQ contouring under limits", space=space)

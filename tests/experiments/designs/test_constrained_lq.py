@@ -10,7 +10,11 @@ from experiments.catalogue.choices import design_for, machine_named
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Tune
 from experiments.runs.tuning.problem import tuning_run
+from jcontour.controllers.lq.contouring_lq import ContouringLQ
 from jcontour.controllers.observers.kalman import OffsetFreeTold
+from jcontour.geometry.contours import line
+from jcontour.motion.feed_laws import constant_feed
+from jcontour.motion.references import along
 from jcontour.mpc.constrained_lq import ConstrainedLQ
 from jcontour.mpc.limits import Limits
 from jcontour.mpc.tracking import TrackingMPC
@@ -53,6 +57,32 @@ def test_the_search_has_no_limits_of_the_machine_but_the_loop_has():
     run = tuning_run(replace(flags, controller="constrained-lq"))
     assert not any(name.endswith("_use") for name in run.limits)
     assert run.problem.axis_limits is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bridgeport", "experiments/machines/example.json"])
+def test_the_search_ends_where_dearer_errors_change_the_gains_no_more(name):
+    """A first loop is far from there: a factor of ten changes half of its gains."""
+    machine = machine_named(name)
+    design = design_for(machine, Simulate(controller="constrained-lq")).tunable()
+    path = line([0.0, 0.0], [10e-3, 5e-3])
+    arc = constant_feed(path, 0.05, machine.model.dt)
+    reference = along(path, arc, machine.model.dt, design.preview, at_rest=False)
+
+    def gains(more):
+        start = design.start
+        weights = start._replace(alpha=more * start.alpha, beta=more * start.beta)
+        return np.asarray(
+            ContouringLQ(design.model, weights.cost, design.preview).prepare(reference).F[0]
+        )
+
+    def change(more):
+        return np.abs(gains(10 * more) - gains(more)).max() / np.abs(gains(more)).max()
+
+    farthest = np.exp(design.space.alpha.reach)
+    assert design.space.beta.reach == design.space.alpha.reach
+    assert change(1.0) > 0.4
+    assert change(farthest) < 2e-3
 
 
 def test_verify_replays_it_on_the_host(design):
