@@ -58,7 +58,7 @@ def linear_form(
         reference: what the plan is made for.
         run: of the controller on that reference; the shapes of its rows and what it counts are
             taken from it, no signal.
-        limit: of the machine's controls, +-, for a controller that keeps to one.
+        limit: of the machine's controls, +-; what is no observer is kept to it.
 
     Raises:
         NotAffine: the controller has no linear form; the message names the operation.
@@ -74,7 +74,6 @@ def linear_form(
                 f"{type(controller).__name__}: what it makes of its {name} changes along the path"
             )
     start = np.asarray(ravel_pytree(_floats(controller.initial_memory(reference)))[0], float)
-    bounded = eqx.tree_equal(controller, unlimited(controller)) is not True
     q, p = steps.D.shape[2], steps.f.shape[1]
     law = DriveLaw(
         dt=reference.dt,
@@ -86,7 +85,7 @@ def linear_form(
         A=some(steps.A[0]),
         B=None,
         E=some(steps.E[0]),
-        limit=np.broadcast_to(np.asarray(limit if bounded else np.inf, float), p),
+        limit=np.broadcast_to(np.asarray(limit, float), p),
     )
     return law, drive_plan(steps.F, steps.D, steps.f, steps.w)
 
