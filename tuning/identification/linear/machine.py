@@ -302,8 +302,9 @@ def _notes(axis: LinearAxis) -> list[str]:
     if axis.choice.richer:
         notes.append(
             f"{name}: a model with more poles is likelier, but the record hardly shows it; the two "
-            f"agree {_up_to(axis.response.band[1])}. Above that a tuned loop is not safe, and the "
-            "delay may stand for what is faster: record corners, or what --excite writes"
+            f"agree {_up_to(axis.response.band[1])}. Above that tuned loops stay slow enough for "
+            "both, and the delay may stand for what is faster: record corners, or what --excite "
+            "writes"
         )
     if axis.late:
         notes.append(
