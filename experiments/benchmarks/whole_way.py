@@ -145,8 +145,8 @@ def show(console: Console, result: WholeWayBench) -> None:
         ]
         for way in result.machines
     ]
-    columns = ["machine", "takes", "delays", "identified\num", "true model\num", "ratio"]
-    columns += ["worst contour", "from a count on", "family", "limits kept", "diverged"]
+    columns = ["no", "takes", "delays", "identified\num", "true\num", "ratio", "worst\ncontour"]
+    columns += ["from a\ncount on", "family", "limits\nkept", "diverged"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
     for name in ("ratio", "counted", "family"):
         ratios = np.array([getattr(way, name) for way in result.machines])
