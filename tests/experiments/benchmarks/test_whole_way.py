@@ -25,8 +25,10 @@ def test_the_true_file_answers_as_the_hidden_axes(takes):
     """Delays of the two axes differ: one is in the states, the other shared."""
     axes = [hidden_axis(np.random.default_rng(seed), DT, takes) for seed in (3, 5)]
     assert len({one.axis.delay for one in axes}) == 2
-    fields = true_fields(axes, {"dt": DT, "name": "kept"})
+    doubted = {"gain": 0.02, "delay": 1, "response": {"hertz": [1.0], "relative": [[0.5], [0.5]]}}
+    fields = true_fields(axes, {"dt": DT, "name": "kept", "uncertainty": doubted})
     assert fields["name"] == "kept"
+    assert fields["uncertainty"] == {"gain": 0.02, "delay": 1}  # its response is known
     model = machine_from(json.dumps(fields).encode(), "true").model
     A, B, C = (np.asarray(one) for one in (model.A, model.B, model.C))
     z = np.exp(2j * np.pi * HERTZ * DT)
