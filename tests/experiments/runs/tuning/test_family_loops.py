@@ -32,7 +32,8 @@ def found():
     law = ContouringLQ(integrator(1.0), LQWeights(1.0, 0.0, 1.0), 4)
     gain = float(prepared(law, path).F[0, 0, 0])
     family = [Encoders(integrator(size)) for size in (1.0, 0.5, 2.5 / gain)]
-    machine = SimpleNamespace(smooth_family=lambda fed: family, model=SimpleNamespace(dt=DT))
+    model = SimpleNamespace(dt=DT)
+    machine = SimpleNamespace(smooth_family=lambda fed: family, model=model, doubt=None)
     scenarios = Scenarios((), (True,), (), stack_references([path]), family[0])  # type: ignore
     tried = law, machine, scenarios, "state"
     peaks = family_peaks(*tried)  # type: ignore[arg-type]
