@@ -7,6 +7,7 @@ XLA hands over a call frame (its C interface for foreign functions, `xla/ffi/api
 import ctypes
 import inspect
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import jax
@@ -131,8 +132,9 @@ def drop_stale(folder: Path, *sources: Path) -> None:
     """
     changed = max(source.stat().st_mtime for source in sources)
     for kept in (folder / "__pycache__").glob("*.nb[ic]"):
-        if kept.stat().st_mtime < changed:
-            kept.unlink(missing_ok=True)
+        with suppress(OSError):  # another process was quicker, or nothing may be deleted here
+            if kept.stat().st_mtime < changed:
+                kept.unlink()
 
 
 _HERE = Path(__file__).parent

@@ -61,3 +61,11 @@ def test_what_was_compiled_before_a_source_changed_is_dropped(tmp_path):
     os.utime(source, (3000, 3000))
     drop_stale(tmp_path, source)
     assert not kept.exists()
+
+
+def test_code_that_vanishes_meanwhile_is_no_fault(tmp_path):
+    source, kept = tmp_path / "a.py", tmp_path / "__pycache__" / "a.nbi"
+    source.write_text("")
+    kept.parent.mkdir()
+    kept.symlink_to(tmp_path / "gone")  # found, and then not there
+    drop_stale(tmp_path, source)
