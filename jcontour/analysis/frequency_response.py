@@ -83,10 +83,8 @@ class Responses(NamedTuple):
         """
         z = np.exp(1j * frequency)
         with np.errstate(all="ignore"):  # on a pole of plant or controller
-            P, K = self.plant.response(z), self.D[..., None, :, :] + self.law.response(z)
-            one = np.eye(K.shape[-2])
-            S = _inverse(one - K @ P)
-            pairs = [(S, S - one)]
+            P, K, S = self._closed(z)
+            pairs = [(S, S - np.eye(S.shape[-1]))]
             if len(self.encoding.read):
                 T = (self.encoding.read @ P) @ (S @ (K @ self.encoding.at(z)))
                 pairs.append((T + np.eye(T.shape[-1]), T))
@@ -104,11 +102,14 @@ class Responses(NamedTuple):
         Args:
             frequency: [rad per sample].
         """
-        z = np.exp(1j * frequency)
         with np.errstate(all="ignore"):  # on a pole of plant or controller
-            P, K = self.plant.response(z), self.D[..., None, :, :] + self.law.response(z)
-            one = np.eye(K.shape[-2])
-            return _inverse(one - K @ P) - one
+            S = self._closed(np.exp(1j * frequency))[-1]
+        return S - np.eye(S.shape[-1])
+
+    def _closed(self, z: Complex[np.ndarray, "*any F"]) -> tuple[np.ndarray, ...]:
+        """P, K and S_u = (I - K P)^-1."""
+        P, K = self.plant.response(z), self.D[..., None, :, :] + self.law.response(z)
+        return P, K, _inverse(np.eye(K.shape[-2]) - K @ P)
 
 
 def _unrepeated(part: Any) -> Any:

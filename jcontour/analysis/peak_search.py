@@ -66,8 +66,14 @@ def loop_measures(
     poles, radius, left, right = dominant(M)
     stable = finite & (radius < 1)
     size = np.where(finite, radius, np.inf), _only(slope_of(loop, left, right), finite)
-    found = [*_peaks(loop, encoding, M, poles, stable), size]
-    found.append(_doubted(loop, encoding, M, poles, stable, doubt))
+    responses = Responses.of(loop, encoding)
+    # a loop that is not stable has no peaks: its numbers are those of one that is
+    poles, kept = np.where(stable[..., None], poles, 0.0), np.where(stable[..., None, None], M, 0.0)
+    found = [
+        *_peaks(loop, responses, kept, poles, stable),
+        size,
+        _doubted(loop, responses, kept, poles, stable, doubt),
+    ]
     values = np.stack([value for value, _ in found], axis=-1)
     matrices = [
         [np.stack(three, axis=-3) for three in zip(*parts, strict=True)]
@@ -76,25 +82,22 @@ def loop_measures(
     return values, FrozenLoop(LinearMachine(*matrices[0]), LinearLaw(*matrices[1]))
 
 
-def _doubted(loop, encoding, M, poles, stable, doubt: Doubt | None):
+def _doubted(loop: FrozenLoop, responses: Responses, M, poles, stable, doubt: Doubt | None):
     """Peak of W T and its slope; 0 without a doubt."""
     if doubt is None:
         still = np.zeros(M.shape[:-1])
         return np.zeros(stable.shape), slope_of(loop, still, still)
-    places = np.exp(_places(np.where(stable[..., None], poles, 0.0)))
-    kept = np.where(stable[..., None, None], M, 0.0)
-    size, slope = doubt_measure(loop, kept, Responses.of(loop, encoding), places, doubt)
+    size, slope = doubt_measure(loop, M, responses, np.exp(_places(poles)), doubt)
     return np.where(stable, size, np.inf), _only(slope, stable)
 
 
-def _peaks(loop: FrozenLoop, encoding: Encoding, M, poles, stable: Bool[np.ndarray, "*loops"]):
+def _peaks(loop: FrozenLoop, responses: Responses, M, poles, stable: Bool[np.ndarray, "*loops"]):
     """Peak and slope of S, then of T."""
-    responses = Responses.of(loop, encoding)
-    frequency = peak_frequencies(responses, np.where(stable[..., None], poles, 0.0))
+    frequency = peak_frequencies(responses, poles)
     tops = []
     for curve in range(2):
         z = np.exp(1j * frequency[..., curve])
-        size, slope = _top(loop, np.where(stable[..., None, None], M, 0.0), encoding, z, curve)
+        size, slope = _top(loop, M, responses.encoding, z, curve)
         tops.append((np.where(stable, size, np.inf), _only(slope, stable)))
     return tops
 
