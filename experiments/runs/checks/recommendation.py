@@ -156,8 +156,8 @@ def _what_helps(tuned: Tuned, limit: str) -> list[str]:
         return [f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more"]
     if limit == "response_doubt":
         return [
-            "the machine's response is not known well enough for a loop as fast; record what shows "
-            "it, jcontour identify --excite, or tune a slower one, --max-sensitivity 1.5"
+            "the machine's response is not known well enough for any loop that was tried; record "
+            "what shows it: jcontour identify --excite"
         ]
     if limit == LATE:
         return ["a loop does not bear the delay that --min-delay-margin asks for; ask for less"]
