@@ -25,8 +25,8 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
-    "experiments.benchmarks.plain_loops": {"numba"},  # the loop that `jcontour bench` compares with
-    "experiments.benchmarks.search_methods": {"cmaes", "optuna"},
+    "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
+    "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
     "experiments.runs.spread.cluster": {"dask", "distributed"},  # where the user has installed them
     "experiments.video.gantry_video": {"imageio_ffmpeg"},  # where the user has installed it
 }

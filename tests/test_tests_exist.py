@@ -39,15 +39,20 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/runs/checks/certified_bound.py": "experiments/commands/loops/test_certify.py",
     "experiments/commands/reproduce.py": "experiments/test_cli.py",
     "experiments/machines/emps.py": "experiments/catalogue/test_choices.py",
-    "jcontour/plants/emps.py": "experiments/benchmarks/test_emps_record.py",
+    "jcontour/plants/emps.py": "experiments/benchmarks/records/test_emps_record.py",
     "experiments/flags": "experiments/test_cli.py",
     "experiments/plain_numbers.py": "experiments/test_cli.py",
     "experiments/reports": "experiments/runs/tuning/test_problem.py",
-    "experiments/reports/figures": "experiments/commands/loops/test_learn.py",
-    "experiments/reports/figures/identification.py": (
+    "experiments/reports/figures/loops/bent.py": "experiments/commands/loops/test_precompensate.py",
+    "experiments/reports/figures/loops/feeds.py": "experiments/commands/loops/test_feed.py",
+    "experiments/reports/figures/tuning/learning.py": "experiments/commands/loops/test_learn.py",
+    "experiments/reports/figures/machines/machine.py": (
+        "experiments/commands/machines/test_machine.py"
+    ),
+    "experiments/reports/figures/machines/identification.py": (
         "experiments/commands/machines/test_identify.py"
     ),
-    "experiments/reports/figures/linear_axes.py": (
+    "experiments/reports/figures/machines/linear_axes.py": (
         "experiments/commands/machines/test_identify_linear.py"
     ),
     "experiments/reports/identified_tables.py": (
@@ -56,7 +61,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/linear_result.py": (
         "experiments/commands/machines/test_identify_linear.py"
     ),
-    "experiments/reports/figures/predictive.py": (
+    "experiments/reports/figures/loops/predictive.py": (
         "experiments/commands/tuning/test_sweep_predictive.py"
     ),
     "experiments/runs/tuning/results.py": "experiments/runs/tuning/test_problem.py",
@@ -72,7 +77,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/runs/loops/kept_runs.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/files/results/tolerance_result.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/reports/tolerance_tables.py": "experiments/commands/loops/test_tolerance.py",
-    "experiments/reports/figures/kept.py": "experiments/commands/loops/test_tolerance.py",
+    "experiments/reports/figures/loops/kept.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/files/results/learned_result.py": "experiments/commands/loops/test_learn.py",
     "experiments/files/netcdf.py": "experiments/runs/tuning/test_problem.py",
     "experiments/files/results/run_metrics.py": "experiments/commands/test_compare.py",
@@ -83,10 +88,10 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/runs/contour_summary.py": "experiments/commands/tuning/test_tune.py",
     "experiments/runs/runs_drawn.py": "experiments/commands/tuning/test_tune.py",
     # what the commands drive, through the catalogue
-    "experiments/benchmarks/gantry_engines.py": "experiments/benchmarks/test_gantry.py",
-    "experiments/benchmarks/lq_results.py": "experiments/benchmarks/test_lq.py",
-    "experiments/benchmarks/plain_loops.py": "experiments/benchmarks/test_lq.py",
-    "experiments/benchmarks/timings.py": "experiments/benchmarks/test_lq.py",
+    "experiments/benchmarks/speed/gantry_engines.py": "experiments/benchmarks/speed/test_gantry.py",
+    "experiments/benchmarks/speed/lq_results.py": "experiments/benchmarks/speed/test_lq.py",
+    "experiments/benchmarks/speed/plain_loops.py": "experiments/benchmarks/speed/test_lq.py",
+    "experiments/benchmarks/speed/timings.py": "experiments/benchmarks/speed/test_lq.py",
     "experiments/designs/contouring_schemes.py": "experiments/designs/test_flexible_axis.py",
     "experiments/designs/design.py": "experiments/designs/test_flexible_axis.py",
     "experiments/designs/gains.py": "experiments/designs/test_flexible_axis.py",

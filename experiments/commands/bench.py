@@ -16,6 +16,12 @@ from experiments.reports import tables
 
 PACKAGES = ("numpy", "numba", "jax", "jaxlib", "daqp", "proxsuite", "mujoco", "mujoco-mjx")
 UNKNOWN = "unknown"
+ROOMS = {  # of `experiments/benchmarks`: the parts in each
+    "speed": ("mpc", "qp", "lq", "gantry"),
+    "searches": ("tuners",),
+    "records": ("identify", "whole_way"),
+    "promises": ("motion", "certificates"),
+}
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ def command(flags: Bench) -> int:
             raise ValueError(f"{flag}: needs at least {least}, received {value}")
     if any(batch < 1 for batch in flags.batch):
         raise ValueError(f"batch: needs at least one run at once, received {min(flags.batch)}")
-    part = import_module(f"experiments.benchmarks.{flags.what}")
+    part = import_module(place_of(flags.what))
     progress = tables.console_of(stderr=True)
     machine = hardware()
     with progress.status("measuring: keep the computer quiet"):
@@ -57,6 +63,12 @@ def command(flags: Bench) -> int:
     rows = [f"{name:<10} {value}" for name, value in vars(machine).items()]
     tables.say(console, *rows, f"All numbers for a program: jcontour bench {flags.what} --json")
     return 0
+
+
+def place_of(part: str) -> str:
+    """Module of a part."""
+    room = next(room for room, parts in ROOMS.items() if part in parts)
+    return f"experiments.benchmarks.{room}.{part}"
 
 
 def hardware() -> Hardware:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from experiments.files.netcdf import save_dataset
 from experiments.files.run_folder import versions
-from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.reports.figures.tuning.sensitivity import FamilyCurves
 
 FILE = "sensitivity.nc"
 

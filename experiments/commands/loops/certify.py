@@ -13,8 +13,8 @@ from experiments.flags.loops import Certify
 from experiments.machines.disturbance_bounds import bounds_of, linear_machine
 from experiments.reports import tables
 from experiments.reports.certified_tables import show_certified
-from experiments.reports.figures.certificate import CertifiedErrors, certificate_figure
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.loops.certificate import CertifiedErrors, certificate_figure
+from experiments.reports.figures.shared.png import save_figure
 from experiments.runs.checks.certifying import CertifiedRun, certified_runs
 from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished

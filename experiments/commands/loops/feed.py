@@ -6,8 +6,8 @@ from experiments.files.results.feed_result import FeedPoint, FeedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Feed
 from experiments.reports import tables
-from experiments.reports.figures.feeds import feeds_figure
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.loops.feeds import feeds_figure
+from experiments.reports.figures.shared.png import save_figure
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.feeds import feed_points, loop_at_feeds, recommended
 from experiments.runs.tuning.results import machine_summary

@@ -12,8 +12,8 @@ from experiments.files.results.stored import write_result
 from experiments.flags.loops import Learn
 from experiments.jobs.job import Pace
 from experiments.reports import tables
-from experiments.reports.figures.learning import learning
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.shared.png import save_figure
+from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import show_learned
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.learned_machines import setting

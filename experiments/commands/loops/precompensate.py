@@ -15,8 +15,8 @@ from experiments.files.results.bent_result import BentResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Precompensate
 from experiments.reports import tables
-from experiments.reports.figures.bent import bent_figure
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.loops.bent import bent_figure
+from experiments.reports.figures.shared.png import save_figure
 from experiments.runs.checks.stored_loops import loop_named
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.bending import bent

@@ -16,9 +16,9 @@ from experiments.jobs.job import Job, Pace
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
-from experiments.reports.figures.contours import figures_of
-from experiments.reports.figures.motion import draw_motion
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.loops.contours import figures_of
+from experiments.reports.figures.loops.motion import draw_motion
+from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place

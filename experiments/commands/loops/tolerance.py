@@ -17,8 +17,8 @@ from experiments.jobs.job import Pace, Task
 from experiments.machines.disturbance_bounds import Bounds, bounds_of, linear_machine
 from experiments.machines.linear import LinearMachine
 from experiments.reports import tables
-from experiments.reports.figures.kept import kept_figure
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.loops.kept import kept_figure
+from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.tolerance_tables import show_tolerance
 from experiments.runs.contour_summary import read_of
 from experiments.runs.lifecycle import created, finished

@@ -13,8 +13,8 @@ from experiments.flags.loops import Trace
 from experiments.flags.shared import MachineFlags
 from experiments.jobs.job import Pace
 from experiments.reports import tables
-from experiments.reports.figures.png import save_figures
-from experiments.reports.figures.traversal import path_figure, signals_figure
+from experiments.reports.figures.loops.traversal import path_figure, signals_figure
+from experiments.reports.figures.shared.png import save_figures
 from experiments.runs.lifecycle import created, finished
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held

@@ -228,8 +228,8 @@ def _residuals(found: IdentifiedAxis) -> dict[str, float]:
 
 
 def _store(flags: Identify, records: list[Record], found: IdentifiedAxis, folder: Path) -> None:
-    from experiments.reports.figures.identification import FIGURES
-    from experiments.reports.figures.png import save_figures
+    from experiments.reports.figures.machines.identification import FIGURES
+    from experiments.reports.figures.shared.png import save_figures
 
     if flags.demo:
         save_records(records, folder / DATA)

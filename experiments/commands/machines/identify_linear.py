@@ -159,8 +159,8 @@ def _questions(
 
 
 def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
-    from experiments.reports.figures.linear_axes import FIGURES
-    from experiments.reports.figures.png import save_figures
+    from experiments.reports.figures.machines.linear_axes import FIGURES
+    from experiments.reports.figures.shared.png import save_figures
 
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:

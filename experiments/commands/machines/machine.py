@@ -14,8 +14,8 @@ from experiments.machines.from_file import machine_from
 from experiments.machines.machine import Machine
 from experiments.machines.machine_behaviour import AxisBehaviour, axis_behaviours, questions
 from experiments.reports import tables
-from experiments.reports.figures.machine import machine_figure
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.machines.machine import machine_figure
+from experiments.reports.figures.shared.png import save_figure
 
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2"}

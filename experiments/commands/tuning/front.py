@@ -11,8 +11,8 @@ from experiments.files.results.stored import write_result
 from experiments.flags.tuning import Front
 from experiments.jobs.replays import replay
 from experiments.reports import tables
-from experiments.reports.figures.front import front
-from experiments.reports.figures.png import save_figure
+from experiments.reports.figures.shared.png import save_figure
+from experiments.reports.figures.tuning.front import front
 from experiments.reports.rollouts import save_rollouts
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.tuning.trade_off import Search, search_of, traced

@@ -6,8 +6,8 @@ from experiments.files.results.ranked_result import Ranked, RankedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.tuning import Rank
 from experiments.reports import tables
-from experiments.reports.figures.png import save_figure
-from experiments.reports.figures.ranking import ranking_figure
+from experiments.reports.figures.shared.png import save_figure
+from experiments.reports.figures.tuning.ranking import ranking_figure
 from experiments.runs.lifecycle import finished, opened, same_task
 from experiments.runs.tuning.ranking import ranked, ranking_of
 

@@ -24,8 +24,8 @@ from experiments.jobs.job import Pace, Task
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
 from experiments.reports import tables
-from experiments.reports.figures.png import save_figures
-from experiments.reports.figures.sweep import sweep_figure, worst_errors
+from experiments.reports.figures.shared.png import save_figures
+from experiments.reports.figures.tuning.sweep import sweep_figure, worst_errors
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.spread.spreading import batching_of
 from experiments.runs.spread.varied_weights import listed_values, sampled_designs

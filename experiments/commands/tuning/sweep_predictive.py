@@ -27,8 +27,8 @@ from experiments.flags.shared import MachineFlags
 from experiments.flags.tuning import Sweep
 from experiments.jobs.pace import Pace
 from experiments.reports import tables
-from experiments.reports.figures.png import save_figures
-from experiments.reports.figures.predictive import front_figure, on_the_front, surface_figure
+from experiments.reports.figures.loops.predictive import front_figure, on_the_front, surface_figure
+from experiments.reports.figures.shared.png import save_figures
 from experiments.reports.progress import counted
 from experiments.runs.lifecycle import finished, opened
 from experiments.runs.spread.cluster import Killed, answers, cluster_of

@@ -15,11 +15,11 @@ from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.tuning import Tune
 from experiments.machines.machine import NO_EFFECTS
 from experiments.reports import tables
-from experiments.reports.figures.beside import drawn_beside
-from experiments.reports.figures.contours import figures_of
-from experiments.reports.figures.png import save_figures
-from experiments.reports.figures.sensitivity import sensitivity_figure
-from experiments.reports.figures.tuning import FIGURES, Search
+from experiments.reports.figures.loops.contours import figures_of
+from experiments.reports.figures.shared.beside import drawn_beside
+from experiments.reports.figures.shared.png import save_figures
+from experiments.reports.figures.tuning.sensitivity import sensitivity_figure
+from experiments.reports.figures.tuning.tuning import FIGURES, Search
 from experiments.reports.progress import progress_of
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.sensitivity_curves import save_sensitivity

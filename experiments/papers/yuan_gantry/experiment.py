@@ -10,7 +10,7 @@ follows from it. A plain follower drives the path; the thesis's set-based contro
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from experiments.benchmarks.gantry_engines import engine_rates
+from experiments.benchmarks.speed.gantry_engines import engine_rates
 from experiments.papers.yuan_gantry.claims import claims
 from experiments.papers.yuan_gantry.emulation import emulated
 from experiments.papers.yuan_gantry.figures import draw

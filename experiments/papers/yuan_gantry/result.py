@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from experiments.benchmarks.gantry_engines import EngineRate
+from experiments.benchmarks.speed.gantry_engines import EngineRate
 from experiments.files.results.stored import stored_as
 from experiments.papers.verdicts import Claim
 

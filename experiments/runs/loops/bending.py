@@ -12,7 +12,7 @@ from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
-from experiments.reports.figures.bent import BentRuns
+from experiments.reports.figures.loops.bent import BentRuns
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.checks.warnings import exceeded_limits
 from experiments.runs.loops.learned_machines import Setting, linear_family

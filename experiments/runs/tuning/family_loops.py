@@ -5,7 +5,7 @@ import numpy as np
 
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.reports.figures.tuning.sensitivity import FamilyCurves
 from jcontour.analysis.probes import probe_windows
 from jcontour.analysis.sensitivity import (
     LoopPeaks,

@@ -22,7 +22,7 @@ from experiments.files.results.tuned_result import (
 )
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
-from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.reports.figures.tuning.sensitivity import FamilyCurves
 from experiments.runs.checks.path_margins import path_margins
 from experiments.runs.checks.recommendation import (
     active_limits,

@@ -3,11 +3,13 @@
 import json
 from dataclasses import dataclass
 from importlib import import_module
+from typing import get_args, get_type_hints
 
 import pytest
 
 from experiments.cli import main
 from experiments.commands import bench
+from experiments.flags.others import Bench
 
 
 @dataclass(frozen=True)
@@ -53,9 +55,9 @@ def test_a_seed_below_zero_is_refused_at_once(counting, capsys):
     assert capsys.readouterr().err == "jcontour: first-seed: needs at least 0, received -1\n"
 
 
-@pytest.mark.parametrize("part", ["mpc", "lq", "gantry"])
+@pytest.mark.parametrize("part", get_args(get_type_hints(Bench)["what"]))
 def test_every_part_is_found(part):
-    module = import_module(f"experiments.benchmarks.{part}")
+    module = import_module(bench.place_of(part))
     assert callable(module.measured) and callable(module.show)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from experiments.benchmarks.gantry_engines import EngineRate
+from experiments.benchmarks.speed.gantry_engines import EngineRate
 from experiments.papers.verdicts import Verdict
 from experiments.papers.yuan_gantry.claims import PRINTED_HZ, claims
 from experiments.papers.yuan_gantry.emulation import CASES, DAMPED, TwistDamping, emulated

@@ -1,7 +1,7 @@
 import numpy as np
 
 from experiments.files.netcdf import load_dataset
-from experiments.reports.figures.sensitivity import FamilyCurves
+from experiments.reports.figures.tuning.sensitivity import FamilyCurves
 from experiments.reports.sensitivity_curves import FILE, save_sensitivity
 
 

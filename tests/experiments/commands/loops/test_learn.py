@@ -10,7 +10,7 @@ from experiments.commands.loops.learn import run
 from experiments.files.results.learned_result import LearnedMachine, LearnedResult
 from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.flags.loops import Learn
-from experiments.reports.figures.learning import learning
+from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import after, before
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from experiments.benchmarks.emps_record import emps_record
+from experiments.benchmarks.records.emps_record import emps_record
 from experiments.cli import main
 from experiments.commands.machines import identify_linear
 from experiments.files.results.linear_result import LinearMachineResult

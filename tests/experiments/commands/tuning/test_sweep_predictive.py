@@ -17,7 +17,11 @@ from experiments.commands.tuning.sweep_predictive import (
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result
 from experiments.flags.tuning import Sweep
-from experiments.reports.figures.predictive import design_numbers, front_figure, surface_figure
+from experiments.reports.figures.loops.predictive import (
+    design_numbers,
+    front_figure,
+    surface_figure,
+)
 from experiments.runs.spread.cluster import Killed
 from experiments.runs.spread.predictive_runs import Ending, PredictiveRun
 

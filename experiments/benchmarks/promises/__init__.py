@@ -1,0 +1,1 @@
+"""Promises tried at random: certified bounds, limits of motions."""

@@ -1,0 +1,1 @@
+"""Machines found from records of hidden ones, and what that is worth."""

@@ -1,0 +1,195 @@
+"""`jcontour bench identify`: what `identify --machine linear` finds of axes that it cannot see."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+from rich.console import Console
+
+from experiments.benchmarks.records.hidden_machines import (
+    DT,
+    PROGRAMS,
+    SECONDS,
+    hidden_axis,
+    hidden_record,
+    true_model,
+)
+from experiments.flags.others import Bench
+from experiments.reports import tables
+from jcontour.linear.continuous_axes import sampled_axis
+from tuning.identification.linear import evidence
+from tuning.identification.linear.machine import LinearAxis, MachineRecord, identify_machine
+from tuning.identification.linear.noise_model import whitening
+from tuning.identification.linear.order_search import NOISE_TERMS, TELLS, TRAINING
+from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
+from tuning.identification.linear.recording import FEEDBACK, RecordedAxis
+
+MOST_POLES, MOST_DELAY = 3, 10
+FREQUENCIES = 24
+
+
+@dataclass(frozen=True)
+class HiddenResult:
+    """What was found of one axis.
+
+    Attributes:
+        program: that it ran: arcs and lines, or the one of `--excite`.
+        seed, takes: which axis.
+        states: of the axis, resonance included.
+        delay, found: true and identified [samples].
+        told: whether the record is said not to tell the two apart.
+        bandwidth: of its closed loop [Hz].
+        error: largest relative error of the response up to there.
+        inside: part of the frequencies up to there whose 95 % region holds the truth.
+        held_out: one-step prediction error on held-out data, over that of the true model.
+    """
+
+    program: str
+    seed: int
+    takes: str
+    states: int
+    delay: int
+    found: int
+    told: bool
+    bandwidth: float
+    error: float
+    inside: float
+    held_out: float
+
+
+@dataclass(frozen=True)
+class IdentifyBench:
+    """One row for every axis and program; seconds for each record of two axes."""
+
+    axes: list[HiddenResult]
+    seconds: list[float]
+    length: float
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> IdentifyBench:
+    """Random machines of two axes each, under both programs."""
+    rows, seconds = [], []
+    for program in PROGRAMS:
+        for machine in range(flags.seeds):
+            seeds = (2 * machine, 2 * machine + 1)
+            axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
+            record = hidden_record(axes, program, machine)
+            began = time.perf_counter()
+            found = identify_machine(record, MOST_POLES, MOST_DELAY)
+            seconds.append(time.perf_counter() - began)
+            for k, seed in enumerate(seeds):
+                rows.append(_compared(axes[k], found.axes[k], record, k, program, seed))
+                tell(_line(rows[-1]))
+    return IdentifyBench(rows, seconds, SECONDS)
+
+
+def show(console: Console, result: IdentifyBench) -> None:
+    """One line for every program and kind of drive."""
+    cells = []
+    for program in PROGRAMS:
+        for resonant in (False, True):
+            some = [
+                one
+                for one in result.axes
+                if one.program == program and (one.states > 2) == resonant
+            ]
+            if some:
+                cells.append(_row(program, "with resonance" if resonant else "without", some))
+    columns = ["program", "axes", "number", "delay\nexact", "or\ntold", "worst\nerror %"]
+    columns += ["median\nerror %", "95 % region\nholds %", "held out,\nworst ratio"]
+    console.print(tables.plain_table("Hidden axes", columns, cells, text_columns=2))
+    tables.say(
+        console,
+        "error: of the frequency response up to the bandwidth of the closed loop",
+        f"{np.median(result.seconds):.3g} s for {result.length:g} s of 1 kHz data of two axes, "
+        f"longest {max(result.seconds):.3g} s",
+    )
+
+
+def _row(program: str, kind: str, some: list[HiddenResult]) -> list[str]:
+    exact = sum(one.found == one.delay for one in some)
+    told = sum(one.found == one.delay or one.told for one in some)
+    errors = [100 * one.error for one in some]
+    return [
+        program,
+        kind,
+        str(len(some)),
+        str(exact),
+        str(told),
+        f"{max(errors):.2g}",
+        f"{np.median(errors):.2g}",
+        f"{100 * np.mean([one.inside for one in some]):.3g}",
+        f"{max(one.held_out for one in some):.4g}",
+    ]
+
+
+def _line(one: HiddenResult) -> str:
+    return (
+        f"{one.program} {one.seed} {one.takes} {one.states} states: delay {one.found} "
+        f"({one.delay}{', told' if one.told else ''}), {100 * one.error:.2g} % up to "
+        f"{one.bandwidth:.3g} Hz, inside {one.inside:.2f}, held out {one.held_out:.4f}"
+    )
+
+
+def _compared(
+    axis: RecordedAxis, found: LinearAxis, record: MachineRecord, k: int, program: str, seed: int
+) -> HiddenResult:
+    highest = bandwidth(axis)
+    hertz = np.geomspace(0.3, highest, FREQUENCIES)
+    truth, model = response(axis, hertz), found.fit.model
+    value, slopes = model.log_terms(2 * np.pi * hertz)
+    off = value - np.log(truth)
+    off = np.real(off) + 1j * np.angle(np.exp(1j * np.imag(off)))
+    size = slopes.shape[1]
+    region = evidence.inside_region(off, slopes, found.estimate.covariance[:size, :size])
+    delay = round(axis.axis.delay / DT)
+    return HiddenResult(
+        program=program,
+        seed=seed,
+        takes=axis.takes,
+        states=len(axis.axis.A),
+        delay=delay,
+        found=model.delay,
+        told=delay in found.rivals and found.rivals[delay] < TELLS,
+        bandwidth=highest,
+        error=float(np.abs(np.exp(off) - 1).max()),
+        inside=float(np.mean(region)),
+        held_out=_held_out_ratio(axis, found, record, k),
+    )
+
+
+def _held_out_ratio(axis: RecordedAxis, found: LinearAxis, record: MachineRecord, k: int) -> float:
+    """RMS one step ahead on held-out data, over that of the true model and its noise filter."""
+    whole = AxisRecord(record.dt, record.command[:, k], record.position[:, k])
+    cut = int(TRAINING * len(whole.position))
+    training, rest = whole.part(0, cut), whole.part(cut, len(whole.position))
+    fit = simulated(training, true_model(axis))
+    truth = predicted(rest, fit, whitening(fit.residual, NOISE_TERMS))
+    return float(np.sqrt(found.choice.best.loss / np.mean(truth**2)))
+
+
+def response(axis: RecordedAxis, hertz: Float[np.ndarray, " F"]) -> Complex[np.ndarray, " F"]:
+    """Transfer from the command to the position, sampled."""
+    A, B, C, late = sampled_axis(axis.axis, DT)
+    z = np.exp(2j * np.pi * hertz * DT)
+    return np.array(
+        [(C @ np.linalg.solve(one * np.eye(len(A)) - A, B)).item() * one**-late for one in z]
+    )
+
+
+def bandwidth(axis: RecordedAxis) -> float:
+    """Frequency at which the loop's answer to its reference has fallen by 3 dB [Hz]."""
+    hertz = np.geomspace(0.3, 200.0, 800)
+    G, z = response(axis, hertz), np.exp(2j * np.pi * hertz * DT)
+    if axis.takes == "speed":
+        loop = axis.loop[0] * G
+        closed = loop / (1 + loop)
+    elif axis.takes == "position":
+        closed = (axis.loop[0] + FEEDBACK) * G / (1 + FEEDBACK * G)
+    else:
+        outer, inner = axis.loop
+        closed = inner * outer * G / (1 + inner * G * (outer + (1 - 1 / z) / DT))
+    low = np.flatnonzero(np.abs(closed) < np.sqrt(0.5))
+    return float(hertz[low[0]]) if low.size else float(hertz[-1])

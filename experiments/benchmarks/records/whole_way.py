@@ -1,0 +1,244 @@
+"""`jcontour bench whole_way`: log of a hidden machine, identify, tune, and back on that machine.
+
+Beside it the same with the true model in the machine file, its limits and its family unchanged:
+what is lost is lost by identifying.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+from scipy.linalg import block_diag
+
+from experiments.benchmarks.kept_rows import opened, write
+from experiments.benchmarks.records.hidden_machines import (
+    DT,
+    KINDS,
+    hidden_axis,
+    hidden_record,
+    true_model,
+)
+from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
+from experiments.flags.others import Bench
+from experiments.flags.tuning import Tune
+from experiments.machines.from_file import machine_from
+from experiments.machines.identified import machine_fields
+from experiments.reports import tables
+from experiments.runs.tuning.problem import tuning_run
+from experiments.runs.tuning.searching import NothingSound, searched
+from jcontour.simulation.closed_loop import simulate
+from jcontour.simulation.metrics import score
+from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.recording import RecordedAxis
+
+WORDS = {
+    "ratio": "ratio",
+    "counted": "ratio from a count on",
+    "family": "ratio of the family's largest errors",
+}
+
+
+class Way(NamedTuple):
+    """One hidden machine.
+
+    Errors are means over the contours of the RMS contour error of both designs, NaN where a run or
+    a whole search diverged, inf where only the search on the identified model did. A ratio is that
+    of tuning on the identified model over that of tuning on the true one.
+
+    Attributes:
+        seed, takes: which one.
+        delays: true ones of its axes [samples].
+        identified, true: errors on the hidden machine [m].
+        ratio: of these errors.
+        worst: largest of the ratios of single contours.
+        counted: ratio where no error counts for less than an encoder count.
+        family: ratio of the largest errors over the hidden machine's own gains and delays.
+        sound: whether both searches found weights that keep all limits.
+        diverged: whether any run of either design did, on any member of that family,
+            or every point of a search.
+    """
+
+    seed: int
+    takes: str
+    delays: str
+    identified: float
+    true: float
+    ratio: float
+    worst: float
+    counted: float
+    family: float
+    sound: bool
+    diverged: bool
+
+
+@dataclass(frozen=True)
+class WholeWayBench:
+    """One row for every machine."""
+
+    machines: list[Way]
+
+
+@dataclass(frozen=True)
+class OnTheMachine:
+    """A tuned design on the true machine.
+
+    Attributes:
+        errors: RMS contour error by contour [m]; none where every point of the search diverged.
+        largest: the same over all members of the true machine's family [m].
+        sound: whether the weights keep all limits.
+        diverged: whether any run did, or every point of the search.
+    """
+
+    errors: dict[str, float]
+    largest: dict[str, float]
+    sound: bool
+    diverged: bool
+
+
+def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
+    """Machines of two axes of one kind, from logs of arcs and lines to their contour errors.
+
+    Raises:
+        ValueError: the file to keep them is none of this benchmark.
+    """
+    seeds = range(flags.first_seed, flags.first_seed + flags.seeds)
+    if flags.keep is None:
+        return WholeWayBench(list(_run(seeds, flags.evaluations, tell)))
+    known, file = opened(flags.keep, Way, "machines of the whole way")
+    ways = {way.seed: way for way in known if way.seed in seeds}
+    with file:
+        for way in _run(sorted(set(seeds) - ways.keys()), flags.evaluations, tell):
+            write(file, [way])
+            ways[way.seed] = way
+    return WholeWayBench([ways[seed] for seed in sorted(ways)])
+
+
+def _run(seeds: Sequence[int], evaluations: int, tell: Callable[[str], None]) -> Iterator[Way]:
+    for seed in seeds:
+        takes = KINDS[seed % len(KINDS)]
+        random = np.random.default_rng([seed, 16])
+        axes = [hidden_axis(random, DT, takes) for _ in range(2)]
+        way = _way(axes, seed, evaluations)
+        tell(_line(way))
+        yield way
+        jax.clear_caches()  # every machine has programs of its own: they would fill the memory
+
+
+def show(console: Console, result: WholeWayBench) -> None:
+    """One line for every machine."""
+    rows = [
+        [
+            str(way.seed),
+            way.takes,
+            way.delays,
+            *(f"{1e6 * mean:.3g}" for mean in (way.identified, way.true)),
+            *(f"{one:.3f}" for one in (way.ratio, way.worst, way.counted, way.family)),
+            "yes" if way.sound else "no",
+            "yes" if way.diverged else "no",
+        ]
+        for way in result.machines
+    ]
+    columns = ["no", "takes", "delays", "identified\num", "true\num", "ratio", "worst\ncontour"]
+    columns += ["from a\ncount on", "family", "limits\nkept", "diverged"]
+    console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
+    for name in ("ratio", "counted", "family"):
+        ratios = np.array([getattr(way, name) for way in result.machines])
+        known = ratios[~np.isnan(ratios)]
+        if known.size:
+            line = f"{WORDS[name]}: median {np.median(known):.3f}, largest {np.max(known):.3f}"
+            tables.say(console, line)
+    missing = sum(bool(np.isnan(way.ratio)) for way in result.machines)
+    if missing:
+        tables.say(console, f"no ratio: {missing} of {len(result.machines)} machines")
+
+
+def _line(way: Way) -> str:
+    return (
+        f"{way.seed} {way.takes}: {way.ratio:.3f} of the error with the true model, worst contour "
+        f"{way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
+        f"{'' if way.sound else ', limits not kept'}{', diverged' if way.diverged else ''}"
+    )
+
+
+def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
+    found = identify_machine(hidden_record(axes, "contour", seed), MOST_POLES, MOST_DELAY)
+    fields = machine_fields(found, "identified", "unit")
+    truth = true_fields(axes, fields)
+    identified, known = (_tuned_on(one, truth, evaluations) for one in (fields, truth))
+    errors = _both(identified.errors, known.errors)
+    count = min(one.count for one in axes)
+    return Way(
+        seed=seed,
+        takes=axes[0].takes,
+        delays=" ".join(str(round(one.axis.delay / DT)) for one in axes),
+        identified=float(errors[0].mean()),
+        true=float(errors[1].mean()),
+        ratio=_ratio(errors),
+        worst=float(np.max([_over(*pair) for pair in errors.T])),
+        counted=_ratio(np.maximum(errors, count)),
+        family=_ratio(_both(identified.largest, known.largest)),
+        sound=identified.sound and known.sound,
+        diverged=identified.diverged or known.diverged,
+    )
+
+
+def _both(identified: dict[str, float], known: dict[str, float]) -> Float[np.ndarray, "2 c"]:
+    """Errors of both designs; where a search has none inf of the identified, NaN of the true."""
+    names = list(known or identified)
+    if not names:
+        return np.full((2, 1), np.nan)
+    one = [identified.get(name, np.inf) for name in names]
+    return np.array([one, [known.get(name, np.nan) for name in names]])
+
+
+def _ratio(errors: Float[np.ndarray, "2 c"]) -> float:
+    """Ratio of the mean errors over the contours."""
+    return _over(*errors.mean(axis=1))
+
+
+def _over(identified: float, true: float) -> float:
+    """Ratio of two errors; NaN where tuning on the true machine has none."""
+    return float(identified / true) if np.isfinite(true) else np.nan
+
+
+def true_fields(axes: Sequence[RecordedAxis], fields: dict[str, Any]) -> dict[str, Any]:
+    """The machine file with the true model: its own states and delays, nothing doubted of them."""
+    models = [true_model(one) for one in axes]
+    shared = min(one.delay for one in models)
+    parts = [one.realisation(one.delay - shared) for one in models]
+    A, B, C = (np.asarray(block_diag(*three)).tolist() for three in zip(*parts, strict=True))
+    model = {"A": A, "B": B, "C": C, "known_delay": shared}
+    model["uncertainty"] = {name: fields["uncertainty"][name] for name in ("gain", "delay")}
+    return fields | model | {"encoder_resolution": min(one.count for one in axes)}
+
+
+def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -> OnTheMachine:
+    """What is tuned on a file within some evaluations, run on the true machine."""
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "machine.json"
+        path.write_text(json.dumps(fields))
+        quiet = tables.console_of(quiet=True)
+        try:
+            run = tuning_run(Tune(plant=str(path)))
+            run = replace(run, settings=replace(run.settings, evaluations=evaluations))
+            found = searched(run, Path(place), lambda _: None, quiet)
+        except NothingSound:
+            return OnTheMachine({}, {}, False, True)
+    controller = found.run.controller(found.tuned.weights)
+    machine = machine_from(json.dumps(truth).encode(), "true")
+    family = machine.true_family(found.run.design.fed)
+    errors, largest, diverged = {}, {}, False
+    for job in found.run.scenarios.jobs:
+        reference = job.reference(DT, controller.preview)
+        runs = [score(simulate(plant, controller, reference), reference) for plant in family]
+        values = [float(one.rms_contour_error) for one in runs]
+        errors[job.name], largest[job.name] = values[0], float(np.max(values))
+        diverged |= any(bool(one.diverged) for one in runs)
+    return OnTheMachine(errors, largest, found.tuned.feasible, diverged)

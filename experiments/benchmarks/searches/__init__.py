@@ -1,0 +1,1 @@
+"""The tuner beside searches without slopes."""

@@ -1,0 +1,1 @@
+"""Speed of loops: rates and times beside what a user has otherwise."""

@@ -1,0 +1,55 @@
+"""Figure of a bent reference: the correction over time, and the errors with and without it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from experiments.reports.figures.shared.axes import START, TUNED, grid, legend_below
+
+
+@dataclass(frozen=True)
+class BentRuns:
+    """A correction, and errors with and without it.
+
+    Attributes:
+        name: of contour, machine and controller, in words.
+        error: the error that counts, "contour" or "tracking".
+        axes: names of the m axes.
+        time: (T,) [s].
+        scored: (T,) which samples count.
+        correction: (T, m) [m].
+        before, after: size of the error of every plant, the nominal one first (P, T) [m].
+    """
+
+    name: str
+    error: str
+    axes: Sequence[str]
+    time: np.ndarray
+    scored: np.ndarray
+    correction: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+def bent_figure(runs: BentRuns) -> Figure:
+    """Errors of the nominal plant thick, of the family thin."""
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for axis, shift in zip(runs.axes, runs.correction.T, strict=False):
+        upper.plot(runs.time, 1e6 * shift, linewidth=1.0, label=f"shift of {axis}")
+    grid(upper, runs.name, "", "correction [um]")
+    shown: Mapping[str, tuple[np.ndarray, str]] = {
+        "reference as it is": (runs.before, START),
+        "bent reference": (runs.after, TUNED),
+    }
+    for label, (errors, colour) in shown.items():
+        sizes = np.where(runs.scored, 1e6 * errors, np.nan)
+        lower.plot(runs.time, sizes[1:].T, color=colour, linewidth=0.4, alpha=0.5)
+        lower.plot(runs.time, sizes[0], color=colour, linewidth=1.2, label=f"{label}, nominal")
+    lower.set_yscale("log")
+    lower.set_ylim(bottom=max(1e-3, 1e2 * float(np.nanmax(runs.before[:, runs.scored]))))
+    grid(lower, "thin: the other plants of the family", "time [s]", f"{runs.error} error [um]")
+    legend_below(figure)
+    return figure

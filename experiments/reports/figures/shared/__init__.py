@@ -1,0 +1,1 @@
+"""Shared by all figures: axes and colours, PNG files, the process that draws."""

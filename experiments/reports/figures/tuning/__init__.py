@@ -1,0 +1,1 @@
+"""Figures of tuning: points, fronts, ranks, sweeps, sensitivity."""

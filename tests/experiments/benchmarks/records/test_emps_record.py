@@ -1,0 +1,51 @@
+"""The EMPS drive, simulated and identified again."""
+
+import numpy as np
+import pytest
+
+from experiments.benchmarks.records.emps_record import emps_record
+from experiments.machines.identified import axis_result
+from jcontour.plants import emps
+from tuning.identification.linear.machine import MachineRecord, identify_machine
+
+DT, ROWS = emps.SAMPLE_PERIOD, 24_000
+
+
+def program():
+    """Moves to and fro with smooth ends, as those of the public record: 0 to 0.24 m in 24 s."""
+    time = DT * np.arange(ROWS)
+    knots = np.random.default_rng(0).uniform(0.0, 0.24, 25)
+    part = np.minimum(time % 1.0 / 0.9, 1.0)
+    smooth = part**3 * (10 - 15 * part + 6 * part**2)
+    whole = time.astype(int)
+    return knots[whole] + (knots[np.minimum(whole + 1, 24)] - knots[whole]) * smooth
+
+
+def physical(one):
+    """M, F_v, F_c and the offset of an identified axis, by the gain of its drive."""
+    viscous = emps.DRIVE_GAIN / one.gain
+    mass = viscous * one.time_constants[0]
+    return mass, viscous, emps.DRIVE_GAIN * one.friction, -emps.DRIVE_GAIN * one.offset
+
+
+def test_the_record_obeys_the_balance_of_forces():
+    """Work of the drive = kinetic energy + heat, over a stretch that ends in motion."""
+    voltage, counted = emps_record(program(), 0, noise=0.0)
+    speed = np.gradient(counted, DT)
+    end = 5_450
+    power = (emps.DRIVE_GAIN * voltage - emps.OFFSET) * speed
+    heat = emps.VISCOUS * speed**2 + emps.COULOMB * np.abs(speed)
+    work, lost = (DT * part[:end].sum() for part in (power, heat))
+    kinetic = 0.5 * emps.MASS * speed[end] ** 2
+    assert work == pytest.approx(lost + kinetic, rel=0.02)
+    assert np.abs(voltage).max() < emps.LARGEST_VOLTAGE
+
+
+@pytest.mark.slow
+def test_all_four_numbers_within_one_percent():
+    u, y = emps_record(program(), 1)
+    record = MachineRecord(DT, ("X", "Y"), np.stack([u, u], 1), np.stack([y, y], 1))
+    found = identify_machine(record, 2, 2)
+    one = axis_result(found.axes[0])
+    wanted = (emps.MASS, emps.VISCOUS, emps.COULOMB, emps.OFFSET)
+    assert physical(one) == pytest.approx(wanted, rel=0.01)

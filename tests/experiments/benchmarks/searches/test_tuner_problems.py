@@ -1,0 +1,44 @@
+"""What a search without slopes sees of a problem is what the tuner sees."""
+
+import numpy as np
+import pytest
+
+from experiments.benchmarks.searches.tuner_problems import (
+    LOST,
+    PROBLEMS,
+    _departed,
+    measure_of,
+    problem_of,
+)
+from tuning.parameters import Chart
+from tuning.point import evaluate_point
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "square, increment limited",
+        pytest.param("circle, family, Ms limited", marks=pytest.mark.slow),
+    ],
+)
+def test_values_are_those_of_the_tuner(name):
+    problem, start = problem_of(name)
+    z = np.asarray(Chart(problem.space, start).coordinates())
+    measure, seen = measure_of(problem, start), []
+    for away in (0.0, 0.5):
+        point, tried = evaluate_point(problem, start, z + away), measure(z + away)
+        excess = max(0.0, float(point.limits.max()))
+        seen.append(excess)
+        assert tried.merit == pytest.approx(np.log(point.objective) + 10 * excess, rel=1e-9)
+        assert tried.objective == (np.inf if excess > 1e-6 else pytest.approx(point.objective))
+    assert measure(z + 60.0 * np.sign(z)).merit >= LOST  # nothing is finite there
+
+
+def test_points_that_diverge_are_worse_the_farther_they_leave_their_contour():
+    assert [_departed(np.array(one)) for one in ([-3.0, 2.0], [-3.0, -1.0])] == [2.0, 0.0]
+    assert _departed(np.array([np.inf, 2.0])) == _departed(np.array([np.nan])) == LOST
+
+
+def test_there_are_six_problems_of_2_to_14_weights():
+    assert len(PROBLEMS) == 6

@@ -1,0 +1,17 @@
+"""What `jcontour bench gantry` refuses before it measures."""
+
+import pytest
+
+from experiments.benchmarks.speed.gantry import measured
+from experiments.benchmarks.speed.gantry_engines import engine_rates
+from experiments.flags.others import Bench
+
+
+def test_several_batches_are_refused():
+    with pytest.raises(ValueError, match="batch: needs one number for the gantry, received 2, 3"):
+        measured(Bench(what="gantry", batch=(2, 3)), print)
+
+
+def test_a_batch_of_one_is_refused():
+    with pytest.raises(ValueError, match="batch: needs at least two machines at once, received 1"):
+        engine_rates(0.1, 1)

@@ -1,0 +1,49 @@
+"""The table and the problems of `jcontour bench qp`; no time is asserted."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from experiments.benchmarks.speed import qp
+from experiments.files.results.stored import from_json, to_json
+from experiments.flags.others import Bench
+from jcontour.qp.solvers import DAQP
+
+ROWS = [
+    qp.BatchTime("at once", 128, 12.0, 34.0, 1e-9, 0),
+    qp.BatchTime("daqp, one by one", 100, 9.0, None, 1e-12, 0),
+]
+
+
+def test_a_row_says_who_was_timed_and_its_numbers():
+    page = io.StringIO()
+    qp.show(Console(file=page, width=120), qp.QPBench(ROWS, 0.5))
+    lines = page.getvalue().splitlines()
+    assert "50 % of them at a limit" in lines[0]
+    row = next(line for line in lines if "one by one" in line)
+    assert row.split()[-7:] == ["one", "100", "9", "none", "90", "1e-12", "0"]
+
+
+def test_it_loads_back_from_json():
+    found = qp.QPBench(ROWS, 0.5)
+    assert from_json(to_json(found), qp.QPBench) == found
+
+
+@pytest.mark.slow
+def test_half_of_the_controls_are_at_a_limit_and_the_host_has_the_same_answers():
+    problems, active = qp.tight(qp.random_problems(3))
+    assert active == pytest.approx(0.5, abs=0.02)
+    controls = np.asarray(qp._solved(problems).trajectory.stages)[:, :, qp.STATES :]
+    for found, one in zip(controls, qp.condensed(problems), strict=True):
+        wanted = DAQP().solve(one).z
+        np.testing.assert_allclose(found.ravel(), wanted, rtol=0, atol=1e-5 * np.abs(wanted).max())
+
+
+@pytest.mark.slow
+def test_every_batch_and_solver_has_a_row():
+    told = []
+    found = qp.measured(Bench(what="qp", batch=(2, 3)), told.append)
+    assert [row.batch for row in found.times] == [2, 3, 3, 3] and len(told) == 4
+    assert all(row.residual <= 1e-6 and row.unsolved == 0 for row in found.times)
