@@ -45,6 +45,15 @@ MEASURED = "0.10."  # versions of jaxlib whose compiler was measured
 COMPILED = 1_000_000_000  # bytes of compiled programs that are kept; the oldest go first
 
 
+def keep_to_one_thread() -> None:
+    """Keep BLAS to one thread, before NumPy is loaded, where the environment does not say another.
+
+    Matrices here are small and commands share their work among threads and processes of their own:
+    threads of BLAS beside them wait for each other longer than they compute.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
 def choose_compiler() -> None:
     """Choose how XLA compiles for a CPU, before JAX is loaded.
 
@@ -77,6 +86,7 @@ def keep_compiled() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code."""
+    keep_to_one_thread()
     choose_compiler()
     keep_compiled()
     arguments = list(sys.argv[1:] if arguments is None else arguments)

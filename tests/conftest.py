@@ -8,13 +8,10 @@ import signal
 from functools import cache
 from pathlib import Path
 
-# One thread for each worker, said before NumPy is loaded: those of two workers on two cores wait
-# for each other longer than they compute. Workers and commands inherit it.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+from experiments.cli import choose_compiler, keep_to_one_thread
 
-from experiments.cli import choose_compiler
-
-choose_compiler()  # as the commands do, before JAX is loaded
+keep_to_one_thread()  # as the commands do, before NumPy is loaded; workers inherit it
+choose_compiler()  # and before JAX is loaded
 
 from typing import Any
 

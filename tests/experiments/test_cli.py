@@ -328,27 +328,35 @@ def test_simulate(tmp_path, machine_file):
 def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
     """In a process of its own: this one has loaded JAX, and then nothing changes."""
     program = (
-        "import os, experiments.cli as cli; cli.choose_compiler(); cli.keep_compiled();"
-        "print(os.environ['XLA_FLAGS']); print(os.environ['JAX_COMPILATION_CACHE_DIR'])"
+        "import os, sys, experiments.cli as cli; assert 'numpy' not in sys.modules;"
+        "cli.keep_to_one_thread(); cli.choose_compiler(); cli.keep_compiled();"
+        "print(os.environ['XLA_FLAGS']); print(os.environ['JAX_COMPILATION_CACHE_DIR']);"
+        "print(os.environ['OPENBLAS_NUM_THREADS'])"
     )
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("JAX_", "XLA_"))}
+    ours = ("JAX_", "XLA_", "OPENBLAS_")
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
     chosen = "--xla_cpu_multi_thread_eigen=false"
     if version("jaxlib").startswith("0.10."):
         chosen += " --xla_cpu_use_fusion_emitters=false"
     cases = [
-        ({}, chosen, str(tmp_path / "jcontour" / "compiled")),
+        ({}, chosen, str(tmp_path / "jcontour" / "compiled"), "1"),
         (
-            {"XLA_FLAGS": "--one=1", "JAX_COMPILATION_CACHE_DIR": "mine"},
+            {
+                "XLA_FLAGS": "--one=1",
+                "JAX_COMPILATION_CACHE_DIR": "mine",
+                "OPENBLAS_NUM_THREADS": "3",
+            },
             f"--one=1 {chosen}",
             "mine",
+            "3",
         ),
     ]
-    for given, flags, folder in cases:
+    for given, *expected in cases:
         environment = {**kept, "XDG_CACHE_HOME": str(tmp_path), **given}
         done = subprocess.run(
             [sys.executable, "-c", program], env=environment, capture_output=True, text=True
         )
-        assert done.stdout.splitlines() == [flags, folder], done.stderr
+        assert done.stdout.splitlines() == expected, done.stderr
 
 
 @pytest.mark.parametrize(
