@@ -14,8 +14,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from experiments import plain_numbers
-from experiments.flags import loops, machines, others, shared, tuning
+from experiments.flags import loops, machines, others, rules, shared, tuning
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     tuning.Tune: ("tune", "experiments.commands.tuning.tune"),
@@ -137,7 +136,7 @@ def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
         prog="jcontour",
         description=_DESCRIPTION,
         args=arguments,
-        registry=plain_numbers.NUMBERS,
+        registry=rules.RULES,
     )
     _, module = COMMANDS[type(flags)]
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first

@@ -3,9 +3,8 @@
 import re
 from typing import Annotated
 
-from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+from tyro.constructors import PrimitiveConstructorSpec
 
-NUMBERS = ConstructorRegistry()  # how tyro reads the numbers among the flags
 PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 WHOLE = re.compile(r"[+-]?[0-9]+")
 NOT_FINITE = re.compile(r"[+-]?(?:inf|infinity|nan)", re.IGNORECASE)
@@ -36,20 +35,6 @@ def whole_in(text: str) -> int:
     if WHOLE.fullmatch(text):
         return int(text)
     raise ValueError(f"needs a whole number in plain digits, received {text!r}")
-
-
-@NUMBERS.primitive_rule
-def _number_rule(kind: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[float] | None:
-    if kind.type not in (int, float):
-        return None
-    read = whole_in if kind.type is int else number_in
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=kind.type.__name__.upper(),
-        instance_from_str=lambda words: read(words[0]),
-        is_instance=lambda value: type(value) in (int, kind.type),
-        str_from_instance=lambda value: [str(value)],
-    )
 
 
 class WholePath(int):

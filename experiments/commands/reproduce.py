@@ -17,7 +17,7 @@ from typing import Any
 import tyro
 
 from experiments import papers
-from experiments.plain_numbers import NUMBERS
+from experiments.flags.rules import RULES
 
 NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
 
@@ -75,7 +75,7 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
         prog=f"jcontour reproduce {name}",
         description=known[name],
         args=list(arguments),
-        registry=NUMBERS,
+        registry=RULES,
     )
     return flags, lambda flags: _run(module, name, flags)
 
