@@ -91,6 +91,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = _told
+        # cut off by a command that was killed: the program is compiled anew
+        warnings.filterwarnings("ignore", "Error reading persistent compilation cache")
         return _answered(arguments)
 
 

@@ -374,6 +374,23 @@ def test_a_warning_is_told_as_every_message_is(category, said, monkeypatch, caps
     assert said in capsys.readouterr().err
 
 
+def test_a_compiled_program_that_is_cut_off_is_compiled_anew_without_a_word(tmp_path):
+    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "programs")}
+    environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+    environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+    program = "import jax; from experiments import cli; cli._answered = lambda _: "
+    program += "print(jax.jit(lambda x: 2.0 * x)(3.0)); cli.main([])"
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+        )
+        assert (done.stdout, done.stderr) == ("6.0\n", "")
+        kept = list((tmp_path / "programs").glob("*-cache"))
+        assert kept
+        for entry in kept:
+            entry.write_bytes(entry.read_bytes()[:20])
+
+
 def test_who_has_seen_enough_hears_no_complaint():
     listing = [sys.executable, "-m", "experiments.cli", "list"]
     told = subprocess.Popen(listing, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
