@@ -20,14 +20,19 @@ sys.exit(code)
 READER = SCRIPT.replace('"jcontour", ', "")  # the library's reader of programs is light
 
 
+def slow(*case):
+    """A case for the slow tests: each starts a process of its own."""
+    return pytest.param(*case, marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "says"),
     [
         (["list"], 0, "contouring-lq"),
         (["simulate", "nosuch.ngc"], 2, "nosuch.ngc: cannot be read"),
-        (["simulate", "spiral"], 2, "none named 'spiral'"),
-        (["tune", "--plant", "lathe"], 2, "none named 'lathe'"),
-        (["tune", "--controller", "magic"], 2, "none named 'magic'"),
+        slow(["simulate", "spiral"], 2, "none named 'spiral'"),
+        slow(["tune", "--plant", "lathe"], 2, "none named 'lathe'"),
+        slow(["tune", "--controller", "magic"], 2, "none named 'magic'"),
     ],
 )
 def test_names_are_answered_without_anything_heavy(arguments, code, says):
@@ -38,7 +43,7 @@ def test_names_are_answered_without_anything_heavy(arguments, code, says):
     assert says in (done.stderr if code else done.stdout)
 
 
-@pytest.mark.parametrize("command", ["tune", "simulate"])
+@pytest.mark.parametrize("command", ["tune", slow("simulate")])
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [

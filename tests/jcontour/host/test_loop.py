@@ -49,10 +49,15 @@ def test_loop_is_simulate_for_every_controller(closed_loop, name):
     same(loop(plant, controller, reference, start), simulate(plant, controller, reference, start))
 
 
-@pytest.mark.parametrize("name", PLANTS)
-def test_loop_is_simulate_on_every_plant(closed_loop, name):
-    if PLANTS[name].machine().name != "bridgeport":
-        pytest.skip("its controllers are run on it above")
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name != "bridgeport-late"))
+        for name in PLANTS
+        if name.startswith("bridgeport")  # controllers of other machines are run on theirs above
+    ],
+)
+def test_loop_is_simulate_on_every_form_of_a_plant(closed_loop, name):
     machine, reference = bridgeport_machine(), on_circle()
     plant = PLANTS[name].make()
     measured = jax.tree.leaves(plant.measure(plant.initial_state(*np.zeros((2, 2)))))

@@ -44,7 +44,10 @@ def tracked(drive, following, wrapped, trajectory):
 
 
 @pytest.mark.parametrize("name", FOLLOWING)
-@pytest.mark.parametrize("gains", [(60.0, 150.0, 0.03), (20.0, 400.0, 0.1, 1.0, 0.3)])
+@pytest.mark.parametrize(
+    "gains",
+    [(60.0, 150.0, 0.03), pytest.param((20.0, 400.0, 0.1, 1.0, 0.3), marks=pytest.mark.slow)],
+)
 def test_the_error_is_the_filter_s_whatever_the_feedback(alter_tsao, drive, name, gains):
     following, trajectory = FOLLOWING[name], alter_tsao["trajectory_m"]
     controller, reference = tracked(drive, following, feedback(drive.dt, gains=gains), trajectory)

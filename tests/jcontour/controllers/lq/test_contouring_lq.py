@@ -74,7 +74,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("terminal", ["output", "riccati"])
+@pytest.mark.parametrize("terminal", ["output", pytest.param("riccati", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
 def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_plant):
     axes, states, preview, values = CASES[case]

@@ -29,7 +29,7 @@ def logged(axis, takes, gain, seed=0):
     return AxisRecord(DT, *recorded(one, reference, DT, random))
 
 
-@pytest.mark.parametrize("delay", [0, 3])
+@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("takes", ["speed", "position"])
 def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay):
     make, i = (speed_axis, 1) if takes == "speed" else (position_axis, 0)
