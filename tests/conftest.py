@@ -74,6 +74,12 @@ def pytest_collection_finish(session):
     gc.set_threshold(50_000, 20, 50)
 
 
+def pytest_sessionfinish(session):
+    """What was set aside is collected at the end: else a solver's binding complains of leaks."""
+    gc.unfreeze()
+    gc.collect()
+
+
 def _keep_compiled_programs(config):
     """Compile each program once: both workers and the next run of the tests read it from disk.
 
