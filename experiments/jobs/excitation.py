@@ -1,8 +1,11 @@
 """Programs whose record shows what a tuner needs to know of a machine's axes.
 
-As CSV: a sum of sines over each axis, of frequencies that no other axis has (coupling is then told
-from an axis's own answer) and of phases at which they seldom meet (Schroeder, IEEE Trans.
-Information Theory 16, 1970). As G-code: moves to and fro that get shorter, each axis by itself and
+As CSV: two sums of sines over each axis, of frequencies that no other axis has: coupling is then
+told from an axis's own answer. A slow one moves the axis to and fro. A quick one of small waves
+shakes it up to where resonances are: it has most of the acceleration, as beside a resonance nothing
+else tells a delay. The slow one is small too, because what drives leave unexplained grows with the
+motion. The phases keep the peaks low (Schroeder, IEEE Trans. Information Theory 16, 1970).
+As G-code: moves to and fro that get shorter, each axis by itself and
 then all together; their corners shake the axis up to frequencies that no smooth contour reaches.
 The speed stays within half of its limit, positions within a tenth of the travel either side of the
 start; the acceleration of the CSV within half of its limit, that of the G-code is the control's.
@@ -23,8 +26,10 @@ SHARE = 0.5  # of the limits
 PART = 0.1  # of the travel, either side of the start
 SECONDS = 30.0  # of the sines
 EASE = 1.0  # [s] at the start and at the end in which they grow and fade
-LOWEST, HIGHEST = 0.3, 120.0  # frequencies [Hz]; the acceleration decides how much of them is seen
-LINES = 40  # frequencies of each axis
+LOWEST, QUICK, HIGHEST = 0.3, 5.0, 120.0  # [Hz]: slow sines, quick ones, and their end
+SLOW_LINES = 12  # frequencies of each axis
+SPACING = 1.0  # [Hz] between the quick frequencies of an axis
+SLOW_SHARE = 0.1  # of the sines' part of the limits; the quick ones have the rest
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
 REPEATS = 3
@@ -80,39 +85,55 @@ def read_limits(path: Path | str, fields: Any) -> Excited:
 def sines(limits: Excited) -> Float[np.ndarray, "T axes"]:
     """Positions of the CSV [m]: from rest at zero and back to it.
 
-    Every sine is as large as its share of travel, speed and acceleration allows; the sum is then
-    scaled until the sum's own largest speed and acceleration are within theirs.
+    Slow sines are as large as their share of travel, speed and acceleration allows each. Quick ones
+    have all the same speed: their waves are the smaller the quicker they are. Either sum is then
+    scaled until its own largest values are within its part of the limits.
     """
     time = limits.dt * np.arange(int(round(SECONDS / limits.dt)) + 1)
-    ease = np.clip(np.minimum(time, SECONDS - time) / EASE, 0.0, 1.0)
-    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
     count = len(limits.axes)
     highest = min(HIGHEST, 0.2 / limits.dt)
-    raw = np.geomspace(LOWEST, highest, LINES * count)
-    lines = np.unique(np.round(raw * SECONDS)) / SECONDS  # whole periods
+    quickest = min(QUICK, highest / 2)
+    slow = np.unique(np.round(np.geomspace(LOWEST, quickest, SLOW_LINES * count) * SECONDS))
+    quick = np.arange(quickest, highest, SPACING / count)
     columns = []
     for k in range(count):
-        w = 2 * np.pi * lines[k::count]
-        reach, v, a = (
-            share * one[k]
-            for share, one in (
-                (PART, limits.travel),
-                (SHARE, limits.speed),
-                (SHARE, limits.acceleration),
-            )
-        )
-        size = np.minimum(np.minimum(reach, v / w), a / w**2)
-        number = np.arange(len(w))
-        phase = -np.pi * number * (number - 1) / len(w)
-        signal = ease * np.sum(size * np.sin(w * time[:, None] + phase), axis=1)
-        speed = np.diff(signal) / limits.dt
         most = (
-            np.abs(signal).max() / reach,
-            np.abs(speed).max() / v,
-            np.abs(np.diff(speed)).max() / limits.dt / a,
+            PART * limits.travel[k],
+            SHARE * limits.speed[k],
+            SHARE * limits.acceleration[k],
         )
-        columns.append(signal / max(most))
+        w = 2 * np.pi * slow[k::count] / SECONDS  # whole periods
+        sizes = np.minimum(np.minimum(most[0], most[1] / w), most[2] / w**2)
+        low = _within(most, limits.dt, _summed(time, w, sizes))
+        w = 2 * np.pi * quick[k::count]
+        high = _within(most, limits.dt, _summed(time, w, 1 / w))
+        columns.append(SLOW_SHARE * low + (1 - SLOW_SHARE) * high)
     return np.stack(columns, axis=1)
+
+
+def _summed(
+    time: Float[np.ndarray, " T"], w: Float[np.ndarray, " n"], sizes: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " T"]:
+    """Sines of frequencies w [rad/s] that grow at the start and fade at the end.
+
+    The phases are Schroeder's, phi_k = -2 pi sum_{j<k} (k - j) p_j, for the powers p_j of the
+    accelerations.
+    """
+    powers = (sizes * w**2) ** 2
+    before = np.cumsum(powers / powers.sum())[:-1]
+    phases = -2 * np.pi * np.concatenate([[0.0], np.cumsum(before)])
+    ease = np.clip(np.minimum(time, time[-1] - time) / EASE, 0.0, 1.0)
+    ease = ease**3 * (10 - 15 * ease + 6 * ease**2)
+    waves = (a * np.sin(b * time + c) for a, b, c in zip(sizes, w, phases, strict=True))
+    return ease * sum(waves)
+
+
+def _within(
+    most: Sequence[float], dt: float, signal: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"]:
+    """The signal as large as travel, speed and acceleration allow."""
+    used = [np.abs(np.diff(signal, order)).max() / dt**order for order in range(3)]
+    return signal / max(one / limit for one, limit in zip(used, most, strict=True))
 
 
 def strokes(limits: Excited, axis: int) -> list[float]:

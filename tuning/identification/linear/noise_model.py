@@ -15,18 +15,21 @@ from scipy.signal import lfilter
 from tuning.identification.linear.triangles import triangle_of
 
 WHITE: Float[np.ndarray, " 1"] = np.ones(1)
+FEWEST = 10  # samples for each coefficient
 RIDGE = 1e-12  # of a column's squares: a residual of few tones has a filter too
 
 
 def whitening(residual: Float[np.ndarray, " T"], most: int) -> Float[np.ndarray, " w"]:
     """Filter 1, w_1, ..., w_p that makes a residual white; p of at most `most` by Akaike's number.
 
+    Of a short residual p is at most a tenth of its samples.
+
     Least squares, not the equations of Yule and Walker: those blur the slow drift that is left of
     an axis with an integrator. The columns are r, its difference and lags of its second difference:
     the same fit, without the near dependence of neighbouring samples of a drift.
     """
     first, second = np.diff(residual), np.diff(residual, 2)  # of samples k-1..k, and k-2..k
-    lags = most - 2
+    lags = max(min(most, len(residual) // FEWEST), 3) - 2
     rows = len(second) - lags
     place = np.stack([residual[1 + lags : -1], first[lags:-1]])
     past = np.stack([place @ second[lags - i : len(second) - i] for i in range(lags + 1)], axis=1)

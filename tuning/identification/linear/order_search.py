@@ -28,8 +28,8 @@ from tuning.identification.linear.resonance import with_resonance
 
 TRAINING = 0.7  # of the record
 FIRST_TERMS = 24  # coefficients of the whitening filter before any model
-NOISE_TERMS = 60  # and at most of the one after: counts on top of a drift have a long memory
-BEGIN = 120  # rows that no structure is judged by: its delay and filter reach before the record
+NOISE_TERMS = 200  # and at most of the one after: counts on top of a drift have a long memory
+BEGIN = 260  # rows that no structure is judged by: its delay and filter reach before the record
 MORE = 2  # samples of delay beyond the best of a smaller order that are tried
 GLANCES = 2  # of model and noise filter in turn, while delays are compared
 BLOCK = 200  # samples whose mean counts as one independent value of the squared error
@@ -177,7 +177,7 @@ def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
 
 def _likelihood(fit: AxisFit) -> float:
     """Minus its logarithm, but for a constant."""
-    return 0.5 * (len(fit.residual) - BEGIN) * float(np.log(_left(fit)))
+    return 0.5 * len(_judged(fit)) * float(np.log(_left(fit)))
 
 
 def _glance(
@@ -223,7 +223,13 @@ def _refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
 
 def _left(fit: AxisFit) -> float:
     """Variance of what neither the model nor the past explains [m^2]."""
-    return float(np.var(whitened(fit.residual, fit.filter)[BEGIN:]))
+    return float(np.var(_judged(fit)))
+
+
+def _judged(fit: AxisFit) -> Float[np.ndarray, " J"]:
+    """What neither the model nor the past explains, without the first rows [m]."""
+    first = min(BEGIN, len(fit.residual) // 3)  # a short record has a short filter
+    return whitened(fit.residual, fit.filter)[first:]
 
 
 def _smallest(found: list[Candidate]) -> Candidate:
@@ -236,7 +242,7 @@ def _smallest(found: list[Candidate]) -> Candidate:
 
 def _likelier(one: Candidate, other: Candidate) -> float:
     """Gain in log-likelihood over both parts of the record."""
-    first = len(one.fit.residual) - BEGIN
+    first = len(_judged(one.fit))
     rest = min(len(one.held_out), len(other.held_out))
     gains = first * np.log(_left(other.fit) / _left(one.fit)), rest * np.log(other.loss / one.loss)
     return 0.5 * float(sum(gains))
