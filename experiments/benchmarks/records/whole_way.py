@@ -1,5 +1,8 @@
 """`jcontour bench whole_way`: log of a hidden machine, identify, tune, and back on that machine.
 
+The log is of arcs and lines. Where `identify` says that it does not show a response, the machine
+runs what `--excite` writes, as the tool advises.
+
 Beside it the same with the true model in the machine file, its limits and its family unchanged:
 what is lost is lost by identifying.
 """
@@ -21,6 +24,7 @@ from experiments.benchmarks.kept_rows import opened, write
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     KINDS,
+    PROGRAMS,
     hidden_axis,
     hidden_record,
     true_model,
@@ -29,13 +33,13 @@ from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
 from experiments.flags.others import Bench
 from experiments.flags.tuning import Tune
 from experiments.machines.from_file import machine_from
-from experiments.machines.identified import machine_fields
+from experiments.machines.identified import largest, machine_fields
 from experiments.reports import tables
 from experiments.runs.tuning.problem import tuning_run
 from experiments.runs.tuning.searching import NothingSound, searched
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import score
-from tuning.identification.linear.machine import identify_machine
+from tuning.identification.linear.machine import LinearMachineFound, identify_machine
 from tuning.identification.linear.recording import RecordedAxis
 
 WORDS = {
@@ -54,6 +58,7 @@ class Way(NamedTuple):
 
     Attributes:
         seed, takes: which one.
+        record: that it was identified from: arcs and lines, or what the tool advises.
         delays: true ones of its axes [samples].
         identified, true: errors on the hidden machine [m].
         ratio: of these errors.
@@ -67,6 +72,7 @@ class Way(NamedTuple):
 
     seed: int
     takes: str
+    record: str
     delays: str
     identified: float
     true: float
@@ -103,7 +109,7 @@ class OnTheMachine:
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
-    """Machines of two axes of one kind, from logs of arcs and lines to their contour errors.
+    """Machines of two axes of one kind, from their logs to their contour errors.
 
     Raises:
         ValueError: the file to keep them is none of this benchmark.
@@ -137,6 +143,7 @@ def show(console: Console, result: WholeWayBench) -> None:
         [
             str(way.seed),
             way.takes,
+            way.record,
             way.delays,
             *(f"{1e6 * mean:.3g}" for mean in (way.identified, way.true)),
             *(f"{one:.3f}" for one in (way.ratio, way.worst, way.counted, way.family)),
@@ -145,9 +152,18 @@ def show(console: Console, result: WholeWayBench) -> None:
         ]
         for way in result.machines
     ]
-    columns = ["no", "takes", "delays", "identified\num", "true\num", "ratio", "worst\ncontour"]
+    columns = [
+        "no",
+        "takes",
+        "record",
+        "delays",
+        "identified\num",
+        "true\num",
+        "ratio",
+        "worst\ncontour",
+    ]
     columns += ["from a\ncount on", "family", "limits\nkept", "diverged"]
-    console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=2))
+    console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=3))
     for name in ("ratio", "counted", "family"):
         ratios = np.array([getattr(way, name) for way in result.machines])
         known = ratios[~np.isnan(ratios)]
@@ -161,15 +177,14 @@ def show(console: Console, result: WholeWayBench) -> None:
 
 def _line(way: Way) -> str:
     return (
-        f"{way.seed} {way.takes}: {way.ratio:.3f} of the error with the true model, worst contour "
-        f"{way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
+        f"{way.seed} {way.takes}, {way.record}: {way.ratio:.3f} of the error with the true model, "
+        f"worst contour {way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
         f"{'' if way.sound else ', limits not kept'}{', diverged' if way.diverged else ''}"
     )
 
 
 def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
-    found = identify_machine(hidden_record(axes, "contour", seed), MOST_POLES, MOST_DELAY)
-    fields = machine_fields(found, "identified", "unit")
+    program, fields = _as_advised(axes, seed)
     truth = true_fields(axes, fields)
     identified, known = (_tuned_on(one, truth, evaluations) for one in (fields, truth))
     errors = _both(identified.errors, known.errors)
@@ -177,6 +192,7 @@ def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
     return Way(
         seed=seed,
         takes=axes[0].takes,
+        record=program,
         delays=" ".join(str(round(one.axis.delay / DT)) for one in axes),
         identified=float(errors[0].mean()),
         true=float(errors[1].mean()),
@@ -187,6 +203,27 @@ def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
         sound=identified.sound and known.sound,
         diverged=identified.diverged or known.diverged,
     )
+
+
+def _as_advised(axes: list[RecordedAxis], seed: int) -> tuple[str, dict[str, Any]]:
+    """Program of the record that a user would keep, and the machine file from it.
+
+    Where the record of arcs and lines leaves a response unseen and `identify` says so, the machine
+    runs the program of `--excite`. Of the two the record is kept that shows more modes, else the
+    one that shows more of the frequencies. Limits are what went well in either.
+    """
+    found = {PROGRAMS[0]: _identified(axes, PROGRAMS[0], seed)}
+    if found[PROGRAMS[0]].unseen:
+        found[PROGRAMS[1]] = _identified(axes, PROGRAMS[1], seed)
+    program = max(found, key=lambda one: (found[one].order, np.nan_to_num(found[one].shown_to)))
+    fields = machine_fields(found[program], "identified", "unit")
+    limits = [largest(one) for one in found.values()]
+    both = {name: np.max([one[name] for one in limits], axis=0).tolist() for name in limits[0]}
+    return program, fields | {"limits": both}
+
+
+def _identified(axes: list[RecordedAxis], program: str, seed: int) -> LinearMachineFound:
+    return identify_machine(hidden_record(axes, program, seed), MOST_POLES, MOST_DELAY)
 
 
 def _both(identified: dict[str, float], known: dict[str, float]) -> Float[np.ndarray, "2 c"]:

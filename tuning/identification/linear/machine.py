@@ -23,6 +23,7 @@ from tuning.identification.linear.order_search import (
     TELLS,
     TRAINING,
     Choice,
+    Settled,
     chosen,
     settled,
 )
@@ -43,6 +44,8 @@ SURE = 5.0  # standard deviations
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
+RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows
+OF_RATE = 0.1  # of the sampling rate
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -101,6 +104,16 @@ class LinearAxis:
     late: int
     resolution: float
 
+    @property
+    def unseen(self) -> bool:
+        """Whether the record hides how the axis answers where it may ring: it is said, with advice.
+
+        A richer model is likelier without being shown clearly, or the response is known to 10 % up
+        to a low frequency only.
+        """
+        reach = min(RESONANT, OF_RATE / self.fit.model.dt)
+        return bool(self.choice.richer) or not self.response.band[1] >= reach
+
 
 @dataclass(frozen=True)
 class LinearMachineFound:
@@ -148,6 +161,21 @@ class LinearMachineFound:
     def late(self) -> int:
         """Further samples of delay that the data allow."""
         return max(one.late for one in self.axes)
+
+    @property
+    def unseen(self) -> bool:
+        """Whether another program is advised, for one axis at least."""
+        return any(one.unseen for one in self.axes)
+
+    @property
+    def order(self) -> int:
+        """States of all axes without their delays: what the record shows of modes."""
+        return sum(one.fit.model.order for one in self.axes)
+
+    @property
+    def shown_to(self) -> float:
+        """Frequency up to which all responses are known to 10 % [Hz]; nan if nowhere."""
+        return float(np.min([one.response.band[1] for one in self.axes]))
 
 
 def identify_machine(record: MachineRecord, most_poles: int, most_delay: int) -> LinearMachineFound:
@@ -205,7 +233,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         estimate=estimate,
         response=evidence.widened(response, [one.fit.model for one in choice.richer]),
         choice=choice,
-        rivals=found.rivals,
+        rivals=_rivals(used, found, choice, most_delay),
         held_out=held_out,
         explained=explained,
         friction=_friction(fit, command),
@@ -216,6 +244,19 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         late=min(late, 1),
         resolution=resolution,
     )
+
+
+def _rivals(
+    record: AxisRecord, found: Settled, choice: Choice, most_delay: int
+) -> dict[int, float]:
+    """By how much other delays are less likely, in this model or in the best of the richer ones."""
+    rivals = dict(found.rivals)
+    for one in choice.richer[:1]:
+        richer = settled(record, one.fit, most_delay)
+        for d, value in {richer.fit.model.delay: 0.0, **richer.rivals}.items():
+            if d != found.fit.model.delay:
+                rivals[d] = min(rivals.get(d, np.inf), value)
+    return rivals
 
 
 def _with_or_without_friction(
@@ -299,12 +340,17 @@ def _notes(axis: LinearAxis) -> list[str]:
             f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
             "the speed that it was not fitted to; of a quiet drive more than 99 %"
         )
-    if axis.choice.richer:
+    if axis.unseen:
+        shown = _up_to(axis.response.band[1])
+        if axis.choice.richer:
+            words = "a model with more poles is likelier, but the record hardly shows it; the two "
+            words += f"agree {shown}. Above that"
+        else:
+            words = f"the response is known to 10 % {shown}; the record does not show whether the "
+            words += "axis rings above that. There"
         notes.append(
-            f"{name}: a model with more poles is likelier, but the record hardly shows it; the two "
-            f"agree {_up_to(axis.response.band[1])}. Above that tuned loops stay slow enough for "
-            "both, and the delay may stand for what is faster: record corners, or what --excite "
-            "writes"
+            f"{name}: {words} tuned loops stay slow enough for what is possible, and the delay may "
+            "stand for what is faster: run what jcontour identify --excite writes"
         )
     if axis.late:
         notes.append(

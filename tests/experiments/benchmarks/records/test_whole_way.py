@@ -55,10 +55,8 @@ def designs(monkeypatch):
     def give(*pairs):
         waiting = iter([one for pair in pairs for one in pair])
         monkeypatch.setattr(whole_way, "_tuned_on", lambda *_: next(waiting))
-        monkeypatch.setattr(whole_way, "hidden_record", lambda *_: None)
         monkeypatch.setattr(whole_way.jax, "clear_caches", lambda: None)  # other tests need them
-        monkeypatch.setattr(whole_way, "identify_machine", lambda *_: None)
-        monkeypatch.setattr(whole_way, "machine_fields", lambda *_: {})
+        monkeypatch.setattr(whole_way, "_as_advised", lambda *_: ("contour", {}))
         monkeypatch.setattr(whole_way, "true_fields", lambda *_: {})
 
     return give
@@ -121,6 +119,36 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, d
     printed = capsys.readouterr().out
     assert f"{ratio:.3f}" in printed
     assert ("no ratio: 1 of 1 machines" in printed) is bool(np.isnan(ratio))
+
+
+class Found:
+    """What an identification says of its record."""
+
+    def __init__(self, unseen, order, shown_to):
+        self.unseen, self.order, self.shown_to = unseen, order, shown_to
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "record", "speed"),
+    [
+        (Found(False, 2, 400.0), None, "contour", 0.1),
+        (Found(True, 4, 60.0), Found(False, 4, 150.0), "excite", 0.2),
+        (Found(True, 4, np.nan), Found(True, 4, 30.0), "excite", 0.2),
+        (Found(True, 4, 90.0), Found(True, 4, 50.0), "contour", 0.2),
+        (Found(True, 4, 90.0), Found(False, 2, 400.0), "contour", 0.2),  # a mode less
+    ],
+)
+def test_the_machine_runs_what_identify_advises(first, second, record, speed, monkeypatch):
+    """The second program runs where it is advised only; limits are the larger of both records."""
+    given = {"contour": (first, 0.1), "excite": (second, 0.2)}
+    monkeypatch.setattr(whole_way, "hidden_record", lambda axes, program, seed: program)
+    monkeypatch.setattr(whole_way, "identify_machine", lambda program, *_: given[program][0])
+    monkeypatch.setattr(whole_way, "machine_fields", lambda one, *_: {"found": one})
+    speeds = {id(one): {"speed": [value, 0.05]} for one, value in given.values()}
+    monkeypatch.setattr(whole_way, "largest", lambda one: speeds[id(one)])
+    program, fields = whole_way._as_advised([], 0)
+    assert program == record and fields["found"] is given[record][0]
+    assert fields["limits"] == {"speed": [speed, 0.05]}
 
 
 @pytest.mark.slow
