@@ -11,7 +11,6 @@ from tuning.identification.estimates import CONFIDENCE
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.machine import LinearAxis, LinearMachineFound
-from tuning.identification.linear.order_search import TELLS
 
 ROUGH = 4  # windows over which the largest acceleration is taken
 THINNED = 4  # frequencies of the intervals for one of the file
@@ -83,7 +82,7 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
         integrators=model.integrators,
         order=model.order,
         delay=model.delay,
-        delays=sorted(d for d, value in axis.rivals.items() if value < TELLS),
+        delays=axis.delays,
         gain=gain,
         gain_interval=(gain - factor * deviation, gain + factor * deviation),
         time_constants=constants,

@@ -254,14 +254,14 @@ class BoundedMPC(HostController):
         return BoundedPlan(run.state[: reference.steps], sample)
 
     def initial_memory(self, reference: Reference) -> BoundedMemory:
-        """No disturbance is known.
+        """No disturbance is known; the control holds the machine at the start.
 
         Raises:
-            ValueError: the reference has another sample period.
+            ValueError: the reference has another sample period; as `LinearPlant.holding_control`.
         """
         check_period(self.model.dt, reference)
-        n, p = self.model.states, self.model.inputs
-        return BoundedMemory(np.zeros(p), np.full(n, np.nan), 0, -1, 0.0)
+        held = np.array(self.model.holding_control(reference.position[0]))
+        return BoundedMemory(held, np.full(self.model.states, np.nan), 0, -1, 0.0)
 
     def step(self, memory: BoundedMemory, plan: BoundedPlan, measurement: Any) -> Stepped:
         """Build, solve, apply the first control.

@@ -120,17 +120,18 @@ class MPCC(HostController):
         return None
 
     def initial_memory(self, reference: Reference) -> Traversal:
-        """At the first arc length of the reference, at rest, with zero controls behind.
+        """At the first arc length of the reference, at rest, behind it the control that holds it.
 
         Raises:
             ValueError: the sample periods differ, the reference's contour is longer than theta
-                reaches or it starts beyond the path, or zero control is outside the limits.
+                reaches or it starts beyond the path, or the control that holds the machine there is
+                outside the limits; as `LinearPlant.holding_control`.
         """
-        self._check_run(reference)
-        p, n = self.model.inputs, self.model.states
+        held = np.array(self.model.holding_control(reference.position[0]))
+        self._check_run(reference, held)
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
-        plan = np.zeros(len(self.blocks))
-        return Traversal(np.array(min(theta, 0.0)), plan, np.zeros(p), np.zeros(p), np.zeros(n), 0)
+        plan, state = np.zeros(len(self.blocks)), np.zeros(self.model.states)
+        return Traversal(np.array(min(theta, 0.0)), plan, held, held, state, 0)
 
     def problem(
         self, memory: Traversal, measurement: Float[np.ndarray, " n"], out: QP | None = None
@@ -217,7 +218,7 @@ class MPCC(HostController):
             self._upper,
         )
 
-    def _check_run(self, reference: Reference) -> None:
+    def _check_run(self, reference: Reference, held: Float[np.ndarray, " p"]) -> None:
         reach = self.length * self.weights.length_unit  # [m]
         if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
             raise ValueError(
@@ -236,10 +237,10 @@ class MPCC(HostController):
             )
         p = self.model.inputs
         low, high = self._lower[-p:], self._upper[-p:]
-        if not ((low <= 0) & (high >= 0)).all():
+        if not ((low <= held) & (high >= held)).all():
             raise ValueError(
-                "lower, upper: the run starts with zero control, which needs to be within "
-                f"the limits, received {low} and {high}"
+                f"lower, upper: the machine is held at the start by {held}, which needs to be "
+                f"within the limits, received {low} and {high}"
             )
 
 

@@ -22,7 +22,7 @@ from jcontour.linear.continuous_axes import sampled_axis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.machine import LinearAxis, MachineRecord, identify_machine
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import NOISE_TERMS, TELLS, TRAINING
+from tuning.identification.linear.order_search import NOISE_TERMS, TRAINING
 from tuning.identification.linear.output_error import AxisRecord, predicted, simulated
 from tuning.identification.linear.recording import FEEDBACK, RecordedAxis
 
@@ -152,7 +152,7 @@ def _compared(
         states=len(axis.axis.A),
         delay=delay,
         found=model.delay,
-        told=delay in found.rivals and found.rivals[delay] < TELLS,
+        told=delay in found.delays,
         bandwidth=highest,
         error=float(np.abs(np.exp(off) - 1).max()),
         inside=float(np.mean(region)),

@@ -165,6 +165,18 @@ def test_what_leaves_the_box_is_told_at_its_sample(table, controller, circle):
     assert stopped.value.step >= 101
 
 
+def test_drives_that_take_a_position_are_held_where_the_run_begins():
+    """y = 2 u at rest: before the first sample half of the start's place acts."""
+    drives = LinearPlant(np.diag([0.9, 0.8]), np.diag([0.2, 0.4]), np.eye(2), 1e-3)
+    limits = BoundedLimits(1.0)
+    least = bounded_response(drives, DisturbedModel.loaded(drives, 1e-4), limits, 4)
+    mpc = BoundedMPC(drives, least, limits)
+    path = contours.line([0.02, 0.01], [0.06, 0.04])
+    reference = references.along(path, np.zeros(3), drives.dt, mpc.preview, at_rest=True)
+    memory = mpc.initial_memory(reference)
+    np.testing.assert_allclose(memory.control, [0.01, 0.005], rtol=1e-12)
+
+
 def test_disturbances_that_enter_elsewhere_are_outside(table, controller, circle):
     """A push of the state itself is none of the columns of E."""
     memory = controller.initial_memory(circle)

@@ -10,6 +10,7 @@ from jcontour.geometry import contours
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.held import Held
 from jcontour.host.loop import reported_loop
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.mpc.contouring import MPCC, Traversal, growing_blocks
 from jcontour.mpc.contouring_weights import ContouringWeights
@@ -320,6 +321,19 @@ def test_holding_keeps_place():
     assert jax.tree.structure(held) == jax.tree.structure(memory)
 
 
+def test_drives_that_take_a_position_are_held_where_the_run_begins():
+    """y = 2 u at rest: half of the start's place acts first, and nothing moves but forward."""
+    drives = LinearPlant(np.diag([0.9, 0.8]), np.diag([0.2, 0.4]), np.eye(2), 1e-3)
+    path = contours.line([0.02, 0.01], [0.06, 0.04])
+    mpcc, reference = MPCC(drives, path), at_start(path, 1e-3, 3)
+    memory = mpcc.initial_memory(reference)
+    state = np.asarray(drives.initial_state(reference.position[0], np.zeros(2)))
+    after, acting, _ = mpcc.step(memory, None, state)
+    np.testing.assert_allclose(acting, [0.01, 0.005], rtol=1e-12)
+    np.testing.assert_allclose(drives.step(state, acting), [0.02, 0.01], rtol=1e-12)
+    assert (after.control > acting).all()
+
+
 @pytest.mark.parametrize(
     "make, words",
     [
@@ -345,7 +359,7 @@ def test_holding_keeps_place():
         ),
         (
             lambda: lobe_controller(lower=0.1).initial_memory(at_start(lobes(), 0.004, 5)),
-            "zero control",
+            "held at the start by",
         ),
         (lambda: growing_blocks(3, 5), "count"),
     ],

@@ -46,6 +46,8 @@ LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
 RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows
 OF_RATE = 0.1  # of the sampling rate
+STARTS = 2  # of the largest structure
+PLACES = 30  # frequencies at which two models are compared
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -111,8 +113,13 @@ class LinearAxis:
         A richer model is likelier without being shown clearly, or the response is known to 10 % up
         to a low frequency only.
         """
-        reach = min(RESONANT, OF_RATE / self.fit.model.dt)
+        reach = _may_ring_to(self.fit.model.dt)
         return bool(self.choice.richer) or not self.response.band[1] >= reach
+
+    @property
+    def delays(self) -> list[int]:
+        """Other delays that the record does not exclude [samples]."""
+        return sorted(d for d, value in self.rivals.items() if value < TELLS)
 
 
 @dataclass(frozen=True)
@@ -249,14 +256,30 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
 def _rivals(
     record: AxisRecord, found: Settled, choice: Choice, most_delay: int
 ) -> dict[int, float]:
-    """By how much other delays are less likely, in this model or in the best of the richer ones."""
-    rivals = dict(found.rivals)
-    for one in choice.richer[:1]:
+    """By how much other delays are less likely: in this model, and in a richer one.
+
+    A mode that the record hardly shows is hidden in the delay of a model without it. So the delays
+    of the largest structure count too, where it answers otherwise in the range of resonances.
+    """
+    rivals, model = dict(found.rivals), found.fit.model
+    frequency = 2 * np.pi * np.geomspace(1.0, _may_ring_to(model.dt), PLACES)
+    own = model.response(frequency)
+    for one in choice.largest[:STARTS]:
+        if len(one.fit.model.denominator) <= len(model.denominator):
+            break
         richer = settled(record, one.fit, most_delay)
+        if np.abs(richer.fit.model.response(frequency) / own - 1).max() < evidence.SHOWN:
+            continue
+        behind = max(richer.less_likely(found), 0.0)
         for d, value in {richer.fit.model.delay: 0.0, **richer.rivals}.items():
-            if d != found.fit.model.delay:
-                rivals[d] = min(rivals.get(d, np.inf), value)
+            rivals[d] = min(rivals.get(d, np.inf), behind + value)
+    rivals.pop(model.delay, None)
     return rivals
+
+
+def _may_ring_to(dt: float) -> float:
+    """Highest frequency of a resonance [Hz] that is looked for."""
+    return min(RESONANT, OF_RATE / dt)
 
 
 def _with_or_without_friction(
@@ -352,10 +375,12 @@ def _notes(axis: LinearAxis) -> list[str]:
             f"{name}: {words} tuned loops stay slow enough for what is possible, and the delay may "
             "stand for what is faster: run what jcontour identify --excite writes"
         )
-    if axis.late:
+    if axis.delays:
+        found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))
+        family = f"; the family holds {found} and {found + 1}" if axis.late else ""
         notes.append(
-            f"{name}: the motion is too smooth to tell {axis.fit.model.delay} and "
-            f"{axis.fit.model.delay + 1} samples of delay apart; the family holds both"
+            f"{name}: the motion is too smooth to tell {found} from {others} samples of delay"
+            f"{family}"
         )
     if axis.friction is not None:
         value, deviation = axis.friction

@@ -91,6 +91,13 @@ class Choice:
             and chi2.sf(2 * _likelier(one, self.best), more) < CHANCE
         ]
 
+    @property
+    def largest(self) -> list[Candidate]:
+        """Structures of the most parameters, the likeliest first; they began differently."""
+        most = max(_size(one) for one in self.all)
+        largest = [one for one in self.all if _size(one) == most]
+        return sorted(largest, key=lambda one: -_likelier(one, self.best))
+
 
 def chosen(
     record: AxisRecord, integrators: Sequence[int], most_poles: int, most_delay: int
@@ -138,6 +145,10 @@ class Settled:
 
     fit: AxisFit
     rivals: dict[int, float]
+
+    def less_likely(self, other: "Settled") -> float:
+        """By how much the logarithm of the likelihood is less than another's."""
+        return _likelihood(self.fit) - _likelihood(other.fit)
 
 
 def settled(record: AxisRecord, start: AxisFit, most_delay: int) -> Settled:
