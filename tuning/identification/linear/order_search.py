@@ -13,7 +13,12 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
-from tuning.identification.linear.noise_model import disturbance_filter, whitened, whitening
+from tuning.identification.linear.noise_model import (
+    WHITE,
+    disturbance_filter,
+    whitened,
+    whitening,
+)
 from tuning.identification.linear.output_error import (
     AxisFit,
     AxisRecord,
@@ -40,6 +45,7 @@ DRAGGED = 3  # of Gauss-Newton at a glance, where friction has to be found as we
 STEPS = 5  # of Gauss-Newton while orders and delays are compared
 TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
 ROUNDS = 3  # of model and filter in turn
+RINGS = 0.1  # of the record in which a mode has to fall to 1 / e
 
 
 @dataclass(frozen=True)
@@ -128,6 +134,7 @@ def chosen(
         for one in tried
         if len(one.model.denominator) + 2 <= most_poles
     ]
+    tried = [one for one in tried if not _rings_on(one)] or tried
     found = [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in tried]
     found.sort(key=lambda one: one.loss)
     fit = _alternated(training, _smallest(found).fit)
@@ -194,22 +201,35 @@ def _likelihood(fit: AxisFit) -> float:
 def _glance(
     record: AxisRecord, structure: Structure, filter_: Float[np.ndarray, " w"]
 ) -> AxisFit | None:
-    """Quick model, and the noise filter of its own residual, in turn; the better of two."""
-    tried: list[AxisFit] = []
+    """Quick model, and the noise filter of its own residual, in turn; the best of three.
+
+    One begins without any filter: where the first one hides the motion, its start is poor.
+    """
+    tried = [_quick(record, structure, WHITE)]
     for _ in range(GLANCES):
-        try:
-            model = started(record, structure, filter_)
-            if record.drags:  # the start has none of them
-                fit = fitted(record, structure, filter_, model, DRAGGED)
-            else:
-                fit = simulated(record, model, filter_)
-        except (ValueError, np.linalg.LinAlgError):
+        found = _quick(record, structure, filter_)
+        if found is None:
             break
-        if not np.isfinite(fit.residual).all():
-            break
-        filter_ = whitening(fit.residual, NOISE_TERMS)
-        tried.append(replace(fit, filter=filter_))
-    return min(tried, key=_left, default=None)
+        filter_ = found.filter
+        tried.append(found)
+    return min((one for one in tried if one is not None), key=_left, default=None)
+
+
+def _quick(
+    record: AxisRecord, structure: Structure, filter_: Float[np.ndarray, " w"]
+) -> AxisFit | None:
+    """Model of a start under a filter, with the filter of its own residual."""
+    try:
+        model = started(record, structure, filter_)
+        if record.drags:  # the start has none of them
+            fit = fitted(record, structure, filter_, model, DRAGGED)
+        else:
+            fit = simulated(record, model, filter_)
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    if not np.isfinite(fit.residual).all():
+        return None
+    return replace(fit, filter=whitening(fit.residual, NOISE_TERMS))
 
 
 def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
@@ -223,6 +243,12 @@ def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
                 break
             best = other
     return best
+
+
+def _rings_on(fit: AxisFit) -> bool:
+    """Whether a pair of poles explains a tone in the noise: no axis rings for as long."""
+    pairs = [abs(pole) for pole in fit.model.poles if pole.imag > 0]
+    return any(size ** (RINGS * len(fit.residual)) > np.exp(-1) for size in pairs)
 
 
 def _refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
