@@ -1,5 +1,6 @@
 """Bounds of what acts on a linear machine, and its plants as certificates see them."""
 
+import warnings
 from typing import NamedTuple
 
 import jax
@@ -36,6 +37,16 @@ def linear_machine(machine: Machine) -> LinearMachine:
             "model, as bridgeport, xy-table or a machine file"
         )
     return machine
+
+
+def warn_of_doubt(machine: LinearMachine) -> None:
+    """Warn where a response is doubted: promises hold for gains, delays and disturbances."""
+    if machine.doubt is not None:
+        warnings.warn(
+            f"{machine.name}: how far off its response may be (uncertainty.response) is not in "
+            "what is promised: it holds for the model with its gains and delays",
+            stacklevel=2,
+        )
 
 
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:

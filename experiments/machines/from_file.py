@@ -1,7 +1,7 @@
 """Machine files: the linear model of a machine, its limits, and what is not known about it.
 
-A JSON object, or an npz with the same names (`limits.speed` for what is nested), all lengths in
-`length_unit`:
+A JSON object, or an npz with the same names (`limits.speed`, `uncertainty.response.hertz` for what
+is nested), all lengths in `length_unit`:
 
     A, B, C              matrices of x(k+1) = A x + B u, y = C x; y is the tool point, two or three
     axes, one input each dt                   sample period [s]
@@ -130,14 +130,15 @@ def _npz_fields(content: bytes) -> dict[str, Any]:
     ) as error:  # a damaged archive fails in a dozen ways, none of them a fault of this program
         raise MachineError(f"file: not a readable npz ({checks.line(error)})") from None
     for key, value in flat.items():
-        outer, _, inner = key.partition(".")
-        if inner:
-            nested = fields.setdefault(outer, {})
-            if not isinstance(nested, dict):
-                raise MachineError(f"{key}: {outer} is there as well, needs one or the other")
-            nested[inner] = value
-        else:
-            fields[key] = value
+        *outer, last = key.split(".")
+        place = fields
+        for name in outer:
+            place = place.setdefault(name, {})
+            if not isinstance(place, dict):
+                raise MachineError(f"{key}: {name} is there as well, needs one or the other")
+        if last in place:
+            raise MachineError(f"{key}: what it holds is there as well, needs one or the other")
+        place[last] = value
     return fields
 
 

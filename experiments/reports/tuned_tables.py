@@ -151,7 +151,8 @@ def robust_lines(result: TunedResult) -> list[str]:
         return []
     lost = "none diverges" if test.diverged == 0 else f"{test.diverged} DIVERGE"
     worst = f"worst RMS {result.error} error {1e6 * test.error:.4g} um on {test.contour}"
-    return [f"{test.members} random plants of the family: {lost}, {worst}"]
+    drawn = "" if result.margins.doubt is None else "; none has another response"
+    return [f"{test.members} random plants of the family: {lost}, {worst}{drawn}"]
 
 
 def standstill_lines(result: TunedResult) -> list[str]:

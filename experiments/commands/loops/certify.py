@@ -10,7 +10,7 @@ from experiments.files.netcdf import save_dataset
 from experiments.files.results.certified_result import CertifiedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Certify
-from experiments.machines.disturbance_bounds import bounds_of, linear_machine
+from experiments.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
 from experiments.reports import tables
 from experiments.reports.certified_tables import show_certified
 from experiments.reports.figures.loops.certificate import CertifiedErrors, certificate_figure
@@ -43,6 +43,7 @@ def run(flags: Certify) -> tuple[CertifiedResult, Path]:
     """
     loop = stored_loop(flags.run)
     machine = linear_machine(loop.machine)
+    warn_of_doubt(machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
     if flags.cells < 0:
         raise ValueError(f"cells: needs at least zero, received {flags.cells}")

@@ -14,7 +14,12 @@ from experiments.files.results.stored import write_result
 from experiments.files.results.tolerance_result import ToleranceResult
 from experiments.flags.loops import Tolerance
 from experiments.jobs.job import Pace, Task
-from experiments.machines.disturbance_bounds import Bounds, bounds_of, linear_machine
+from experiments.machines.disturbance_bounds import (
+    Bounds,
+    bounds_of,
+    linear_machine,
+    warn_of_doubt,
+)
 from experiments.machines.linear import LinearMachine
 from experiments.reports import tables
 from experiments.reports.figures.loops.kept import kept_figure
@@ -33,6 +38,7 @@ LONGEST = 100  # samples: beyond it a QP takes seconds
 def command(flags: Tolerance) -> int:
     """The whole command: what is promised, runs, print; exit code 1 where it was not kept."""
     machine = linear_machine(machine_named(flags.plant))
+    warn_of_doubt(machine)
     bounds = bounds_of(machine, flags.force, flags.encoder_um)
     _check(flags, machine)
     task = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))

@@ -1,9 +1,13 @@
 """Bounds that are asked for, and machines that have no certificate."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.machines.disturbance_bounds import bounds_of, linear_machine
+from experiments.machines.disturbance_bounds import bounds_of, linear_machine, warn_of_doubt
+from jcontour.analysis.uncertain_loops import Doubt
 
 
 def test_bounds_come_from_the_machine_where_none_is_given():
@@ -26,3 +30,11 @@ def test_a_bound_that_is_none_is_told(force, encoder_um, words):
 def test_a_machine_that_is_not_linear_is_told(name):
     with pytest.raises(ValueError, match=f"plant: {name}.* is not linear"):
         linear_machine(machine_named(name))
+
+
+def test_a_response_that_is_doubted_is_not_in_the_promise():
+    table = linear_machine(machine_named("xy-table"))
+    warn_of_doubt(table)  # nothing is doubted; warnings are errors here
+    doubted = replace(table, response_doubt=Doubt(np.array([0.1]), np.full((1, 2), 0.2)))
+    with pytest.warns(UserWarning, match="uncertainty.response. is not in what is promised"):
+        warn_of_doubt(doubted)

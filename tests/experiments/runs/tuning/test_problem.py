@@ -15,7 +15,7 @@ from experiments.reports.progress import progress
 from experiments.reports.rollouts import rollouts
 from experiments.runs.tuning.problem import tuning_run
 from experiments.runs.tuning.results import shown_contours
-from jcontour.analysis.sensitivity import late_radius
+from jcontour.analysis.sensitivity import LoopPeaks, late_radius
 from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.evaluation import evaluate, member, stack_plants
 from jcontour.simulation.metrics import Metrics
@@ -244,3 +244,17 @@ def test_points_keep_their_certified_errors(tmp_path):
     found = load_state(tmp_path).history[0].outcome
     np.testing.assert_array_equal(found.certified, proven)
     assert found.loops is None
+
+
+def test_states_of_a_version_without_doubts_are_read(tmp_path):
+    """Its loops have no `loops_doubt`: no response was doubted, so nothing of it was used."""
+    ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
+    ones["diverged"] = np.zeros((1, 2), bool)
+    peaks = LoopPeaks(*(np.full((1, 2), k + 1.0) for k in range(len(LoopPeaks._fields))))
+    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), peaks), False)
+    path = save_state(tmp_path, TuneState(history=[row]))
+    with np.load(path) as file:
+        np.savez(path, **{name: file[name] for name in file.files if name != "loops_doubt"})
+    found = load_state(tmp_path).history[0].outcome.loops
+    assert not found.doubt.any()
+    np.testing.assert_array_equal(found._replace(doubt=peaks.doubt), peaks)
