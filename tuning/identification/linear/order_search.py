@@ -45,7 +45,6 @@ DRAGGED = 3  # of Gauss-Newton at a glance, where friction has to be found as we
 STEPS = 5  # of Gauss-Newton while orders and delays are compared
 TELLS = 5.0  # difference of log-likelihoods that tells two delays apart
 ROUNDS = 3  # of model and filter in turn
-RINGS = 0.1  # of the record in which a mode has to fall to 1 / e
 
 
 @dataclass(frozen=True)
@@ -134,7 +133,6 @@ def chosen(
         for one in tried
         if len(one.model.denominator) + 2 <= most_poles
     ]
-    tried = [one for one in tried if not _rings_on(one)] or tried
     found = [Candidate(fit, predicted(rest, fit, fit.filter)) for fit in tried]
     found.sort(key=lambda one: one.loss)
     fit = _alternated(training, _smallest(found).fit)
@@ -243,12 +241,6 @@ def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
                 break
             best = other
     return best
-
-
-def _rings_on(fit: AxisFit) -> bool:
-    """Whether a pair of poles explains a tone in the noise: no axis rings for as long."""
-    pairs = [abs(pole) for pole in fit.model.poles if pole.imag > 0]
-    return any(size ** (RINGS * len(fit.residual)) > np.exp(-1) for size in pairs)
 
 
 def _refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
