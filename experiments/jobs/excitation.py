@@ -29,6 +29,7 @@ EASE = 1.0  # [s] at the start and at the end in which they grow and fade
 LOWEST, QUICK, HIGHEST = 0.3, 5.0, 120.0  # [Hz]: slow sines, quick ones, and their end
 SLOW_LINES = 12  # frequencies of each axis
 SPACING = 1.0  # [Hz] between the quick frequencies of an axis
+SLOWEST = 0.1  # sample period [s] that leaves each of three axes a quick frequency
 SLOW_SHARE = 0.1  # of the sines' part of the limits; the quick ones have the rest
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
@@ -78,6 +79,10 @@ def read_limits(path: Path | str, fields: Any) -> Excited:
         return checks.per_axis(name, given[name], count) * metre
 
     dt = checks.number("dt", given.get("dt", 1e-3), above=0.0)
+    if dt > SLOWEST:
+        raise checks.MachineError(
+            f"dt: needs at most {SLOWEST:g} s for quick sines, received {dt:g}"
+        )
     names = tuple(checks.axis_names(asked, count))
     return Excited(names, dt, each("travel"), each("speed"), each("acceleration"))
 

@@ -6,6 +6,7 @@ from experiments.jobs.excitation import PART, SHARE, gcode, letters, read_limits
 
 GIVEN = {"travel": [400, 300], "speed": 250, "acceleration": [2000, 1500]}
 PATH = "limits.json"
+SAME = {"travel": 400, "acceleration": 2000}  # for any number of axes
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +23,18 @@ def test_speed_and_acceleration_stay_within_their_share(limits):
     assert (np.abs(acceleration).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
     assert (np.abs(acceleration).max(axis=0) > 0.9 * SHARE * limits.acceleration).all()
     assert not positions[[0, -1]].any()
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("dt", [2.5e-4, 0.01, 0.1])
+def test_any_clock_gets_quick_sines_within_the_limits(dt, axes):
+    """Most of the acceleration is above the slow sines: the second differences alternate often."""
+    limits = read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME})
+    positions = sines(limits)
+    bent = np.diff(positions, 2, axis=0) / dt**2
+    assert (np.abs(bent).max(axis=0) <= 1.01 * SHARE * limits.acceleration).all()
+    turns = (np.diff(np.sign(bent), axis=0) != 0).sum(axis=0) / (dt * len(positions))
+    assert (turns > min(60.0, 0.2 / dt)).all()  # two in a period
 
 
 def test_no_axis_has_a_frequency_of_another(limits):
@@ -79,6 +92,7 @@ def test_every_move_is_a_word_that_moves_an_axis(names, moved):
         ({"length_unit": ["mm"]}, "length_unit: needs one of"),
         ({"length_unit": "inch"}, "length_unit: needs one of"),
         ({"jerk": 3}, "there is no field 'jerk'"),
+        ({"dt": 0.11}, "dt: needs at most 0.1 s for quick sines, received 0.11"),
     ],
 )
 def test_limits_that_cannot_be_used(change, words):
