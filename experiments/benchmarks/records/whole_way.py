@@ -30,6 +30,7 @@ from experiments.benchmarks.records.hidden_machines import (
     true_model,
 )
 from experiments.benchmarks.records.identify import MOST_DELAY, MOST_POLES
+from experiments.files.checks import MachineError
 from experiments.flags.others import Bench
 from experiments.flags.tuning import Tune
 from experiments.machines.from_file import machine_from
@@ -67,7 +68,7 @@ class Way(NamedTuple):
         family: ratio of the largest errors over the hidden machine's own gains and delays.
         sound: whether both searches found weights that keep all limits.
         diverged: whether any run of either design did, on any member of that family,
-            or every point of a search.
+            or every point of a search, or the machine file is refused.
     """
 
     seed: int
@@ -99,7 +100,7 @@ class OnTheMachine:
         errors: RMS contour error by contour [m]; none where every point of the search diverged.
         largest: the same over all members of the true machine's family [m].
         sound: whether the weights keep all limits.
-        diverged: whether any run did, or every point of the search.
+        diverged: whether any run did, or every point of the search, or the file is refused.
     """
 
     errors: dict[str, float]
@@ -266,7 +267,7 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -
             run = tuning_run(Tune(plant=str(path)))
             run = replace(run, settings=replace(run.settings, evaluations=evaluations))
             found = searched(run, Path(place), lambda _: None, quiet)
-        except NothingSound:
+        except (NothingSound, MachineError):
             return OnTheMachine({}, {}, False, True)
     controller = found.run.controller(found.tuned.weights)
     machine = machine_from(json.dumps(truth).encode(), "true")

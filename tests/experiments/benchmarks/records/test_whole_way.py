@@ -121,6 +121,11 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, d
     assert ("no ratio: 1 of 1 machines" in printed) is bool(np.isnan(ratio))
 
 
+def test_a_machine_file_that_is_refused_is_counted():
+    """The bench goes on, as after a search without a result."""
+    assert whole_way._tuned_on({"A": [[1.0]]}, {}, 1) == NOTHING
+
+
 class Found:
     """What an identification says of its record."""
 
