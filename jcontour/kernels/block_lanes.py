@@ -12,18 +12,10 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array, Float
 
-from jcontour.kernels.gain_lanes import (
-    Sizes,
-    choice,
-    cost_in_front,
-    gain,
-    model_of,
-    shape_of,
-    terminal,
-    weigh,
-)
+from jcontour.kernels.gain_lanes import model_of, terminal
 from jcontour.kernels.lanes import WARP, Batch, Lanes, batch_last, in_pieces, launch, vectors
 from jcontour.kernels.packed_stage import cost_entries
+from jcontour.kernels.written_stage import Sizes, choice, cost_in_front, gain, shape_of, weigh
 from jcontour.linear.plant import Pattern
 
 

@@ -19,8 +19,9 @@ import jax
 import jax.numpy as jnp
 from jax.experimental import pallas as pl
 
-from jcontour.kernels.gain_lanes import Sizes, choice, cost_in_front, gain, shape_of, weigh
-from jcontour.kernels.lanes import WARP, Batch, Lanes, Operand, Rows, dot, launch, vectors
+from jcontour.kernels.arithmetic import dot
+from jcontour.kernels.lanes import WARP, Batch, Lanes, Operand, Rows, launch, vectors
+from jcontour.kernels.written_stage import Sizes, choice, cost_in_front, gain, shape_of, weigh
 from jcontour.linear.plant import Axis, Pattern, decoupled_axes
 
 

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from jcontour.kernels.lanes import Operand, Rows, dot
+from jcontour.kernels.arithmetic import dot
+from jcontour.kernels.lanes import Operand, Rows
 
 
 class LaneContour(NamedTuple):

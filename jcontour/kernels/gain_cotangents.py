@@ -18,18 +18,19 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array
 
-from jcontour.kernels.gain_lanes import Data, Shape, Sizes, as_rows, read, shape_of, swept
+from jcontour.kernels.arithmetic import dot
+from jcontour.kernels.gain_lanes import Data, as_rows, read, swept
 from jcontour.kernels.lanes import (
     LANES,
     Batch,
     Lanes,
     batch_last,
-    dot,
     in_pieces,
     launch,
     processors,
     vectors,
 )
+from jcontour.kernels.written_stage import Shape, Sizes, shape_of
 from jcontour.linear.plant import Pattern
 
 # programs per multiprocessor in float64, limited by registers; float32 has room for twice as many

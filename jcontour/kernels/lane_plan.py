@@ -11,10 +11,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.kernels.gain_cotangents import cotangents
-from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
+from jcontour.kernels.gain_lanes import gains
 from jcontour.kernels.lanes import dense
 from jcontour.kernels.packed_stage import cost_entries
 from jcontour.kernels.window_sweep import window_plan
+from jcontour.kernels.written_stage import Sizes, shape_of
 from jcontour.linear.plant import Pattern
 
 UNROLLED = 32  # stages whose cotangents are gathered in one pass

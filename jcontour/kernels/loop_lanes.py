@@ -17,7 +17,8 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array
 
-from jcontour.kernels.lanes import Batch, Lanes, Operand, Rows, dot, launch, vectors
+from jcontour.kernels.arithmetic import dot
+from jcontour.kernels.lanes import Batch, Lanes, Operand, Rows, launch, vectors
 from jcontour.linear.plant import Pattern
 
 MEMBERS = 32  # lanes of a program: one warp, so that few members still reach many processors

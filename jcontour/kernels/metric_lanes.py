@@ -12,8 +12,9 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array
 
+from jcontour.kernels.arithmetic import dot
 from jcontour.kernels.contour_lanes import LaneContour, contour_rows, squared
-from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, dot, launch
+from jcontour.kernels.lanes import LANES, Batch, Lanes, Operand, launch
 
 FILLED = 2**19  # lanes that keep a GPU busy
 SHORTEST = 16  # samples of a stretch

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jax.experimental import pallas as pl
 from jaxtyping import Array, Float
 
+from jcontour.kernels.arithmetic import dot
 from jcontour.kernels.constant_lanes import constant_part
 from jcontour.kernels.lanes import (
     LANES,
@@ -29,7 +30,6 @@ from jcontour.kernels.lanes import (
     Lanes,
     Operand,
     batch_last,
-    dot,
     in_pieces,
     launch,
     vectors,

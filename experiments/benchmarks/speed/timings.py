@@ -74,7 +74,8 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
     """Eight chains in every lane, so that none waits for the one before."""
     from jax.experimental import pallas as pl
 
-    from jcontour.kernels.lanes import LANES, Lanes, Operand, fused, launch
+    from jcontour.kernels.arithmetic import fused
+    from jcontour.kernels.lanes import LANES, Lanes, Operand, launch
 
     chains, members, unrolled = 8, SIDE_BY_SIDE["gpu"], 16
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jcontour.kernels.gain_cotangents import paired, through
-from jcontour.kernels.gain_lanes import Sizes, shape_of
+from jcontour.kernels.written_stage import Sizes, shape_of
 from jcontour.linear.plant import Pattern
 
 

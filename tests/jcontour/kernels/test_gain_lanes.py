@@ -5,20 +5,12 @@
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
-from jcontour.kernels.gain_lanes import Sizes, gains, shape_of
+from jcontour.kernels.gain_lanes import gains
 from jcontour.kernels.packed_stage import cost_entries
-from jcontour.linear.plant import Pattern
+from jcontour.kernels.written_stage import Sizes
 from jcontour.riccati.receding_horizon import CostToGo, readable_plan
-
-
-def test_numbers_that_are_zero_are_not_written_out():
-    pattern = Pattern.of(np.diag([1.0, 2.0]), np.eye(2), np.array([[0.0, 1.0]]))
-    shape = shape_of(pattern)
-    assert shape.rows == {0: (0,), 1: (1,), 3: (0,), 4: (1,)} and shape.C == ((0, 1),)
-    assert shape.entries == ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.kernels import lanes
-from jcontour.kernels.lanes import Batch, Lanes, Operand, batch_last, dot, for_every, in_pieces
+from jcontour.kernels.lanes import Batch, Lanes, Operand, batch_last, for_every, in_pieces
 
 x, y = np.arange(24.0).reshape(2, 4, 3), np.arange(2.0) + 1
 
@@ -114,13 +114,4 @@ def test_lanes_beyond_the_last_repeat_it():
         found.number.tolist() == [4, 5, 5, 5]
         and found.step.tolist() == [2, 2, 2, 2]
         and found.member.tolist() == [0, 1, 1, 1]
-    )
-
-
-def test_sums_of_products():
-    assert (
-        dot([]) == 0.0
-        and dot([(0.0, jnp.nan), (2.0, 3.0)]) == 6.0
-        and dot([(2.0, 3.0), (4.0, 5.0)]) == 26.0
-        and dot([(2.0, 3.0)], 1.0) == 7.0
     )
