@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.linear.small_products import small_product
 from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
@@ -139,11 +140,11 @@ class LinearPlant(Plant):
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""
-        return self.A @ state + self.B @ control
+        return small_product(self.A, state) + small_product(self.B, control)
 
     def output(self, state) -> Float[Array, " m"]:
         """C x [m]."""
-        return self.C @ state
+        return small_product(self.C, state)
 
 
 def spectral_radius(M) -> Float[np.ndarray, "*batch"]:

@@ -4,6 +4,7 @@ from jaxtyping import Array, Float
 
 from jcontour.controller import Controller
 from jcontour.linear.plant import AffinePlan
+from jcontour.linear.small_products import small_product
 from jcontour.motion.references import Reference
 
 
@@ -18,4 +19,4 @@ class PlannedFeedback(Controller):
         self, memory: None, plan: AffinePlan, measurement: Float[Array, " n"]
     ) -> tuple[None, Float[Array, " p"]]:
         """Control u = f - F x."""
-        return None, plan.f - plan.F @ measurement
+        return None, plan.f - small_product(plan.F, measurement)

@@ -1,0 +1,12 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.linear.small_products import MOST, small_product
+
+
+@pytest.mark.parametrize("shape", [(3, 2), (1, 1), (2, MOST + 1)])
+def test_products_of_any_size(shape):
+    random = np.random.default_rng(0)
+    M, x = random.standard_normal(shape), random.standard_normal(shape[1])
+    np.testing.assert_allclose(small_product(jnp.asarray(M), jnp.asarray(x)), M @ x, rtol=1e-13)
