@@ -18,6 +18,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/geometry/drawings": "jcontour/geometry/drawings/test_dxf.py",
     "jcontour/analysis/loop_slopes.py": "jcontour/analysis/test_peak_search.py",
     # loops for the CPU, beside what they do faster
+    "jcontour/native/interface.py": "jcontour/native/test_calls.py",
     "jcontour/native/staged.py": "jcontour/qp/test_native.py",
     "jcontour/native/one_sided.py": "jcontour/qp/test_native.py",
     "jcontour/native/interior_point.py": "jcontour/qp/test_native.py",

@@ -7,7 +7,7 @@ The equations are those of `window_sweep`; only entries that can be non-zero are
 
 from functools import reduce
 from operator import add
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -100,8 +100,8 @@ def cost_in_front(
     return H
 
 
-def definite_inverse(M: list[list[Array]]) -> list[list[Array]]:
-    """Inverse of a positive definite matrix whose entries are vectors over time.
+def definite_inverse(M: list[list[Any]]) -> list[list[Any]]:
+    """Inverse of a positive definite matrix whose entries are vectors over time, or over lanes.
 
     Gauss-Jordan, which needs no pivots for such a matrix.
     """
@@ -112,7 +112,7 @@ def definite_inverse(M: list[list[Array]]) -> list[list[Array]]:
     return M
 
 
-def _eliminated(old: list[Array], row: list[Array], k: int) -> list[Array]:
+def _eliminated(old: list[Any], row: list[Any], k: int) -> list[Any]:
     """Row `old` without its entry k, which is taken off with the row of pivot k, `row`."""
     factor = old[k]
     return [-factor * row[k] if j == k else entry - factor * row[j] for j, entry in enumerate(old)]

@@ -5,7 +5,7 @@ y_d], [-y_d' Q, .]]. With M = [A B], one stage back is a product with constant m
 elimination of the p inputs:
     Hz = M' H_{j+1} M,   G = (Hz_uu + R)^-1,   K_j = G Hz_ux,   H_j = Hz_xx - Hz_xu K_j + C' Q_j C
 Hz is linear in H: its upper triangle, for all steps at once, is one matrix product for every two
-axes that nothing couples.
+axes that nothing couples. On a CPU the gains come from `kernels.stage_sweep`, where it suits.
 
 Derivative: at the optimum the gains do not move the cost. With the closed loop A_j = A - B K_j,
     dH_j = A_j' dH_{j+1} A_j + K_j' dR K_j + C' dQ_j C,   dK_0 = G (B' dH_1 A_0 - dR K_0)
@@ -34,6 +34,7 @@ from jcontour.kernels.packed_stage import (
     stage_maps,
 )
 from jcontour.kernels.packing import packing, seen_entries
+from jcontour.kernels.stage_sweep import stage_sweep, suits_stages
 from jcontour.linear.plant import Pattern
 
 BLOCK = 512  # steps swept together: their numbers stay in a core's second-level cache
@@ -53,10 +54,10 @@ class SweepData(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gain K_0, the K_j of the later stages (last stage first), and G of the first control."""
+    """Gain K_0, the K_j of the later stages, and G of the first control."""
 
     first: Float[Array, "p n+1 T"]
-    later: Float[Array, "N_p-1 p n+1 T"]
+    later: Float[Array, "later p n+1 T"]
     G: Float[Array, "p p T"]
 
 
@@ -97,7 +98,7 @@ def _windows(cost: Float[Array, "q S"], count: int, length: int) -> Float[Array,
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _plan(pattern: Pattern, A, B, C, data: SweepData):
-    return _swept(pattern, A, B, C, data)
+    return _in_time(pattern, _gains(pattern, False, A, B, C, data))
 
 
 @partial(_plan.defjvp, symbolic_zeros=True)
@@ -109,7 +110,7 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
     given = tangents[3]._asdict()
     moved = {name: t for name, t in given.items() if t is not None and not _still(t)}
     maps = stage_maps(pattern, *model)
-    gains = _sweep(pattern, maps, data)
+    gains = _gains(pattern, True, *model, data)
     plan = _in_time(pattern, gains)
 
     @jax.jit  # traced once, used three times
@@ -130,7 +131,7 @@ def _plan_jvp(pattern: Pattern, primals, tangents):
 
 
 def _swept(pattern: Pattern, A, B, C, data: SweepData):
-    """Gains F, f by the sweep itself, whose derivative is that of every operation."""
+    """Gains F, f by the sweep in XLA, whose derivative is that of every operation."""
     return _in_time(pattern, _sweep(pattern, stage_maps(pattern, A, B, C), data))
 
 
@@ -175,7 +176,33 @@ def _in_time(pattern: Pattern, gains: Gains):
     return gains.first[:, back].transpose(2, 0, 1), -gains.first[:, -1].T
 
 
+def _gains(pattern: Pattern, later: bool, A, B, C, data: SweepData) -> Gains:
+    """Gains by the fastest form that takes the numbers; later ones are left out unless wanted."""
+    if suits_stages(pattern, A, B, C, data):
+        return _by_eight(pattern, later, A, B, C, data)
+    return _sweep(pattern, stage_maps(pattern, A, B, C), data)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _by_eight(pattern: Pattern, later: bool, A, B, C, data: SweepData) -> Gains:
+    preview = data.stage.shape[0]
+    cost = data.cost[:, 1:-1] if preview > 1 else data.cost[:, :0]
+    kept, scale = preview if later else 1, data.stage[:-1]
+    K, G = stage_sweep(pattern, A, B, C, data.R, cost, scale, data.H, data.g, kept)
+    return Gains(K[0], K[1:], G)
+
+
+@_by_eight.defjvp
+def _by_eight_jvp(pattern: Pattern, later: bool, primals, tangents):
+    def gains(A, B, C, data: SweepData) -> Gains:
+        found = _sweep(pattern, stage_maps(pattern, A, B, C), data)
+        return found if later else found._replace(later=found.later[:0])
+
+    return jax.jvp(gains, primals, tangents)
+
+
 def _sweep(pattern: Pattern, maps, data: SweepData) -> Gains:
+    """Gains in XLA: the form that the others are tested equal to, and the one of derivatives."""
     pack, preview = packing(pattern), data.stage.shape[0]
     steps = data.cost.shape[1] - preview
 
@@ -186,7 +213,8 @@ def _sweep(pattern: Pattern, maps, data: SweepData) -> Gains:
         return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
 
     H = packed_cost(pack, data.H, data.g)
-    H, later = jax.lax.scan(back, H, (jnp.arange(preview - 1, 0, -1), data.stage[:-1][::-1]))
+    stages = jnp.arange(1, preview), data.stage[:-1]
+    H, later = jax.lax.scan(back, H, stages, reverse=True)
     first = packed_stage(pack, maps, data.R, H)
     G = jnp.stack([jnp.stack(row) for row in first.G])
     return Gains(jnp.stack(first.K), later, G)
@@ -208,7 +236,7 @@ def _trajectories(
         W, Q_bar, R_bar = carry
         j, scale = stage
         # a slice would be fused, and not vectorised
-        rows = (preview - 1 - j) * p * size + np.arange(p * size)
+        rows = (j - 1) * p * size + np.arange(p * size)
         K = later[rows].reshape(p, size, steps)
         W = _through(along, jnp.concatenate([W[:size], _applied(K, W)]))
         Q_bar, scale_bar = _weighed_back(data, Q_bar, W[size:-p], j, scale)

@@ -1,7 +1,7 @@
 """Calls of Numba's functions from programs of XLA, without a compiler and without Python.
 
-XLA hands over a call frame (its C interface for foreign functions, `xla/ffi/api/c_api.h`, version
-0): a structure with the addresses of the arguments' and the results' numbers and of their extents.
+XLA hands over a call frame (`interface`): a structure with the addresses of the arguments' and the
+results' numbers and of their extents.
 """
 
 import ctypes
@@ -17,20 +17,24 @@ import numpy as np
 from numba import types
 from numba.np.numpy_support import carray
 
+from jcontour.native.interface import (
+    ARGUMENTS,
+    DATA,
+    EXTENSION,
+    EXTENTS,
+    INTERFACE,
+    IS_METADATA,
+    KIND,
+    MAJOR,
+    METADATA,
+    MINOR,
+    OWN_MINOR,
+    RANK,
+    RESULTS,
+    TRAITS,
+)
 from jcontour.native.lanes import part
 from jcontour.native.memory import floats, ints, longs, word
-
-# places in the structures [bytes]
-_EXTENSION = 8  # of a call frame
-_INTERFACE = 16
-_ARGUMENTS = 72
-_RESULTS = 112
-_DATA, _RANK, _EXTENTS = 24, 32, 40  # of a buffer
-_KIND, _METADATA = 8, 24  # of an extension
-_MAJOR, _MINOR, _TRAITS = 24, 28, 32  # of metadata
-_OWN_MINOR = 36  # of the interface
-
-_IS_METADATA = 1
 
 _KEPT = {}  # what is compiled, by name: XLA knows but its address
 
@@ -38,20 +42,20 @@ _KEPT = {}  # what is compiled, by name: XLA knows but its address
 @part
 def asks(frame):
     """Whether a frame only asks for the version; it is answered."""
-    extension = word(frame + _EXTENSION)
-    if extension == 0 or carray(ints(extension + _KIND), 1)[0] != _IS_METADATA:
+    extension = word(frame + EXTENSION)
+    if extension == 0 or carray(ints(extension + KIND), 1)[0] != IS_METADATA:
         return False
-    metadata = word(extension + _METADATA)
-    own = carray(ints(word(frame + _INTERFACE) + _OWN_MINOR), 1)[0]
-    carray(ints(metadata + _MAJOR), 1)[0] = 0
-    carray(ints(metadata + _MINOR), 1)[0] = own  # minor versions only add
-    carray(ints(metadata + _TRAITS), 1)[0] = 0
+    metadata = word(extension + METADATA)
+    own = carray(ints(word(frame + INTERFACE) + OWN_MINOR), 1)[0]
+    carray(ints(metadata + MAJOR), 1)[0] = 0
+    carray(ints(metadata + MINOR), 1)[0] = own  # minor versions only add
+    carray(ints(metadata + TRAITS), 1)[0] = 0
     return True
 
 
 @part
 def _extents(buffer):
-    return carray(longs(word(buffer + _EXTENTS)), word(buffer + _RANK))
+    return carray(longs(word(buffer + EXTENTS)), word(buffer + RANK))
 
 
 @part
@@ -59,26 +63,26 @@ def _numbers(buffer):
     size = 1
     for extent in _extents(buffer):
         size *= extent
-    return carray(floats(word(buffer + _DATA)), size)
+    return carray(floats(word(buffer + DATA)), size)
 
 
 @part
 def extent(frame, k, back):
     """Extent of an argument, counted from its last axis, which is 1."""
-    found = _extents(word(word(frame + _ARGUMENTS) + 8 * k))
+    found = _extents(word(word(frame + ARGUMENTS) + 8 * k))
     return found[len(found) - back]
 
 
 @part
 def argument(frame, k):
     """Numbers of an argument (float64), flat."""
-    return _numbers(word(word(frame + _ARGUMENTS) + 8 * k))
+    return _numbers(word(word(frame + ARGUMENTS) + 8 * k))
 
 
 @part
 def result(frame, k):
     """Numbers of a result (float64), flat, to be written."""
-    return _numbers(word(word(frame + _RESULTS) + 8 * k))
+    return _numbers(word(word(frame + RESULTS) + 8 * k))
 
 
 @part

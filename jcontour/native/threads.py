@@ -17,14 +17,17 @@ from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from jcontour.native.interface import (
+    CONTEXT,
+    DROP_ERROR,
+    INTERFACE,
+    LAYOUT,
+    OWN_MINOR,
+    SCHEDULE,
+    THREADS,
+)
 from jcontour.native.lanes import part
 from jcontour.native.memory import ints, longs, word
-
-# places in XLA's structures [bytes], of `xla/ffi/api/c_api.h`
-_INTERFACE, _CONTEXT = 16, 24  # of a call frame
-_MINOR = 36  # of the interface
-_DROP_ERROR, _SCHEDULE, _NUMBER = 64, 136, 144
-_LAYOUT = 3  # minor version that the places are of: with another one a call works alone
 
 # entries of a block of work, after a zero: a call frame begins with its own size
 _FRAME, _PARTS, _NEXT, _DONE, _HOLDERS, _REQUEST, _FOUND = 1, 2, 3, 4, 5, 6, 11
@@ -93,9 +96,9 @@ def shared_work(frame, parts, function):
     block = carray(longs(work), _WORDS)
     block[:] = 0
     block[_FRAME], block[_PARTS], block[_HOLDERS] = frame, parts, 1
-    interface = word(frame + _INTERFACE)
-    if parts > 1 and function != 0 and carray(ints(interface + _MINOR), 1)[0] == _LAYOUT:
-        _ask_helpers(interface, word(frame + _CONTEXT), work, block, function)
+    interface = word(frame + INTERFACE)
+    if parts > 1 and function != 0 and carray(ints(interface + OWN_MINOR), 1)[0] == LAYOUT:
+        _ask_helpers(interface, word(frame + CONTEXT), work, block, function)
     return work
 
 
@@ -105,12 +108,12 @@ def _ask_helpers(interface, context, work, block, function):
     request = work + 8 * _REQUEST
     block[_REQUEST], block[_REQUEST + 2] = 32, context
     block[_REQUEST + 3] = work + 8 * _FOUND
-    if not _granted(interface, _NUMBER, request):
+    if not _granted(interface, THREADS, request):
         return
     block[_REQUEST], block[_REQUEST + 3], block[_REQUEST + 4] = 40, function, work
     for _ in range(min(block[_FOUND], block[_PARTS]) - 1):
         _added(work + 8 * _HOLDERS, 1)
-        if not _granted(interface, _SCHEDULE, request):
+        if not _granted(interface, SCHEDULE, request):
             _added(work + 8 * _HOLDERS, -1)
             return
 
@@ -123,7 +126,7 @@ def _granted(interface, place, request):
         return True
     carray(longs(request), 5)[0] = 24
     carray(longs(request), 5)[2] = error
-    _called(word(interface + _DROP_ERROR), request)
+    _called(word(interface + DROP_ERROR), request)
     return False
 
 
