@@ -1,8 +1,14 @@
-"""Blocks of `riccati.blockwise` side by side in XLA, with the packed stages of `window_sweep`."""
+"""Blocks of `riccati.blockwise` side by side: eight at a time on a CPU, all of them in XLA.
+
+XLA's form, with the packed stages of `window_sweep`, has the derivatives.
+"""
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float, Int
 
 from jcontour.kernels.packed_stage import (
@@ -13,6 +19,7 @@ from jcontour.kernels.packed_stage import (
     stage_maps,
 )
 from jcontour.kernels.packing import packing
+from jcontour.kernels.stage_sweep import stage_sweep, suits_stages
 from jcontour.linear.plant import Pattern
 
 
@@ -34,8 +41,37 @@ def block_sweep(
         H: cost to go at the end of every block's horizon (blocks, n, n).
         g: likewise (blocks, n).
     """
+    cost = cost_entries(Q, y_d)[:, seen]
+    sweep = _by_eight if suits_stages(pattern, A, B, C, cost, R, H, g) else _swept
+    K = jnp.moveaxis(sweep(pattern, preview, A, B, C, cost, R, H, g), -1, 1)
+    return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _by_eight(pattern: Pattern, preview: int, A, B, C, cost, R, H, g):
+    """Gains as `kernels.stage_sweep` finds them, with the derivative of those of XLA."""
+    scale = jnp.ones(cost.shape[1] - 1, cost.dtype)
+    return stage_sweep(pattern, A, B, C, R, cost[:, 1:], scale, H, g, preview)[0]
+
+
+@partial(_by_eight.defjvp, symbolic_zeros=True)
+def _by_eight_jvp(pattern: Pattern, preview: int, primals, tangents):
+    moving = [k for k, tangent in enumerate(tangents) if not isinstance(tangent, SymbolicZero)]
+
+    def moved(*some):
+        arguments = dict(enumerate(primals)) | dict(zip(moving, some, strict=True))
+        return _swept(pattern, preview, *arguments.values())
+
+    point, push = ([values[k] for k in moving] for values in (primals, tangents))
+    return jax.jvp(moved, point, push)
+
+
+def _swept(
+    pattern: Pattern, preview: int, A, B, C, cost: Float[Array, "q seen blocks"], R, H, g
+) -> Float[Array, "N_p p size blocks"]:
+    """Gains K = [F, -f] in XLA; the states are in the order of `packing`."""
     pack, maps = packing(pattern), stage_maps(pattern, A, B, C)
-    cost = jnp.moveaxis(cost_entries(Q, y_d)[:, seen], 0, 1)
+    rows = jnp.moveaxis(cost, 1, 0)
 
     def back(H, cost):
         found = packed_stage(pack, maps, R, H)
@@ -44,7 +80,5 @@ def block_sweep(
     def ahead(H, cost):
         return back(H, cost)[0], None
 
-    first, _ = jax.lax.scan(ahead, packed_cost(pack, H, g), cost[preview:], reverse=True)
-    _, K = jax.lax.scan(back, first, cost[:preview], reverse=True)
-    K = jnp.moveaxis(K, -1, 1)
-    return K[..., np.argsort(pack.order)], -K[..., -1]
+    first, _ = jax.lax.scan(ahead, packed_cost(pack, H, g), rows[preview:], reverse=True)
+    return jax.lax.scan(back, first, rows[:preview], reverse=True)[1]
