@@ -23,7 +23,6 @@ from tuning.identification.linear.order_search import (
     TELLS,
     TRAINING,
     Choice,
-    Settled,
     chosen,
     settled,
 )
@@ -34,6 +33,7 @@ from tuning.identification.linear.output_error import (
     simulated,
     structure_of,
 )
+from tuning.identification.linear.rivals import may_ring_to, rivals_of
 
 FEWEST = 500  # samples
 LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
@@ -44,10 +44,6 @@ SURE = 5.0  # standard deviations
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
-RESONANT = 100.0  # [Hz] up to which a drive may ring; of a slow clock what its rate allows
-OF_RATE = 0.1  # of the sampling rate
-STARTS = 2  # of the largest structure
-PLACES = 30  # frequencies at which two models are compared
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -113,7 +109,7 @@ class LinearAxis:
         A richer model is likelier without being shown clearly, or the response is known to 10 % up
         to a low frequency only.
         """
-        reach = _may_ring_to(self.fit.model.dt)
+        reach = may_ring_to(self.fit.model.dt)
         return bool(self.choice.richer) or not self.response.band[1] >= reach
 
     @property
@@ -240,7 +236,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         estimate=estimate,
         response=evidence.widened(response, [one.fit.model for one in choice.richer]),
         choice=choice,
-        rivals=_rivals(used, found, choice, most_delay),
+        rivals=rivals_of(used, found, choice, most_delay),
         held_out=held_out,
         explained=explained,
         friction=_friction(fit, command),
@@ -251,35 +247,6 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         late=min(late, 1),
         resolution=resolution,
     )
-
-
-def _rivals(
-    record: AxisRecord, found: Settled, choice: Choice, most_delay: int
-) -> dict[int, float]:
-    """By how much other delays are less likely: in this model, and in a richer one.
-
-    A mode that the record hardly shows is hidden in the delay of a model without it. So the delays
-    of the largest structure count too, where it answers otherwise in the range of resonances.
-    """
-    rivals, model = dict(found.rivals), found.fit.model
-    frequency = 2 * np.pi * np.geomspace(1.0, _may_ring_to(model.dt), PLACES)
-    own = model.response(frequency)
-    for one in choice.largest[:STARTS]:
-        if len(one.fit.model.denominator) <= len(model.denominator):
-            break
-        richer = settled(record, one.fit, most_delay)
-        if np.abs(richer.fit.model.response(frequency) / own - 1).max() < evidence.SHOWN:
-            continue
-        behind = max(richer.less_likely(found), 0.0)
-        for d, value in {richer.fit.model.delay: 0.0, **richer.rivals}.items():
-            rivals[d] = min(rivals.get(d, np.inf), behind + value)
-    rivals.pop(model.delay, None)
-    return rivals
-
-
-def _may_ring_to(dt: float) -> float:
-    """Highest frequency of a resonance [Hz] that is looked for."""
-    return min(RESONANT, OF_RATE / dt)
 
 
 def _with_or_without_friction(
