@@ -68,7 +68,9 @@ def kernel(sizes: Sizes, batch: Batch, reach: float, *refs):
         # a diverged sample is not worth a search
         window = jnp.where(near, reach * jnp.sqrt(squared(error)), 0.0)
         increment = [now - last for now, last in zip(control, before, strict=True)]
-        squares = [contour.square(point, arc.sample(0, k), window)]
+        nearest = contour.square(point, arc.sample(0, k), window)
+        # least and largest numbers leave out NaN on a GPU
+        squares = [jnp.where(squared(error) >= 0, nearest, jnp.nan)]
         squares += [squared(vector) for vector in (across, error, control, increment)]
         counted = [scored] * (SQUARES - 1) + [scored & seen]
         for value in control:
@@ -119,6 +121,7 @@ def lane_metrics(
     lanes, run = sizes.stretches * batch.members, partial(kernel, sizes, batch, reach)
     found = launch(run, -(-lanes // LANES), operands, [(SQUARES, lanes)] * 2 + [(1, lanes)])
     sums, peaks, lost = (part.reshape(-1, sizes.stretches, *batch.sizes) for part in found)
+    peaks = jnp.where(jnp.isnan(sums), sums, peaks)
 
     def count(there):
         return Operand(jnp.sum(there, axis=0), mask.axes).over(batch).array
