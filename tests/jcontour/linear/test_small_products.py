@@ -10,3 +10,10 @@ def test_products_of_any_size(shape):
     random = np.random.default_rng(0)
     M, x = random.standard_normal(shape), random.standard_normal(shape[1])
     np.testing.assert_allclose(small_product(jnp.asarray(M), jnp.asarray(x)), M @ x, rtol=1e-13)
+
+
+@pytest.mark.parametrize("size", [3, 40])
+@pytest.mark.parametrize("shape", [(1,), (2,), (2, 1)])
+def test_another_shape_is_refused_and_never_stretched(size, shape):
+    with pytest.raises(TypeError, match=r"x: needs shape \(\d+,\), received \("):
+        small_product(np.ones((2, size)), np.ones(shape))
