@@ -42,7 +42,7 @@ def stage_sweep(
 ) -> tuple[Float[Array, "kept p n+1 T"], Float[Array, "p p T"]]:
     """Gains K = [F, -f] of the first stages, and G of the first, for all windows.
 
-    States are in the order of `kernels.packing`, the 1 is behind them.
+    The columns of K are states in the order of `kernels.packing`, the 1 is behind them.
 
     Args:
         pattern: non-zeros of the model.

@@ -7,10 +7,12 @@ it for this processor in a tenth of a second. It suits long formulas over the no
 
 from collections.abc import Callable
 from functools import partial
+from threading import Lock
 from typing import Any, NamedTuple
 
 import jax
 import llvmlite.binding as llvm
+import numpy as np
 from llvmlite import ir
 
 from jcontour.native import interface
@@ -21,6 +23,7 @@ _LANES = ir.VectorType(_DOUBLE, WIDTH)
 _FUSED = ("contract",)  # a product and a sum become one instruction
 
 _KEPT = {}  # what is compiled, by name: XLA knows but its address
+_LOCK = Lock()  # so that nothing is compiled twice, and freed while XLA has its address
 
 
 class Number:
@@ -130,13 +133,18 @@ def straight_call(name: str, write: Callable) -> Callable:
     name is new. The call takes shapes of results and arrays, all of float64; under `vmap` it is
     called for one member after the other. Who calls it has to see to the sizes.
     """
-    if name not in _KEPT:
-        _KEPT[name] = _compiled(name, write)
-        address = _KEPT[name].get_function_address(name)
-        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
-    return lambda results, *arrays: jax.ffi.ffi_call(name, results, vmap_method="sequential")(
-        *arrays
-    )
+    with _LOCK:
+        if name not in _KEPT:
+            engine = _compiled(name, write)
+            address = engine.get_function_address(name)
+            jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
+            _KEPT[name] = engine
+
+    def call(results, *arrays):
+        assert all(array.dtype == np.float64 for array in (*jax.tree.leaves(results), *arrays))
+        return jax.ffi.ffi_call(name, results, vmap_method="sequential")(*arrays)
+
+    return call
 
 
 def _compiled(name: str, write: Callable) -> Any:
@@ -189,7 +197,7 @@ def _engine(text: str) -> Any:
     module = llvm.parse_assembly(text)
     machine = llvm.Target.from_default_triple().create_target_machine(
         cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
+        features=_features(),
         opt=2,
         jit=True,
     )
@@ -199,3 +207,11 @@ def _engine(text: str) -> Any:
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine
+
+
+def _features() -> str:
+    """What this processor can do beyond its name; nothing where LLVM cannot tell."""
+    try:
+        return llvm.get_host_cpu_features().flatten()
+    except RuntimeError:
+        return ""

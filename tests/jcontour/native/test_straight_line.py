@@ -1,9 +1,13 @@
 """Programs that arithmetic in Python writes, against NumPy."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jcontour.native import straight_line
 from jcontour.native.straight_line import WIDTH, counted_down, memory, straight_call, whole
 
 
@@ -42,3 +46,18 @@ def test_a_loop_of_nothing_and_one_member_after_the_other():
     x = jnp.asarray(np.random.default_rng(1).standard_normal((3, 2 * WIDTH)))
     found, _ = jax.jit(jax.vmap(called, (0, None)))(x, jnp.ones(2))
     np.testing.assert_allclose(found, 2 / (x - 3) + x, rtol=1e-14)
+
+
+def test_threads_that_meet_compile_once(monkeypatch):
+    """XLA holds the address of what was compiled first: a second one would free it."""
+    compiled, count = straight_line._compiled, []
+
+    def slowly(name, write):
+        count.append(name)
+        time.sleep(0.2)
+        return compiled(name, write)
+
+    monkeypatch.setattr(straight_line, "_compiled", slowly)
+    with ThreadPoolExecutor(4) as pool:
+        calls = list(pool.map(lambda _: straight_call("jcontour_test_met", written), range(4)))
+    assert len(count) == 1 and len(calls) == 4
