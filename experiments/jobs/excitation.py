@@ -29,7 +29,7 @@ EASE = 1.0  # [s] at the start and at the end in which they grow and fade
 LOWEST, QUICK, HIGHEST = 0.3, 5.0, 120.0  # [Hz]: slow sines, quick ones, and their end
 SLOW_LINES = 12  # frequencies of each axis
 SPACING = 1.0  # [Hz] between the quick frequencies of an axis
-SLOWEST = 0.1  # sample period [s] that leaves each of three axes a quick frequency
+SLOWEST = 0.05  # sample period [s] that leaves enough samples, and each axis a quick frequency
 SLOW_SHARE = 0.1  # of the sines' part of the limits; the quick ones have the rest
 SHORTEST = 0.05e-3  # move [m]
 RATIO = 0.7  # of a move over the one before
@@ -99,6 +99,7 @@ def sines(limits: Excited) -> Float[np.ndarray, "T axes"]:
     highest = min(HIGHEST, 0.2 / limits.dt)
     quickest = min(QUICK, highest / 2)
     slow = np.unique(np.round(np.geomspace(LOWEST, quickest, SLOW_LINES * count) * SECONDS))
+    slow = slow[slow < quickest * SECONDS]  # there the quick ones begin
     quick = np.arange(quickest, highest, SPACING / count)
     columns = []
     for k in range(count):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.files.checks import MachineError
+from experiments.jobs import excitation
 from experiments.jobs.excitation import PART, SHARE, gcode, letters, read_limits, sines
 
 GIVEN = {"travel": [400, 300], "speed": 250, "acceleration": [2000, 1500]}
@@ -26,7 +27,7 @@ def test_speed_and_acceleration_stay_within_their_share(limits):
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-@pytest.mark.parametrize("dt", [2.5e-4, 0.01, 0.1])
+@pytest.mark.parametrize("dt", [2.5e-4, 0.01, 0.05])
 def test_any_clock_gets_quick_sines_within_the_limits(dt, axes):
     """Most of the acceleration is above the slow sines: the second differences alternate often."""
     limits = read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME})
@@ -46,6 +47,18 @@ def test_no_axis_has_a_frequency_of_another(limits):
     hertz = np.fft.rfftfreq(len(x) - 2, limits.dt)
     high = spectrum[hertz > 50].max() / spectrum.max()
     assert high > 0.05  # there is motion to see at high frequencies too
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("dt", [1e-3, 0.05])
+def test_frequencies_of_the_axes_are_apart(dt, axes, monkeypatch):
+    used, summed = [], excitation._summed
+    monkeypatch.setattr(
+        excitation, "_summed", lambda time, w, sizes: (used.append(w), summed(time, w, sizes))[1]
+    )
+    sines(read_limits(PATH, GIVEN | {"dt": dt, "axes": list("XYZ")[:axes], **SAME}))
+    assert len(used) == 2 * axes and min(map(len, used)) > 0
+    assert np.diff(np.sort(np.concatenate(used))).min() > 0.1  # [rad/s], half a line of 30 s
 
 
 def test_the_program_ends_where_it_began_and_stays_within_the_travel(limits):
@@ -92,7 +105,7 @@ def test_every_move_is_a_word_that_moves_an_axis(names, moved):
         ({"length_unit": ["mm"]}, "length_unit: needs one of"),
         ({"length_unit": "inch"}, "length_unit: needs one of"),
         ({"jerk": 3}, "there is no field 'jerk'"),
-        ({"dt": 0.11}, "dt: needs at most 0.1 s for quick sines, received 0.11"),
+        ({"dt": 0.06}, "dt: needs at most 0.05 s for quick sines, received 0.06"),
     ],
 )
 def test_limits_that_cannot_be_used(change, words):
