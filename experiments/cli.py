@@ -91,15 +91,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = _told
-        # cut off by a command that was killed: the program is compiled anew
-        warnings.filterwarnings("ignore", "Error reading persistent compilation cache")
         return _answered(arguments)
 
 
 def _told(message, category, filename, lineno, file=None, line=None) -> None:
     """Tell a warning as every message of the program is told; those of others stay as they are."""
     if category is UserWarning:
-        print(f"jcontour: WARNING: {' '.join(str(message).split())}", file=sys.stderr)
+        said = " ".join(str(message).split())
+        if said.startswith("Error reading persistent compilation cache"):  # cut off by `kill -9`
+            said = (
+                "a compiled program that was kept cannot be read; it is compiled anew each time "
+                f"until {os.environ.get('JAX_COMPILATION_CACHE_DIR')} is deleted"
+            )
+        print(f"jcontour: WARNING: {said}", file=sys.stderr)
     else:
         print(warnings.formatwarning(message, category, filename, lineno, line), file=sys.stderr)
 

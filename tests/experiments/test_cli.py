@@ -374,17 +374,19 @@ def test_a_warning_is_told_as_every_message_is(category, said, monkeypatch, caps
     assert said in capsys.readouterr().err
 
 
-def test_a_compiled_program_that_is_cut_off_is_compiled_anew_without_a_word(tmp_path):
+def test_a_compiled_program_that_is_cut_off_is_compiled_anew_and_told(tmp_path):
     environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "programs")}
     environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
     environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     program = "import jax; from experiments import cli; cli._answered = lambda _: "
     program += "print(jax.jit(lambda x: 2.0 * x)(3.0)); cli.main([])"
-    for _ in range(2):
+    told = f"it is compiled anew each time until {tmp_path / 'programs'} is deleted\n"
+    for wanted in ("", told):
         done = subprocess.run(
             [sys.executable, "-c", program], env=environment, capture_output=True, text=True
         )
-        assert (done.stdout, done.stderr) == ("6.0\n", "")
+        assert done.stdout == "6.0\n" and done.stderr.endswith(wanted)
+        assert bool(done.stderr) is bool(wanted) and "Traceback" not in done.stderr
         kept = list((tmp_path / "programs").glob("*-cache"))
         assert kept
         for entry in kept:
