@@ -163,7 +163,7 @@ def show(console: Console, result: WholeWayBench) -> None:
         "ratio",
         "worst\ncontour",
     ]
-    columns += ["from a\ncount on", "family", "limits\nkept", "diverged"]
+    columns += ["from a\ncount on", "family", "limits\nkept", "diverged\nor refused"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=3))
     for name in ("ratio", "counted", "family"):
         ratios = np.array([getattr(way, name) for way in result.machines])
@@ -180,7 +180,8 @@ def _line(way: Way) -> str:
     return (
         f"{way.seed} {way.takes}, {way.record}: {way.ratio:.3f} of the error with the true model, "
         f"worst contour {way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
-        f"{'' if way.sound else ', limits not kept'}{', diverged' if way.diverged else ''}"
+        f"{'' if way.sound else ', limits not kept'}"
+        f"{', diverged or refused' if way.diverged else ''}"
     )
 
 

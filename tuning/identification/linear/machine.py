@@ -212,6 +212,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
             AxisRecord(record.dt, command, position), resolution, most_poles, most_delay
         )
         found = settled(used, choice.best.fit, most_delay)
+        rivals = rivals_of(used, found, choice, most_delay)
     except (ValueError, np.linalg.LinAlgError) as error:
         raise ValueError(f"{name}: {error}") from None
     fit = found.fit
@@ -236,7 +237,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         estimate=estimate,
         response=evidence.widened(response, [one.fit.model for one in choice.richer]),
         choice=choice,
-        rivals=rivals_of(used, found, choice, most_delay),
+        rivals=rivals,
         held_out=held_out,
         explained=explained,
         friction=_friction(fit, command),
