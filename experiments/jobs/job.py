@@ -34,11 +34,13 @@ class Program(NamedTuple):
         line: (P,) line of the file that every piece is from.
         ignored: its words that mean nothing for the path, or what of a drawing is left out.
         doubts: what of it may be meant otherwise.
+        stops: where and why it stops, in words.
     """
 
     line: np.ndarray
     ignored: tuple[str, ...]
     doubts: tuple[str, ...]
+    stops: str
 
 
 class Job(NamedTuple):
@@ -80,6 +82,11 @@ class Job(NamedTuple):
     def doubts(self) -> tuple[str, ...]:
         """What of the program may be meant otherwise."""
         return () if self.program is None else self.program.doubts
+
+    @property
+    def stops(self) -> str:
+        """Where and why the program stops, in words."""
+        return "" if self.program is None else self.program.stops
 
     def line_at(self, sample: int) -> int | None:
         """Line of the program that the run is on; None where there is no program."""
@@ -127,6 +134,11 @@ class AxisMove(NamedTuple):
     def doubts(self) -> tuple[str, ...]:
         """None: it comes from no program."""
         return ()
+
+    @property
+    def stops(self) -> str:
+        """None: it comes from no program."""
+        return ""
 
     def line_at(self, sample: int) -> None:
         """None: it comes from no program."""
@@ -209,8 +221,9 @@ def _read(path: Path, pace: Pace) -> Job:
         rest = np.full(contour.rate.shape, np.nan)
         program = None
     else:
-        contour, feed, rapid, line, ignored, rest, doubts = _toolpath(path, pace)
-        contour, program = _lifted(contour, machine.model.axes), Program(line, ignored, doubts)
+        contour, feed, rapid, *words, rest, doubts, stops = _toolpath(path, pace)
+        contour = _lifted(contour, machine.model.axes)
+        program = Program(*words, doubts, stops)
     feed = pace.override * feed
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed

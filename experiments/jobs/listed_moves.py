@@ -12,9 +12,16 @@ from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import files_beside, interpreted
+from jcontour.geometry.gcode.stops import (
+    DWELL,
+    EXACT,
+    ignored_words,
+    long_dwells,
+    stops_in_cuts,
+    told_stops,
+)
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
-from jcontour.geometry.toolpaths import long_dwells, stops_in_cuts
 
 AXES = "XYZ"
 HEAD = "  line  move      "
@@ -50,34 +57,20 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     yield _head(axes)
     stops = machine.tracer.stops
     # a stop comes before the move that has its number
-    shown = ((stop.after - 0.5, stop) for stop in stops if not stop.why.startswith("G61"))
+    shown = ((stop.after - 0.5, stop) for stop in stops if stop.why not in EXACT)
     for _, step in merge(enumerate(machine.moves), shown):
         yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
-    told = _stopping(stops, stops_in_cuts(stops, machine.moves))
-    yield _count(len(machine.moves), sorted(machine.ignored), told)
-    doubt = long_dwells(stops)
-    if doubt:
-        yield doubt
+    yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
+    run = stops_in_cuts(stops, machine.moves)
+    yield from filter(None, [told_stops(stops), _left_out(stops, run), long_dwells(stops)])
 
 
-def _stopping(stops: Sequence[Stop], in_cuts: Sequence[Stop]) -> str:
-    """Stops and dwells in words; `in_cuts` are those that a run has."""
-    dwells = [stop for stop in stops if stop.why == "G4"]
-    resting = sum(dwell.lasting for dwell in dwells)
-    told = f", {_number(dwells, 'dwell')} of {resting:.6g} s in all" if dwells else ""
-    outside = len(dwells) - sum(stop.why == "G4" for stop in in_cuts)
-    if outside:
-        told += f" ({outside} before the first cut or behind the last one, which a run leaves out)"
-    others = [stop for stop in stops if stop.why != "G4" and not stop.why.startswith("G61")]
-    told += f", {_number(others, 'stop')}" if others else ""
-    for code, where in (("G61.1", "after every move"), ("G61", "in corners")):
-        lines = [stop.line for stop in stops if stop.why == code]
-        told += f", {code} from line {lines[0]}: stops {where}" if lines else ""
-    return told
-
-
-def _number(stops: Sequence[Stop], name: str) -> str:
-    return f"{len(stops)} {name}{'' if len(stops) == 1 else 's'}"
+def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:
+    """Stops that a run does not have, in words."""
+    count, in_run = (sum(stop.why not in EXACT for stop in some) for some in (stops, run))
+    if count == in_run:
+        return None
+    return f"a run leaves out {count - in_run} of them, before the first cut or behind the last one"
 
 
 def _move(move: Move, axes: int) -> str:
@@ -88,7 +81,7 @@ def _move(move: Move, axes: int) -> str:
 
 
 def _stop(stop: Stop, axes: int) -> str:
-    dwells = stop.why == "G4"
+    dwells = stop.why == DWELL
     place = _line(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
     return f"{place}  for {stop.lasting:.6g} s" if dwells else f"{place}  for {stop.why}"
 
@@ -132,9 +125,9 @@ def _around(centre: Sequence[float], degrees: float) -> str:
     return f"  around {place} by {degrees:.4g} degrees"
 
 
-def _count(moves: int, ignored: Sequence[str], more: str = "") -> str:
+def _count(moves: int, ignored: Sequence[str]) -> str:
     told = f"; ignored: {', '.join(ignored)}" if ignored else ""
-    return f"{moves} move{'' if moves == 1 else 's'}{more}{told}"
+    return f"{moves} move{'' if moves == 1 else 's'}{told}"
 
 
 def _kind(move: Move) -> str:

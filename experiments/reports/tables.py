@@ -89,7 +89,7 @@ def metric_cells(metrics: RunMetrics, error: str) -> list[str]:
 
 
 def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
-    """Summary of a contour as it was read, in one line, and a line for each doubt."""
+    """Summary of a contour as it was read, in one line, then its stops and each doubt."""
     box = ", ".join(
         f"{axis} {_millimetres(low)} ... {_millimetres(high)}"
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
@@ -98,7 +98,7 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
     line = f"{name}: {pieces}, {1e3 * read.length:.5g} mm in {read.duration:.4g} s, {box} mm"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
-    return "\n".join([line, *read.doubts])
+    return "\n".join([line, *filter(None, [read.stops]), *read.doubts])
 
 
 def _millimetres(value: float) -> str:

@@ -23,6 +23,7 @@ def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,
         doubts=job.doubts,
+        stops=job.stops,
     )
 
 

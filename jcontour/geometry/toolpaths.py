@@ -12,27 +12,28 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     places     G28 G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20, G52, G92 and its kin, G43.1
     dwells     G4 P (seconds, as in LinuxCNC; some controls mean milliseconds), or X without P; P of
                the cycles that dwell
-    stops      M0 M1 M3 to M9 M19 M60 M64 M65 M66 M68, as in LinuxCNC; under G61.1 after every move,
-               under G61 in corners; moves along Z alone where two axes are traced
+    stops      M0 M1 M3 to M9 M19 M52 M60 M61 M64 M65 M66 M68 M100 to M199 without those of
+               printers, changes of offsets (G54 to G59.3, G43 G49, G92 and its kin, G10) and
+               (MSG, ...), as in LinuxCNC; under G61.1 after every move, under G61 in corners;
+               moves along Z alone where two axes are traced
     modes      G20 G21 (G70 G71) inch and mm; G90 G91 end points; G90.1 G91.1 centres; F feed per
                minute (G94) or one over the minutes of a move (G93); @ ^ polar end points
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
     told       in `ignored`, as they move nothing here: G40, G43, G64 with its tolerance, G96, G97,
-               G4 without a time, all M codes but those of the flow, and D, E, H, S, T; tools have
-               no length; lines of grbl that begin with $
+               G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
+               tools have no length; lines of grbl that begin with $
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
-               that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) is
-               an error
+               that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) and
+               a comment inside a comment are errors
 
 Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
 splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,
 absolute, XY plane, with neither a feed nor a motion mode.
 """
 
-from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -46,13 +47,15 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
 from jcontour.geometry.gcode.move import Move, Stop
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
+from jcontour.geometry.gcode.stops import ignored_words, long_dwells, stops_in_cuts, told_stops
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
 Axes = Literal["XY", "XYZ"]
-CORNER = 1e-6  # [rad] of turn; less is rounding of a program
-LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
+# [rad] of turn, up to which G61 passes a joint. LinuxCNC does where the turn takes a tenth of the
+# acceleration within a cycle of 1 ms (tp.c): 0.005 at 50 mm/s and 2.5 m/s^2
+CORNER = 5e-3
 
 
 class Toolpath(NamedTuple):
@@ -66,6 +69,7 @@ class Toolpath(NamedTuple):
         ignored: words of the program that mean nothing for the path, as S or M3.
         rest: (P,) how long the tool rests at the end of every piece [s]; NaN where it goes on.
         doubts: what of the program may be meant otherwise.
+        stops: where and why it stops, in words; empty where it does not.
     """
 
     contour: Contour
@@ -75,6 +79,7 @@ class Toolpath(NamedTuple):
     ignored: tuple[str, ...]
     rest: Float[np.ndarray, " P"]
     doubts: tuple[str, ...] = ()
+    stops: str = ""
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -135,34 +140,11 @@ def parse_gcode(
         )
     traced = moves[cutting[0] : cutting[-1] + 1]
     stops = stops_in_cuts(interpreter.tracer.stops, moves)
-    path = _toolpath(traced, len(axes), feed, tuple(sorted(interpreter.ignored)))
-    rest = _rest(stops, cutting[0], path.contour)
-    return path._replace(rest=rest, doubts=tuple(filter(None, [long_dwells(stops)])))
-
-
-def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
-    """Stops from the first cut on, to the end of the last one or until Z leaves it alone."""
-    cuts = [k for k, move in enumerate(moves) if not move.rapid]
-    if not cuts:
-        return []
-    found = [stop for stop in stops if cuts[0] < stop.after <= cuts[-1] + 1]
-    left = (k for k, stop in enumerate(found) if (stop.after, stop.why) == (cuts[-1] + 1, "Z"))
-    return found[: next(left, len(found))]
-
-
-def long_dwells(stops: Sequence[Stop]) -> str | None:
-    """Question about dwells so long that milliseconds may be meant; None where there are none.
-
-    >>> long_dwells([Stop(1, (0.0, 0.0, 0.0), 500.0, 12, "G4")])
-    'line 12: a dwell of 500 s; P is in seconds here, some controls mean milliseconds'
-    """
-    long = [stop for stop in stops if stop.lasting > LONG_DWELL]
-    if not long:
-        return None
-    more = f" and {len(long) - 1} more" if len(long) > 1 else ""
-    return (
-        f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds here, "
-        "some controls mean milliseconds"
+    path = _toolpath(traced, len(axes), feed, ignored_words(interpreter.ignored, stops))
+    return path._replace(
+        rest=_rest(stops, cutting[0], path.contour),
+        doubts=tuple(filter(None, [long_dwells(stops)])),
+        stops=told_stops(stops),
     )
 
 

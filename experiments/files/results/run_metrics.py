@@ -67,6 +67,7 @@ class ContourRead:
         low, high: corners of the box around the reference [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
         doubts: what of the program may be meant otherwise.
+        stops: where and why the program stops, in words.
     """
 
     pieces: int
@@ -76,6 +77,7 @@ class ContourRead:
     high: tuple[float, ...]
     ignored: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    stops: str = ""
 
 
 @dataclass(frozen=True)

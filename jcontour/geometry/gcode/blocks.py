@@ -23,6 +23,7 @@ from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
 COMMENT = re.compile(r"\([^)]*\)|;.*")
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
+MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
 LETTER = re.compile(r"[A-Za-z@^$]")
@@ -62,12 +63,14 @@ class Block(NamedTuple):
         settings: parameters and values, in force once all words have their numbers.
         flow: O-word, which stands alone.
         abort: message of (ABORT, ...), None without one.
+        message: whether (MSG, ...) is shown before it.
     """
 
     words: tuple[tuple[str, float | Expression], ...] = ()
     settings: tuple[tuple[Key, Expression], ...] = ()
     flow: OWord | None = None
     abort: str | None = None
+    message: bool = False
 
 
 NOTHING = Block()
@@ -84,25 +87,44 @@ def read_block(line: str) -> Block:
     """
     if "(" in line or ";" in line:
         stripped = COMMENT.sub(" ", line)
-        abort = _abort(line)
+        text = "".join(stripped.split())
+        if text.startswith("/"):
+            return NOTHING
+        _check_brackets(stripped, line)
+        said = _said(line)
     else:
-        stripped, abort = line, None
-    text = "".join(stripped.split())
+        stripped, said = line, NOTHING
+        text = "".join(stripped.split())
     if not text or text.startswith("/"):
-        return NOTHING if abort is None or text else Block(abort=abort)
+        return said
     if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or EXPONENT.search(stripped)):
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
-        return Block(tuple(words), abort=abort)
+        return said._replace(words=tuple(words))
     try:
-        return _read(Cursor(text), stripped)._replace(abort=abort)
+        found = _read(Cursor(text), stripped)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
+    return found._replace(abort=said.abort, message=said.message)
 
 
-def _abort(line: str) -> str | None:
+def _check_brackets(stripped: str, line: str) -> None:
+    """Raise ToolpathError where brackets are left after the comments were taken out."""
+    if ")" in stripped and "(" in line:
+        raise ToolpathError(f"a comment inside a comment, or a ) too many: {shown(line.strip())}")
+    if "(" in stripped:
+        raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
+
+
+def _said(line: str) -> Block:
+    """What the last comment of a line asks for."""
     comments = COMMENT.findall(line)
-    match = ABORT.match(comments[-1]) if comments else None
-    return match[1].strip() if match else None
+    if not comments:
+        return NOTHING
+    match = ABORT.match(comments[-1])
+    message = MESSAGE.match(comments[-1]) is not None
+    if match is None and not message:
+        return NOTHING
+    return Block(abort=match[1].strip() if match else None, message=message)
 
 
 def _read(cursor: Cursor, line: str) -> Block:

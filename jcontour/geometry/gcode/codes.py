@@ -24,6 +24,8 @@ GROUPS = {
 GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
 # of the once group; they take the axis words away from the motion in force
 TAKING_AXES = frozenset({100, 280, 300, 520, 920})
+# of it, too; they shift the program's origin, for which LinuxCNC waits for the motion
+SHIFTING = frozenset({520, 920, 921, 922, 923})
 # nothing of what they ask for moves this machine: cutter compensation off, spindle speed modes,
 # radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
 # coordinates, plane tilt)
@@ -65,11 +67,15 @@ LETTERS = {  # that belong to a code, besides those of motion
 END = frozenset({2, 30})  # M codes that end the program
 CALL, RETURN = 98, 99  # M codes of subprograms
 FLOW = frozenset({CALL, RETURN})
-# M codes for which motion stops, as LinuxCNC's task controller waits for it: spindle, tool, coolant
-# and outputs set at once, before the move of their line; pauses after it. Outputs in time with the
-# motion (M62, M63, M67) do not stop it; neither do S, of which lasers have one a line, and codes of
-# printers, from M82 on.
-STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 64, 65, 66, 68})
+PRINTING = frozenset(  # fans, heaters, reports of printers and their kin; they have M82 to M92, too
+    {104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119}
+    | {120, 121, 140, 141, 149, 150, 155, 190, 191}
+)
+# M codes for which motion stops, as LinuxCNC's task controller waits for it before it carries them
+# out (emctaskmain.cc): spindle, tool, coolant, outputs set at once, adaptive feed, and the user's
+# own M100 to M199, before the move of their line; pauses after it. Outputs in time with the motion
+# (M62, M63, M67) do not stop it; neither does S here, of which lasers have one a line.
+STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(100, 200)}) - PRINTING
 PAUSES = frozenset({0, 1, 60})
 INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
 MOST_M = 9999

@@ -78,6 +78,8 @@ class Machine:
         if not codes.FLOW.isdisjoint(found.m_codes):
             return found
         once = found.codes.get("once")
+        if once in codes.SHIFTING and (once > 920 or not AXES.keys().isdisjoint(values)):
+            self.tracer.stop(f"G{once / 10:g}")
         if once is not None and once != 530:
             self._do_once(once, values)
         if once not in codes.TAKING_AXES and once != 40:
@@ -108,8 +110,10 @@ class Machine:
         self.modes.switch(switched)
         if "system" in switched:
             code = switched["system"]
-            self.offsets.system = (code - 530) // 10 if code <= 590 else code - 584
+            self._choose_system((code - 530) // 10 if code <= 590 else code - 584)
         length = switched.get("tool length")
+        if length is not None:
+            self.tracer.stop(f"G{length / 10:g}")
         if length == 431:
             self.offsets.tool = replaced(ZERO, self._by_axis(found.values))
             for letter in AXES:
@@ -190,10 +194,13 @@ class Machine:
         kind = values.get("L")
         if kind not in (2, 20):
             self.ignored.add("G10")
+            self.tracer.stop("G10")
             return
         system = whole(values.get("P", 0.0), "P of G10") or self.offsets.system
         if not 1 <= system <= SYSTEMS:
             raise ToolpathError(f"G10 needs P0 to P{SYSTEMS}, received P{system}")
+        if system == self.offsets.system:
+            self.tracer.stop("G10")
         lengths = self._by_axis(values)
         if kind == 20:
             self.offsets.set_here(system, lengths, self.tracer.at)
@@ -352,13 +359,20 @@ class Machine:
         if self.modes.path != 640:
             self.tracer.stop("G61" if self.modes.path == 610 else "G61.1")
 
+    def _choose_system(self, system: int) -> None:
+        """Put a work system in force; another one than before waits for the motion."""
+        if system != self.offsets.system:
+            self.tracer.stop(f"G{53 + system}" if system <= 6 else f"G59.{system - 6}")
+        self.offsets.system = system
+
     def kept_modes(self) -> tuple[Modes, int]:
         """Copy of the modes and the work system in force (M70)."""
         return copy(self.modes), self.offsets.system
 
     def restore(self, kept: tuple[Modes, int]) -> None:
         """Put modes and a work system in force again (M72)."""
-        modes, self.offsets.system = kept
+        modes, system = kept
+        self._choose_system(system)
         self.modes = copy(modes)
 
 

@@ -37,7 +37,8 @@ class Stop(NamedTuple):
         place: where it rests [m].
         lasting: for how long [s], 0 for a stop alone.
         line: of the program, from 1.
-        why: word of the program that asks for it, as G4 or M8.
+        why: words of the program that ask for it, as G4 or M8 M3.
+        besides: how long an axis that is not traced moves meanwhile [s]; NaN at traverse.
     """
 
     after: int
@@ -45,3 +46,4 @@ class Stop(NamedTuple):
     lasting: float
     line: int
     why: str
+    besides: float = 0.0

@@ -155,6 +155,8 @@ class Program:
         self.begun = True
         if block.abort is not None:
             raise ToolpathError(f"the program aborts: {shown(block.abort, 80)}")
+        if block.message:
+            self.machine.tracer.stop("(MSG)")
         if block.flow is not None:
             self._flow(frame, index, block.flow)
         else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from jcontour.geometry.gcode.modes import PLANES
 from jcontour.geometry.gcode.move import Move, Point, Stop
 from jcontour.geometry.gcode.offsets import ZERO
+from jcontour.geometry.gcode.stops import DWELL, UP_OR_DOWN
 from jcontour.geometry.toolpath_rules import FARTHEST, MOST_MOVES, SHORTEST, ToolpathError
 
 
@@ -37,10 +38,10 @@ class Tracer:
         check_near(end)
         if angle == 0.0 and math.dist(self.at[: self.axes], end[: self.axes]) < SHORTEST:
             if self.axes == 2:
-                rises = abs(end[2] - self.at[2]) >= SHORTEST
+                rise = abs(end[2] - self.at[2])
                 self.at = self.at[0], self.at[1], end[2]
-                if rises:  # X and Y stand still meanwhile
-                    self.stop("Z")
+                if rise >= SHORTEST:  # X and Y stand still meanwhile
+                    self.stop(UP_OR_DOWN, besides=rise / feed)
             return
         rapid = math.isnan(feed)
         normal = PLANES[plane][2]
@@ -61,10 +62,10 @@ class Tracer:
         """
         if not lasting >= 0:
             raise ToolpathError(f"{word}{lasting:g}: a dwell needs seconds, not below 0")
-        self.stop("G4", lasting)
+        self.stop(DWELL, lasting)
 
-    def stop(self, why: str, lasting: float = 0.0) -> None:
-        """Come to rest, for a time in a dwell [s]; `why` is the word that asks for it.
+    def stop(self, why: str, lasting: float = 0.0, besides: float = 0.0) -> None:
+        """Come to rest, for a time in a dwell [s]; see `Stop`.
 
         Before the first move there is nothing to stop.
 
@@ -73,7 +74,7 @@ class Tracer:
         """
         if not (self.moves or lasting):
             return
-        self.stops.append(Stop(len(self.moves), self.at, lasting, self.line, why))
+        self.stops.append(Stop(len(self.moves), self.at, lasting, self.line, why, besides))
         if len(self.stops) > MOST_MOVES:
             raise ToolpathError(f"more than {MOST_MOVES} stops")
 

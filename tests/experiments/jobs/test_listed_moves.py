@@ -28,13 +28,16 @@ def test_a_line_for_each_move(tmp_path):
         ["5", "line", "8.0000", "4.5000", "0.0000", "300"],
     ]
     assert last == "4 moves; ignored: M3"
-    assert listed(path, 2)[-2].split()[1:] == "stop 8.0000 4.5000 - for Z".split()
+    *_, stop, _, told, left_out = listed(path, 2)
+    assert stop.split()[1:] == "stop 8.0000 4.5000 - for Z".split()
+    assert told == "1 stop: Z at line 5; without the time of 1 move of Z alone, 0.2 s at their feed"
+    assert left_out.startswith("a run leaves out 1 of them")
 
 
 def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G4 P1\nG21 F600 G1 X10\nG4 P2.5\nG4 P0\nG82 X12 R3 Z-1 P.5\n")
-    _, *moves, last = listed(path, 3)
+    _, *moves, last, told, left_out = listed(path, 3)
     assert [line.split()[:2] for line in moves[:4]] == [
         ["1", "dwell"],
         ["2", "line"],
@@ -46,16 +49,19 @@ def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
     assert drilled.split()[1:5] == ["line", "12.0000", "0.0000", "-1.0000"]
     assert dwelt.split()[1:] == ["dwell", "12.0000", "0.0000", "-1.0000", "-", "for", "0.5", "s"]
     assert out.split()[1] == "rapid"
-    assert last.startswith("5 moves, 4 dwells of 4 s in all (1 before the first cut or behind")
+    assert last == "5 moves" and told == "4 stops: G4 4 times from line 1 (4 s)"
+    assert left_out.startswith("a run leaves out 1 of them")
 
 
 def test_stops_stand_in_their_places_and_long_dwells_are_asked_about(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G21 F600 G1 X10\nM8\nX20\nG61.1 X30\nX40\nG4 P500\nG1 X50\n")
-    _, *moves, last, doubt = listed(path, 3)
+    _, *moves, last, told, doubt = listed(path, 3)
     assert moves[1].split() == ["2", "stop", "10.0000", "0.0000", "0.0000", "-", "for", "M8"]
     assert [line.split()[1] for line in moves] == ["line", "stop", *["line"] * 3, "dwell", "line"]
-    assert last.startswith("5 moves, 1 dwell of 500 s in all, 1 stop, G61.1 from line 4: stops ")
+    assert last == "5 moves"
+    stops = "2 stops: M8 at line 2, G4 at line 6 (500 s)"
+    assert told == f"{stops}; G61.1 from line 4: stops after every move"
     assert doubt.startswith("line 6: a dwell of 500 s; P is in seconds here")
 
 

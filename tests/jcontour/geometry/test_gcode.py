@@ -24,7 +24,8 @@ def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
     program = "G90 G21 G94\n(a comment) N7 T2 M6\nS9000 M3\nG0 X1\nG1 X4 F600\n\nG3 X1 I-1.5 Y0\n"
     toolpath = parse_gcode(program + "G2 X0 Y1 R1 M8\nG64 P0.01 G1 X-1\nM5\nM30\nG1 X90")
     np.testing.assert_array_equal(toolpath.line, [5, 7, 8, 9])
-    assert toolpath.ignored == ("G64", "M3", "M5", "M6", "M8", "P", "S", "T")
+    assert toolpath.ignored == ("G64", "M3", "M6", "P", "S", "T")
+    assert toolpath.stops == "2 stops: M8 at line 8, M5 at line 10"
 
 
 def test_dwells_are_rests_at_the_ends_of_pieces():
@@ -44,6 +45,13 @@ def test_exact_path_stops_in_corners_and_exact_stop_everywhere():
     corners = parse_gcode(HEAD + "G61 " + moves).rest
     np.testing.assert_array_equal(corners, [np.nan, 0, np.nan, 0, 0])
     np.testing.assert_array_equal(parse_gcode(HEAD + "G61.1 " + moves).rest, np.zeros(5))
+
+
+def test_exact_path_passes_turns_that_hardly_take_acceleration():
+    """0.29 degrees is 0.00499 of a turn, 0.3 degrees 0.0052; LinuxCNC passes up to about 0.005."""
+    for turn, rest in ((0.00499, np.nan), (0.0052, 0.0)):
+        program = HEAD + f"G61 G1 X10\nX{10 + 10 * np.cos(turn)} Y{10 * np.sin(turn)}"
+        np.testing.assert_array_equal(parse_gcode(program).rest, [rest, 0.0])
 
 
 def test_stops_of_the_projection():
@@ -285,7 +293,8 @@ def test_many_moves_stay_fast(any_type):
         ("G1 X F100", r"line 1: cannot read 'X F100'"),
         ("G1 Xnan F100", r"line 1: cannot read"),
         ("G1 X1e3 F100", r"line 1: cannot read|line 1: unknown word"),
-        ("G1 X1 F100 (open", r"line 1: cannot read '\(open'"),
+        ("G1 X1 F100 (open", r"line 1: a comment without its \): 'G1 X1 F100 \(open'"),
+        ("G1 X1 (a (b) c)", r"line 1: a comment inside a comment, or a \) too many: 'G1 X1 \(a \("),
         ("G1 X\u0663 F100", r"line 1: cannot read 'X\\u0663 F100'"),
         ("G1 X1 F100 é", r"line 1: cannot read"),
         ("G1 X" + "9" * 400 + " F100", r"line 1: the number in 'Xinf' is too large"),

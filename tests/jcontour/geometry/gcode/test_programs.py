@@ -200,6 +200,25 @@ def test_spindle_tool_coolant_and_pauses_stop():
     assert stops_of(program) == [(3, 1, "M8 M4"), (4, 3, "M1"), (8, 5, "M5 M9")]
 
 
+def test_the_users_own_codes_stop_and_those_of_printers_do_not():
+    program = "F600 G1 X1\nM101\nX2\nM106 S99\nX3\nM52 P1\nX4\nM61 Q1\nX5 M53 P1\nM140 X6"
+    assert stops_of(program) == [(2, 1, "M101"), (6, 3, "M52"), (8, 4, "M61")]
+
+
+def test_changes_of_offsets_stop():
+    """Another work system, any tool offset; G92 of an axis, G10 of the system in force."""
+    program = "F600 G54 G43 H1 G1 X1\nG54 X2\nG55 X1\nX2\nG49\nG92 E0\nG92 X0\nX5\nG92.1"
+    assert [why for *_, why in stops_of(program)] == ["G55", "G49", "G92", "G92.1"]
+    program = "F600 G1 X1\nG10 L2 P2 X1\nX2\nG10 L2 P1 X1\nX3\nG10 L1 P1 Z1\nX4\nM70\nG59.3\nM72"
+    stops = stops_of(program)
+    assert stops == [(4, 2, "G10"), (6, 3, "G10"), (9, 4, "G59.3"), (10, 4, "G54")]
+
+
+def test_messages_stop_as_the_last_comment_of_a_line():
+    program = "F600 G1 X1\n(MSG, tool 2)\nX2 ( msg , here )\nX3 (MSG, a)(b)\nX4 (print, a)"
+    assert stops_of(program) == [(2, 1, "(MSG)"), (3, 1, "(MSG)")]
+
+
 def test_exact_stop_after_every_move_until_it_is_switched_off():
     """M70 keeps the mode and M72 brings it back."""
     program = "F600 G1 X1\nG61.1 X2\nG2 X4 I1\nM70\nG1 G64 X5\nM72\nX6\nG61 X7"
