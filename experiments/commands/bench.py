@@ -20,7 +20,7 @@ ROOMS = {  # of `experiments/benchmarks`: the parts in each
     "speed": ("mpc", "qp", "lq", "gantry"),
     "searches": ("tuners",),
     "records": ("identify", "whole_way"),
-    "promises": ("motion", "certificates"),
+    "promises": ("motion", "program", "certificates"),
 }
 
 

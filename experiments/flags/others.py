@@ -62,6 +62,7 @@ class Bench(Common):
             "identify",
             "whole_way",
             "motion",
+            "program",
             "certificates",
         ]
     ] = "mpc"  # it has to fit a sample period
@@ -74,11 +75,12 @@ class Bench(Common):
     identify: random axes, recorded and identified again, minutes each.
     whole_way: from the log of a hidden machine to the contour error there, minutes each.
     motion: random toolpaths, planned and compared with their limits.
+    program: a finishing program of 150,000 chords by law of motion, minutes.
     certificates: a certified bound with its slopes, and random laps against it."""
     batch: tuple[int, ...] = ()
     """LQ: runs at once, what suits the device when not given.
     Gantry: machines at once, 1000 when not given. Certificates: laps at once.
-    QP: problems at once, 128 when not given."""
+    QP: problems at once, 128 when not given. Program: chords, 150,000 when not given."""
     seeds: int = 20  # quartiles of fewer say little
     """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
     Motion: paths. Certificates: batches of laps."""

@@ -1,0 +1,26 @@
+"""Parts of the comparison, against geometry in closed form."""
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from experiments.benchmarks.promises.program import ProgramBench, Row, _distance, show
+from experiments.reports.tables import console_of
+
+
+def test_distance_from_a_circle_in_points():
+    angle = np.linspace(0.0, 2 * np.pi, 4001)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    radius = np.array([0.9, 0.999, 1.0, 1.0001, 1.2])
+    place = radius[:, None] * np.stack([np.cos(radius * 3), np.sin(radius * 3)], axis=1)
+    found = _distance(KDTree(circle), place)
+    np.testing.assert_allclose(found, np.abs(radius - 1), atol=(2 * np.pi / 4000) ** 2 / 8)
+
+
+def test_ratios_stand_beside_constant_feed(capsys):
+    planned = Row("jerk-limited, 2 um", 4.0, 1e-6, 0.3e-6, 20e-6, 2e-6, 50.0)
+    constant = Row("constant feed", 4.0, 9e-6, 0.7e-6, 35e-6, 9e-6, 100.0)
+    show(console_of(), ProgramBench(2000, [planned, constant], 1.0, 7.0))
+    printed = capsys.readouterr().out
+    row = next(line for line in printed.splitlines() if "constant feed" in line)
+    assert row.split()[-2:] == ["9.0", "4.5"]
+    assert "2000 chords" in printed
