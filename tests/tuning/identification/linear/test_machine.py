@@ -65,6 +65,7 @@ def test_other_delays_are_those_that_the_record_does_not_exclude(found):
     assert one.delays == [1, 4]
 
 
+@pytest.mark.slow
 def test_friction_is_seen_and_told():
     """F_c of a fifth of the force that moves the axis, as in the public EMPS drive."""
     force, mass, viscous, dry = 35.0, 95.0, 200.0, 0.6
@@ -105,6 +106,7 @@ def test_what_cannot_be_used_is_refused(record):
         identify_machine(short, 2, 2)
 
 
+@pytest.mark.slow
 def test_crossed_columns_are_refused(record):
     crossed = replace(record, position=record.position[:, ::-1])
     with pytest.raises(ValueError, match="are the columns those of one"):

@@ -30,7 +30,7 @@ def logged(axis, takes, gain, seed=0):
 
 
 @pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 3])
-@pytest.mark.parametrize("takes", ["speed", "position"])
+@pytest.mark.parametrize("takes", ["speed", pytest.param("position", marks=pytest.mark.slow)])
 def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay):
     make, i = (speed_axis, 1) if takes == "speed" else (position_axis, 0)
     axis = make(0.8, 0.015, delay * DT)
