@@ -164,7 +164,7 @@ FAULTS = {  # controller -> what is told
     "mine.py:wrong": "needs to make a Controller, made a str",
     "mine.py:Needy": "cannot be made without arguments (TypeError",
     "mine.py:Broken": f"mine.py:{line_of('1 / 0', CONTROLLERS)}: Broken: fails on bridge",
-    "mine.py:OneNumber": "mine.py: OneNumber: fails on bridgeport (TypeError",
+    "mine.py:OneNumber": "mine.py: OneNumber: fails on bridgeport (Type",
     "none.py:PD": "none.py: cannot be read",
     "syntax.py:PD": "syntax.py:2: PD: the file cannot be run (SyntaxError",
     "raising.py:PD": "raising.py:3: PD: the file cannot be run (KeyError: 'no key')",

