@@ -253,14 +253,20 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
 def _with_or_without_friction(
     record: AxisRecord, resolution: float, most_poles: int, most_delay: int
 ) -> tuple[AxisRecord, Choice]:
-    """The record, with signs of the speed where dry friction helps to simulate what is held out."""
+    """The record, with signs of the speed where dry friction helps to simulate what is held out.
+
+    Friction may also hide the integrator: then nothing simulates well what is held out.
+    """
     plain = chosen(record, (0, 1), most_poles, most_delay)
-    if plain.best.structure.integrators == 0:
-        return record, plain
+    begun = plain.best
+    if begun.structure.integrators == 0:
+        if not plain.integrating or _held_out(record, plain)[1] > FAIR:
+            return record, plain
+        begun = plain.integrating[0]
     signs = evidence.speed_signs(record.position, resolution)
     acting = np.where(signs == 0, 0.0, record.command)  # at a standstill friction takes all of it
     rubbed = replace(record, command=acting, drags=(signs, np.abs(signs)))
-    first = fitted(rubbed, plain.best.structure, plain.best.fit.filter, plain.best.fit.model)
+    first = fitted(rubbed, begun.structure, begun.fit.filter, begun.fit.model)
     if _friction(first, record.command) is None:
         return record, plain
     choice = chosen(rubbed, (1,), most_poles, most_delay)

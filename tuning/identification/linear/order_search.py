@@ -97,6 +97,12 @@ class Choice:
         ]
 
     @property
+    def integrating(self) -> list[Candidate]:
+        """Structures with an integrator, the likeliest first."""
+        found = [one for one in self.all if one.structure.integrators]
+        return sorted(found, key=lambda one: -_likelier(one, self.best))
+
+    @property
     def largest(self) -> list[Candidate]:
         """Structures of the most parameters, the likeliest first; they began differently."""
         most = max(_size(one) for one in self.all)
