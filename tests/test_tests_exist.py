@@ -14,6 +14,8 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/geometry/quintics.py": "jcontour/geometry/test_contours.py",
     "jcontour/geometry/arcs.py": "jcontour/geometry/test_gcode.py",
     "jcontour/geometry/gcode": "jcontour/geometry/test_gcode.py",
+    "jcontour/geometry/gcode/language": "jcontour/geometry/test_gcode.py",
+    "jcontour/geometry/gcode/moves": "jcontour/geometry/test_gcode.py",
     # what readers of drawings are made of
     "jcontour/geometry/drawings": "jcontour/geometry/drawings/test_dxf.py",
     "jcontour/analysis/loop_slopes.py": "jcontour/analysis/test_peak_search.py",

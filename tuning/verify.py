@@ -14,7 +14,7 @@ from jcontour.controller import Controller
 from jcontour.host.controller import HostController
 from jcontour.host.loop import Fallback, HostRun, Stopped, reported_loop
 from jcontour.motion.references import Reference
-from jcontour.mpc.limits import Bounds, Limits
+from jcontour.mpc.tracking.limits import Bounds, Limits
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import Metrics, score

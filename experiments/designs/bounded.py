@@ -18,8 +18,8 @@ from jcontour.host.observed import FilterGain
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import Reference
-from jcontour.mpc.bounded import BoundedMPC, Need
-from jcontour.mpc.filtered_response import FilteredResponse, Surroundings, filtered_response
+from jcontour.mpc.bounded.bounded_mpc import BoundedMPC, Need
+from jcontour.mpc.bounded.filtered_response import FilteredResponse, Surroundings, filtered_response
 from jcontour.qp.solvers import Solver
 
 LENGTHS = (8, 12, 20, 30)  # samples; longer ones promise hardly more and take longer to solve

@@ -18,11 +18,11 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring import MPCC
-from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.mpc.forms import AbsoluteForm, OffsetFreeForm, VelocityForm
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.mpcc import MPCC
+from jcontour.mpc.tracking.forms import AbsoluteForm, OffsetFreeForm, VelocityForm
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.qp.solvers import Solver, solver_named
 
 # steps: beyond it a QP takes seconds; the paper has 7, and 30 change little

@@ -19,8 +19,8 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import MachineLimits
 from jcontour.controller import Controller
 from jcontour.controllers.observers.kalman import OffsetFreeTold
-from jcontour.mpc.constrained_lq import ConstrainedLQ
-from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
+from jcontour.mpc.tracking.limits import Limits
 from tuning.parameters import Positive
 
 UNKNOWN = 0.03  # of speed and acceleration

@@ -21,7 +21,7 @@ from tuning.parameters import Fixed, Interval, Parameter, Weights
 
 if TYPE_CHECKING:  # the solvers take a second to import
     from jcontour.host.controller import HostController
-    from jcontour.mpc.limits import Limits
+    from jcontour.mpc.tracking.limits import Limits
     from jcontour.qp.solvers import Solver
 
 

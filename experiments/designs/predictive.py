@@ -20,7 +20,7 @@ from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
 from jcontour.host.held import Held
 from jcontour.motion.references import Reference
-from jcontour.mpc.tracking import TrackingWeights
+from jcontour.mpc.tracking.tracking_mpc import TrackingWeights
 from jcontour.plant import Plant
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from jcontour import contours, feed_laws, references, simulate
 from jcontour.controllers import ContouringLQ, LQWeights
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants import bridgeport
 from tuning.verify import verify
 

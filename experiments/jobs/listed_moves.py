@@ -10,9 +10,8 @@ import numpy as np
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.gcode.move import Move, Stop
-from jcontour.geometry.gcode.programs import files_beside, interpreted
-from jcontour.geometry.gcode.stops import (
+from jcontour.geometry.gcode.moves.move import Move, Stop
+from jcontour.geometry.gcode.moves.stops import (
     DWELL,
     EXACT,
     ignored_words,
@@ -20,6 +19,7 @@ from jcontour.geometry.gcode.stops import (
     stops_in_cuts,
     told_stops,
 )
+from jcontour.geometry.gcode.programs import files_beside, interpreted
 from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
 

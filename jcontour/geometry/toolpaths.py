@@ -45,9 +45,14 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.move import Move, Stop
+from jcontour.geometry.gcode.moves.move import Move, Stop
+from jcontour.geometry.gcode.moves.stops import (
+    ignored_words,
+    long_dwells,
+    stops_in_cuts,
+    told_stops,
+)
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
-from jcontour.geometry.gcode.stops import ignored_words, long_dwells, stops_in_cuts, told_stops
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text

@@ -5,9 +5,9 @@ sample for N_p steps: the first of them sees 2 N_p - 1 samples, the last one N_p
 gives the gains of them all, so a sample costs two stages, however far it sees:
     (H, g) at the end from the terminal cost, then eqs. 12 and 13 of McNab & Tsao down to the first
     step of the block; eq. 11 at each of its steps
-The blocks are swept side by side (by `kernels.block_sweep`, on a GPU by `kernels.block_lanes`), and
-the last one ends with the run. A run of at most N_p steps is one block: its gains are those of the
-whole path, the limit of every receding horizon.
+The blocks are swept side by side (by `kernels.sweeps.block_sweep`, on a GPU by
+`kernels.gpu.block_lanes`), and the last one ends with the run. A run of at most N_p steps is one
+block: its gains are those of the whole path, the limit of every receding horizon.
 """
 
 from functools import partial
@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jcontour.kernels.block_sweep import block_sweep
 from jcontour.kernels.dispatch import suits_lanes
+from jcontour.kernels.sweeps.block_sweep import block_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.receding_horizon import (
     MOST_STATES,
@@ -63,7 +63,7 @@ def blockwise_plan(
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
 def _by_lanes(preview: int, model: LinearPlant, Q, y_d, R, terminal: CostToGo) -> AffinePlan:
     """Plan from the GPU's kernel, with the derivative of the sweep in XLA."""
-    from jcontour.kernels.block_lanes import block_plan  # loads Pallas, which a CPU has no use for
+    from jcontour.kernels.gpu.block_lanes import block_plan  # loads Pallas
 
     matrices = model.A, model.B, model.C
     return AffinePlan(*block_plan(model.pattern, preview, *matrices, Q, y_d, R, *terminal))

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.devices import on_gpu
-from jcontour.kernels.block_sweep import block_sweep
+from jcontour.kernels.sweeps.block_sweep import block_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.blockwise import block_ends
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo

@@ -21,8 +21,8 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from jcontour.kernels.dispatch import block_length, suits_lanes, suits_rank_one, suits_spans
-from jcontour.kernels.sliding_window import sliding_plan
-from jcontour.kernels.window_sweep import window_plan
+from jcontour.kernels.sweeps.sliding_window import sliding_plan
+from jcontour.kernels.sweeps.window_sweep import window_plan
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.riccati.algebraic import small_inverse
 
@@ -62,9 +62,10 @@ def receding_horizon_plan(
     """Gains F, f (u = f - F x) of every step of a run.
 
     Long windows whose stage profile is known to be uniform are composed from spans
-    (`kernels.sliding_window`). Others are swept stage by stage: by the GPU's kernels where they
-    take the plant, by `kernels.window_sweep` elsewhere. Short windows of decoupled axes are solved
-    on a GPU as a change of the weight (`kernels.rank_one_lanes`), where its parts are known.
+    (`kernels.sweeps.sliding_window`). Others are swept stage by stage: by the GPU's kernels where
+    they take the plant, by `kernels.sweeps.window_sweep` elsewhere. Short windows of decoupled axes
+    are solved on a GPU as a change of the weight (`kernels.gpu.rank_one_lanes`), where its parts
+    are known.
 
     Args:
         model: A, B, C.
@@ -88,7 +89,7 @@ def receding_horizon_plan(
         return AffinePlan(*_composed(model, stage[0] * Q, y_d, stage.shape[0], R, terminal))
     stage = jnp.asarray(stage)
     if lanes:
-        from jcontour.kernels.lane_plan import lane_plan  # loads Pallas, which a CPU has no use for
+        from jcontour.kernels.gpu.lane_plan import lane_plan  # loads Pallas
 
         end = () if terminal is None else tuple(terminal)
         F, f = lane_plan(model.pattern, model.A, model.B, model.C, Q, y_d, stage, R, end)  # pyright: ignore[reportGeneralTypeIssues]
@@ -105,7 +106,7 @@ def receding_horizon_plan(
 @jax.custom_vjp
 def _by_rank_one(model: LinearPlant, Q, y_d, stage, R, parts: RankOne) -> AffinePlan:
     """Plan from the GPU's kernels for the parts of Q, with the derivative of the sweep by Q."""
-    from jcontour.kernels.rank_one_lanes import rank_one_gains  # loads Pallas
+    from jcontour.kernels.gpu.rank_one_lanes import rank_one_gains  # loads Pallas
 
     matrices = model.A, model.B, model.C
     return AffinePlan(*rank_one_gains(model.pattern, *matrices, *parts, y_d, stage, R))
@@ -118,7 +119,7 @@ def _rank_one_fwd(*arguments):
 
 
 def _rank_one_bwd(kept, cotangent):
-    from jcontour.kernels.lanes import dense  # loads Pallas
+    from jcontour.kernels.gpu.lanes import dense  # loads Pallas
 
     (model, *data), moves = kept
     cotangent = jax.tree.map(dense, cotangent, is_leaf=lambda bar: isinstance(bar, SymbolicZero))
@@ -180,7 +181,7 @@ def readable_plan(
 ) -> AffinePlan:
     """Gains of every step as the equations say it, stage by stage.
 
-    `kernels.window_sweep` is tested equal to it.
+    `kernels.sweeps.window_sweep` is tested equal to it.
     """
     steps, preview = terminal.g.shape[0], stage.shape[0]
 

@@ -137,8 +137,8 @@ def _by_lanes(
 ) -> Metrics:
     """Metrics by the kernels of a GPU."""
     # imported here: they load Pallas, which a CPU has no use for
-    from jcontour.kernels.lane_score import LaneScore, lane_score
-    from jcontour.kernels.metric_lanes import lane_metrics
+    from jcontour.kernels.gpu.lane_score import LaneScore, lane_score
+    from jcontour.kernels.gpu.metric_lanes import lane_metrics
 
     score = LaneScore(partial(score_signals, window=window))
     if suits_metrics(reference.contour, plant, reference.position, reference.contour.start):

@@ -113,16 +113,16 @@ FAULTS = (
     ),
     # kernels
     Fault(
-        "jcontour/kernels/window_sweep.py",
+        "jcontour/kernels/sweeps/window_sweep.py",
         "-gains.first[:, -1].T",
         "gains.first[:, -1].T",
-        f"{LIBRARY}/kernels/test_window_sweep.py",
+        f"{LIBRARY}/kernels/sweeps/test_window_sweep.py",
     ),
     Fault(
-        "jcontour/kernels/sliding_window.py",
+        "jcontour/kernels/sweeps/sliding_window.py",
         "error[:, n:] - y_d[:, None]",
         "error[:, n:] + y_d[:, None]",
-        f"{LIBRARY}/kernels/test_sliding_window.py",
+        f"{LIBRARY}/kernels/sweeps/test_sliding_window.py",
     ),
     # controllers
     Fault(
@@ -225,22 +225,22 @@ FAULTS = (
         f"{LIBRARY}/qp",
     ),
     Fault(
-        "jcontour/mpc/condense.py",
+        "jcontour/mpc/tracking/condense.py",
         "np.diff(Fy, 2, axis=0) / model.dt**2",
         "np.diff(Fy, 2, axis=0) / model.dt",
-        f"{LIBRARY}/mpc/test_condense.py",
+        f"{LIBRARY}/mpc/tracking/test_condense.py",
     ),
     Fault(
-        "jcontour/mpc/condense.py",
+        "jcontour/mpc/tracking/condense.py",
         "states : states + inputs] = -np.eye(inputs)",
         "states : states + inputs] = np.eye(inputs)",
-        f"{LIBRARY}/mpc/test_condense.py",
+        f"{LIBRARY}/mpc/tracking/test_condense.py",
     ),
     Fault(
-        "jcontour/mpc/contouring_qp.py",
+        "jcontour/mpc/contouring/contouring_qp.py",
         "H[c + 1, c] -= 2 * change[c + 1]",
         "H[c + 1, c] += 2 * change[c + 1]",
-        f"{LIBRARY}/mpc/test_contouring_qp.py",
+        f"{LIBRARY}/mpc/contouring/test_contouring_qp.py",
     ),
     # metrics
     Fault(

@@ -9,8 +9,8 @@ from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
 from jcontour.geometry.contours import circle
 from jcontour.host.observed import ObservedHost
 from jcontour.motion.references import along
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from tuning.verify import acting_fraction, verify
 
 PREVIEW, DT = 4, 0.5e-3

@@ -15,7 +15,7 @@ from experiments.reports import tables
 from jcontour.geometry.periodic_splines import polar_lobes
 from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along
-from jcontour.mpc.contouring import MPCC, growing_blocks
+from jcontour.mpc.contouring.mpcc import MPCC, growing_blocks
 from jcontour.plants.xy_table import xy_table
 from jcontour.qp.hildreth import Hildreth
 from jcontour.qp.solvers import DAQP, ProxQP, Solver

@@ -75,7 +75,7 @@ def _fused_chains(dtype: np.dtype) -> tuple[Callable, float]:
     from jax.experimental import pallas as pl
 
     from jcontour.kernels.arithmetic import fused
-    from jcontour.kernels.lanes import LANES, Lanes, Operand, launch
+    from jcontour.kernels.gpu.lanes import LANES, Lanes, Operand, launch
 
     chains, members, unrolled = 8, SIDE_BY_SIDE["gpu"], 16
 

@@ -20,7 +20,7 @@ from experiments.runs.lifecycle import created, finished, resumed
 from experiments.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.host.controller import HostController
 from jcontour.motion.references import Reference
-from jcontour.mpc.limits import Bounds, Limits
+from jcontour.mpc.tracking.limits import Bounds, Limits
 from jcontour.plant import Plant
 from jcontour.qp.solvers import Solver, solver_named
 from jcontour.simulation.evaluation import member

@@ -13,9 +13,9 @@ from jcontour.host.controller import HostController
 from jcontour.host.held import Held
 from jcontour.host.loop import Stopped, reported_loop
 from jcontour.motion.references import Reference, along
-from jcontour.mpc.contouring import MPCC
-from jcontour.mpc.contouring_weights import ContouringWeights
-from jcontour.mpc.tracking import TrackingWeights
+from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.mpcc import MPCC
+from jcontour.mpc.tracking.tracking_mpc import TrackingWeights
 from jcontour.plant import Plant
 from jcontour.plants.xy_table import X_DRIVE, Y_DRIVE, FrictionXYTable, xy_table
 from jcontour.sensors import Sensors

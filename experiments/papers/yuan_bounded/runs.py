@@ -20,7 +20,7 @@ from jcontour.geometry import contours
 from jcontour.linear.plant import LinearPlant, spectral_radius
 from jcontour.motion.point_to_point import thesis_task_a
 from jcontour.motion.references import Reference, from_samples
-from jcontour.mpc.bounded import BoundedLimits, BoundedMPC, bounded_response
+from jcontour.mpc.bounded.bounded_mpc import BoundedLimits, BoundedMPC, bounded_response
 from jcontour.plants import thesis_axis
 from jcontour.plants.flexible_axis.models import euler_model
 from jcontour.sets.disturbed_model import DisturbedModel, Signal

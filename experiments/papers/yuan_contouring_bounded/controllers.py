@@ -18,7 +18,7 @@ from experiments.papers.yuan_contouring_bounded.tubes import SPARE, Part, Tube
 from experiments.papers.yuan_gantry.runs import RADIUS
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
-from jcontour.mpc.bounded_along import BoundedAlong, KeptRows
+from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.sets.varying_responses import VaryingResponse
 

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from experiments.papers.yuan_gantry.runs import SAMPLE, reference_path
 from jcontour.guarantees.gantry_bending import Bending
 from jcontour.motion.references import Reference
-from jcontour.mpc.machine_runs import MachineRun, machine_run
+from jcontour.mpc.bounded.machine_runs import MachineRun, machine_run
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import Linearisation
 from jcontour.plants.gantry.parameters import thesis_gantry

@@ -5,15 +5,16 @@ from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, field
 
-from jcontour.geometry.gcode import codes, cycles
-from jcontour.geometry.gcode.arc_words import MOST_TURNS, Arcs, arcs_of
-from jcontour.geometry.gcode.expressions import whole
-from jcontour.geometry.gcode.line_words import LineWords, sorted_words
-from jcontour.geometry.gcode.modes import PLANES, Modes
-from jcontour.geometry.gcode.move import Move, Point
-from jcontour.geometry.gcode.offsets import SYSTEMS, ZERO, Offsets, replaced
-from jcontour.geometry.gcode.targets import target
-from jcontour.geometry.gcode.tracer import Tracer, check_near
+from jcontour.geometry.gcode.language import codes
+from jcontour.geometry.gcode.language.expressions import whole
+from jcontour.geometry.gcode.language.line_words import LineWords, sorted_words
+from jcontour.geometry.gcode.moves import cycles
+from jcontour.geometry.gcode.moves.arc_words import MOST_TURNS, Arcs, arcs_of
+from jcontour.geometry.gcode.moves.modes import PLANES, Modes
+from jcontour.geometry.gcode.moves.move import Move, Point
+from jcontour.geometry.gcode.moves.offsets import SYSTEMS, ZERO, Offsets, replaced
+from jcontour.geometry.gcode.moves.targets import target
+from jcontour.geometry.gcode.moves.tracer import Tracer, check_near
 from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, SLOWEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}

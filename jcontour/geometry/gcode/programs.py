@@ -5,16 +5,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from jcontour.geometry.gcode import codes
-from jcontour.geometry.gcode.blocks import NOTHING, Block, OWord, read_block
-from jcontour.geometry.gcode.expressions import evaluated, whole
-from jcontour.geometry.gcode.flow import Structure, structure
+from jcontour.geometry.gcode.language import codes
+from jcontour.geometry.gcode.language.blocks import NOTHING, Block, OWord, read_block
+from jcontour.geometry.gcode.language.expressions import evaluated, whole
+from jcontour.geometry.gcode.language.flow import Structure, structure
+from jcontour.geometry.gcode.language.parameters import Locals, Parameters
+from jcontour.geometry.gcode.language.repetition import Repetition
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
-from jcontour.geometry.gcode.modes import Modes
-from jcontour.geometry.gcode.parameters import Locals, Parameters
-from jcontour.geometry.gcode.repetition import Repetition
-from jcontour.geometry.gcode.tracer import Tracer
+from jcontour.geometry.gcode.moves.modes import Modes
+from jcontour.geometry.gcode.moves.tracer import Tracer
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 from jcontour.geometry.toolpath_text import lines_of, read_program
 

@@ -11,9 +11,9 @@ from jcontour.controllers.observers.kalman import offset_free_gain
 from jcontour.geometry.contours import circle
 from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
-from jcontour.mpc.forms import OffsetFreeForm
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC
+from jcontour.mpc.tracking.forms import OffsetFreeForm
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC
 from jcontour.qp.solvers import DAQP
 
 KINDS = {

@@ -15,9 +15,9 @@ from jcontour.controllers.observers.kalman import OffsetFreeTold
 from jcontour.geometry.contours import line
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along
-from jcontour.mpc.constrained_lq import ConstrainedLQ
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC
+from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC
 from jcontour.qp.solvers import DAQP
 
 FLAGS = Simulate(controller="constrained-lq", preview=3)

@@ -5,8 +5,8 @@ import pytest
 from jcontour.analysis.frozen_loops import frozen_loop, unlimited
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import LQWeights
-from jcontour.mpc.constrained_lq import ConstrainedLQ
-from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
+from jcontour.mpc.tracking.limits import Limits
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.plants.wrappers.saturation import Saturated

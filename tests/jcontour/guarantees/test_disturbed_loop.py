@@ -11,8 +11,8 @@ from jcontour.geometry.contours import polygon
 from jcontour.guarantees.affine import NotAffine
 from jcontour.guarantees.disturbed_loop import Box, UnstableLoop, check_planless, disturbed_loop
 from jcontour.motion.references import along
-from jcontour.mpc.constrained_lq import ConstrainedLQ
-from jcontour.mpc.limits import Limits
+from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
+from jcontour.mpc.tracking.limits import Limits
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised

@@ -10,7 +10,7 @@ from jcontour.host.controller import HostController, StepReport
 from jcontour.host.held import Held, thinned
 from jcontour.host.loop import reported_loop
 from jcontour.motion.references import along
-from jcontour.mpc.contouring import MPCC
+from jcontour.mpc.contouring.mpcc import MPCC
 from jcontour.plants.xy_table import xy_table
 from jcontour.qp.problem import QP, Unsolved
 

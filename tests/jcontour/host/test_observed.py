@@ -21,9 +21,9 @@ from jcontour.host.loop import loop, reported_loop
 from jcontour.host.observed import FilterGain, ObservedHost, OffsetFreeGain, OffsetFreeHost
 from jcontour.linear.transformations import with_input_delay
 from jcontour.motion.references import along, from_samples
-from jcontour.mpc.forms import OffsetFreeForm
-from jcontour.mpc.limits import Limits
-from jcontour.mpc.tracking import TrackingMPC, TrackingWeights
+from jcontour.mpc.tracking.forms import OffsetFreeForm
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
 from jcontour.plants.bridgeport import exact_bridgeport
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders, Quantised

@@ -1,0 +1,1 @@
+"""Text of a program: lines, expressions, parameters, O-words, and the codes it may contain."""

@@ -1,0 +1,197 @@
+"""A line of a program as a control reads it: words, settings of parameters, or an O-word.
+
+White space outside comments means nothing, nor does the case of letters. A line that begins with /
+is skipped, as with the block-delete switch on. Comments are (in brackets) or ; to the end.
+"""
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+from jcontour.geometry.gcode.language.expressions import (
+    FUNCTIONS,
+    NAME,
+    Cursor,
+    Expression,
+    read_bracket,
+    read_key,
+    read_value,
+    whole,
+)
+from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
+
+COMMENT = re.compile(r"\([^)]*\)|;.*")
+ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
+MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
+PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
+WORD = re.compile(rf"([A-Za-z])({NUMBER})")
+LETTER = re.compile(r"[A-Za-z@^$]")
+LINE_NUMBER = re.compile(r"[Nn][0-9.]+")
+DIGITS = re.compile(r"[0-9]+")
+VALUE = re.compile(rf"[+-]*(?:[\[#.0-9]|(?:{'|'.join(FUNCTIONS)}|ATAN|EXISTS)\[)", re.IGNORECASE)
+EXPONENT = re.compile(r"[0-9.][eE](?![A-Za-z])")  # other languages write numbers so
+KEYWORD = re.compile(  # the longest first: "do" begins no other, but "else" does
+    "continue|endrepeat|endwhile|elseif|endsub|return|repeat|endif|break|while|call|else|sub|do|if",
+    re.IGNORECASE,
+)
+CONDITIONAL = frozenset({"if", "elseif", "while", "repeat"})  # these need a value
+RETURNING = frozenset({"return", "endsub"})  # these may have one
+
+Key = Callable[[Parameters], int | str]
+
+
+class OWord(NamedTuple):
+    """Flow of the program: `o100 while [#1 LT 5]`.
+
+    Attributes:
+        keyword: sub, call, if, ...; empty where the number of a program stands alone, O1000.
+        label: number or name.
+        values: in brackets behind: the condition, the count, the arguments.
+    """
+
+    keyword: str
+    label: Callable[[Parameters], str]
+    values: tuple[Expression, ...] = ()
+
+
+class Block(NamedTuple):
+    """Content of one line.
+
+    Attributes:
+        words: letters in upper case and their numbers, or what computes them.
+        settings: parameters and values, in force once all words have their numbers.
+        flow: O-word, which stands alone.
+        abort: message of (ABORT, ...), None without one.
+        message: whether (MSG, ...) is shown before it.
+    """
+
+    words: tuple[tuple[str, float | Expression], ...] = ()
+    settings: tuple[tuple[Key, Expression], ...] = ()
+    flow: OWord | None = None
+    abort: str | None = None
+    message: bool = False
+
+
+NOTHING = Block()
+
+
+def read_block(line: str) -> Block:
+    """Read a line.
+
+    >>> read_block("n10 g1 x2.5 (to the right)").words
+    (('N', 10.0), ('G', 1.0), ('X', 2.5))
+
+    Raises:
+        ToolpathError: it is no line of a program.
+    """
+    if "(" in line or ";" in line:
+        stripped = COMMENT.sub(" ", line)
+        text = "".join(stripped.split())
+        if text.startswith("/"):
+            return NOTHING
+        _check_brackets(stripped, line)
+        said = _said(line)
+    else:
+        stripped, said = line, NOTHING
+        text = "".join(stripped.split())
+    if not text or text.startswith("/"):
+        return said
+    if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or EXPONENT.search(stripped)):
+        words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
+        return said._replace(words=tuple(words))
+    try:
+        found = _read(Cursor(text), stripped)
+    except RecursionError:
+        raise ToolpathError("an expression is nested too deeply") from None
+    return found._replace(abort=said.abort, message=said.message)
+
+
+def _check_brackets(stripped: str, line: str) -> None:
+    """Raise ToolpathError where brackets are left after the comments were taken out."""
+    if ")" in stripped and "(" in line:
+        raise ToolpathError(f"a comment inside a comment, or a ) too many: {shown(line.strip())}")
+    if "(" in stripped:
+        raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
+
+
+def _said(line: str) -> Block:
+    """What the last comment of a line asks for."""
+    comments = COMMENT.findall(line)
+    if not comments:
+        return NOTHING
+    match = ABORT.match(comments[-1])
+    message = MESSAGE.match(comments[-1]) is not None
+    if match is None and not message:
+        return NOTHING
+    return Block(abort=match[1].strip() if match else None, message=message)
+
+
+def _read(cursor: Cursor, line: str) -> Block:
+    cursor.take(LINE_NUMBER)
+    if cursor.starts("o") or cursor.starts("O"):
+        return Block(flow=_read_o_word(cursor))
+    words: list[tuple[str, float | Expression]] = []
+    settings: list[tuple[Key, Expression]] = []
+    while not cursor.ended:
+        if cursor.starts("#"):
+            key = read_key(cursor)
+            cursor.expect("=")
+            settings.append((key, read_value(cursor)))
+            continue
+        before, letter = cursor.at, cursor.take(LETTER)
+        exponent = letter and letter[0] in "eE" and EXPONENT.search(line)
+        if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
+            raise ToolpathError(f"cannot read {shown(_written(line, before))}")
+        words.append((letter[0].upper(), _read_number(cursor)))
+    return Block(tuple(words), tuple(settings))
+
+
+def _read_number(cursor: Cursor) -> float | Expression:
+    number = WORD.match(cursor.text, cursor.at - 1)
+    if number is None:
+        return read_value(cursor)
+    cursor.at = number.end()
+    return float(number[2])
+
+
+def _written(line: str, at: int) -> str:
+    """The line as it was written, from a place in it that was counted without white space."""
+    places = [place for place, character in enumerate(line) if not character.isspace()]
+    return line[places[at] :]
+
+
+def _read_o_word(cursor: Cursor) -> OWord:
+    cursor.at += 1
+    label = _read_label(cursor)
+    match = cursor.take(KEYWORD)
+    keyword = match[0].lower() if match else ""
+    values: list[Expression] = []
+    while cursor.starts("[") and keyword:
+        values.append(read_bracket(cursor))
+    if not cursor.ended:
+        raise ToolpathError(f"cannot read {shown(cursor.rest)} behind an O-word")
+    if keyword in CONDITIONAL:
+        fits = len(values) == 1
+    elif keyword in RETURNING:
+        fits = len(values) <= 1
+    else:
+        fits = keyword == "call" or not values
+    if not fits:
+        raise ToolpathError(f"O-word {keyword!r} with {len(values)} values in brackets")
+    return OWord(keyword, label, tuple(values))
+
+
+def _read_label(cursor: Cursor) -> Callable[[Parameters], str]:
+    digits = cursor.take(DIGITS)
+    if digits:
+        number = str(int(digits[0][:20]))
+        return lambda parameters: number
+    name = cursor.take(NAME)
+    if name:
+        key = f"<{name[1].lower()}>"
+        return lambda parameters: key
+    if not (cursor.starts("[") or cursor.starts("#")):
+        raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
+    value = read_value(cursor)
+    return lambda parameters: str(whole(value(parameters), "the number of an O-word"))

@@ -1,0 +1,106 @@
+"""Codes that a program may contain, by group, and the letters that go with each.
+
+G codes are ten times their number, so that G59.1 is whole. One of a group is in force at a time.
+"""
+
+from jcontour.geometry.gcode.language.expressions import whole
+from jcontour.geometry.toolpath_rules import ToolpathError
+
+CYCLES = frozenset({730, 740, 810, 820, 830, 840, 850, 860, 880, 890})  # canned, expanded to moves
+NO_MOTION = 800
+GROUPS = {
+    "motion": frozenset({0, 10, 20, 30, NO_MOTION}) | CYCLES,
+    "plane": frozenset({170, 180, 190}),
+    "units": frozenset({200, 210, 700, 710}),  # G70, G71: of other controls
+    "distance": frozenset({900, 910}),
+    "centres": frozenset({901, 911}),
+    "feed": frozenset({930, 940}),
+    "path": frozenset({610, 611, 640}),
+    "tool length": frozenset({430, 431, 490}),
+    "return": frozenset({980, 990}),
+    "system": frozenset({540, 550, 560, 570, 580, 590, 591, 592, 593}),
+    "once": frozenset({40, 100, 280, 281, 300, 301, 520, 530, 920, 921, 922, 923}),
+}
+GROUP_OF = {code: group for group, codes in GROUPS.items() for code in codes}
+# of the once group; they take the axis words away from the motion in force
+TAKING_AXES = frozenset({100, 280, 300, 520, 920})
+# of it, too; they shift the program's origin, for which LinuxCNC waits for the motion
+SHIFTING = frozenset({520, 920, 921, 922, 923})
+# nothing of what they ask for moves this machine: cutter compensation off, spindle speed modes,
+# radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
+# coordinates, plane tilt)
+IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 690, 960, 970})
+REFUSED = {
+    50: "a spline",
+    51: "a spline",
+    52: "a NURBS curve",
+    53: "a NURBS curve",
+    70: "a lathe's diameters",
+    330: "motion synchronised with a spindle",
+    331: "motion synchronised with a spindle",
+    380: "probing",
+    382: "probing",
+    383: "probing",
+    384: "probing",
+    385: "probing",
+    410: "cutter compensation: let the program follow the tool's centre",
+    411: "cutter compensation: let the program follow the tool's centre",
+    420: "cutter compensation: let the program follow the tool's centre",
+    421: "cutter compensation: let the program follow the tool's centre",
+    510: "scaling",
+    680: "a rotated program; G10 L2 R rotates a work system",
+    760: "a lathe's thread",
+    870: "boring from behind",
+    950: "a feed per turn of a spindle",
+}
+MOTION_LETTERS = frozenset("XYZIJKR@^")
+LETTERS = {  # that belong to a code, besides those of motion
+    20: "P",
+    30: "P",
+    40: "PXUS",
+    100: "LPR",
+    430: "H",
+    640: "PQ",
+    960: "D",
+    **dict.fromkeys(CYCLES, "LPQR"),
+}
+END = frozenset({2, 30})  # M codes that end the program
+CALL, RETURN = 98, 99  # M codes of subprograms
+FLOW = frozenset({CALL, RETURN})
+PRINTING = frozenset(  # fans, heaters, reports of printers and their kin; they have M82 to M92, too
+    {104, 105, 106, 107, 108, 109, 110, 111, 112, 113, 114, 115, 116, 117, 118, 119}
+    | {120, 121, 140, 141, 149, 150, 155, 190, 191}
+)
+# M codes for which motion stops, as LinuxCNC's task controller waits for it before it carries them
+# out (emctaskmain.cc): spindle, tool, coolant, outputs set at once, adaptive feed, and the user's
+# own M100 to M199, before the move of their line; pauses after it. Outputs in time with the motion
+# (M62, M63, M67) do not stop it; neither does S here, of which lasers have one a line.
+STOPPING = frozenset({3, 4, 5, 6, 7, 8, 9, 19, 52, 61, 64, 65, 66, 68, *range(100, 200)}) - PRINTING
+PAUSES = frozenset({0, 1, 60})
+INVALIDATE, SAVE, RESTORE, SAVE_IN_SUBPROGRAM = 71, 70, 72, 73  # M codes of the modal state
+MOST_M = 9999
+
+
+def g_code(value: float) -> int:
+    """Ten times the number of a G word.
+
+    Raises:
+        ToolpathError: no such code exists, or it is one that is not supported.
+    """
+    code = whole(10 * value, "ten times a G code")
+    if code in GROUP_OF or code in IGNORED:
+        return code
+    reason = f" ({REFUSED[code]})" if code in REFUSED else ""
+    raise ToolpathError(f"'G{code / 10:g}' is not supported{reason}")
+
+
+def m_code(value: float) -> int:
+    """Number of an M word.
+
+    Raises:
+        ToolpathError: it is not whole, or no such code exists.
+    """
+    code = whole(value, "an M code")
+    if not 0 <= code <= MOST_M:
+        raise ToolpathError(f"'M{code}' is not supported")
+    return code

@@ -1,0 +1,276 @@
+"""Values in a program: numbers, parameters, [expressions] and functions, as LinuxCNC defines them.
+
+    [2.0 / 3 * 1.5 - 5.5 / 11.0]        ** before * / MOD before + - before EQ NE GT GE LT LE
+                                        before AND OR XOR; the left one first among equals
+    ABS ACOS ASIN ATAN COS EXISTS EXP FIX FUP LN ROUND SIN SQRT TAN, angles in degrees;
+    ATAN[y]/[x] has both coordinates
+
+A value is read once and evaluated as often as its line is carried out.
+"""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
+
+EQUAL = 1e-6  # difference of two values that compare EQ
+NEAR_WHOLE = 1e-4  # distance from a whole number that still counts as one
+DEEPEST = 50  # brackets within brackets
+MOST_OPERATIONS = 200  # of a line; a control reads lines of 256 characters
+
+Expression = Callable[[Parameters], float]
+
+WORD_NUMBER = re.compile(NUMBER)
+UNSIGNED = re.compile(r"[0-9]+\.?[0-9]*|\.[0-9]+")
+OPERATOR = re.compile(r"\*\*|[*/+-]|MOD|EQ|NE|GT|GE|LT|LE|AND|OR|XOR", re.IGNORECASE)
+FUNCTION = re.compile(r"[A-Za-z]+")
+NAME = re.compile(r"<([^<>]*)>")
+
+
+def _modulo(a: float, b: float) -> float:
+    rest = math.fmod(a, b)
+    return rest + abs(b) if rest < 0 else rest
+
+
+def _power(a: float, b: float) -> float:
+    if a < 0 and b % 1:
+        raise ToolpathError("a negative number to a power that is not whole")
+    return a**b
+
+
+OPERATIONS: dict[str, tuple[int, Callable[[float, float], float]]] = {
+    "**": (5, _power),
+    "*": (4, lambda a, b: a * b),
+    "/": (4, lambda a, b: a / b),
+    "MOD": (4, _modulo),
+    "+": (3, lambda a, b: a + b),
+    "-": (3, lambda a, b: a - b),
+    "EQ": (2, lambda a, b: float(abs(a - b) < EQUAL)),
+    "NE": (2, lambda a, b: float(abs(a - b) >= EQUAL)),
+    "GT": (2, lambda a, b: float(a > b)),
+    "GE": (2, lambda a, b: float(a >= b or abs(a - b) < EQUAL)),
+    "LT": (2, lambda a, b: float(a < b)),
+    "LE": (2, lambda a, b: float(a <= b or abs(a - b) < EQUAL)),
+    "AND": (1, lambda a, b: float(a != 0 and b != 0)),
+    "OR": (1, lambda a, b: float(a != 0 or b != 0)),
+    "XOR": (1, lambda a, b: float((a != 0) != (b != 0))),
+}
+
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "ABS": abs,
+    "ACOS": lambda x: math.degrees(math.acos(x)),
+    "ASIN": lambda x: math.degrees(math.asin(x)),
+    "COS": lambda x: math.cos(math.radians(x)),
+    "EXP": math.exp,
+    "FIX": lambda x: float(math.floor(x)),
+    "FUP": lambda x: float(math.ceil(x)),
+    "LN": math.log,
+    "ROUND": lambda x: float(math.trunc(x + math.copysign(0.5, x))),
+    "SIN": lambda x: math.sin(math.radians(x)),
+    "SQRT": math.sqrt,
+    "TAN": lambda x: math.tan(math.radians(x)),
+}
+
+
+@dataclass
+class Cursor:
+    """Place in a line without white space, up to which it has been read."""
+
+    text: str
+    at: int = 0
+    depth: int = 0
+    operations: int = 0
+
+    @property
+    def rest(self) -> str:
+        """What is still to be read."""
+        return self.text[self.at :]
+
+    @property
+    def ended(self) -> bool:
+        """Whether all is read."""
+        return self.at >= len(self.text)
+
+    def take(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        """Read what the pattern matches here, if it does."""
+        match = pattern.match(self.text, self.at)
+        if match:
+            self.at = match.end()
+        return match
+
+    def starts(self, character: str) -> bool:
+        """Whether this character is next."""
+        return self.text.startswith(character, self.at)
+
+    def expect(self, character: str) -> None:
+        """Read a character that has to be here.
+
+        Raises:
+            ToolpathError: another one is.
+        """
+        if not self.starts(character):
+            raise ToolpathError(f"needs {character!r} before {shown(self.rest)}")
+        self.at += 1
+
+
+def evaluated(expression: Expression, parameters: Parameters) -> float:
+    """Value of an expression.
+
+    Raises:
+        ToolpathError: it has none: a division by zero, the root of a negative number, a result
+            that is not finite, a parameter that is not there.
+    """
+    try:
+        value = expression(parameters)
+    except ZeroDivisionError:
+        raise ToolpathError("a division by zero") from None
+    except OverflowError:
+        raise ToolpathError("a result is too large") from None
+    except ToolpathError:
+        raise
+    except ValueError:
+        raise ToolpathError("a function has no value for this argument") from None
+    if not math.isfinite(value):
+        raise ToolpathError("a result is not finite")
+    return value
+
+
+def read_value(cursor: Cursor) -> Expression:
+    """Read a number, a parameter, a [bracket] or a function.
+
+    >>> evaluated(read_value(Cursor("[2+3*4**2]")), Parameters())
+    50.0
+
+    Raises:
+        ToolpathError: none is here.
+    """
+    number = cursor.take(WORD_NUMBER)
+    if number:
+        return _constant(float(number[0]))
+    if cursor.starts("["):
+        return read_bracket(cursor)
+    if cursor.starts("#"):
+        key = read_key(cursor)
+        return lambda parameters: parameters.value(key(parameters))
+    return _deeper(cursor, _read_sign_or_function)
+
+
+def read_bracket(cursor: Cursor) -> Expression:
+    """Read an expression in brackets.
+
+    Raises:
+        ToolpathError: there is none, or it cannot be read.
+    """
+    cursor.expect("[")
+    value = _deeper(cursor, lambda cursor: _read_operations(cursor, 0))
+    cursor.expect("]")
+    return value
+
+
+def read_key(cursor: Cursor) -> Callable[[Parameters], int | str]:
+    """Read what parameter is meant: a number after #, also computed, or a name in <>.
+
+    Raises:
+        ToolpathError: neither is here, or, when evaluated, the number is not whole.
+    """
+    cursor.expect("#")
+    name = cursor.take(NAME)
+    if name:
+        key = name[1].lower()
+        if not key:
+            raise ToolpathError("a parameter without a name")
+        return lambda parameters: key
+    digits = cursor.take(UNSIGNED)
+    if digits:
+        number = whole(float(digits[0]), "the number of a parameter")
+        return lambda parameters: number
+    value = _deeper(cursor, read_value)
+    return lambda parameters: whole(evaluated(value, parameters), "the number of a parameter")
+
+
+def whole(value: float, meaning: str) -> int:
+    """Whole number that a value means.
+
+    Raises:
+        ToolpathError: it is farther from one than 0.0001.
+    """
+    nearest = round(value) if math.isfinite(value) else 0
+    if not abs(value - nearest) < NEAR_WHOLE:
+        raise ToolpathError(f"{meaning} needs to be whole, received {value:g}")
+    return nearest
+
+
+def _constant(number: float) -> Expression:
+    return lambda parameters: number
+
+
+def _deeper(cursor: Cursor, read: Callable[[Cursor], Expression]) -> Expression:
+    cursor.depth += 1
+    if cursor.depth > DEEPEST:
+        raise ToolpathError(f"an expression is nested more than {DEEPEST} times")
+    value = read(cursor)
+    cursor.depth -= 1
+    return value
+
+
+def _read_operations(cursor: Cursor, least: int) -> Expression:
+    """Read values joined by operators that bind more than `least`."""
+    left = read_value(cursor)
+    while True:
+        before = cursor.at
+        sign = cursor.take(OPERATOR)
+        if sign is None:
+            return left
+        binding, operation = OPERATIONS[sign[0].upper()]
+        if binding <= least:
+            cursor.at = before
+            return left
+        cursor.operations += 1
+        if cursor.operations > MOST_OPERATIONS:
+            raise ToolpathError(f"more than {MOST_OPERATIONS} operations in a line")
+        right = _deeper(cursor, lambda cursor, least=binding: _read_operations(cursor, least))
+        left = _joined(left, operation, right)
+
+
+def _joined(
+    left: Expression, operation: Callable[[float, float], float], right: Expression
+) -> Expression:
+    return lambda parameters: operation(left(parameters), right(parameters))
+
+
+def _read_sign_or_function(cursor: Cursor) -> Expression:
+    if cursor.starts("+"):
+        cursor.at += 1
+        return read_value(cursor)
+    if cursor.starts("-"):
+        cursor.at += 1
+        value = read_value(cursor)
+        return lambda parameters: -value(parameters)
+    before, name = cursor.at, cursor.take(FUNCTION)
+    called = name[0].upper() if name else ""
+    if called == "ATAN":
+        return _read_atan(cursor)
+    if called == "EXISTS":
+        return _read_exists(cursor)
+    if called not in FUNCTIONS or not cursor.starts("["):
+        cursor.at = before
+        raise ToolpathError(f"needs a number before {shown(cursor.rest)}")
+    function, argument = FUNCTIONS[called], read_bracket(cursor)
+    return lambda parameters: function(argument(parameters))
+
+
+def _read_atan(cursor: Cursor) -> Expression:
+    y = read_bracket(cursor)
+    cursor.expect("/")
+    x = read_bracket(cursor)
+    return lambda parameters: math.degrees(math.atan2(y(parameters), x(parameters)))
+
+
+def _read_exists(cursor: Cursor) -> Expression:
+    cursor.expect("[")
+    key = read_key(cursor)
+    cursor.expect("]")
+    return lambda parameters: float(parameters.exists(key(parameters)))

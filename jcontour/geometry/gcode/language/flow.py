@@ -1,0 +1,189 @@
+"""Flow of a program by O-words: where each subprogram, branch and loop begins, goes on and ends.
+
+    o100 sub ... o100 endsub            o100 call [1] [2]       o100 return [3]
+    o101 if [..] ... o101 elseif [..] ... o101 else ... o101 endif
+    o102 while [..] ... o102 endwhile   o102 do ... o102 while [..]
+    o102 repeat [5] ... o102 endrepeat  o102 break, o102 continue
+    O1000 ... M99, called by M98 P1000
+
+Labels are numbers or <names>. Those of branches and loops belong to their subprogram.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from jcontour.geometry.gcode.language.blocks import OWord, read_block
+from jcontour.geometry.gcode.language.parameters import Parameters
+from jcontour.geometry.toolpath_rules import ToolpathError
+
+MAYBE_O_WORD = re.compile(r"\s*(?:\([^)]*\)\s*)*(?:[Nn][\s0-9.]*)?[Oo]")
+BRANCHES = frozenset({"if", "elseif", "else"})
+LOOPS = frozenset({"while", "do", "repeat"})
+CLOSED_BY = {
+    "elseif": BRANCHES - {"else"},
+    "else": BRANCHES - {"else"},
+    "endif": BRANCHES,
+    "endwhile": frozenset({"while"}),
+    "endrepeat": frozenset({"repeat"}),
+}
+
+
+@dataclass
+class Structure:
+    """Places of a program, as indices of its lines.
+
+    Attributes:
+        subprograms: first line of each, by label, and whether M99 ends it.
+        following: next branch of a branch; the end of a loop or a subprogram.
+        beginning: first line of the loop that a line ends, leaves or begins again.
+        ending: last line of a branch's whole, of a loop.
+        faults: what is wrong with a line, told if it is carried out.
+    """
+
+    subprograms: dict[str, tuple[int, bool]] = field(default_factory=dict)
+    following: dict[int, int] = field(default_factory=dict)
+    beginning: dict[int, int] = field(default_factory=dict)
+    ending: dict[int, int] = field(default_factory=dict)
+    faults: dict[int, str] = field(default_factory=dict)
+
+
+def structure(lines: Sequence[str]) -> Structure:
+    """Structure of the lines of a program.
+
+    >>> found = structure(["o1 repeat [3]", "G1 X1", "o1 endrepeat"])
+    >>> found.ending, found.beginning
+    ({0: 2}, {2: 0})
+    """
+    found = Structure()
+    _Reader(found).read(_o_words(lines))
+    return found
+
+
+def _o_words(lines: Sequence[str]) -> Iterable[tuple[int, OWord]]:
+    for index, line in enumerate(lines):
+        if not MAYBE_O_WORD.match(line):
+            continue
+        try:
+            flow = read_block(line).flow
+        except ToolpathError:
+            continue  # told when the line is carried out
+        if flow is not None:
+            yield index, flow
+
+
+@dataclass
+class _Open:
+    """A branch, loop or subprogram that has begun."""
+
+    keyword: str
+    label: str
+    index: int
+    branches: list[int]
+
+
+@dataclass
+class _Reader:
+    found: Structure
+    open: list[_Open] = field(default_factory=list)
+
+    def read(self, o_words: Iterable[tuple[int, OWord]]) -> None:
+        constant = Parameters()
+        for index, word in o_words:
+            if word.keyword == "call":
+                continue
+            try:
+                label = word.label(constant)
+            except ToolpathError:
+                self.found.faults[index] = f"{word.keyword}: its O-word needs a number or a name"
+                continue
+            self._read(index, word.keyword, label)
+        for left in self.open:
+            self._fault(left.index, f"o{left.label} {left.keyword} has no end")
+
+    def _fault(self, index: int, text: str) -> None:
+        self.found.faults.setdefault(index, text)
+
+    def _read(self, index: int, keyword: str, label: str) -> None:
+        if keyword in ("", "sub"):
+            self._begin_subprogram(index, keyword, label)
+        elif keyword == "while" and self._innermost(label, {"do"}):
+            self._close_loop(index, label, frozenset({"do"}))
+        elif keyword in LOOPS or keyword == "if":
+            self.open.append(_Open(keyword, label, index, [index]))
+        elif keyword in ("break", "continue"):
+            self._leave_loop(index, keyword, label)
+        elif keyword in ("endwhile", "endrepeat"):
+            self._close_loop(index, label, CLOSED_BY[keyword])
+        elif keyword == "endsub":
+            self._end_subprogram(index, label)
+        elif keyword in CLOSED_BY:
+            self._branch(index, keyword, label)
+
+    def _innermost(self, label: str, keywords: Iterable[str]) -> _Open | None:
+        """What has begun last under a label, if it is one of these, in this subprogram."""
+        for candidate in reversed(self.open):
+            if candidate.keyword == "sub":
+                return None
+            if candidate.label == label:
+                return candidate if candidate.keyword in keywords else None
+        return None
+
+    def _begin_subprogram(self, index: int, keyword: str, label: str) -> None:
+        if keyword == "sub":
+            for begun in self.open:
+                if begun.keyword == "sub":
+                    self._fault(begun.index, f"subprogram o{label} begins inside o{begun.label}")
+            self.open.append(_Open("sub", label, index, [index]))
+        if label in self.found.subprograms and keyword == "sub":
+            self._fault(index, f"subprogram o{label} is there twice")
+        self.found.subprograms.setdefault(label, (index, keyword == ""))
+
+    def _end_subprogram(self, index: int, label: str) -> None:
+        begun = [begun for begun in self.open if begun.keyword == "sub" and begun.label == label]
+        if not begun:
+            self._fault(index, f"o{label} endsub without o{label} sub")
+            return
+        sub = begun[-1]
+        self._drop_behind(sub)
+        self.found.following[sub.index] = index
+        self.found.beginning[index] = sub.index
+
+    def _drop_behind(self, last: _Open) -> None:
+        """End what has begun, and mark as faulty what began inside it and never ended."""
+        while True:
+            left = self.open.pop()
+            if left is last:
+                return
+            self._fault(left.index, f"o{left.label} {left.keyword} has no end")
+
+    def _close_loop(self, index: int, label: str, keywords: frozenset[str]) -> None:
+        loop = self._innermost(label, keywords)
+        if loop is None:
+            kinds = " or ".join(sorted(keywords))
+            self._fault(index, f"the end of a loop without o{label} {kinds}")
+            return
+        self._drop_behind(loop)
+        self.found.ending[loop.index] = index
+        self.found.beginning[index] = loop.index
+
+    def _leave_loop(self, index: int, keyword: str, label: str) -> None:
+        loop = self._innermost(label, LOOPS)
+        if loop is None:
+            self._fault(index, f"o{label} {keyword} outside a loop of that label")
+        else:
+            self.found.beginning[index] = loop.index
+
+    def _branch(self, index: int, keyword: str, label: str) -> None:
+        begun = self._innermost(label, CLOSED_BY[keyword])
+        if begun is None:
+            self._fault(index, f"o{label} {keyword} without o{label} if")
+            return
+        self.found.following[begun.branches[-1]] = index
+        begun.branches.append(index)
+        if keyword == "else":
+            begun.keyword = "else"
+        if keyword == "endif":
+            self._drop_behind(begun)
+            for branch in begun.branches:
+                self.found.ending[branch] = index

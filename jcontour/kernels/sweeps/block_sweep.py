@@ -1,0 +1,84 @@
+"""Blocks of `riccati.blockwise` side by side: eight at a time on a CPU, all of them in XLA.
+
+XLA's form, with the packed stages of `window_sweep`, has the derivatives.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Float, Int
+
+from jcontour.kernels.packed_stage import (
+    cost_entries,
+    cost_in_front,
+    packed_cost,
+    packed_stage,
+    stage_maps,
+)
+from jcontour.kernels.packing import packing
+from jcontour.kernels.sweeps.stage_sweep import stage_sweep, suits_stages
+from jcontour.linear.plant import Pattern
+
+
+def block_sweep(
+    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
+) -> tuple[Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"]]:
+    """Gains F, f of the steps of every block.
+
+    Args:
+        pattern: non-zeros of the model.
+        seen: samples of every block, its steps first, then those ahead of its last step.
+        preview: steps N_p of a block.
+        A: (n, n).
+        B: (n, p).
+        C: (m, n).
+        Q: output weight at every sample (S, m, m).
+        y_d: desired output at every sample (S, m) [m].
+        R: control weight (p, p).
+        H: cost to go at the end of every block's horizon (blocks, n, n).
+        g: likewise (blocks, n).
+    """
+    cost = cost_entries(Q, y_d)[:, seen]
+    sweep = _by_eight if suits_stages(pattern, A, B, C, cost, R, H, g) else _swept
+    K = jnp.moveaxis(sweep(pattern, preview, A, B, C, cost, R, H, g), -1, 1)
+    return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _by_eight(pattern: Pattern, preview: int, A, B, C, cost, R, H, g):
+    """Gains as `kernels.sweeps.stage_sweep` finds them, with the derivative of those of XLA."""
+    scale = jnp.ones(cost.shape[1] - 1, cost.dtype)
+    return stage_sweep(pattern, A, B, C, R, cost[:, 1:], scale, H, g, preview)[0]
+
+
+@partial(_by_eight.defjvp, symbolic_zeros=True)
+def _by_eight_jvp(pattern: Pattern, preview: int, primals, tangents):
+    moving = [k for k, tangent in enumerate(tangents) if not isinstance(tangent, SymbolicZero)]
+
+    def moved(*some):
+        arguments = dict(enumerate(primals)) | dict(zip(moving, some, strict=True))
+        return _swept(pattern, preview, *arguments.values())
+
+    point, push = ([values[k] for k in moving] for values in (primals, tangents))
+    return jax.jvp(moved, point, push)
+
+
+def _swept(
+    pattern: Pattern, preview: int, A, B, C, cost: Float[Array, "q seen blocks"], R, H, g
+) -> Float[Array, "N_p p size blocks"]:
+    """Gains K = [F, -f] in XLA; the states are in the order of `packing`."""
+    pack, maps = packing(pattern), stage_maps(pattern, A, B, C)
+    rows = jnp.moveaxis(cost, 1, 0)
+
+    def back(H, cost):
+        found = packed_stage(pack, maps, R, H)
+        return cost_in_front(pack, maps, found, cost), jnp.stack(found.K)
+
+    def ahead(H, cost):
+        return back(H, cost)[0], None
+
+    first, _ = jax.lax.scan(ahead, packed_cost(pack, H, g), rows[preview:], reverse=True)
+    return jax.lax.scan(back, first, rows[:preview], reverse=True)[1]

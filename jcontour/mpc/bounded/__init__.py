@@ -1,0 +1,1 @@
+"""Predictive control that keeps its limits under every disturbance in a box."""

@@ -1,0 +1,253 @@
+"""MPC that keeps signals within limits along a nominal run, on a model that changes on the way.
+
+With e = x - z(k), du = u - v(k) the deviations from the run (z, v), a sample solves
+    minimise    sum_j |rows e_j|_Q^2 + |du_j|_R^2
+    subject to  e_0 = x - z(k),   e_(j+1) = A_(k+j) e_j + B_(k+j) du_j,   e_N = 0,
+                |value + row e_j| <= limit - h_(k+j)j,   |du_j| <= room - h_(k+j)j
+and applies u = v(k) + du_0. The h are those of `varying_responses`: if one sample has an answer,
+every later one has, over all switches of the model. It is the controller of `bounded` where the
+model is known sample by sample; Yuan's (5.23), (5.26) and (5.43) constrain the nominal prediction
+only and are not recursively feasible. A control that acts late is a state of the model, see
+`VaryingModel.with_input_delay`: the controller remembers it.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.controller import check_preview
+from jcontour.host.controller import HostController, Stepped, StepReport
+from jcontour.motion.references import Reference
+from jcontour.mpc.bounded.bounded_qp import ACTIVE, ROUNDING, TOO_SMALL
+from jcontour.qp.problem import QP
+from jcontour.qp.solvers import DAQP, Solver
+from jcontour.sets.disturbed_model import Numbers
+from jcontour.sets.varying_responses import VaryingResponse
+
+CONTROL_WEIGHT = 1e-3  # of a control's deviation over its room; rows over their limits weigh one
+
+
+class KeptRows(NamedTuple):
+    """Signals value + row e that are kept, at the R samples of the responses.
+
+    Attributes:
+        names: of the r signals.
+        state: rows (R, r, n).
+        value: on the nominal run (R, r).
+        limit: largest magnitude (R, r).
+    """
+
+    names: tuple[str, ...]
+    state: Float[np.ndarray, "R r n"]
+    value: Float[np.ndarray, "R r"]
+    limit: Float[np.ndarray, "R r"]
+
+
+class LateMemory(NamedTuple):
+    """Controls that do not act yet, the next one first (late, p)."""
+
+    waiting: Float[np.ndarray, "late p"]
+
+
+class AlongPlan(NamedTuple):
+    """Numbers of the QP of every sample; z are the deviations of the controls in units.
+
+    Attributes:
+        state: nominal state (T, n).
+        control: nominal control (T, p).
+        H: weight (T, z, z).
+        pull: of the deviation e_0 (T, z, n).
+        rows: of the limits, then of the end (T, r, z).
+        known: what e_0 makes of them (T, r, n).
+        low, high: their bounds (T, r).
+        most: largest |z| (T, z).
+    """
+
+    state: Float[np.ndarray, "*T n"]
+    control: Float[np.ndarray, "*T p"]
+    H: Float[np.ndarray, "*T z z"]
+    pull: Float[np.ndarray, "*T z n"]
+    rows: Float[np.ndarray, "*T r z"]
+    known: Float[np.ndarray, "*T r n"]
+    low: Float[np.ndarray, "*T r"]
+    high: Float[np.ndarray, "*T r"]
+    most: Float[np.ndarray, "*T z"]
+
+
+class BoundedAlong(HostController):
+    """MPC that keeps rows, and its controls near those of the run, fed the state.
+
+    Args:
+        state: nominal z (R, n), of the samples of the responses at the least.
+        control: nominal v (R, p).
+        response: to the disturbances.
+        kept: signals and their limits.
+        room: largest deviation of the controls from the run (R, p): what their limits leave, or
+            less.
+        late: samples by which controls act late, in the model's state.
+        control_weight: on a control's deviation over its largest room.
+        solver: of the QPs; DAQP when not given.
+
+    Raises:
+        ValueError: shapes do not fit, or a limit leaves no room; it names the signal and sample.
+    """
+
+    def __init__(
+        self,
+        state: Numbers,
+        control: Numbers,
+        response: VaryingResponse,
+        kept: KeptRows,
+        room: Numbers,
+        late: int = 0,
+        control_weight: float = CONTROL_WEIGHT,
+        solver: Solver | None = None,
+    ):
+        self.response, self.kept = response, kept
+        self.preview = 2 * response.length  # the plan, and the answers that begin at its end
+        self.late, self.control_weight = late, control_weight
+        self.solver = DAQP() if solver is None else solver
+        R, (n, p) = response.samples, response.model.B.shape[1:]
+        self.state, self.control = np.asarray(state, float)[:R], np.asarray(control, float)[:R]
+        self.room = np.asarray(room, float)
+        _check(self.state, self.control, self.room, kept, (R, n, p))
+        self.unit = self.room.max(axis=0)
+        still = np.zeros((R, len(kept.names), p))
+        self.growth = response.growth(kept.state, still)
+        each = np.broadcast_to(np.eye(p), (R, p, p))
+        self.control_growth = response.growth(np.zeros((R, p, n)), each)
+        self._check_room()
+
+    @property
+    def needs(self) -> Float[np.ndarray, "R r"]:
+        """Largest magnitude of every kept signal: |value| and the disturbances' peak."""
+        return np.abs(self.kept.value) + self.growth[..., -1]
+
+    @property
+    def control_needs(self) -> Float[np.ndarray, "R p"]:
+        """Largest deviation of every control that its room has to allow."""
+        return self.control_growth[..., -1]
+
+    def prepare(self, reference: Reference) -> AlongPlan:
+        """QPs of every sample.
+
+        Raises:
+            ValueError: the preview is too short, or the run is shorter than the reference.
+        """
+        check_preview(self, reference)
+        N, T = self.response.length, reference.steps
+        if self.response.samples < T + N:
+            raise ValueError(
+                f"reference: its {T} steps need responses at {T + N} samples, "
+                f"received {self.response.samples}"
+            )
+        at = np.arange(T)[:, None]
+        powers, reach = self._reached(T)
+        rows, known, low, high = self._rows(at, powers, reach)
+        H, pull = self._cost(rows, known)
+        units = np.abs(reach[:, -1]).max(axis=2, keepdims=True)
+        units = np.where(units > 0, units, 1.0)
+        end, still = reach[:, -1] / units, np.zeros((T, len(units[0])))
+        idle = np.abs(rows).max(axis=2) < TOO_SMALL  # no control reaches these samples yet
+        low, high = np.where(idle, -np.inf, low), np.where(idle, np.inf, high)
+        ahead, stage = at + np.arange(N), np.arange(N)
+        most = self.room[ahead] * (1 + ROUNDING) - self.control_growth[ahead, :, stage]
+        return AlongPlan(
+            self.state[:T],
+            self.control[:T],
+            H,
+            pull,
+            np.concatenate([rows, end], axis=1),
+            np.concatenate([known, powers[:, -1] / units], axis=1),
+            np.concatenate([low, still], axis=1),
+            np.concatenate([high, still], axis=1),
+            (most / self.unit).reshape(T, -1),
+        )
+
+    def initial_memory(self, reference: Reference) -> LateMemory:
+        """Controls that wait are zero, as those of a delay line are."""
+        return LateMemory(np.zeros((self.late, self.unit.size)))
+
+    def step(self, memory: LateMemory, plan: AlongPlan, measurement: Any) -> Stepped:
+        """Solve, apply the first control.
+
+        Raises:
+            Unsolved: the QP has no answer, which happens only after a disturbance or the start has
+                been outside its box.
+        """
+        x = np.concatenate([np.asarray(measurement, float), memory.waiting.ravel()])
+        e = x - plan.state
+        known = plan.known @ e
+        low, high = plan.low - known, plan.high - known
+        qp = QP(plan.H, plan.pull @ e, plan.rows, low, high, -plan.most, plan.most)
+        found = self.solver.solve(qp)
+        control = plan.control + found.z[: self.unit.size] * self.unit
+        forces = np.abs(found.multipliers[: found.multipliers.size - len(e)])
+        report = StepReport(
+            int(np.count_nonzero(forces > ACTIVE)), found.residual, found.iterations
+        )
+        waiting = np.concatenate([memory.waiting, control[None]])[1:]
+        return LateMemory(waiting), control, report
+
+    def _reached(self, T: int) -> tuple[np.ndarray, np.ndarray]:
+        """Maps to e_0..e_N from e_0 (T, N+1, n, n) and from the moves (T, N+1, n, z)."""
+        model, N = self.response.model, self.response.length
+        n, p = model.B.shape[1:]
+        powers, reach = [np.broadcast_to(np.eye(n), (T, n, n))], [np.zeros((T, n, N * p))]
+        for j in range(N):
+            A, B = model.A[j : j + T], model.B[j : j + T]
+            powers.append(A @ powers[-1])
+            following = A @ reach[-1]
+            following[:, :, j * p : (j + 1) * p] += B * self.unit
+            reach.append(following)
+        return np.stack(powers, axis=1), np.stack(reach, axis=1)
+
+    def _rows(self, at, powers, reach) -> tuple[np.ndarray, ...]:
+        """Rows of samples 1..N-1 of a plan, in shares of their limits."""
+        T, stage = len(at), np.arange(1, self.response.length)
+        ahead = at + stage
+        limit = self.kept.limit[ahead]
+        c = self.kept.state[ahead] / limit[..., None]
+        most = 1 + ROUNDING - self.growth[ahead, :, stage] / limit
+        now = self.kept.value[ahead] / limit
+        rows, known = c @ reach[:, 1:-1], c @ powers[:, 1:-1]
+        flat = [leaf.reshape(T, -1, leaf.shape[-1]) for leaf in (rows, known)]
+        return *flat, (-most - now).reshape(T, -1), (most - now).reshape(T, -1)
+
+    def _cost(self, rows, known) -> tuple[np.ndarray, np.ndarray]:
+        """Weight, and pull of e_0, scaled by the largest weight."""
+        turned = rows.transpose(0, 2, 1)
+        H = turned @ rows + self.control_weight * np.eye(rows.shape[2])
+        size = np.abs(H).max(axis=(1, 2), keepdims=True)
+        return H / size, turned @ known / size
+
+    def _check_room(self) -> None:
+        names = [*self.kept.names, *(f"control {i + 1}" for i in range(self.unit.size))]
+        needed = np.concatenate([self.needs, self.control_needs], axis=1)
+        limit = np.concatenate([self.kept.limit, self.room], axis=1)
+        share = needed / limit
+        sample, worst = np.unravel_index(np.argmax(share), share.shape)
+        if not share[sample, worst] <= 1:
+            raise ValueError(
+                f"{names[worst]}: run and disturbances need {needed[sample, worst]:.6g} at sample "
+                f"{sample}, the limit is {limit[sample, worst]:.6g}"
+            )
+
+
+def _check(state, control, room, kept: KeptRows, sizes: tuple[int, int, int]) -> None:
+    R, n, p = sizes
+    r = len(kept.names)
+    fields = {
+        "state": (state, (R, n)),
+        "control": (control, (R, p)),
+        "room": (room, (R, p)),
+        "kept.state": (kept.state, (R, r, n)),
+        "kept.value": (kept.value, (R, r)),
+        "kept.limit": (kept.limit, (R, r)),
+    }
+    for name, (leaf, shape) in fields.items():
+        if leaf.shape != shape:
+            raise ValueError(f"{name}: needs shape {shape}, received {leaf.shape}")
+    if not (np.isfinite(room) & (room > 0)).all() or not (kept.limit > 0).all():
+        raise ValueError("room, kept.limit: need to be above zero, the room finite")

@@ -1,0 +1,1 @@
+"""Model predictive contouring control: the controller chooses its own speed along the path."""

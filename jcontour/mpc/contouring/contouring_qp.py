@@ -1,0 +1,299 @@
+"""The quadratic program of model predictive contouring control, condensed.
+
+What is constant is made once, the rest at every step, compiled. At sample k, along estimates
+theta_b of the path parameter at the evaluation points, with p(theta) ~ p_b + p'_b (theta -
+theta_b),
+    e_b = y_b - p_b - p'_b (theta - theta_b),   t_b = p'_b / |p'_b|
+    J = sum_b w_b (q_c |e_b|^2 + (q_l - q_c) (t_b . e_b)^2) - q_theta sum_i theta_i h / T + sum_b
+    r_b ((du_b)' R_u du_b + R_v dv_b^2)
+is Lam et al., eqs. (13)-(15), in any number of axes: in the plane |e|^2 - (t . e)^2 is the square
+of the contour error (14). Errors and theta count at the samples 1..N, du and dv at 0..N-1 (the
+print has both at 1..N); the costs carry no 1/2.
+
+The horizon is cut into blocks of l_b samples, over which controls and path speed are held. Errors
+are evaluated at the blocks' ends only, each for the whole block, theta at every sample: w_b = l_b
+h / T, r_b = T / (h (l_b-1 + l_b) / 2) with T the period that the weights are stated for. Blocks of
+one sample of T are the paper's problem; other blocks approximate the same integrals over time.
+
+Variables are z = [v (B), u (B, p)] with v in length per T and absolute u: the limits are then
+bounds, and one row keeps theta within the path (theta falls short of its start nowhere, because v
+>= 0).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jcontour.compiled import compiled
+from jcontour.linear.plant import LinearPlant
+from jcontour.linear.velocity_form import velocity_form
+from jcontour.mpc.contouring.compiled_path import path_at
+from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+
+
+class ContouringConstants(NamedTuple):
+    """The parts that stay the same during a run, lengths in the unit of the QP.
+
+    Attributes:
+        output: C of the model.
+        free: y at the evaluation points without a change of the control, from [dx, du(k-1), y,
+            u(k-1)]: (B, m, n + 2 p + m).
+        forced: y from the controls u of the blocks, absolute (B, m, B p).
+        curvature: forced' w q_c forced and the increments' weights: the constant part of H / 2 in
+            u, (B p, B p).
+        ends: first sample after each block.
+        share: w_b, the part of T for which each evaluation point counts; also the theta that v_b =
+            1 gains over its block.
+        change: r_b R_v for dv_b.
+        push: r_0 R_u, which ties u_0 to u(k-1): (p, p).
+        reward: what v_b = 1 gains in q_theta sum_i theta_i h / T.
+        weights: q_c, q_l.
+    """
+
+    output: Float[np.ndarray, "m n"]
+    free: Float[np.ndarray, "B m f"]
+    forced: Float[np.ndarray, "B m Bp"]
+    curvature: Float[np.ndarray, "Bp Bp"]
+    ends: Int[np.ndarray, " B"]
+    share: Float[np.ndarray, " B"]
+    change: Float[np.ndarray, " B"]
+    push: Float[np.ndarray, "p p"]
+    reward: Float[np.ndarray, " B"]
+    weights: Float[np.ndarray, "2"]
+
+
+class Sample(NamedTuple):
+    """The state of a run at sample k.
+
+    Attributes:
+        theta: path parameter now.
+        plan: v of the blocks solved one sample before.
+        control: u(k-1).
+        before: u(k-2).
+        state: x(k-1).
+        measurement: x(k).
+    """
+
+    theta: float
+    plan: Float[np.ndarray, " B"]
+    control: Float[np.ndarray, " p"]
+    before: Float[np.ndarray, " p"]
+    state: Float[np.ndarray, " n"]
+    measurement: Float[np.ndarray, " n"]
+
+
+def contouring_constants(
+    model: LinearPlant, weights: ContouringWeights, blocks: Int[np.ndarray, " B"]
+) -> ContouringConstants:
+    """The constant parts for a model, weights and blocks [samples]."""
+    C, count = model.C / weights.length_unit, len(blocks)
+    ends = np.cumsum(blocks)
+    free, forced = _output_maps(LinearPlant(model.A, model.B, C, model.dt), blocks)
+    share = blocks * model.dt / weights.period
+    middles = np.append((1 + blocks[0]) / 2, (blocks[:-1] + blocks[1:]) / 2)
+    gaps = middles * model.dt / weights.period
+    R = weights.control_matrix(model.inputs)
+    difference = np.eye(count) - np.eye(count, k=-1)
+    curvature = np.einsum("bmi,b,bmj->ij", forced, weights.contour_error * share, forced)
+    curvature += np.kron(difference.T @ np.diag(1 / gaps) @ difference, R)
+    reward = weights.progress * (model.dt / weights.period) ** 2
+    reward = reward * blocks * ((blocks + 1) / 2 + ends[-1] - ends)
+    return ContouringConstants(
+        output=np.asarray(model.C) / weights.length_unit,
+        free=free,
+        forced=forced,
+        curvature=curvature,
+        ends=ends,
+        share=share,
+        change=weights.speed_change / gaps,
+        push=R / gaps[0],
+        reward=reward,
+        weights=np.array([weights.contour_error, weights.lag], float),
+    )
+
+
+def _output_maps(
+    model: LinearPlant, blocks: Int[np.ndarray, " B"]
+) -> tuple[Float[np.ndarray, "B m f"], Float[np.ndarray, "B m Bp"]]:
+    """Maps `free` and `forced` to the outputs at the blocks' ends."""
+    form, p, m, count = velocity_form(model), model.inputs, model.axes, len(blocks)
+    A, B, C = (np.asarray(matrix) for matrix in (form.A, form.B, form.C))
+    ends = np.cumsum(blocks)
+    starts = ends - blocks
+    outputs = [C]  # C A^i: y after i samples without a change
+    for _ in range(ends[-1]):
+        outputs.append(outputs[-1] @ A)
+    # y at the end of b after a unit change of u at the start of c
+    changes = np.zeros((count, m, count + 1, p))
+    for b in range(count):
+        for c in range(b + 1):
+            changes[b, :, c] = outputs[ends[b] - starts[c] - 1] @ B
+    free = np.concatenate([np.array([outputs[end] for end in ends]), -changes[:, :, 0]], axis=2)
+    forced = (changes[:, :, :-1] - changes[:, :, 1:]).reshape(count, m, count * p)
+    return free, forced
+
+
+@compiled
+def write_step(constants, path, sample, H, g, upper_rows) -> None:
+    """Write all that changes in the QP of a step: H, g and the room that theta has left.
+
+    Args:
+        constants: `ContouringConstants`.
+        path: `Path`.
+        sample: `Sample`.
+        H: written, (B + B p, B + B p).
+        g: written, (B + B p,).
+        upper_rows: written, (1,).
+    """
+    theta_hat = np.empty(constants.ends.size)
+    scale = constants.share[0] / constants.ends[0]
+    write_estimates(constants.ends, sample.plan, scale, sample.theta, theta_hat)
+    start = _start(constants.output, sample)
+    write_qp(constants, path, theta_hat, sample.theta, start, sample.plan[0], H, g)
+    upper_rows[0] = max(-sample.theta, 0.0)
+
+
+@compiled
+def _start(output, sample):
+    """[dx, du(k-1), y, u(k-1)] of the velocity form."""
+    n, p, m = sample.measurement.size, sample.control.size, output.shape[0]
+    start = np.empty(n + 2 * p + m)
+    for i in range(n):
+        start[i] = sample.measurement[i] - sample.state[i]
+    for i in range(p):
+        start[n + i] = sample.control[i] - sample.before[i]
+        start[n + p + m + i] = sample.control[i]
+    for a in range(m):
+        y = 0.0
+        for i in range(n):
+            y += output[a, i] * sample.measurement[i]
+        start[n + p + a] = y
+    return start
+
+
+@compiled
+def write_estimates(ends, plan, scale, theta, theta_hat) -> None:
+    """Write theta at the evaluation points along the plan one sample on.
+
+    Its last speed goes on, and the path's end ends it. `plan` is v of the blocks solved one sample
+    before, `scale` the theta gained per sample at v = 1.
+    """
+    block, begun, travelled = 0, 0, 0.0  # of the old plan, up to `begun`
+    last = ends.size - 1
+    for b in range(ends.size):
+        until = ends[b] + 1
+        while block < last and ends[block] < until:
+            travelled += scale * (ends[block] - begun) * plan[block]
+            begun = ends[block]
+            block += 1
+        ahead = scale * ((until - begun) * plan[block] - plan[0])
+        theta_hat[b] = min(theta + travelled + ahead, 0.0)
+
+
+@compiled
+def write_qp(constants, path, theta_hat, theta, start, previous, H, g) -> None:
+    """Write H and g of 1/2 z'Hz + g'z.
+
+    Args:
+        constants: `ContouringConstants`.
+        path: `Path`.
+        theta_hat: estimates at the evaluation points (B,), in [-L, 0].
+        theta: now.
+        start: [dx, du(k-1), y, u(k-1)].
+        previous: v before, per T.
+        H: written, (B + B p, B + B p).
+        g: written.
+    """
+    count, m, columns = constants.forced.shape
+    slope, error, along = np.empty(m), np.empty(m), np.empty(columns)
+    _write_constant_part(constants, H, g)
+    for b in range(count):
+        speed, lag = _error_at(constants, path, b, theta_hat[b], theta, start, slope, error)
+        _add_controls(constants, b, lag, slope, error, along, H, g)
+        _add_speeds(constants, b, speed, lag, along, H, g)
+    _add_changes(constants, start, previous, H, g)
+    for i in range(H.shape[0]):
+        for j in range(i):
+            H[j, i] = H[i, j]
+
+
+@compiled
+def _write_constant_part(constants, H, g):
+    """Lower half of H and g before any error counts."""
+    count, columns = constants.share.size, constants.curvature.shape[0]
+    for i in range(columns):
+        for j in range(i + 1):
+            H[count + i, count + j] = 2 * constants.curvature[i, j]
+    H[:, :count] = 0.0
+    g[:count], g[count:] = -constants.reward, 0.0
+
+
+@compiled
+def _error_at(constants, path, b, estimate, theta, start, slope, error):
+    """|p'_b| and the lag t_b . e_b; writes t_b and e_b with z = 0."""
+    m, point = slope.size, np.empty(slope.size)
+    arc = estimate + path.start[-1]
+    path_at(path.polynomial, path.waves, path.rate, path.start, arc, point, slope)
+    speed = 0.0
+    for a in range(m):
+        speed += slope[a] * slope[a]
+    speed = np.sqrt(speed)
+    lag = 0.0
+    for a in range(m):
+        slope[a] /= speed
+        error[a] = -point[a] - speed * slope[a] * (theta - estimate)
+        for i in range(start.size):
+            error[a] += constants.free[b, a, i] * start[i]
+        lag += slope[a] * error[a]
+    return speed, lag
+
+
+@compiled
+def _add_controls(constants, b, lag, tangent, error, along, H, g):
+    """The part of the error b that the controls have; writes t_b . forced_b into `along`."""
+    count, m, columns = constants.forced.shape
+    q_c, q_l = constants.weights
+    twist, pull = 2 * constants.share[b] * (q_l - q_c), 2 * constants.share[b] * q_c
+    here = (b + 1) * (columns // count)  # later blocks do not act yet
+    for i in range(here):
+        along[i], force = 0.0, 0.0
+        for a in range(m):
+            along[i] += tangent[a] * constants.forced[b, a, i]
+            force += error[a] * constants.forced[b, a, i]
+        g[count + i] += pull * force + twist * lag * along[i]
+    for i in range(here):
+        turned = twist * along[i]
+        for j in range(i + 1):
+            H[count + i, count + j] += turned * along[j]
+
+
+@compiled
+def _add_speeds(constants, b, speed, lag, along, H, g):
+    """The part of the error b that the path speeds have: e_b falls by p'_b share_c v_c."""
+    count, columns, share = constants.share.size, constants.curvature.shape[0], constants.share
+    here = (b + 1) * (columns // count)
+    stiff = 2 * share[b] * constants.weights[1] * speed
+    for c in range(b + 1):
+        g[c] -= share[c] * stiff * lag
+        for i in range(here):
+            H[count + i, c] -= stiff * share[c] * along[i]
+        for d in range(c + 1):
+            H[c, d] += stiff * speed * share[c] * share[d]
+
+
+@compiled
+def _add_changes(constants, start, previous, H, g):
+    """The cost of changing speed and control, against what acts now."""
+    count, change, push = constants.share.size, constants.change, constants.push
+    for c in range(count):
+        H[c, c] += 2 * change[c]
+        if c + 1 < count:
+            H[c, c] += 2 * change[c + 1]
+            H[c + 1, c] -= 2 * change[c + 1]
+    g[0] -= 2 * change[0] * previous
+    p = push.shape[0]
+    held = start.size - p
+    for i in range(p):
+        for j in range(p):
+            g[count + i] -= 2 * push[i, j] * start[held + j]

@@ -1,0 +1,1 @@
+"""Tracking of a reference under limits: one QP per sample, on the host or under `jit`."""

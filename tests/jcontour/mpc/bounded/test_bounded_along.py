@@ -1,0 +1,134 @@
+"""The bounded MPC along a run, on a slide whose mass changes on the way."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry.contours import line
+from jcontour.motion.references import from_samples
+from jcontour.mpc.bounded.bounded_along import BoundedAlong, KeptRows
+from jcontour.qp.problem import Unsolved
+from jcontour.sets.disturbed_model import DisturbedModel
+from jcontour.sets.least_peaks import least_peak
+from jcontour.sets.varying_responses import VaryingModel, brought_to_rest_along
+
+DT, LENGTH, STEPS = 0.1, 8, 60
+SAMPLES = STEPS + 2 * LENGTH
+SPARE = 1.02
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def model(late: int) -> tuple[VaryingModel, np.ndarray]:
+    """Slides of 1 and 1.1 kg in turn, ten samples each, under 0.3 N."""
+    which = np.arange(SAMPLES) // 10 % 2
+    mass = np.where(which == 1, 1.1, 1.0)[:, None, None]
+    A = np.broadcast_to([[1, DT], [0, 1]], (SAMPLES, 2, 2))
+    B = np.array([[DT**2 / 2], [DT]]) / mass
+    found = VaryingModel(A, B, 0.3 * B)
+    for _ in range(late):
+        found = found.with_input_delay()
+    return found, which
+
+
+def made(late: int = 0, limit: float | None = None, room: float | None = None):
+    """The controller around rest; the tube of its states is hardly wider than it has to be."""
+    found, which = model(late)
+    n = found.A.shape[1]
+    patterns = []
+    for k in (0, 10):
+        one = DisturbedModel.of(found.A[k], found.B[k], found.E[k])
+        tool = one.state_signals(["x"], np.eye(n)[0])
+        patterns.append(least_peak(one, tool, one.control_signals(1.2), LENGTH).response)
+    response = brought_to_rest_along(found, patterns, which)
+    R = response.samples
+    rows = np.broadcast_to(np.eye(n), (R, n, n))
+    sizes = SPARE * response.growth(rows, np.zeros((R, n, 1)))[..., -1].max(axis=0)
+    if limit is not None:
+        sizes[0] = limit
+    names = tuple("xvu"[:n])
+    kept = KeptRows(names, rows, np.zeros((R, n)), np.broadcast_to(sizes, (R, n)))
+    each = np.ones((R, 1, 1))
+    most = SPARE * response.growth(np.zeros((R, 1, n)), each)[..., -1].max()
+    still = np.zeros((R, n)), np.zeros((R, 1))
+    rooms = np.full((R, 1), most if room is None else room)
+    return BoundedAlong(*still, response, kept, rooms, late), float(sizes[0])
+
+
+@pytest.fixture(scope="module")
+def rest():
+    zeros = np.zeros((SAMPLES, 1))
+    path = line([-1.0], [1.0])
+    return from_samples(zeros, zeros + 1.0, DT, 2 * LENGTH, contour=path, in_motion=False)
+
+
+def run(mpc: BoundedAlong, reference, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States (T, n) and controls (T, 1); a QP without an answer raises."""
+    plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
+    found, x, states, controls = mpc.response.model, np.zeros(mpc.state.shape[1]), [], []
+    for k in range(reference.steps):
+        row = type(plan)(*(leaf[k] for leaf in plan))
+        memory, u, report = mpc.step(memory, row, x[:2])
+        assert report.residual < 1e-8
+        states.append(x)
+        controls.append(u)
+        x = found.A[k] @ x + found.B[k] @ u + found.E[k] @ w[k]
+    return np.array(states), np.array(controls)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_it_keeps_its_promise_over_the_switches(late, rest, rng):
+    mpc, size = made(late)
+    laps = [np.sign(rng.normal(size=(STEPS, 1))) for _ in range(3)]
+    laps += [np.where(np.arange(STEPS)[:, None] // 9 % 2, 1.0, -1.0)]
+    for w in laps:
+        states, controls = run(mpc, rest, w)
+        assert np.abs(states[:, 0]).max() <= size * (1 + 1e-8)
+        assert np.abs(controls).max() <= mpc.room.max() * (1 + 1e-8)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_its_attack_comes_near_to_it(late, rest):
+    mpc, size = made(late)
+    end = LENGTH + int(np.argmax(mpc.needs[LENGTH:STEPS, 0]))
+    w = np.zeros((STEPS, 1))
+    w[end - LENGTH : end] = mpc.response.attack(np.eye(mpc.state.shape[1])[0], end)
+    states, _ = run(mpc, rest, w)
+    assert 0.85 * size < np.abs(states[:, 0]).max() <= size * (1 + 1e-8)
+
+
+def test_undisturbed_it_drives_the_nominal_control(rest):
+    mpc, _ = made()
+    _, controls = run(mpc, rest, np.zeros((STEPS, 1)))
+    np.testing.assert_allclose(controls, 0.0, atol=1e-9)
+
+
+def test_it_says_where_a_disturbance_leaves_no_answer(rest):
+    mpc, _ = made()
+    with pytest.raises(Unsolved):
+        run(mpc, rest, np.full((STEPS, 1), 6.0))
+
+
+def test_bad_input(rest):
+    with pytest.raises(ValueError, match=r"x: run and disturbances need .* the limit is 1e-06"):
+        made(limit=1e-6)
+    with pytest.raises(ValueError, match="control 1: run and disturbances need"):
+        made(room=0.1)
+    with pytest.raises(ValueError, match="room, kept.limit: need to be above zero"):
+        made(room=-1.0)
+    mpc, size = made()
+    with pytest.raises(ValueError, match="kept.value: needs shape"):
+        short = mpc.kept._replace(value=np.zeros((3, 1)))
+        BoundedAlong(mpc.state, mpc.control, mpc.response, short, mpc.room)
+    long = from_samples(
+        np.zeros((2 * SAMPLES, 1)),
+        np.ones((2 * SAMPLES, 1)),
+        DT,
+        2 * LENGTH,
+        contour=line([-1.0], [1.0]),
+        in_motion=False,
+    )
+    with pytest.raises(ValueError, match=r"reference: its .* steps need responses"):
+        mpc.prepare(long)

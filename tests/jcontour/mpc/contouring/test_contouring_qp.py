@@ -1,0 +1,121 @@
+"""The condensed QP against the cost (15) written out sample by sample.
+
+Models, paths and blocks are such as the reference data do not have.
+"""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry import contours
+from jcontour.geometry.periodic_splines import polar_lobes
+from jcontour.linear.plant import LinearPlant
+from jcontour.mpc.contouring.contouring_weights import ContouringWeights
+from jcontour.mpc.contouring.mpcc import MPCC, Traversal
+from jcontour.plants.xy_table import xy_table
+
+W = ContouringWeights(70.0, 150.0, 0.4, np.array([50.0, 80.0]), 90.0, length_unit=1e-3, period=4e-3)
+W3 = ContouringWeights(
+    70.0, 150.0, 0.4, np.diag([50.0, 80.0, 20.0]) + 3.0, 90.0, length_unit=1e-2, period=3e-3
+)
+
+
+def three_axes():
+    rng = np.random.default_rng(1)
+    A = np.eye(5) + 0.05 * rng.normal(size=(5, 5))
+    return LinearPlant(A, 0.1 * rng.normal(size=(5, 3)), 0.1 * rng.normal(size=(3, 5)), 2e-3)
+
+
+def samples():
+    return xy_table(0.004), polar_lobes(30e-3, 10e-3, 3, 0.4), W, 5
+
+
+def blocks():
+    corner = contours.polygon([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01]])
+    return xy_table(0.001), corner, W, (1, 2, 5)
+
+
+def helix():
+    path = contours.arc([0.02, 0.0, 0.0], [0.0, 0.0, 0.0], 7.0, rise=0.01)
+    return three_axes(), path, W3, (2, 1, 3)
+
+
+def cost(controller, memory, measurement, v, u):
+    """J of the speeds (B,) and controls (B, p), by stepping the delayed plant sample by sample.
+
+    The present disturbance is held.
+    """
+    model, w, contour = controller.model, controller.weights, controller.contour
+    A, B, C = (np.asarray(matrix) for matrix in (model.A, model.B, model.C))
+    unit, h, length = w.length_unit, model.dt, float(contour.length)
+    R = w.control_matrix(model.inputs)
+    dx, y, acting, before = (
+        measurement - memory.state,
+        C @ measurement,
+        memory.control,
+        memory.before,
+    )
+    theta, guess, total = float(memory.theta), float(memory.theta), 0.0
+    old = np.repeat(memory.plan, controller.blocks)
+    sample = 0
+    for b, block in enumerate(controller.blocks):
+        dv, du = (
+            v[b] - (v[b - 1] if b else memory.plan[0]),
+            u[b] - (u[b - 1] if b else memory.control),
+        )
+        gap = ((block + controller.blocks[b - 1]) / 2 if b else (1 + block) / 2) * h / w.period
+        total += (du @ R @ du + w.speed_change * dv**2) / gap
+        for _ in range(block):
+            dx = A @ dx + B @ (acting - before)
+            y = y + C @ dx
+            before, acting = acting, u[b]
+            theta += v[b] * h / w.period
+            total -= w.progress * theta * h / w.period
+            guess += old[min(sample + 1, old.size - 1)] * h / w.period
+            sample += 1
+        guess_now = min(guess, 0.0)
+        arc = min(
+            guess_now * unit + length, np.nextafter(length, 0)
+        )  # the end itself wraps on a closed contour
+        piece, s, _ = contour._at(arc)
+        point, slope, _ = (
+            np.asarray(values) for values in piece.jet(s)
+        )  # slope is dp/darc, not normalised
+        tangent = slope / np.linalg.norm(slope)
+        error = (y - point) / unit - slope * (theta - guess_now)
+        lag = tangent @ error
+        share = block * h / w.period
+        total += share * (w.contour_error * (error @ error - lag**2) + w.lag * lag**2)
+    return total
+
+
+@pytest.mark.parametrize(
+    "make", [*(pytest.param(make, marks=pytest.mark.slow) for make in (samples, blocks)), helix]
+)
+def test_the_qp_is_the_cost_up_to_a_constant(make):
+    model, contour, weights, horizon = make()
+    controller = MPCC(model, contour, weights=weights, horizon=horizon)
+    rng = np.random.default_rng(2)
+    n, p, count = model.states, model.inputs, len(controller.blocks)
+    for start in (0.3, 0.9999):  # in the middle, and where the estimates meet the end
+        memory = Traversal(
+            np.array((start - 1) * controller.length),
+            rng.uniform(0, 0.5, count),
+            *rng.normal(size=(2, p)),
+            np.zeros(n),
+            3,
+        )
+        x = rng.normal(size=n)
+        memory = memory._replace(state=x + 0.1 * rng.normal(size=n))
+        qp = controller.problem(memory, x)
+        np.testing.assert_array_equal(qp.H, qp.H.T)
+        assert qp.upper_rows[0] == -memory.theta and np.linalg.eigvalsh(qp.H).min() > 0
+        travel = np.append(controller.blocks * model.dt / weights.period, np.zeros(count * p))
+        np.testing.assert_allclose(qp.C[0], travel, rtol=1e-15)
+        z = rng.normal(size=(9, count * (1 + p)))
+        values = np.array(
+            [cost(controller, memory, x, row[:count], row[count:].reshape(count, p)) for row in z]
+        )
+        quadratic = 0.5 * np.einsum("ki,ij,kj->k", z, qp.H, z) + z @ qp.g
+        np.testing.assert_allclose(
+            np.diff(values), np.diff(quadratic), rtol=1e-9, atol=1e-9 * np.abs(values).max()
+        )

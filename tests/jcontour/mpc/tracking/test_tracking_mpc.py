@@ -1,0 +1,365 @@
+"""Tracking MPC: ContouringLQ without limits, within its limits, no offset in velocity form."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from jcontour.controllers.lq.contouring_lq import (
+    ContouringLQ,
+    LQWeights,
+    OutputTerminal,
+    RiccatiTerminal,
+)
+from jcontour.geometry.contours import circle, lemniscate, polygon
+from jcontour.host.loop import Stopped, loop, reported_loop
+from jcontour.linear.plant import LinearPlant
+from jcontour.motion.references import along, from_samples
+from jcontour.mpc.tracking.forms import AbsoluteForm, VelocityForm
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC, TrackingWeights
+from jcontour.plants.xy_table import FrictionXYTable, xy_table
+from jcontour.qp.problem import check_qp
+from jcontour.qp.solvers import DAQP, ProxQP
+from jcontour.simulation.closed_loop import simulate
+
+N = 6
+ABSOLUTE = 2e-6  # weight on the control [1/A^2]
+SQUARE = [[0.0, 0.0], [2e-4, 0.0], [2e-4, 2e-4], [0.0, 2e-4]]
+LIMITED = Limits.within(control=0.4, increment=0.3, speed=0.15, acceleration=300.0)
+
+
+@cache
+def shapes():
+    steps = np.arange(30)
+    return {
+        "circle": along(circle(1e-3), 2e-5 * steps, 1e-3, N, at_rest=False),
+        "square": along(polygon(SQUARE), 2e-5 * steps, 1e-3, N, at_rest=True),
+        "eight": along(lemniscate(3e-3), 3e-5 * steps, 1e-3, N, at_rest=False),
+    }
+
+
+def still(where, steps=40, preview=N, dt=1e-3):
+    """A step in position: the tool starts at the origin, the reference stands at `where`."""
+    position = np.tile(np.asarray(where, float), (steps + preview, 1))
+    position[0] = 0.0
+    return from_samples(
+        position, np.tile([1.0, 0.0], (steps + preview, 1)), dt, preview, in_motion=False
+    )
+
+
+def offset_free(*arguments):
+    return TrackingMPC(*arguments, form=VelocityForm())
+
+
+def sample_of(plan, k):
+    return type(plan)(*(rows[k] for rows in plan))
+
+
+@pytest.mark.parametrize("stage", [np.ones(N), np.linspace(1.0, 3.0, N)], ids=["flat", "rising"])
+@pytest.mark.parametrize(
+    "terminal",
+    [
+        pytest.param(OutputTerminal(), id="output"),
+        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
+    ],
+)
+def test_without_an_active_limit_it_is_contouring_lq(terminal, stage, two_axes):
+    plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8, stage)
+    controller = ContouringLQ(plant, weights, N, terminal)
+    mpc = TrackingMPC(
+        plant,
+        TrackingWeights.of(weights),
+        N,
+        Limits.within(control=1e3, increment=1e3, speed=1e3),
+        terminal,
+    )
+    for reference in shapes().values():
+        run, wanted = reported_loop(plant, mpc, reference), simulate(plant, controller, reference)
+        scale = np.abs(wanted.control).max()
+        np.testing.assert_allclose(run.rollout.control, wanted.control, rtol=0, atol=1e-9 * scale)
+        np.testing.assert_allclose(
+            run.rollout.output, wanted.output, rtol=0, atol=1e-9 * np.abs(wanted.output).max()
+        )
+        assert run.report.active_fraction == 0 and run.report.worst_residual <= 1e-8
+
+
+def test_no_profile_is_a_profile_of_ones(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
+    flat, none = (
+        loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
+        for weights in (
+            TrackingWeights(3.0, 50.0, 2e-8, stage=np.ones(N)),
+            TrackingWeights(3.0, 50.0, 2e-8),
+        )
+    )
+    np.testing.assert_array_equal(flat.control, none.control)
+
+
+@pytest.mark.slow
+def test_horizon_of_one(two_axes):
+    plant, weights = two_axes, LQWeights(3.0, 50.0, 2e-8)
+    for terminal in (OutputTerminal(), RiccatiTerminal()):
+        wanted = simulate(plant, ContouringLQ(plant, weights, 1, terminal), shapes()["circle"])
+        found = loop(
+            plant,
+            TrackingMPC(plant, TrackingWeights.of(weights), 1, terminal=terminal),
+            shapes()["circle"],
+        )
+        np.testing.assert_allclose(
+            found.control, wanted.control, rtol=0, atol=1e-9 * np.abs(wanted.control).max()
+        )
+
+
+def test_every_limit_holds_along_the_run(two_axes):
+    plant = two_axes
+    mpc = TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED)
+    run = reported_loop(plant, mpc, still([2e-3, -1e-3], 60))
+    control, output = np.asarray(run.rollout.control), np.asarray(run.rollout.output)
+    speed = np.diff(output, axis=0) / plant.dt
+    for values, bound in (
+        (control, 0.4),
+        (np.diff(control, axis=0), 0.3),
+        (speed, 0.15),
+        (np.diff(speed, axis=0) / plant.dt, 300.0),
+    ):
+        assert np.abs(values).max() <= bound * (1 + 1e-6)
+    assert np.abs(control).max() > 0.39 or np.abs(speed).max() > 0.149
+    assert 0 < run.report.active_fraction < 1
+    np.testing.assert_allclose(output[-1], [2e-3, -1e-3], atol=2e-5)
+
+
+def test_the_plan_is_the_minimum_that_scipy_finds(two_axes):
+    """Cost by simulation of the model, minimised by a general solver under the same limits."""
+    plant, reference = two_axes, still([2e-3, -1e-3])
+    weights = TrackingWeights(3.0, 5.0, 2e-7, 1e-7, np.linspace(1, 2, N))
+    mpc = TrackingMPC(plant, weights, N, Limits.within(control=0.4, increment=0.3, speed=0.15))
+    plan = mpc.prepare(reference)
+    memory = mpc.initial_memory(reference)._replace(control=np.array([0.1, -0.05]))
+    x0 = np.array([1e-4, 0.02, -1e-4, 0.01])
+    qp = mpc.problem(memory, sample_of(plan, 3), x0)
+    solution = mpc.solver.solve(qp)
+    A, B, C = (np.asarray(matrix) for matrix in (plant.A, plant.B, plant.C))
+
+    def signals(z):
+        x, outputs = x0, [C @ x0]
+        for u in z.reshape(N, 2):
+            x = A @ x + B @ u
+            outputs.append(C @ x)
+        return np.array(outputs), np.diff(np.vstack([memory.control, z.reshape(N, 2)]), axis=0)
+
+    def cost(z):
+        outputs, increments = signals(z)
+        total = 2e-7 * np.sum(z**2) + 1e-7 * np.sum(increments**2)
+        for j in range(1, N + 1):
+            e, t = (
+                outputs[j] - np.asarray(reference.position[3 + j]),
+                np.asarray(reference.tangent[3 + j]),
+            )
+            total += (
+                weights.stage[j - 1] * e @ (3 * np.eye(2) + 5 * (np.eye(2) - np.outer(t, t))) @ e
+            )
+        return 1e6 * total
+
+    constraints = [
+        {"type": "ineq", "fun": lambda z: 0.3 - np.abs(signals(z)[1]).ravel()},
+        {
+            "type": "ineq",
+            "fun": lambda z: 0.15 - np.abs(np.diff(signals(z)[0], axis=0) / 1e-3).ravel(),
+        },
+    ]
+    mine = solution.z
+    assert (
+        cost(mine) <= cost(0.9 * mine)
+        and np.abs(np.diff(signals(mine)[0], axis=0) / 1e-3).max() <= 0.15 + 1e-7
+    )
+    found = scipy.optimize.minimize(
+        cost,
+        0.9 * mine,
+        bounds=[(-0.4, 0.4)] * (2 * N),
+        constraints=constraints,
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-14},
+    )
+    assert cost(mine) <= found.fun * (1 + 1e-9)
+    assert cost(mine) == pytest.approx(found.fun, rel=1e-5)
+    assert mpc.applied(solution, x0)[2].active > 0
+
+
+def test_both_solvers_give_the_same_run(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
+    runs = [
+        loop(
+            plant,
+            TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED, solver=solver),
+            reference,
+        )
+        for solver in (DAQP(), ProxQP())
+    ]
+    np.testing.assert_allclose(runs[0].control, runs[1].control, rtol=0, atol=1e-6)
+
+
+def test_soft_limits_are_exact_where_the_hard_problem_has_an_answer(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
+    weights = TrackingWeights(3.0, 50.0, 2e-8)
+    hard = loop(plant, TrackingMPC(plant, weights, N, LIMITED), reference)
+    soft = reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED, penalty=1e5), reference)
+    np.testing.assert_allclose(soft.rollout.control, hard.control, rtol=0, atol=1e-7)
+    assert soft.report.slack.max() <= 1e-9
+
+
+def test_an_output_limit_out_of_reach_stops_the_run_or_gives_way(two_axes):
+    """The tool comes in too fast to stay inside: hard is infeasible, soft returns early."""
+    plant, reference = two_axes, still([0.9e-3, 0.0])
+    limits = Limits(control=(-0.4, 0.4), output=(-1e-3, 1e-3))
+    fast = np.array([0.99e-3, 0.5, 0.0, 0.0])
+    weights = TrackingWeights(3.0, 5.0, 2e-8)
+    with pytest.raises(
+        Stopped, match="^step 0: daqp did not solve the QP .*: infeasible"
+    ) as caught:
+        loop(plant, TrackingMPC(plant, weights, N, limits), reference, fast)
+    assert caught.value.step == 0
+    run = reported_loop(
+        plant, TrackingMPC(plant, weights, N, limits), reference, fast, fallback="soft"
+    )
+    assert 0 < run.report.fallbacks < 20 and run.report.fallback[0]
+    assert run.report.slack[0] == pytest.approx(np.max(run.rollout.output[1:N]) - 1e-3, rel=0.5)
+    assert np.abs(run.rollout.output[-10:]).max() <= 1e-3 + 1e-9
+    always = reported_loop(
+        plant, TrackingMPC(plant, weights, N, limits, penalty=1e5), reference, fast
+    )
+    assert always.report.fallbacks == 0
+    np.testing.assert_allclose(always.rollout.output, run.rollout.output, rtol=0, atol=1e-9)
+
+
+class Loaded(LinearPlant):
+    """The table under a constant load on its controls."""
+
+    def step(self, state, control):
+        return super().step(state, control + np.array([0.05, -0.02]))
+
+
+@pytest.mark.parametrize(
+    "terminal",
+    [
+        pytest.param(OutputTerminal(), id="output"),
+        pytest.param(RiccatiTerminal(), id="riccati", marks=pytest.mark.slow),
+    ],
+)
+def test_the_velocity_form_leaves_no_offset(terminal, two_axes):
+    plant, reference = two_axes, still([1e-3, 5e-4], 400, 12)
+    loaded = Loaded(plant.A, plant.B, plant.C, plant.dt)
+    limits = Limits.within(control=0.5, increment=0.4)
+    free = loop(
+        loaded,
+        offset_free(plant, TrackingWeights(1.0, increment=1e-7), 12, limits, terminal),
+        reference,
+    )
+    absolute = loop(
+        loaded,
+        TrackingMPC(plant, TrackingWeights(1.0, control=1e-7), 12, limits, terminal),
+        reference,
+    )
+    assert np.abs(free.output[-1] - reference.position[-1]).max() <= 1e-12
+    assert np.abs(absolute.output[-1] - reference.position[-1]).max() >= 1e-6
+
+
+@pytest.mark.slow
+def test_the_x_y_table_under_a_constant_torque():
+    """0.03 N m on each lead screw: below 1e-3 um at rest is asked for.
+
+    The absolute form leaves tens of micrometres.
+    """
+    dt, preview = 4e-3, 7
+    model = xy_table(dt)
+    plant = FrictionXYTable(dt, motor_coulomb=0.0, load_coulomb=0.0, load_torque=0.03)
+    reference, limits = still([2e-3, -1e-3], 500, preview, dt), Limits.within(control=4.0)
+    free = loop(
+        plant,
+        offset_free(model, TrackingWeights(1.0, increment=1e-7), preview, limits),
+        reference,
+    )
+    absolute = loop(
+        plant,
+        TrackingMPC(model, TrackingWeights(1.0, control=ABSOLUTE), preview, limits),
+        reference,
+    )
+    assert np.abs(free.output[-1] - reference.position[-1]).max() <= 1e-9
+    assert 90e-6 <= np.abs(absolute.output[-1] - reference.position[-1]).max() <= 180e-6
+
+
+def test_the_problem_is_well_posed_and_belongs_to_whom_asked_for_it(two_axes):
+    plant, reference = two_axes, still([2e-3, -1e-3])
+    mpc = TrackingMPC(plant, TrackingWeights(3.0, 50.0, 2e-8), N, LIMITED)
+    plan, memory = mpc.prepare(reference), mpc.initial_memory(reference)
+    first = mpc.problem(memory, sample_of(plan, 0), np.zeros(4))
+    kept = [np.array(field) for field in first]
+    check_qp(first)
+    assert np.abs(first.H).max() == pytest.approx(1, rel=0.5)
+    mpc.step(memory, sample_of(plan, 1), np.full(4, 1e-4))
+    for field, before in zip(first, kept, strict=True):
+        np.testing.assert_array_equal(field, before)
+    assert mpc.problem(memory, sample_of(plan, 1), np.zeros(4), out=first) is first
+
+
+@pytest.mark.parametrize("form", [AbsoluteForm(), VelocityForm()])
+def test_two_runs_of_one_controller_are_two_runs(form, two_axes):
+    """Sample by sample in turns, towards different points, as each alone: to the last bit."""
+    plant, weights = two_axes, TrackingWeights(3.0, 50.0, increment=2e-8)
+    mpc = TrackingMPC(plant, weights, N, LIMITED, form=form)
+    references = [still([2e-3, -1e-3]), still([-1e-3, 1.5e-3])]
+    wanted = [
+        reported_loop(plant, TrackingMPC(plant, weights, N, LIMITED, form=form), one).rollout
+        for one in references
+    ]
+    plans = [mpc.prepare(one) for one in references]
+    memories = [mpc.initial_memory(one) for one in references]
+    for k in range(references[0].steps):
+        for i, run in enumerate(wanted):
+            state = np.asarray(run.state[k])
+            memories[i], control, _ = mpc.step(memories[i], sample_of(plans[i], k), state)
+            np.testing.assert_array_equal(control, run.control[k])
+    assert not np.array_equal(wanted[0].control, wanted[1].control)
+
+
+BAD = {
+    "increment: the limits need lower <= upper, received 0.1 and -0.1": dict(
+        limits=Limits(increment=(0.1, -0.1))
+    ),
+    r"output: needs one bound or one per component, shape \(2,\), received \(3,\)": dict(
+        limits=Limits.within(output=[1.0, 2.0, 3.0])
+    ),
+    "output: needs to be positive semidefinite": dict(weights=TrackingWeights(-1.0, control=1.0)),
+    "output: needs to be symmetric": dict(
+        weights=TrackingWeights([[1.0, 0.5], [0.0, 1.0]], control=1.0)
+    ),
+    r"control: needs a number, \(2,\) or \(2, 2\)": dict(
+        weights=TrackingWeights(1.0, control=[1.0, 1.0, 1.0])
+    ),
+    "control, increment: every control needs a weight": dict(weights=TrackingWeights(1.0)),
+    "contour: needs a finite weight": dict(weights=TrackingWeights(1.0, -2.0, 1.0)),
+    "stage: needs 6 finite entries above zero": dict(
+        weights=TrackingWeights(1.0, 0.0, 1.0, stage=np.ones(5))
+    ),
+    "preview: needs a whole number of samples, at least one, received 0": dict(preview=0),
+    "penalty: needs to be finite": dict(penalty=-1.0),
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_bad_input(message, two_axes):
+    arguments = (
+        dict(model=two_axes, weights=TrackingWeights(1.0, control=1.0), preview=N) | BAD[message]
+    )
+    with pytest.raises(ValueError, match=f"^{message}") as caught:
+        TrackingMPC(**arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_start_outside_the_limits(two_axes):
+    mpc = TrackingMPC(two_axes, TrackingWeights(1.0, control=1.0), N, Limits(output=(5e-4, 1.0)))
+    with pytest.raises(ValueError, match="^output: the start is outside the limits"):
+        loop(two_axes, mpc, still([1e-3, 1e-3]))
+    with pytest.raises(ValueError, match="^control: the velocity form weighs increments only"):
+        offset_free(two_axes, TrackingWeights(1.0, control=1.0, increment=1.0), N)
