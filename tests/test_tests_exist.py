@@ -92,7 +92,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/runs/runs_drawn.py": "experiments/commands/tuning/test_tune.py",
     # what the commands drive, through the catalogue
     "experiments/benchmarks/speed/gantry_engines.py": "experiments/benchmarks/speed/test_gantry.py",
-    "experiments/benchmarks/speed/lq_results.py": "experiments/benchmarks/speed/test_lq.py",
+    "experiments/benchmarks/speed/lq_results.py": "experiments/benchmarks/speed/test_lq_tables.py",
     "experiments/benchmarks/speed/plain_loops.py": "experiments/benchmarks/speed/test_lq.py",
     "experiments/benchmarks/speed/timings.py": "experiments/benchmarks/speed/test_lq.py",
     "experiments/designs/contouring_schemes.py": "experiments/designs/test_flexible_axis.py",

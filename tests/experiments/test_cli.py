@@ -1,13 +1,9 @@
 """Every bad input: one clear line on stderr, exit code 2, nothing written."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
-import time
 import warnings
-from importlib.metadata import version
 
 import pytest
 
@@ -180,126 +176,6 @@ def test_list_as_json(capsys):
     assert "bridgeport" in found["plants"] and "mpcc" in found["constrained"]
 
 
-def test_help_imports_nothing_heavy():
-    script = (
-        "import sys\nfrom experiments.cli import main\n"
-        "try:\n main(['tune', '--help'])\nexcept SystemExit: pass\n"
-        "assert not {'jax', 'matplotlib', 'xarray', 'scipy'} & set(sys.modules), sys.modules.keys()"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.slow
-def test_whole_run_killed_and_resumed(tmp_path, machine_file, part_file):
-    """Run killed in the middle (kill -9) and resumed.
-
-    Its result is that of a run left alone, to the last bit.
-    """
-    command = [sys.executable, "-m", "experiments.cli", "tune"]
-    effort = [
-        "--scatter",
-        "3",
-        "--starts",
-        "2",
-        "--steps",
-        "4",
-        "--json",
-    ]
-    make = [*command, str(part_file), "--plant", str(machine_file), *effort]
-    alone = subprocess.run(
-        [*make, "--out", str(tmp_path / "alone")], capture_output=True, text=True
-    )
-    assert alone.returncode == 0, alone.stderr
-    killed = subprocess.Popen([*make, "--out", str(tmp_path / "killed")], stdout=subprocess.DEVNULL)
-    while not (tmp_path / "killed" / "state.npz").exists() and killed.poll() is None:
-        time.sleep(0.02)
-    killed.kill()
-    killed.wait()
-    assert not (tmp_path / "killed" / "result.json").exists()
-    resumed = subprocess.run(
-        [*command, "--resume", str(tmp_path / "killed"), "--json"], capture_output=True, text=True
-    )
-    assert resumed.returncode == 0, resumed.stderr
-    first, second = json.loads(alone.stdout), json.loads(resumed.stdout)
-    for one in (first, second):
-        del one["run"], one["seconds"]
-    assert first == second
-    for name in ("gains.csv", "observer.json", "history.json"):
-        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / "killed" / name).read_bytes()
-    compared = subprocess.run(
-        [*command[:-1], "compare", str(tmp_path / "alone"), str(tmp_path / "killed"), "--json"],
-        capture_output=True,
-        text=True,
-    )
-    summary = json.loads(compared.stdout)
-    assert (
-        summary["settings"] == {} and summary["better"]["first"] == summary["better"]["second"] == 0
-    )
-
-
-# command -> flags, the file that tells that it is in the middle, the files that have to agree
-LONG = {
-    "front": (
-        "circle --points 2 --preview 4 --max-sensitivity None".split(),  # no loops to look at
-        "budget-0/state.npz",
-        ("result.json", "budgets.json"),
-    ),
-    "sweep": (
-        ["circle", "--vary", "alpha=1,2,4", "beta=0,1,5,20", "--previews", "4", "6"],
-        "parts",
-        ("result.json",),
-    ),
-}
-
-
-def long_command(command, machine_file):
-    """The call without a folder at its end."""
-    flags = [*LONG[command][0], "--plant", str(machine_file), "--json", "--out"]
-    return [sys.executable, "-m", "experiments.cli", command, *flags]
-
-
-@pytest.fixture(scope="module", params=LONG)
-def left_alone(request, tmp_path_factory, machine_file):
-    """(name, folder) of a long command that nobody stopped."""
-    folder = tmp_path_factory.mktemp("alone") / "run"
-    make = [*long_command(request.param, machine_file), str(folder)]
-    done = subprocess.run(make, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return request.param, folder
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_long_commands_stopped_and_resumed(tmp_path, machine_file, left_alone, how):
-    """The same files as from a run that was left alone; Ctrl-C says in one line how to go on."""
-    command, alone = left_alone
-    _, middle, agree = LONG[command]
-    make = long_command(command, machine_file)
-    stopped = subprocess.Popen(
-        [*make, str(tmp_path / "stopped")],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    while not (tmp_path / "stopped" / middle).exists() and stopped.poll() is None:
-        time.sleep(0.01)
-    stopped.send_signal(how)
-    _, complaint = stopped.communicate()
-    assert not (tmp_path / "stopped" / "result.json").exists()
-    if how == signal.SIGINT:
-        assert (
-            stopped.returncode == 130
-            and len(complaint.splitlines()) == 1
-            and "--resume" in complaint
-        )
-    again = [*make[:4], "--resume", str(tmp_path / "stopped"), "--json"]
-    resumed = subprocess.run(again, capture_output=True, text=True)
-    assert resumed.returncode == 0, resumed.stderr
-    for name in agree:
-        assert (alone / name).read_bytes() == (tmp_path / "stopped" / name).read_bytes()
-
-
 @pytest.mark.slow
 def test_simulate(tmp_path, machine_file):
     command = [
@@ -325,40 +201,6 @@ def test_simulate(tmp_path, machine_file):
     }
 
 
-def test_the_environment_is_set_before_jax_and_what_is_there_stays(tmp_path):
-    """In a process of its own: this one has loaded JAX, and then nothing changes."""
-    program = (
-        "import os, sys, experiments.cli as cli; assert 'numpy' not in sys.modules;"
-        "cli.keep_to_one_thread(); cli.choose_compiler(); cli.keep_compiled();"
-        "print(os.environ['XLA_FLAGS']); print(os.environ['JAX_COMPILATION_CACHE_DIR']);"
-        "print(os.environ['OPENBLAS_NUM_THREADS'])"
-    )
-    ours = ("JAX_", "XLA_", "OPENBLAS_")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
-    chosen = "--xla_cpu_multi_thread_eigen=false"
-    if version("jaxlib").startswith("0.10."):
-        chosen += " --xla_cpu_use_fusion_emitters=false"
-    cases = [
-        ({}, chosen, str(tmp_path / "jcontour" / "compiled"), "1"),
-        (
-            {
-                "XLA_FLAGS": "--one=1",
-                "JAX_COMPILATION_CACHE_DIR": "mine",
-                "OPENBLAS_NUM_THREADS": "3",
-            },
-            f"--one=1 {chosen}",
-            "mine",
-            "3",
-        ),
-    ]
-    for given, *expected in cases:
-        environment = {**kept, "XDG_CACHE_HOME": str(tmp_path), **given}
-        done = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
-        )
-        assert done.stdout.splitlines() == expected, done.stderr
-
-
 @pytest.mark.parametrize(
     ("category", "said"),
     [(UserWarning, "jcontour: WARNING: beta is 9\n"), (RuntimeWarning, "RuntimeWarning: beta is")],
@@ -372,25 +214,6 @@ def test_a_warning_is_told_as_every_message_is(category, said, monkeypatch, caps
     monkeypatch.setattr(cli, "_answered", answered)
     assert cli.main([]) == 0
     assert said in capsys.readouterr().err
-
-
-def test_a_compiled_program_that_is_cut_off_is_compiled_anew_and_told(tmp_path):
-    environment = {**os.environ, "JAX_COMPILATION_CACHE_DIR": str(tmp_path / "programs")}
-    environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
-    environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    program = "import jax; from experiments import cli; cli._answered = lambda _: "
-    program += "print(jax.jit(lambda x: 2.0 * x)(3.0)); cli.main([])"
-    told = f"it is compiled anew each time until {tmp_path / 'programs'} is deleted\n"
-    for wanted in ("", told):
-        done = subprocess.run(
-            [sys.executable, "-c", program], env=environment, capture_output=True, text=True
-        )
-        assert done.stdout == "6.0\n" and done.stderr.endswith(wanted)
-        assert bool(done.stderr) is bool(wanted) and "Traceback" not in done.stderr
-        kept = list((tmp_path / "programs").glob("*-cache"))
-        assert kept
-        for entry in kept:
-            entry.write_bytes(entry.read_bytes()[:20])
 
 
 def test_who_has_seen_enough_hears_no_complaint():
