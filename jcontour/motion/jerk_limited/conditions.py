@@ -23,6 +23,7 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 BERNSTEIN = np.stack([(1 - POINTS) ** 2, 2 * POINTS * (1 - POINTS), POINTS**2], axis=1)
 SLOPES = np.stack([2 * (POINTS - 1), 2 - 4 * POINTS, 2 * POINTS], axis=1)
 BENDS = np.tile([2.0, -4.0, 2.0], (3, 1))
+SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes
 
 
 class Cells(NamedTuple):
@@ -51,20 +52,21 @@ class Conditions(NamedTuple):
     """Conditions of every cell on its window of three unknowns.
 
     Attributes:
-        middle: (n, 1, 3) middle ordinate of u, which is kept above zero, and u with it.
-        square: (n, 3, 3) u at the three points.
-        weight: (n, 3, 1) of 1 / sqrt(u) in the duration [s].
-        speed: (n, 3, 3).
-        acceleration: (n, 3 m, 3).
-        jerk: (n, 3 m, 3).
+        rows: (n, 7 + 6 m, 3): the middle ordinate of u, which is kept above zero, and u with it;
+            `SQUARE`, u at the three points; `SPEED`, the speed there; from `STILL` on the
+            acceleration of all axes at one point after the other, and so the jerk.
+        weight: (n, 3) of 1 / sqrt(u) at the points in the duration [s].
+        axes: number m.
     """
 
-    middle: Float[np.ndarray, "n 1 3"]
-    square: Float[np.ndarray, "n 3 3"]
-    weight: Float[np.ndarray, "n 3 1"]
-    speed: Float[np.ndarray, "n 3 3"]
-    acceleration: Float[np.ndarray, "n rows 3"]
-    jerk: Float[np.ndarray, "n rows 3"]
+    rows: Float[np.ndarray, "n rows 3"]
+    weight: Float[np.ndarray, "n 3"]
+    axes: int
+
+    @property
+    def limited(self) -> Float[np.ndarray, "n rows 3"]:
+        """Rows of acceleration and jerk."""
+        return self.rows[:, STILL:]
 
 
 def conditions(
@@ -76,17 +78,11 @@ def conditions(
     ordinates: Ordinates,
 ) -> Conditions:
     """Conditions at the beginning, the middle and the end of every cell."""
-    n, rows = cells.length.size, POINTS.size * pieces.cosine.shape[1]
-    parts = Conditions(
-        ordinates.weights[:, 1:2].copy(),
-        np.empty((n, POINTS.size, 3)),
-        (cells.length[:, None] * SIMPSON)[..., None],
-        np.empty((n, POINTS.size, 3)),
-        np.empty((n, rows, 3)),
-        np.empty((n, rows, 3)),
-    )
-    _fill(pieces, feed, limits, old, cells, ordinates.weights, parts)
-    return parts
+    axes = pieces.cosine.shape[1]
+    rows = np.empty((cells.length.size, STILL + 2 * POINTS.size * axes, 3))
+    rows[:, 0] = ordinates.weights[:, 1]
+    _fill(pieces, feed, limits, old, cells, ordinates.weights, rows)
+    return Conditions(rows, cells.length[:, None] * SIMPSON, axes)
 
 
 @part
@@ -108,7 +104,7 @@ def _fill(
     old: CubicMotion,
     cells: Cells,
     weights: np.ndarray,
-    parts: Conditions,
+    rows: np.ndarray,
 ) -> None:
     """Write the conditions of the axes, and what they hang on."""
     axes, u, du, ddu = pieces.cosine.shape[1], np.empty(3), np.empty(3), np.empty(3)
@@ -124,13 +120,13 @@ def _fill(
                 first, second, third = chained(one, two, three, v, a, j)
                 fastest = max(fastest, abs(first) / limits.speed[axis])
                 square += first * first
-                r = p * axes + axis
+                r = STILL + p * axes + axis
                 for b in range(3):
                     pushed = second * u[b] + 0.5 * first * du[b]
                     jerked = third * u[b] + 1.5 * second * du[b] + 0.5 * first * ddu[b]
-                    parts.acceleration[i, r, b] = pushed / limits.acceleration[axis]
-                    parts.jerk[i, r, b] = jerked / limits.jerk[axis]
+                    rows[i, r, b] = pushed / limits.acceleration[axis]
+                    rows[i, r + POINTS.size * axes, b] = jerked / limits.jerk[axis]
             fastest = max(fastest, np.sqrt(square) / feed[k])
             for b in range(3):
-                parts.square[i, p, b] = u[b]
-                parts.speed[i, p, b] = fastest * fastest * u[b]
+                rows[i, SQUARE + p, b] = u[b]
+                rows[i, SPEED + p, b] = fastest * fastest * u[b]

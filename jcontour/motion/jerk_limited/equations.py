@@ -7,6 +7,9 @@ import numpy as np
 from jcontour.native.lanes import WIDTH, fma, part, spread
 
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
+# numbers of an unknown's equation, side by side: the right side (then the step), the slope of T,
+# and the diagonals: the main one, the first above it, the second
+PER_UNKNOWN, SLOPE, MAIN, NEAR, FAR = 5, 1, 2, 3, 4
 
 
 class Sums(NamedTuple):
@@ -21,14 +24,6 @@ class Sums(NamedTuple):
     x: np.ndarray
     y: np.ndarray
     z: np.ndarray
-
-
-class Equations(NamedTuple):
-    """Newton's equations: three diagonals, the right side (then the step), and T's slope."""
-
-    band: np.ndarray
-    right: np.ndarray
-    slope: np.ndarray
 
 
 @part
@@ -65,45 +60,45 @@ def crossed(sums, x, y, z, fx, fy, fz):
 
 
 @part
-def scatter(sums, lane, at, equations):
+def scatter(sums, lane, first, equations):
     """Add the sums of one cell to the equations of its window."""
-    band, right, slope = equations.band, equations.right, equations.slope
-    band[2, at] += sums[lane]
-    band[1, at + 1] += sums[WIDTH + lane]
-    band[0, at + 2] += sums[2 * WIDTH + lane]
-    band[2, at + 1] += sums[3 * WIDTH + lane]
-    band[1, at + 2] += sums[4 * WIDTH + lane]
-    band[2, at + 2] += sums[5 * WIDTH + lane]
-    for b in range(3):
-        right[at + b] += sums[(6 + b) * WIDTH + lane]
-        slope[at + b] -= sums[(9 + b) * WIDTH + lane]
+    at = PER_UNKNOWN * first
+    equations[at + MAIN] += sums[lane]
+    for k in range(3):
+        equations[at + PER_UNKNOWN * k] += sums[(6 + k) * WIDTH + lane]
+        equations[at + PER_UNKNOWN * k + SLOPE] -= sums[(9 + k) * WIDTH + lane]
+    at += PER_UNKNOWN
+    equations[at + NEAR] += sums[WIDTH + lane]
+    equations[at + MAIN] += sums[3 * WIDTH + lane]
+    at += PER_UNKNOWN
+    equations[at + FAR] += sums[2 * WIDTH + lane]
+    equations[at + NEAR] += sums[4 * WIDTH + lane]
+    equations[at + MAIN] += sums[5 * WIDTH + lane]
 
 
 @part
-def solve_equations(equations):
-    """Solve Newton's equations in place by their factors L D L': the right side becomes the step.
+def solve_equations(equations, step):
+    """Solve Newton's equations by their factors L D L', which take the place of the diagonals.
 
-    The rows of the band are the second diagonal above the main one, the first, and the main one,
-    which becomes the inverse of D. An unknown whose pivot is lost to rounding stays where it is.
+    The main diagonal becomes the inverse of D. An unknown whose pivot is lost to rounding stays
+    where it is.
     """
-    (far_off, near_off, over), right = equations.band, equations.right
-    n = right.size
-    for i in range(n):
-        far = far_off[i] * over[i - 2] if i > 1 else 0.0
-        near = near_off[i] - (far * near_off[i - 1] if i > 1 else 0.0)
-        pivot = over[i] - far * far_off[i]
-        if i > 0:
-            pivot -= near * near * over[i - 1]
-        kept = pivot > ROUNDING * over[i]
-        near_off[i], over[i] = near, 1.0 / pivot if kept else 0.0
-        if i > 0:
-            right[i] -= near * over[i - 1] * right[i - 1]
-        if i > 1:
-            right[i] -= far * right[i - 2]
-    for i in range(n - 1, -1, -1):
-        pushed = right[i]
-        if i + 1 < n:
-            pushed -= near_off[i + 1] * right[i + 1]
-        if i + 2 < n:
-            pushed -= far_off[i + 2] * right[i + 2]
-        right[i] = pushed * over[i]
+    # of the two unknowns before: inverse of D, right side, and what couples them
+    over, over_before, right, right_before, near_before = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(step.size):
+        at = PER_UNKNOWN * i
+        off, main = equations[at + FAR], equations[at + MAIN]
+        far = off * over_before
+        near = equations[at + NEAR] - far * near_before
+        pivot = main - far * off - near * near * over
+        new = equations[at] - near * over * right - far * right_before
+        right_before, right, near_before, over_before = right, new, near, over
+        over = 1.0 / pivot if pivot > ROUNDING * main else 0.0
+        step[i], equations[at + NEAR], equations[at + MAIN] = new, near, over
+    # of the two unknowns behind: their steps, and what couples them to this one
+    behind, far_behind, near, far, off = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(step.size - 1, -1, -1):
+        at = PER_UNKNOWN * i
+        moved = (step[i] - near * behind - off * far_behind) * equations[at + MAIN]
+        behind, far_behind, step[i] = moved, behind, moved
+        near, off, far = equations[at + NEAR], far, equations[at + FAR]

@@ -9,19 +9,24 @@ the equations have two diagonals beside the main one.
 
 The conditions g of a cell are 1 + 3 + 12 m for m axes: the middle ordinate, the speed at three
 points, and there the two sides of the acceleration and of the jerk of every axis, side by side.
-Eight neighbouring cells are the lanes of one value; the last one fills what is left of eight.
+Eight neighbouring cells are the lanes of one value; the last one fills what is left of eight. Such
+a block has its entries side by side in two flat arrays, since every array that one compiled part
+hands to another takes time to compile:
+
+    cells   the rows of `Conditions`, its weights, and what counts: 1, and 0 in lanes that only fill
+    point   u at the points; then for every g the room g, its inverse, its z and the change of z
 """
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float
 
 from jcontour.compiled import compiled
-from jcontour.motion.jerk_limited.conditions import Conditions
+from jcontour.motion.jerk_limited.conditions import SPEED, SQUARE, STILL, Conditions
 from jcontour.motion.jerk_limited.equations import (
-    Equations,
+    PER_UNKNOWN,
+    SLOPE,
     Sums,
     added,
     crossed,
@@ -36,129 +41,123 @@ _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(lanes.__file__))
 
 POINTS = 3  # of a cell
-SIDES = 4  # of an axis at a point: two of the acceleration, two of the jerk
+PER_ROOM = 4  # entries of `point`: the room, its inverse, the multiplier z and how it changes
+OVER, DUAL, CHANGE = 1, 2, 3  # entries of `point` beside a room
 GAP = 1e-4  # of the duration: by so much at most it may be longer than the optimum
 TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
 
 
-class _Cells(NamedTuple):
-    """Conditions of all cells as arrays of lanes, eight cells after the other.
+def solve(parts: Conditions, c: Float[np.ndarray, " n"], steps: int) -> float:
+    """Improve the unknowns of one stretch in place; they begin within every condition.
 
-    The first unknown of every cell and what counts (1, and 0 for lanes that only fill) come first.
+    The sum of g_i z_i is returned [s]: at the optimum it is zero, and away from it about the time
+    that is left to gain. There are so many steps at most; forty are usual.
     """
-
-    first: np.ndarray
-    there: np.ndarray
-    middle: np.ndarray
-    square: np.ndarray
-    weight: np.ndarray
-    speed: np.ndarray
-    acceleration: np.ndarray
-    jerk: np.ndarray
+    cells = _packed(parts)
+    point = np.zeros(len(cells) * _point_size(parts.axes) * WIDTH)
+    equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
+    step, ahead = np.empty(c.size), np.empty(c.size)
+    return _solved(cells.ravel(), parts.axes, c, steps, point, equations, step, ahead, scratch)
 
 
-class _Point(NamedTuple):
-    """u at the points, the rooms g, their inverses, the multipliers z and how these change."""
+def _packed(parts: Conditions) -> Float[np.ndarray, "blocks entries lanes"]:
+    """Numbers of all cells as lanes; the last cell fills the last block."""
+    n = len(parts.rows)
+    count = np.arange(-(-n // WIDTH) * WIDTH)
+    numbers = np.concatenate([parts.rows.reshape(n, -1), parts.weight], axis=1)
+    filled = np.column_stack([numbers[np.minimum(count, n - 1)], count < n])
+    return np.ascontiguousarray(filled.reshape(-1, WIDTH, filled.shape[1]).swapaxes(1, 2))
 
-    u: np.ndarray
-    room: np.ndarray
-    over: np.ndarray
-    z: np.ndarray
-    dual: np.ndarray
 
-
-@part
-def _packed(rows):
-    """Numbers of cells (n, r, b) as an array of lanes."""
-    n, r, b = rows.shape
-    blocks = (n + WIDTH - 1) // WIDTH
-    out = np.empty(blocks * r * b * WIDTH)
-    for i in range(blocks * WIDTH):
-        at = i // WIDTH * r * b * WIDTH + i % WIDTH
-        for k in range(r):
-            for j in range(b):
-                out[at + (k * b + j) * WIDTH] = rows[min(i, n - 1), k, j]
-    return out
+def _point_size(axes):
+    """Entries of a block in `point`."""
+    return POINTS + PER_ROOM * (1 + POINTS + 4 * POINTS * axes)
 
 
 @part
-def _cells(parts, first):
-    n = first.size
-    blocks = (n + WIDTH - 1) // WIDTH
-    whole, there = np.empty(blocks * WIDTH, np.int64), np.empty(blocks * WIDTH)
-    for i in range(whole.size):
-        whole[i] = first[min(i, n - 1)]
-        there[i] = 1.0 if i < n else 0.0
-    return _Cells(
-        whole,
-        there,
-        _packed(parts.middle),
-        _packed(parts.square),
-        _packed(parts.weight),
-        _packed(parts.speed),
-        _packed(parts.acceleration),
-        _packed(parts.jerk),
-    )
+def _starts(axes, block):
+    """Where a block begins in `cells` and in `point`, and where its rooms of the axes do."""
+    rows = STILL + 2 * POINTS * axes
+    rooms = 1 + POINTS + 4 * POINTS * axes
+    at = block * (POINTS + PER_ROOM * rooms)
+    return block * (3 * rows + POINTS + 1), at, at + POINTS + PER_ROOM * (1 + POINTS)
 
 
 @part
-def _window(cells, block, c, window):
+def _three(cells, row):
+    return load(cells, row), load(cells, row + 1), load(cells, row + 2)
+
+
+@part
+def _times(cells, row, x, y, z):
+    """A row of three numbers times a window."""
+    return fma(load(cells, row), x, fma(load(cells, row + 1), y, load(cells, row + 2) * z))
+
+
+@part
+def _window(block, c, scratch):
     """The three unknowns of eight cells."""
     for lane in range(WIDTH):
-        i = cells.first[block * WIDTH + lane]
-        window[lane] = c[i]
-        window[WIDTH + lane] = c[i + 1]
-        window[2 * WIDTH + lane] = c[i + 2]
-    return load(window, 0), load(window, 1), load(window, 2)
+        i = _first(block * WIDTH + lane, c.size)
+        scratch[lane] = c[i]
+        scratch[WIDTH + lane] = c[i + 1]
+        scratch[2 * WIDTH + lane] = c[i + 2]
+    return load(scratch, 0), load(scratch, 1), load(scratch, 2)
 
 
 @part
-def _row(rows, k, x, y, z):
-    """Row k of three numbers times a window."""
-    return fma(load(rows, 3 * k), x, fma(load(rows, 3 * k + 1), y, load(rows, 3 * k + 2) * z))
+def _first(cell, n):
+    """Number of the first unknown of a cell's window."""
+    return 0 if cell < 2 else n - 3 if cell > n - 3 else cell - 1
 
 
 @part
 def _fill_rooms(cells, axes, block, x, y, z, point):
     """Write u and the rooms of eight cells with a window; 1 where all of them are above zero."""
     zero, one = spread(0.0), spread(1.0)
-    k = block * (1 + POINTS + SIDES * POINTS * axes)
-    middle = _row(cells.middle, block, x, y, z)
-    store(point.room, k, middle)
+    row, at, k = _starts(axes, block)
+    middle = _times(cells, row, x, y, z)
+    store(point, at + POINTS, middle)
     within = where_less(zero, middle, one, zero)
     for p in range(POINTS):
-        u = _row(cells.square, POINTS * block + p, x, y, z)
-        store(point.u, POINTS * block + p, u)
-        room = one - _row(cells.speed, POINTS * block + p, x, y, z)
-        store(point.room, k + 1 + p, room)
+        u = _times(cells, row + 3 * (SQUARE + p), x, y, z)
+        store(point, at + p, u)
+        room = one - _times(cells, row + 3 * (SPEED + p), x, y, z)
+        store(point, at + POINTS + PER_ROOM * (1 + p), room)
         within = where_less(zero, room, within, zero)
         bound = one / root(u)
-        for axis in range(axes):
-            r = p * axes + axis
-            pushed = _row(cells.acceleration, block * POINTS * axes + r, x, y, z)
-            jerked = _row(cells.jerk, block * POINTS * axes + r, x, y, z)
-            at = k + 1 + POINTS + SIDES * r
-            store(point.room, at, one - pushed)
-            store(point.room, at + 1, one + pushed)
-            store(point.room, at + 2, bound - jerked)
-            store(point.room, at + 3, bound + jerked)
-            for side in range(SIDES):
-                within = where_less(zero, load(point.room, at + side), within, zero)
+        for r in range(p * axes, (p + 1) * axes):
+            pushed = _times(cells, row + 3 * (STILL + r), x, y, z)
+            jerked = _times(cells, row + 3 * (STILL + POINTS * axes + r), x, y, z)
+            room, below = one - pushed, one + pushed
+            bounded, bounded_below = bound - jerked, bound + jerked
+            side = k + 4 * PER_ROOM * r
+            store(point, side, room)
+            store(point, side + PER_ROOM, below)
+            store(point, side + 2 * PER_ROOM, bounded)
+            store(point, side + 3 * PER_ROOM, bounded_below)
+            within = where_less(zero, room, within, zero)
+            within = where_less(zero, below, within, zero)
+            within = where_less(zero, bounded, within, zero)
+            within = where_less(zero, bounded_below, within, zero)
     return within
 
 
 @part
-def _held(point, mu, k):
+def _held(point, mu, room):
     """A room's weight z / g in the equations, and its pull mu / g; the inverse is kept."""
-    over = spread(1.0) / load(point.room, k)
-    store(point.over, k, over)
-    return load(point.z, k) * over, mu * over
+    over = spread(1.0) / load(point, room)
+    store(point, room + OVER, over)
+    return load(point, room + DUAL) * over, mu * over
 
 
 @part
-def _three(rows, k):
-    return load(rows, 3 * k), load(rows, 3 * k + 1), load(rows, 3 * k + 2)
+def _both(point, mu, room):
+    """Weights of both sides of a limit, their pulls, and how both pull together."""
+    held, pull = _held(point, mu, room)
+    held_below, pull_below = _held(point, mu, room + PER_ROOM)
+    return held, held_below, pull + pull_below, pull_below - pull
 
 
 @part
@@ -168,146 +167,150 @@ def _at_point(cells, axes, block, p, point, mu, sums):
     The rooms of the jerk are f - j and f + j: what both have of f is added once for all axes.
     """
     zero = spread(0.0)
-    sx, sy, sz = _three(cells.square, POINTS * block + p)
-    u = load(point.u, POINTS * block + p)
+    row, at, k = _starts(axes, block)
+    sx, sy, sz = _three(cells, row + 3 * (SQUARE + p))
+    u = load(point, at + p)
     over_cube = spread(1.0) / (u * root(u))
     falls = spread(-0.5) * over_cube
     both, pulled, qx, qy, qz = zero, zero, zero, zero, zero
     for r in range(p * axes, (p + 1) * axes):
-        k = block * (1 + POINTS + SIDES * POINTS * axes) + 1 + POINTS + SIDES * r
-        held, pull = _held(point, mu, k)
-        held_below, pull_below = _held(point, mu, k + 1)
-        x, y, z = _three(cells.acceleration, block * POINTS * axes + r)
-        sums = added(sums, held + held_below, pull_below - pull, x, y, z)
-        held, pull = _held(point, mu, k + 2)
-        held_below, pull_below = _held(point, mu, k + 3)
-        x, y, z = _three(cells.jerk, block * POINTS * axes + r)
-        sums = added(sums, held + held_below, pull_below - pull, x, y, z)
-        both, pulled = both + held + held_below, pulled + pull + pull_below
+        side = k + 4 * PER_ROOM * r
+        held, held_below, _, pull = _both(point, mu, side)
+        x, y, z = _three(cells, row + 3 * (STILL + r))
+        sums = added(sums, held + held_below, pull, x, y, z)
+        held, held_below, drawn, pull = _both(point, mu, side + 2 * PER_ROOM)
+        x, y, z = _three(cells, row + 3 * (STILL + POINTS * axes + r))
+        sums = added(sums, held + held_below, pull, x, y, z)
+        both, pulled = both + held + held_below, pulled + drawn
         apart = (held_below - held) * falls
         qx, qy, qz = fma(apart, x, qx), fma(apart, y, qy), fma(apart, z, qz)
-    speeding = spread(0.5) * load(cells.weight, POINTS * block + p) * over_cube
+    weight = load(cells, row + 3 * (STILL + 2 * POINTS * axes) + p)
+    speeding = spread(0.5) * weight * over_cube
     bend = spread(1.5) * speeding / u
     sums = added(sums, fma(both, falls * falls, bend), fma(pulled, falls, speeding), sx, sy, sz)
     return crossed(sums, qx, qy, qz, sx, sy, sz), speeding * sx, speeding * sy, speeding * sz
 
 
 @part
-def _fill_equations(cells, axes, point, mu, equations):
+def _fill_equations(cells, axes, n, point, mu, equations, scratch):
     zero = spread(0.0)
-    equations.band.fill(0.0)
-    equations.right.fill(0.0)
-    equations.slope.fill(0.0)
-    found, mu, n = np.empty(12 * WIDTH), spread(mu), equations.right.size
-    for block in range(cells.there.size // WIDTH):
-        k = block * (1 + POINTS + SIDES * POINTS * axes)
+    for k in range(equations.size):
+        equations[k] = 0.0
+    mu = spread(mu)
+    for block in range((n + WIDTH - 1) // WIDTH):
+        row, at, _ = _starts(axes, block)
         sums = Sums(zero, zero, zero, zero, zero, zero, zero, zero, zero)
         slope_x, slope_y, slope_z = zero, zero, zero
-        held, pull = _held(point, mu, k)
-        x, y, z = _three(cells.middle, block)
+        held, pull = _held(point, mu, at + POINTS)
+        x, y, z = _three(cells, row)
         sums = added(sums, held, pull, x, y, z)
         for p in range(POINTS):
-            held, pull = _held(point, mu, k + 1 + p)
-            x, y, z = _three(cells.speed, POINTS * block + p)
+            held, pull = _held(point, mu, at + POINTS + PER_ROOM * (1 + p))
+            x, y, z = _three(cells, row + 3 * (SPEED + p))
             sums = added(sums, held, zero - pull, x, y, z)
             sums, x, y, z = _at_point(cells, axes, block, p, point, mu, sums)
             slope_x, slope_y, slope_z = slope_x + x, slope_y + y, slope_z + z
-        store(found, 0, sums.xx)
-        store(found, 1, sums.xy)
-        store(found, 2, sums.xz)
-        store(found, 3, sums.yy)
-        store(found, 4, sums.yz)
-        store(found, 5, sums.zz)
-        store(found, 6, sums.x)
-        store(found, 7, sums.y)
-        store(found, 8, sums.z)
-        store(found, 9, slope_x)
-        store(found, 10, slope_y)
-        store(found, 11, slope_z)
+        store(scratch, 0, sums.xx)
+        store(scratch, 1, sums.xy)
+        store(scratch, 2, sums.xz)
+        store(scratch, 3, sums.yy)
+        store(scratch, 4, sums.yz)
+        store(scratch, 5, sums.zz)
+        store(scratch, 6, sums.x)
+        store(scratch, 7, sums.y)
+        store(scratch, 8, sums.z)
+        store(scratch, 9, slope_x)
+        store(scratch, 10, slope_y)
+        store(scratch, 11, slope_z)
         for lane in range(min(WIDTH, n - block * WIDTH)):
-            scatter(found, lane, cells.first[block * WIDTH + lane], equations)
+            scatter(scratch, lane, _first(block * WIDTH + lane, n), equations)
 
 
 @part
-def _change(point, mu, k, changed, nearest, nearest_dual):
+def _change(point, mu, room, changed, nearest, nearest_dual):
     """Write the change of a multiplier; inverses of how far room and multiplier can go."""
-    over, z = load(point.over, k), load(point.z, k)
-    dual = (mu - z * changed) * over - z
-    store(point.dual, k, dual)
+    over, z = load(point, room + OVER), load(point, room + DUAL)
+    change = (mu - z * changed) * over - z
+    store(point, room + CHANGE, change)
     zero = spread(0.0)
-    return most(nearest, zero - changed * over), most(nearest_dual, zero - dual / z)
+    return most(nearest, zero - changed * over), most(nearest_dual, zero - change / z)
 
 
 @part
-def _fill_duals(cells, axes, point, mu, step, window):
+def _fill_changes(cells, axes, n, point, mu, step, scratch):
     """Write the changes of the multipliers; inverses of how much of both steps meets a zero."""
     zero, mu = spread(0.0), spread(mu)
-    one_side, dual_side = zero, zero
-    for block in range(cells.there.size // WIDTH):
-        x, y, z = _window(cells, block, step, window)
-        k = block * (1 + POINTS + SIDES * POINTS * axes)
-        changed = _row(cells.middle, block, x, y, z)
-        one_side, dual_side = _change(point, mu, k, changed, one_side, dual_side)
+    near, dual = zero, zero
+    for block in range((n + WIDTH - 1) // WIDTH):
+        x, y, z = _window(block, step, scratch)
+        row, at, k = _starts(axes, block)
+        near, dual = _change(point, mu, at + POINTS, _times(cells, row, x, y, z), near, dual)
         for p in range(POINTS):
-            at = POINTS * block + p
-            changed = zero - _row(cells.speed, at, x, y, z)
-            one_side, dual_side = _change(point, mu, k + 1 + p, changed, one_side, dual_side)
-            u = load(point.u, at)
-            falling = spread(-0.5) * _row(cells.square, at, x, y, z) / (u * root(u))
+            changed = zero - _times(cells, row + 3 * (SPEED + p), x, y, z)
+            room = at + POINTS + PER_ROOM * (1 + p)
+            near, dual = _change(point, mu, room, changed, near, dual)
+            u = load(point, at + p)
+            falling = _times(cells, row + 3 * (SQUARE + p), x, y, z)
+            falling = spread(-0.5) * falling / (u * root(u))
             for r in range(p * axes, (p + 1) * axes):
-                pushed = _row(cells.acceleration, block * POINTS * axes + r, x, y, z)
-                jerked = _row(cells.jerk, block * POINTS * axes + r, x, y, z)
-                to = k + 1 + POINTS + SIDES * r
-                one_side, dual_side = _change(point, mu, to, zero - pushed, one_side, dual_side)
-                one_side, dual_side = _change(point, mu, to + 1, pushed, one_side, dual_side)
-                down, up = falling - jerked, falling + jerked
-                one_side, dual_side = _change(point, mu, to + 2, down, one_side, dual_side)
-                one_side, dual_side = _change(point, mu, to + 3, up, one_side, dual_side)
-    return _largest(one_side, window), _largest(dual_side, window)
+                pushed = _times(cells, row + 3 * (STILL + r), x, y, z)
+                jerked = _times(cells, row + 3 * (STILL + POINTS * axes + r), x, y, z)
+                side = k + 4 * PER_ROOM * r
+                near, dual = _change(point, mu, side, zero - pushed, near, dual)
+                near, dual = _change(point, mu, side + PER_ROOM, pushed, near, dual)
+                side += 2 * PER_ROOM
+                near, dual = _change(point, mu, side, falling - jerked, near, dual)
+                near, dual = _change(point, mu, side + PER_ROOM, falling + jerked, near, dual)
+    return _largest(near, scratch), _largest(dual, scratch)
 
 
 @part
-def _largest(value, numbers):
-    store(numbers, 0, value)
-    found = numbers[0]
+def _largest(value, scratch):
+    store(scratch, 0, value)
+    found = scratch[0]
     for lane in range(1, WIDTH):
-        found = max(found, numbers[lane])
+        found = scratch[lane] if scratch[lane] > found else found
     return found
 
 
 @part
-def _total(value, numbers):
-    store(numbers, 0, value)
+def _total(value, scratch):
+    store(scratch, 0, value)
     found = 0.0
     for lane in range(WIDTH):
-        found += numbers[lane]
+        found += scratch[lane]
     return found
 
 
 @part
-def _go(cells, axes, point, c, far_dual, window):
+def _go(cells, axes, point, c, far_dual, scratch):
     """Move to unknowns and along the multipliers: whether it is within, sum g z, and T."""
-    zero, one = spread(0.0), spread(1.0)
-    far, within, gap, duration = spread(far_dual), one, zero, zero
-    rooms = 1 + POINTS + SIDES * POINTS * axes
-    for block in range(cells.there.size // WIDTH):
-        x, y, z = _window(cells, block, c, window)
+    one, far, gap, duration = spread(1.0), spread(far_dual), spread(0.0), spread(0.0)
+    within = one
+    for block in range((c.size + WIDTH - 1) // WIDTH):
+        x, y, z = _window(block, c, scratch)
         within = within * _fill_rooms(cells, axes, block, x, y, z, point)
-        there = load(cells.there, block)
-        for k in range(block * rooms, (block + 1) * rooms):
-            multiplier = fma(far, load(point.dual, k), load(point.z, k))
-            store(point.z, k, multiplier)
-            gap = fma(there * multiplier, load(point.room, k), gap)
-        for at in range(POINTS * block, POINTS * (block + 1)):
-            duration = duration + there * load(cells.weight, at) / root(load(point.u, at))
-    inside = _total(within, window) == WIDTH
-    return inside, _total(gap, window), _total(duration, window)
+        _, at, _ = _starts(axes, block)
+        end, after, _ = _starts(axes, block + 1)
+        there = load(cells, end - 1)
+        for room in range(at + POINTS, after, PER_ROOM):
+            multiplier = fma(far, load(point, room + CHANGE), load(point, room + DUAL))
+            store(point, room + DUAL, multiplier)
+            gap = fma(there * multiplier, load(point, room), gap)
+        for p in range(POINTS):
+            weight = load(cells, end - 1 - POINTS + p)
+            duration = duration + there * weight / root(load(point, at + p))
+    inside = _total(within, scratch) == WIDTH
+    return inside, _total(gap, scratch), _total(duration, scratch)
 
 
 @part
-def _begin_multipliers(point, mu):
-    for k in range(point.z.size // WIDTH):
-        store(point.z, k, spread(mu) / load(point.room, k))
+def _begin_multipliers(axes, n, point, mu):
+    for block in range((n + WIDTH - 1) // WIDTH):
+        _, at, _ = _starts(axes, block)
+        _, after, _ = _starts(axes, block + 1)
+        for room in range(at + POINTS, after, PER_ROOM):
+            store(point, room + DUAL, spread(mu) / load(point, room))
 
 
 @part
@@ -319,35 +322,34 @@ def _centring(moved, gain):
 
 
 @part
-def _solved(parts, first, c, steps):
-    n, axes = first.size, parts.jerk.shape[1] // POINTS
-    cells, window = _cells(parts, first), np.empty(3 * WIDTH)
-    blocks = cells.there.size // WIDTH
-    size = blocks * (1 + POINTS + SIDES * POINTS * axes) * WIDTH
-    u = np.empty(blocks * POINTS * WIDTH)
-    point = _Point(u, np.empty(size), np.empty(size), np.zeros(size), np.zeros(size))
-    equations, ahead = Equations(np.empty((3, n)), np.empty(n), np.empty(n)), np.empty(n)
-    count = n * (1 + POINTS + SIDES * POINTS * axes)
-    _, _, duration = _go(cells, axes, point, c, 0.0, window)
+def _ahead(c, far, step, equations, ahead):
+    """Write the unknowns after so much of the step; how much sooner its end is expected [s]."""
+    gain = 0.0
+    for i in range(c.size):
+        gain -= equations[PER_UNKNOWN * i + SLOPE] * step[i]
+        ahead[i] = c[i] + far * step[i]
+    return gain
+
+
+@compiled
+def _solved(cells, axes, c, steps, point, equations, step, ahead, scratch):
+    n = c.size
+    count = n * (1 + POINTS + 4 * POINTS * axes)
+    _, _, duration = _go(cells, axes, point, c, 0.0, scratch)
     mu = 0.1 * duration / count
-    _begin_multipliers(point, mu)
+    _begin_multipliers(axes, n, point, mu)
     gap = mu * count
     for _ in range(steps):
-        _fill_equations(cells, axes, point, mu, equations)
-        solve_equations(equations)
-        step = equations.right
-        gain = 0.0
-        for i in range(n):
-            gain -= equations.slope[i] * step[i]
-        nearest, nearest_dual = _fill_duals(cells, axes, point, mu, step, window)
+        _fill_equations(cells, axes, n, point, mu, equations, scratch)
+        solve_equations(equations, step)
+        nearest, nearest_dual = _fill_changes(cells, axes, n, point, mu, step, scratch)
         moved = TO_THE_BOUND / max(nearest, TO_THE_BOUND)
         moved_dual = TO_THE_BOUND / max(nearest_dual, TO_THE_BOUND)
-        for i in range(n):
-            ahead[i] = c[i] + moved * step[i]
-        inside, gap_ahead, duration_ahead = _go(cells, axes, point, ahead, moved_dual, window)
+        gain = _ahead(c, moved, step, equations, ahead)
+        inside, gap_ahead, duration_ahead = _go(cells, axes, point, ahead, moved_dual, scratch)
         if not inside:  # at rounding: what was found is within all conditions
             return gap
-        for i in range(n):
+        for i in range(n):  # all at once would be compiled with the words of an error of shapes
             c[i] = ahead[i]
         gap, before, duration = gap_ahead, duration, duration_ahead
         if gap < GAP * duration and before - duration < 0.3 * GAP * duration:
@@ -355,20 +357,5 @@ def _solved(parts, first, c, steps):
         mu = gap / count * _centring(moved, gain / duration)
         if moved < JAMMED:
             mu = gap / count
-            _begin_multipliers(point, mu)
+            _begin_multipliers(axes, n, point, mu)
     return gap
-
-
-@compiled
-def solve(
-    parts: Conditions,
-    first: Int[np.ndarray, " n"],
-    c: np.ndarray,
-    steps: int,
-) -> float:
-    """Improve the unknowns of one stretch in place; they begin within every condition.
-
-    The sum of g_i z_i is returned [s]: at the optimum it is zero, and away from it about the time
-    that is left to gain. There are so many steps at most; forty are usual.
-    """
-    return _solved(parts, first, c, steps)

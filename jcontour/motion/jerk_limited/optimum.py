@@ -3,11 +3,9 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jcontour.compiled import compiled
-from jcontour.motion.jerk_limited.conditions import Conditions
-from jcontour.motion.jerk_limited.newton import POINTS, solve
+from jcontour.motion.jerk_limited.conditions import SPEED, SQUARE, STILL, Conditions
+from jcontour.motion.jerk_limited.newton import solve
 from jcontour.motion.jerk_limited.warp import Ordinates
-from jcontour.native.lanes import part
 
 STEPS = 150  # of Newton's method; forty are usual
 
@@ -33,42 +31,26 @@ def quickest(
     Raises:
         ValueError: the start breaks a condition.
     """
-    if not (fullest(parts, ordinates.first, start) > 1).all():
+    if not (fullest(parts, ordinates.window(start)) > 1).all():
         raise ValueError("start: needs to be within every condition")
     c = start.copy()
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
     gap = np.zeros(wanted.size)
     for k in np.flatnonzero(wanted):
         some = slice(ends[k], ends[k + 1])
-        alone = Conditions(*(rows[some] for rows in parts))
-        gap[k] = solve(alone, ordinates.first[some] - ends[k], c[some], STEPS)
+        alone = Conditions(parts.rows[some], parts.weight[some], parts.axes)
+        gap[k] = solve(alone, c[some], STEPS)
     return c, gap
 
 
-@part
-def _times(rows, i, r, x, y, z):
-    """Row r of cell i times a window."""
-    return rows[i, r, 0] * x + rows[i, r, 1] * y + rows[i, r, 2] * z
-
-
-@compiled
-def fullest(
-    parts: Conditions, first: Int[np.ndarray, " n"], c: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
+def fullest(parts: Conditions, window: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Factor on the unknowns at which the first condition of every cell is met.
 
     The speed and the acceleration grow with it, the jerk with its power 3/2.
     """
-    factor = np.empty(first.size)
-    axes = parts.jerk.shape[1] // POINTS
-    for i in range(first.size):
-        x, y, z = c[first[i]], c[first[i] + 1], c[first[i] + 2]
-        linear, jerk = 0.0, 0.0
-        for p in range(POINTS):
-            linear = max(linear, _times(parts.speed, i, p, x, y, z))
-            rate = np.sqrt(_times(parts.square, i, p, x, y, z))
-            for r in range(p * axes, (p + 1) * axes):
-                linear = max(linear, abs(_times(parts.acceleration, i, r, x, y, z)))
-                jerk = max(jerk, rate * abs(_times(parts.jerk, i, r, x, y, z)))
-        factor[i] = 1.0 / max(linear, np.cbrt(jerk) ** 2)
-    return factor
+    values = np.abs((parts.rows @ window[..., None])[..., 0])
+    acceleration, jerk = np.split(values[:, STILL:], 2, axis=1)
+    rate = np.sqrt(values[:, SQUARE:SPEED])
+    jerk = (jerk.reshape(*rate.shape, parts.axes).max(axis=-1) * rate).max(axis=1)
+    linear = np.maximum(values[:, SPEED:STILL].max(axis=1), acceleration.max(axis=1))
+    return 1.0 / np.maximum(linear, np.cbrt(jerk) ** 2)

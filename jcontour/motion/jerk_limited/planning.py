@@ -287,8 +287,7 @@ def _quickest(
         exceeds = np.zeros_like(every)
         exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
-        tight = np.where(again, 1 / less**TIGHTER, 1.0)[:, None, None]
-        parts = parts._replace(acceleration=parts.acceleration * tight, jerk=parts.jerk * tight)
+        parts.limited[...] *= np.where(again, 1 / less**TIGHTER, 1.0)[:, None, None]
         start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
         found, left = quickest(parts, unknowns, start, stretch, exceeds)
         gap = np.where(exceeds, left, gap)
@@ -303,7 +302,7 @@ def _quickest(
 def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
     """Unknowns of a shape, stretch by stretch as fast as leaves room in every condition."""
     most = np.full(stretch[-1] + 1, np.inf)
-    np.minimum.at(most, stretch, fullest(parts, unknowns.first, shape))
+    np.minimum.at(most, stretch, fullest(parts, unknowns.window(shape)))
     return (1 - ROOM) * most[stretch] * shape
 
 
