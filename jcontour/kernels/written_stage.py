@@ -109,6 +109,21 @@ def gain(shape: Shape, sizes: Sizes, M, L) -> list[list]:
     ]
 
 
+def remembered(shape: Shape, sizes: Sizes, M, L, X):
+    """Product X (A - B K) = X (I - B L) A of a later loop's transitions with that of a stage."""
+    states, n = range(sizes.n), sizes.n
+    Y = {}
+    for i in states:
+        XB = [
+            dot((X[i, k], M[k, n + 1 + u]) for k in shape.rows[n + 1 + u]) for u in range(sizes.p)
+        ]
+        for k in states:
+            Y[i, k] = dot(
+                ((-of_input, row[k]) for of_input, row in zip(XB, L, strict=True)), X[i, k]
+            )
+    return {(i, k): dot((Y[i, j], M[j, k]) for j in shape.rows[k]) for i in states for k in states}
+
+
 def cost_in_front(shape: Shape, sizes: Sizes, M, H, chosen: Choice):
     """Cost to go in front of a stage, without its output: A' (H - H B L) A."""
     n, L = sizes.n, chosen.L

@@ -1,14 +1,15 @@
 """A long horizon from a short one, where the loop forgets what lies beyond, and a check of that.
 
 The cost to go at a step hardly depends on what lies beyond M samples once the product of the
-closed loops' transitions over them has died out. Blocks of M steps are swept from M samples behind
-their end, one step more in front than they have. That step is the last one of the block before,
-where the sweep has M samples: here it has 2 M. The two gains of the same step differ by what the
-sweep has not forgotten within M samples, and the other steps of a block have more than M.
+closed loops' transitions over them has died out. The run is cut into as many blocks as are swept at
+once, of L steps. Each is swept from M samples behind its end, to one step more in front than it
+has. That step is the last one of the block before, where that block's sweep has M samples and this
+one M + L. The two gains of the same step differ by what the sweep has not forgotten within M
+samples, and the other steps of a block have more than M.
 
 The difference counts relative to the largest gain, F and f each by itself. Where the path stands
 still, or the horizon ends in the stationary cost, there is none to see. So the product of the
-closed loops' transitions over every block has to have died out too, to the same number.
+transitions over the M samples behind every block has to have died out too, to the same number.
 A loop that forgets slowly, as that of very expensive control, is found by these two, whatever its
 weights are: nothing is estimated beforehand.
 """
@@ -17,15 +18,16 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from jcontour.devices import on_gpu
-from jcontour.kernels.sweeps.block_sweep import block_sweep
+from jcontour.kernels.sweeps.block_sweep import remembering_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
-from jcontour.riccati.blockwise import block_ends
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo
 
 MEMORY = 250  # M [samples]: within them the paper's weights have forgotten
+AT_ONCE = 8  # blocks that a CPU sweeps side by side
 FORGOTTEN = 1e-12  # relative difference of gains: rounding over so many stages is 1e-14
 
 
@@ -50,7 +52,8 @@ def forgetful_plan(
 ) -> AffinePlan:
     """The short sweep's gains where the loop has forgotten within `MEMORY`, else those of `whole`.
 
-    Only the one that is needed is computed, but under `vmap`, where both are.
+    Only the one that is needed is computed. Under `vmap` that is `whole` for all members unless all
+    of them have forgotten.
 
     Args:
         model: A, B, C; at most `MOST_STATES` states.
@@ -61,9 +64,31 @@ def forgetful_plan(
         whole: makes the plan of the long horizon.
         steps: T.
     """
-    short, apart = short_plan(model, Q, y_d, R, terminal_at, steps, MEMORY)
+    length = block_length(steps, y_d.shape[0] - steps - MEMORY)
+    short, apart = short_plan(model, Q, y_d, R, terminal_at, steps, MEMORY, length)
     forgotten = jax.lax.stop_gradient(apart) <= FORGOTTEN  # not so where it is NaN
-    return jax.lax.cond(forgotten, lambda: short, whole)
+    return jax.lax.cond(_by_all(forgotten), lambda: short, whole)
+
+
+@jax.custom_batching.custom_vmap
+def _by_all(true: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Whether it is true of every member of a batch, one answer for all of them."""
+    return true
+
+
+@_by_all.def_vmap
+def _by_all_of_a_batch(size: int, batched: list[bool], true):
+    del size, batched
+    return _by_all(jnp.all(true)), False
+
+
+def block_length(steps: int, most: int) -> int:
+    """Steps of a block L, at most so many.
+
+    The blocks, with the one behind the run, are a multiple of those that are swept at once.
+    """
+    together = AT_ONCE * -(-(steps + most) // (AT_ONCE * most))
+    return -(-steps // (together - 1))
 
 
 def short_plan(
@@ -74,23 +99,25 @@ def short_plan(
     terminal_at: Callable[[slice], CostToGo],
     steps: int,
     memory: int,
+    length: int,
 ) -> tuple[AffinePlan, Float[Array, ""]]:
-    """Gains of the blocks of M = `memory` steps, and what their sweeps may not have forgotten.
+    """Gains of blocks of L = `length` steps, and what their sweeps may not have forgotten.
 
-    The largest relative difference at their ends, or what the loop remembers over a block.
+    The largest relative difference at their ends, or what a sweep remembers over M = `memory`.
 
     One block more is swept behind the run: the last step of the run is compared too.
     """
-    swept = steps + memory
-    blocks = -(-swept // memory)
-    begins = swept - memory * jnp.arange(blocks, 0, -1) - 1
-    seen = jnp.maximum(jnp.add.outer(jnp.arange(2 * memory), begins), 0)
-    terminal = terminal_at(block_ends(swept, memory))
-    rows = block_sweep(
-        model.pattern, seen, memory + 1, model.A, model.B, model.C, Q, y_d, R, *terminal
+    swept = steps + length
+    first = swept % -length - 1  # the first block may begin before the run, in front of it a step
+    begins = np.arange(first, steps, length)
+    seen = jnp.maximum(jnp.add.outer(jnp.arange(length + memory), begins), 0)
+    terminal = terminal_at(slice(first + length + memory, swept + memory, length))
+    F, f, product = remembering_sweep(
+        model.pattern, seen, length + 1, model.A, model.B, model.C, Q, y_d, R, *terminal
     )
-    apart = jnp.max(jnp.stack([*map(_apart, rows), _remembered(model, rows[0][1:])]))
-    return AffinePlan(*(_in_time(one, steps, swept) for one in rows)), apart
+    remembered = jnp.max(jnp.abs(product))
+    apart = jnp.max(jnp.stack([_apart(F), _apart(f), remembered]))
+    return AffinePlan(*(_in_time(one, steps, swept) for one in (F, f))), apart
 
 
 def _apart(rows: Float[Array, "rows blocks *rest"]) -> Float[Array, ""]:
@@ -98,16 +125,6 @@ def _apart(rows: Float[Array, "rows blocks *rest"]) -> Float[Array, ""]:
     difference = jnp.max(jnp.abs(rows[-1, :-1] - rows[0, 1:]))
     largest = jnp.max(jnp.abs(rows))
     return jnp.where(difference > 0, difference / jnp.where(largest > 0, largest, 1), difference)
-
-
-def _remembered(model: LinearPlant, F: Float[Array, "M blocks p n"]) -> Float[Array, ""]:
-    """Largest entry of the product of A - B F over the steps of a block."""
-
-    def on(product, F):
-        return (model.A[None] - jnp.einsum("np,bpm->bnm", model.B, F)) @ product, None
-
-    start = jnp.broadcast_to(jnp.eye(model.states, dtype=F.dtype), (F.shape[1], *model.A.shape))
-    return jnp.max(jnp.abs(jax.lax.scan(on, start, F)[0]))
 
 
 def _in_time(rows, steps: int, swept: int):

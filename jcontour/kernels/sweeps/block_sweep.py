@@ -42,20 +42,52 @@ def block_sweep(
         g: likewise (blocks, n).
     """
     cost = cost_entries(Q, y_d)[:, seen]
-    sweep = _by_eight if suits_stages(pattern, A, B, C, cost, R, H, g) else _swept
-    K = jnp.moveaxis(sweep(pattern, preview, A, B, C, cost, R, H, g), -1, 1)
+    if suits_stages(pattern, A, B, C, cost, R, H, g):
+        K, _ = _by_eight(pattern, preview, False, A, B, C, cost, R, H, g)
+    else:
+        K = _swept(pattern, preview, A, B, C, cost, R, H, g)
+    return _gains(pattern, K)
+
+
+def remembering_sweep(
+    pattern: Pattern, seen: Int[Array, "seen blocks"], preview: int, A, B, C, Q, y_d, R, H, g
+) -> tuple[
+    Float[Array, "N_p blocks p n"], Float[Array, "N_p blocks p"], Float[Array, "blocks n n"]
+]:
+    """Gains as those of `block_sweep`, and what each block's sweep remembers of (H, g).
+
+    That is the product of A - B F of the stages behind the block's steps, the last one on the left;
+    the order of the states is of no account. It has no derivative.
+    """
+    cost = cost_entries(Q, y_d)[:, seen]
+    if suits_stages(pattern, A, B, C, cost, R, H, g):
+        K, product = _by_eight(pattern, preview, True, A, B, C, cost, R, H, g)
+        return *_gains(pattern, K), jnp.moveaxis(product, -1, 0)
+    F, f = _gains(pattern, _swept(pattern, cost.shape[1], A, B, C, cost, R, H, g))
+
+    def on(product, F):
+        return (A[None] - jnp.einsum("np,bpm->bnm", B, F)) @ product, None
+
+    start = jnp.broadcast_to(jnp.eye(len(A), dtype=F.dtype), H.shape)
+    behind = jax.lax.stop_gradient(F[preview:])
+    return F[:preview], f[:preview], jax.lax.scan(on, start, behind)[0]
+
+
+def _gains(pattern: Pattern, K):
+    K = jnp.moveaxis(K, -1, 1)
     return K[..., np.argsort(packing(pattern).order)], -K[..., -1]
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(0, 1))
-def _by_eight(pattern: Pattern, preview: int, A, B, C, cost, R, H, g):
-    """Gains as `kernels.sweeps.stage_sweep` finds them, with the derivative of those of XLA."""
-    scale = jnp.ones(cost.shape[1] - 1, cost.dtype)
-    return stage_sweep(pattern, A, B, C, R, cost[:, 1:], scale, H, g, preview)[0]
+@partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
+def _by_eight(pattern: Pattern, preview: int, remembering: bool, A, B, C, cost, R, H, g):
+    """Gains and products as `stage_sweep` finds them, the gains with XLA's derivative."""
+    scale, cost = jnp.ones(cost.shape[1] - 1, cost.dtype), cost[:, 1:]
+    found = stage_sweep(pattern, A, B, C, R, cost, scale, H, g, preview, remembering)
+    return found.K, found.product
 
 
 @partial(_by_eight.defjvp, symbolic_zeros=True)
-def _by_eight_jvp(pattern: Pattern, preview: int, primals, tangents):
+def _by_eight_jvp(pattern: Pattern, preview: int, remembering: bool, primals, tangents):
     moving = [k for k, tangent in enumerate(tangents) if not isinstance(tangent, SymbolicZero)]
 
     def moved(*some):
@@ -63,7 +95,9 @@ def _by_eight_jvp(pattern: Pattern, preview: int, primals, tangents):
         return _swept(pattern, preview, *arguments.values())
 
     point, push = ([values[k] for k in moving] for values in (primals, tangents))
-    return jax.jvp(moved, point, push)
+    K, change = jax.jvp(moved, point, push)
+    product = _by_eight(pattern, preview, remembering, *primals)[1]
+    return (K, product), (change, jnp.zeros_like(product))
 
 
 def _swept(

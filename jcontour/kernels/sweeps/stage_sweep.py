@@ -9,6 +9,7 @@ samples; those of blocks have samples of their own.
 
 import hashlib
 from functools import lru_cache, partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +19,15 @@ from jaxtyping import Array, Float
 from jcontour.devices import suits_native
 from jcontour.kernels.dispatch import MOST_MULTIPLICATIONS, multiplications
 from jcontour.kernels.packing import packing
-from jcontour.kernels.written_stage import Sizes, choice, cost_in_front, gain, shape_of, weigh
+from jcontour.kernels.written_stage import (
+    Sizes,
+    choice,
+    cost_in_front,
+    gain,
+    remembered,
+    shape_of,
+    weigh,
+)
 from jcontour.linear.plant import Pattern
 from jcontour.native.straight_line import WIDTH, counted_down, memory, straight_call, whole
 
@@ -26,6 +35,21 @@ from jcontour.native.straight_line import WIDTH, counted_down, memory, straight_
 def suits_stages(pattern: Pattern, *arrays) -> bool:
     """Whether the sweep takes a plant and numbers of these types; compiling takes a second else."""
     return suits_native(*arrays) and multiplications(pattern) <= MOST_MULTIPLICATIONS
+
+
+class Swept(NamedTuple):
+    """What a sweep finds of all windows, T of them.
+
+    Attributes:
+        K: gains [F, -f] of the first stages; the states are in the order of `kernels.packing`.
+        G: of the first stage.
+        product: of A - B F of the stages behind the first ones, the last one on the left. With it
+            on either side an error of the cost to go at the end arrives in front of them.
+    """
+
+    K: Float[Array, "kept p n+1 T"]
+    G: Float[Array, "p p T"]
+    product: Float[Array, "n n T"] | Float[Array, "0 0 T"]
 
 
 def stage_sweep(
@@ -39,10 +63,9 @@ def stage_sweep(
     H: Float[Array, "T n n"],
     g: Float[Array, "T n"],
     kept: int,
-) -> tuple[Float[Array, "kept p n+1 T"], Float[Array, "p p T"]]:
-    """Gains K = [F, -f] of the first stages, and G of the first, for all windows.
-
-    The columns of K are states in the order of `kernels.packing`, the 1 is behind them.
+    remembering: bool = False,
+) -> Swept:
+    """Gains of the first stages of all windows.
 
     Args:
         pattern: non-zeros of the model.
@@ -57,6 +80,7 @@ def stage_sweep(
         H: cost to go at the ends.
         g: likewise.
         kept: stages whose K is wanted, from the first on.
+        remembering: whether the product is wanted; it is empty else.
     """
     (n, p), windows = B.shape, g.shape[0]
     idle = max(WIDTH - windows, 0)
@@ -66,31 +90,33 @@ def stage_sweep(
     ends = jnp.pad(ends, [(0, 0), (0, idle)])
     shapes = [
         jax.ShapeDtypeStruct((*sizes, windows + idle), ends.dtype)
-        for sizes in ((kept, p, n + 1), (p, p))
+        for sizes in ((kept, p, n + 1), (p, p), (n, n) if remembering else (0, 0))
     ]
-    K, G = _program(pattern, cost.ndim == 2)(shapes, A, B, C, R, cost, scale, ends)
-    return K[..., :windows], G[..., :windows]
+    program = _program(pattern, cost.ndim == 2, remembering)
+    found = program(shapes, A, B, C, R, cost, scale, ends)
+    return Swept(*(numbers[..., :windows] for numbers in found))
 
 
 @lru_cache
-def _program(pattern: Pattern, sliding: bool):
-    name = hashlib.sha256(repr((pattern, sliding)).encode()).hexdigest()[:16]
-    return straight_call(f"jcontour_stage_sweep_{name}", partial(_write, pattern, sliding))
+def _program(pattern: Pattern, *form: bool):
+    name = hashlib.sha256(repr((pattern, *form)).encode()).hexdigest()[:16]
+    return straight_call(f"jcontour_stage_sweep_{name}", partial(_write, pattern, *form))
 
 
-def _write(pattern: Pattern, sliding: bool, builder, arguments, results) -> None:
+def _write(pattern: Pattern, sliding: bool, remembering: bool, builder, arguments, results) -> None:
     """Write the program: for every eight windows, stages from the last to the first."""
     shape, order = shape_of(pattern), packing(pattern).order
     n, p, m = len(pattern.A), len(pattern.B[0]), len(pattern.C)
     sizes = Sizes(n, p, m, 0, 0, ended=True)
     A, B, C, R, cost, scale, ends = (arguments(k) for k in range(7))
-    K_rows, G_rows = results(0), results(1)
+    K_rows, G_rows, X_rows = (results(k) for k in range(3))
     windows, kept = G_rows.extent(2), K_rows.extent(0)
     last, samples = scale.extent(0), cost.extent(1)
     stride = whole(1)
     if not sliding:
         samples, stride = builder.mul(samples, windows), windows
-    room = memory(builder, len(shape.entries))
+    room, squares = memory(builder, len(shape.entries)), list(np.ndindex(n, n))
+    product = memory(builder, len(squares))
 
     def times(number, other):
         return builder.mul(whole(number) if isinstance(number, int) else number, other)
@@ -109,6 +135,9 @@ def _write(pattern: Pattern, sliding: bool, builder, arguments, results) -> None
         first = builder.select(builder.icmp_signed("<", first, beyond), first, beyond)
         for row in range(len(shape.entries)):
             room.write(WIDTH * row, ends.lanes(builder.add(times(row, windows), first)))
+        if remembering:
+            for row, (i, k) in enumerate(squares):
+                product.write(WIDTH * row, float(i == k))
 
         def stage(s):
             M, output, weight = model()
@@ -116,6 +145,12 @@ def _write(pattern: Pattern, sliding: bool, builder, arguments, results) -> None
             chosen = choice(shape, sizes, M, weight, H)
             with builder.if_then(builder.icmp_signed("<", s, kept)):
                 keep(s, gain(shape, sizes, M, chosen.L))
+            if remembering:
+                with builder.if_then(builder.icmp_signed(">=", s, kept)):
+                    X = {at: product.lanes(WIDTH * row) for row, at in enumerate(squares)}
+                    X = remembered(shape, sizes, M, chosen.L, X)
+                    for row, at in enumerate(squares):
+                        product.write(WIDTH * row, X[at])
             first_stage = builder.icmp_signed("==", s, whole(0))
             with builder.if_else(first_stage) as (at_first, at_others):
                 with at_first:
@@ -142,6 +177,10 @@ def _write(pattern: Pattern, sliding: bool, builder, arguments, results) -> None
             return [factor * cost.lanes(row) for row in rows]
 
         counted_down(builder, builder.add(last, whole(1)), stage)
+        if remembering:
+            for row in range(len(squares)):
+                place = builder.add(times(row, windows), first)
+                X_rows.write(place, product.lanes(WIDTH * row))
 
     groups = builder.sdiv(builder.add(windows, whole(WIDTH - 1)), whole(WIDTH))
     counted_down(builder, groups, eight)

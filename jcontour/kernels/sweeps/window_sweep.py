@@ -188,7 +188,7 @@ def _by_eight(pattern: Pattern, later: bool, A, B, C, data: SweepData) -> Gains:
     preview = data.stage.shape[0]
     cost = data.cost[:, 1:-1] if preview > 1 else data.cost[:, :0]
     kept, scale = preview if later else 1, data.stage[:-1]
-    K, G = stage_sweep(pattern, A, B, C, data.R, cost, scale, data.H, data.g, kept)
+    K, G, _ = stage_sweep(pattern, A, B, C, data.R, cost, scale, data.H, data.g, kept)
     return Gains(K[0], K[1:], G)
 
 

@@ -4,7 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+import jcontour.kernels.sweeps.block_sweep as block_sweep
 import jcontour.riccati.forgetting as forgetting
 from jcontour.controllers.lq.blockwise_lq import BlockwiseLQ
 from jcontour.controllers.lq.contouring_lq import (
@@ -20,50 +23,57 @@ from jcontour.motion.references import along
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.riccati.receding_horizon import output_cost
 
-STEPS, MEMORY = 7, 3
+STEPS, MEMORY, LENGTH = 7, 4, 3
 
 
-def problem(plant, steps, memory, scale=1.0):
-    random, seen = np.random.default_rng(0), steps + 2 * memory
+def problem(plant, steps, seen, scale=1.0):
+    random = np.random.default_rng(0)
     roots = random.standard_normal((seen, 2, 2))
     Q, y_d = jnp.asarray(scale * roots @ roots.mT), jnp.asarray(random.standard_normal((seen, 2)))
     return Q, y_d, 0.3 * jnp.eye(plant.inputs)
 
 
 def horizon(plant, Q, y_d, R, k, last):
-    """Gains F, f of step k whose horizon ends with the output at sample `last`."""
+    """Gains F, f of step k whose horizon ends with the output at sample `last`; A - B F of all."""
     A, B, C = (np.asarray(M) for M in (plant.A, plant.B, plant.C))
-    H, g = C.T @ Q[last] @ C, -C.T @ Q[last] @ y_d[last]
+    H, g, loops = C.T @ Q[last] @ C, -C.T @ Q[last] @ y_d[last], []
     for j in range(last - 1, k, -1):
         closed = A - B @ np.linalg.solve(B.T @ H @ B + R, B.T @ H @ A)
         g = closed.T @ g - C.T @ Q[j] @ y_d[j]
         H = A.T @ H @ closed + C.T @ Q[j] @ C
+        loops.append(closed)
     M = B.T @ H @ B + R
-    return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g)
+    return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g), loops
 
 
 def short(plant, Q, y_d, R):
     def terminal_at(ends):
         return output_cost(plant, Q[ends], y_d[ends])
 
-    return forgetting.short_plan(plant, Q, y_d, R, terminal_at, STEPS, MEMORY)
+    return forgetting.short_plan(plant, Q, y_d, R, terminal_at, STEPS, MEMORY, LENGTH)
 
 
 def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, monkeypatch):
     """Blocks of 3 steps behind a run of 7 and 3 more: steps 0 | 1 2 3 | 4 5 6 | 7 8 9."""
-    monkeypatch.setattr(forgetting, "_remembered", lambda *_: jnp.zeros(()))
+    sweep = forgetting.remembering_sweep
+
+    def forgets_all(*arguments):
+        F, f, product = sweep(*arguments)
+        return F, f, 0.0 * product
+
+    monkeypatch.setattr(forgetting, "remembering_sweep", forgets_all)
     plant = coupled_plant(3, 4, 2)
-    Q, y_d, R = problem(plant, STEPS, MEMORY)
-    found, apart = jax.jit(short)(plant, Q, y_d, R)
+    Q, y_d, R = problem(plant, STEPS, STEPS + LENGTH + MEMORY)
+    found, apart = short(plant, Q, y_d, R)
     numbers = [np.asarray(one) for one in (Q, y_d, R)]
     for k, block_end in enumerate((0, 3, 3, 3, 6, 6, 6)):
-        F, f = horizon(plant, *numbers, k, block_end + MEMORY)
+        F, f, _ = horizon(plant, *numbers, k, block_end + MEMORY)
         np.testing.assert_allclose(found.F[k], F, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(found.f[k], f, rtol=1e-9, atol=1e-12)
-    once = [horizon(plant, *numbers, k, k + MEMORY) for k in (0, 3, 6)]
-    twice = [horizon(plant, *numbers, k, k + 2 * MEMORY) for k in (0, 3, 6)]
+    near = [horizon(plant, *numbers, k, k + MEMORY) for k in (0, 3, 6)]
+    far = [horizon(plant, *numbers, k, k + LENGTH + MEMORY) for k in (0, 3, 6)]
     differences = [
-        max(np.abs(one[i] - other[i]).max() for one, other in zip(once, twice, strict=True))
+        max(np.abs(one[i] - other[i]).max() for one, other in zip(near, far, strict=True))
         for i in (0, 1)
     ]
     # the largest gain of the run is at most that of all rows, which the block behind it has too
@@ -71,17 +81,29 @@ def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, mon
     assert 1e-6 < 0.2 * largest < float(apart) <= (1 + 1e-9) * largest
 
 
-def test_what_a_loop_remembers_is_the_product_of_its_steps(coupled_plant):
+@pytest.mark.parametrize("native", [True, False])
+def test_what_is_remembered_is_the_product_of_the_loops_behind_a_block(
+    coupled_plant, monkeypatch, native
+):
+    monkeypatch.setattr(forgetting, "_apart", lambda _: jnp.zeros(()))
+    if not native:
+        monkeypatch.setattr(block_sweep, "suits_stages", lambda *_: False)
     plant = coupled_plant(3, 4, 2)
-    F = np.random.default_rng(1).standard_normal((3, 2, plant.inputs, 4))
-    products = [np.eye(4), np.eye(4)]
-    for gains in F:
-        products = [
-            (plant.A - plant.B @ gain) @ product
-            for gain, product in zip(gains, products, strict=True)
-        ]
-    found = forgetting._remembered(plant, jnp.asarray(F))
+    Q, y_d, R = problem(plant, STEPS, STEPS + LENGTH + MEMORY)
+    _, found = short(plant, Q, y_d, R)
+    numbers = [np.asarray(one) for one in (Q, y_d, R)]
+    loops = [horizon(plant, *numbers, k, k + MEMORY)[2] for k in (0, 3, 6, 9)]
+    products = [np.linalg.multi_dot(behind) for behind in loops]
     assert float(found) == pytest.approx(np.abs(products).max(), rel=1e-12)
+
+
+@given(steps=st.integers(1, 100_000), most=st.integers(1, 2_000))
+def test_blocks_are_a_multiple_of_those_swept_at_once(steps, most):
+    length = forgetting.block_length(steps, most)
+    blocks, groups = -(-(steps + length) // length), -(-(steps + most) // (8 * most))
+    assert 1 <= length <= most and blocks <= 8 * groups
+    # one step less a block would take more
+    assert length == 1 or -(-(steps + length - 1) // (length - 1)) > 8 * groups
 
 
 @pytest.mark.slow
@@ -109,7 +131,7 @@ def test_the_short_sweep_is_taken_where_the_loop_forgets(coupled_plant, monkeypa
     plant = coupled_plant(3, 4, 2)
     radius = np.abs(np.linalg.eigvals(plant.A)).max()
     plant = type(plant)(plant.A * (pole / radius), plant.B, plant.C, plant.dt)
-    Q, y_d, R = problem(plant, 30, 20, scale=1e-9)
+    Q, y_d, R = problem(plant, 30, 70, scale=1e-9)
 
     def whole():
         return AffinePlan(jnp.full((30, 2, 4), jnp.nan), jnp.full((30, 2), jnp.nan))
@@ -119,6 +141,25 @@ def test_the_short_sweep_is_taken_where_the_loop_forgets(coupled_plant, monkeypa
 
     found = forgetting.forgetful_plan(plant, Q, y_d, R, terminal_at, whole, 30)
     assert np.isfinite(found.F).all() == np.isfinite(found.f).all() == taken
+
+
+@pytest.mark.parametrize(("scales", "taken"), [([1.0, 0.5], True), ([1.0, 10.0], False)])
+def test_a_batch_takes_the_short_sweep_where_all_members_forget(monkeypatch, scales, taken):
+    """One state a axis without a cost: the product of two steps is the square of its pole."""
+    monkeypatch.setattr(forgetting, "MEMORY", 3)
+    monkeypatch.setattr(forgetting, "FORGOTTEN", 1e-2)
+
+    def plan(scale):
+        plant = LinearPlant(0.05 * scale * jnp.eye(2), jnp.eye(2), jnp.eye(2), dt=1e-3)
+        Q, y_d = jnp.zeros((11, 2, 2)), jnp.zeros((11, 2))
+        whole = AffinePlan(jnp.ones((5, 2, 2)), jnp.ones((5, 2)))
+        return forgetting.forgetful_plan(
+            plant, Q, y_d, jnp.eye(2), lambda ends: output_cost(plant, Q[ends], y_d[ends]),
+            lambda: whole, 5,
+        )  # fmt: skip
+
+    found = jax.jit(jax.vmap(plan))(jnp.array(scales))
+    np.testing.assert_array_equal(found.F, np.full((2, 5, 2, 2), 0.0 if taken else 1.0))
 
 
 def reference(table, preview):
@@ -162,8 +203,8 @@ def difference(table, weights, run):
         return output_cost(table, Q[ends], y_d[ends])
 
     R = control_weight(table, weights)
-    memory = forgetting.MEMORY
-    return forgetting.short_plan(table, Q, y_d, R, terminal_at, run.steps, memory)[1]
+    short = forgetting.short_plan(table, Q, y_d, R, terminal_at, run.steps, forgetting.MEMORY, 100)
+    return short[1]
 
 
 def plan_of_all_blocks(table, weights, run):

@@ -65,18 +65,22 @@ def test_windows_with_samples_of_their_own_are_the_equations(coupled_plant):
     Q, y_d = jnp.asarray(root @ root.mT), jnp.asarray(random.standard_normal(root.shape[:3]))
     cost = jnp.stack([cost_entries(*rows) for rows in zip(Q, y_d, strict=True)], axis=1)
     scale = data.stage[:-1]
-    K, G = jax.jit(stage_sweep, static_argnums=(0, 9))(
-        plant.pattern, plant.A, plant.B, plant.C, data.R, cost, scale, data.H, data.g, kept
+    K, G, product = jax.jit(stage_sweep, static_argnums=(0, 9, 10))(
+        plant.pattern, plant.A, plant.B, plant.C, data.R, cost, scale, data.H, data.g, kept, True
     )
+    remembered = np.broadcast_to(np.eye(3), (windows, 3, 3))
     behind, order = CostToGo(data.H, data.g), packing(plant.pattern).order
     for s in reversed(range(stages)):
         plan = first_control(plant, data.R, behind)
-        if s < kept:
+        if s >= kept:
+            remembered = remembered @ np.asarray(plant.A[None] - plant.B[None] @ plan.F)
+        else:
             close(np.moveaxis(K[s, :, :3], -1, 0), plan.F[:, :, order])
             close(-K[s, :, 3].T, plan.f)
         if s == 0:
             inverse = np.linalg.inv(plant.B.T @ behind.H @ plant.B + data.R[None])
             close(np.moveaxis(G, -1, 0), inverse)
+            close(np.moveaxis(product, -1, 0), remembered)
             break
         behind = one_stage_back(plant, data.R, behind, scale[s - 1] * Q[s - 1], y_d[s - 1])
 
