@@ -67,8 +67,7 @@ class Way(NamedTuple):
         counted: ratio where no error counts for less than an encoder count.
         family: ratio of the largest errors over the hidden machine's own gains and delays.
         sound: whether both searches found weights that keep all limits.
-        diverged: whether any run of either design did, on any member of that family,
-            or every point of a search, or the machine file is refused.
+        lost: why there is no result, of which of the two designs; empty where there is one.
     """
 
     seed: int
@@ -82,7 +81,7 @@ class Way(NamedTuple):
     counted: float
     family: float
     sound: bool
-    diverged: bool
+    lost: str
 
 
 @dataclass(frozen=True)
@@ -97,16 +96,17 @@ class OnTheMachine:
     """A tuned design on the true machine.
 
     Attributes:
-        errors: RMS contour error by contour [m]; none where every point of the search diverged.
+        errors: RMS contour error by contour [m]; none without a design.
         largest: the same over all members of the true machine's family [m].
         sound: whether the weights keep all limits.
-        diverged: whether any run did, or every point of the search, or the file is refused.
+        lost: contours on which a member diverged, why the search found nothing, or why the file
+            was refused; empty where all went well.
     """
 
     errors: dict[str, float]
     largest: dict[str, float]
     sound: bool
-    diverged: bool
+    lost: str
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> WholeWayBench:
@@ -149,7 +149,6 @@ def show(console: Console, result: WholeWayBench) -> None:
             *(f"{1e6 * mean:.3g}" for mean in (way.identified, way.true)),
             *(f"{one:.3f}" for one in (way.ratio, way.worst, way.counted, way.family)),
             "yes" if way.sound else "no",
-            "yes" if way.diverged else "no",
         ]
         for way in result.machines
     ]
@@ -163,7 +162,7 @@ def show(console: Console, result: WholeWayBench) -> None:
         "ratio",
         "worst\ncontour",
     ]
-    columns += ["from a\ncount on", "family", "limits\nkept", "diverged\nor refused"]
+    columns += ["from a\ncount on", "family", "limits\nkept"]
     console.print(tables.plain_table("From the log to the contour", columns, rows, text_columns=3))
     for name in ("ratio", "counted", "family"):
         ratios = np.array([getattr(way, name) for way in result.machines])
@@ -174,6 +173,7 @@ def show(console: Console, result: WholeWayBench) -> None:
     missing = sum(bool(np.isnan(way.ratio)) for way in result.machines)
     if missing:
         tables.say(console, f"no ratio: {missing} of {len(result.machines)} machines")
+    tables.say(console, *(f"machine {way.seed}: {way.lost}" for way in result.machines if way.lost))
 
 
 def _line(way: Way) -> str:
@@ -181,7 +181,7 @@ def _line(way: Way) -> str:
         f"{way.seed} {way.takes}, {way.record}: {way.ratio:.3f} of the error with the true model, "
         f"worst contour {way.worst:.3f}, from a count on {way.counted:.3f}, family {way.family:.3f}"
         f"{'' if way.sound else ', limits not kept'}"
-        f"{', diverged or refused' if way.diverged else ''}"
+        f"{f', {way.lost}' if way.lost else ''}"
     )
 
 
@@ -203,7 +203,11 @@ def _way(axes: list[RecordedAxis], seed: int, evaluations: int) -> Way:
         counted=_ratio(np.maximum(errors, count)),
         family=_ratio(_both(identified.largest, known.largest)),
         sound=identified.sound and known.sound,
-        diverged=identified.diverged or known.diverged,
+        lost="; ".join(
+            f"{model} model: {one.lost}"
+            for model, one in (("identified", identified), ("true", known))
+            if one.lost
+        ),
     )
 
 
@@ -268,16 +272,25 @@ def _tuned_on(fields: dict[str, Any], truth: dict[str, Any], evaluations: int) -
             run = tuning_run(Tune(plant=str(path)))
             run = replace(run, settings=replace(run.settings, evaluations=evaluations))
             found = searched(run, Path(place), lambda _: None, quiet)
-        except (NothingSound, MachineError):
-            return OnTheMachine({}, {}, False, True)
+        except NothingSound as error:
+            return OnTheMachine({}, {}, False, f"tune found nothing ({error})")
+        except MachineError as error:
+            return OnTheMachine({}, {}, False, f"tune refused the file ({_reason(error, path)})")
     controller = found.run.controller(found.tuned.weights)
     machine = machine_from(json.dumps(truth).encode(), "true")
     family = machine.true_family(found.run.design.fed)
-    errors, largest, diverged = {}, {}, False
+    errors, largest, diverged = {}, {}, []
     for job in found.run.scenarios.jobs:
         reference = job.reference(DT, controller.preview)
         runs = [score(simulate(plant, controller, reference), reference) for plant in family]
         values = [float(one.rms_contour_error) for one in runs]
         errors[job.name], largest[job.name] = values[0], float(np.max(values))
-        diverged |= any(bool(one.diverged) for one in runs)
-    return OnTheMachine(errors, largest, found.tuned.feasible, diverged)
+        if any(bool(one.diverged) for one in runs):
+            diverged.append(job.name)
+    lost = f"diverged on {', '.join(diverged)}" if diverged else ""
+    return OnTheMachine(errors, largest, found.tuned.feasible, lost)
+
+
+def _reason(error: MachineError, path: Path) -> str:
+    """What is wrong with a file, without the place where this benchmark keeps it."""
+    return str(error).removeprefix(f"{path}: ")

@@ -38,14 +38,14 @@ def test_the_true_file_answers_as_the_hidden_axes(takes):
     assert not answers[:, 0, 1].any()
 
 
-def found(first, second, largest=None, sound=True, diverged=False):
+def found(first, second, largest=None, sound=True, lost=""):
     """A design on the machine, with errors of two contours [m]."""
     errors = {"circle": first, "square": second}
-    return OnTheMachine(errors, largest or errors, sound, diverged)
+    return OnTheMachine(errors, largest or errors, sound, lost)
 
 
-TUNED, LOST = found(3e-6, 6e-6), found(3e-6, np.nan, diverged=True)
-NOTHING = OnTheMachine({}, {}, False, True)
+TUNED, LOST = found(3e-6, 6e-6), found(3e-6, np.nan, lost="diverged on square")
+NOTHING = OnTheMachine({}, {}, False, "tune found nothing (all diverged)")
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_ratios_of_the_mean_the_worst_contour_and_the_family(designs, capsys):
     result = measured(Bench(what="whole_way", seeds=1), lambda _: None)
     (way,) = result.machines
     assert (way.ratio, way.worst, way.family) == pytest.approx((1.5, 3.0, 1.6))
-    assert not way.sound and not way.diverged
+    assert not way.sound and way.lost == ""
     show(console_of(), result)
     printed = capsys.readouterr().out
     assert all(text in printed for text in ("1.500", "3.000", "1.600"))
@@ -91,7 +91,7 @@ def test_machines_that_are_kept_are_not_run_again(designs, tmp_path):
     after = measured(replace(flags, seeds=3), told.append).machines
     assert [way.seed for way in after] == [3, 4, 5] and len(told) == 3
     assert str(after[:2]) == str(before)  # NaN is no other NaN
-    assert np.isinf(after[2].ratio) and after[2].diverged
+    assert np.isinf(after[2].ratio) and after[2].lost
 
 
 @pytest.mark.parametrize(
@@ -113,17 +113,20 @@ def test_a_search_without_a_result_is_counted(identified, known, ratio, worst, d
     (way,) = result.machines
     assert (way.seed, way.takes) == (7, "position")
     np.testing.assert_equal((way.ratio, way.worst), (ratio, worst))
-    assert way.diverged is (identified.diverged or known.diverged)
-    assert ("diverged" in told[0]) is way.diverged
+    reasons = {"identified": identified.lost, "true": known.lost}
+    said = "; ".join(f"{model} model: {why}" for model, why in reasons.items() if why)
+    assert way.lost == said and said in told[0]
     show(console_of(), result)
     printed = capsys.readouterr().out
+    assert (f"machine 7: {said}" in " ".join(printed.split())) is bool(said)
     assert f"{ratio:.3f}" in printed
     assert ("no ratio: 1 of 1 machines" in printed) is bool(np.isnan(ratio))
 
 
 def test_a_machine_file_that_is_refused_is_counted():
-    """The bench goes on, as after a search without a result."""
-    assert whole_way._tuned_on({"A": [[1.0]]}, {}, 1) == NOTHING
+    """The bench goes on, as after a search without a result, and says what was refused."""
+    lost = whole_way._tuned_on({"A": [[1.0]]}, {}, 1).lost
+    assert lost == "tune refused the file (B: missing; a machine needs A, B, C and dt)"
 
 
 class Found:
@@ -160,4 +163,4 @@ def test_the_machine_runs_what_identify_advises(first, second, record, speed, mo
 def test_a_hidden_drive_is_tuned_as_if_it_were_known():
     flags = Bench(what="whole_way", seeds=1, evaluations=15)
     (way,) = measured(flags, lambda _: None).machines
-    assert way.sound and not way.diverged and way.ratio < 1.1
+    assert way.sound and not way.lost and way.ratio < 1.1
