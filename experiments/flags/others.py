@@ -85,7 +85,7 @@ class Bench(Common):
     """Tuners: random starts of every search. Identify, whole_way: machines of two axes.
     Motion: paths. Certificates: batches of laps."""
     first_seed: int = 0
-    """Motion, certificates, whole_way: seed of the first path, batch or machine."""
+    """Motion, certificates, identify, whole_way: seed of the first path, batch or machine."""
     searches: tuple[str, ...] = ()
     """Tuners: names of those that search, as the table has them; all when not given."""
     evaluations: int = 600  # CMA-ES needs hundreds at four weights
@@ -93,6 +93,7 @@ class Bench(Common):
     Whole_way: of every search at most, one with slopes counts one."""
     keep: Path | None = None
     """File that keeps what is done; with it, a second run goes on.
-    Tuners: every start, JSON. Motion: every path, whole_way: every machine, CSV."""
+    Tuners: every start, JSON. Motion: every path, identify: every axis, whole_way: every
+    machine, CSV."""
     figure: Path | None = None
     """Tuners: PNG file for the best value so far against evaluations."""

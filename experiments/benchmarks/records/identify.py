@@ -1,13 +1,15 @@
 """`jcontour bench identify`: what `identify --machine linear` finds of axes that it cannot see."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float
 from rich.console import Console
 
+from experiments.benchmarks.kept_rows import opened, write
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     PROGRAMS,
@@ -30,8 +32,7 @@ MOST_POLES, MOST_DELAY = 3, 10
 FREQUENCIES = 24
 
 
-@dataclass(frozen=True)
-class HiddenResult:
+class HiddenResult(NamedTuple):
     """What was found of one axis.
 
     Attributes:
@@ -44,6 +45,7 @@ class HiddenResult:
         error: largest relative error of the response up to there.
         inside: part of the frequencies up to there whose 95 % region holds the truth.
         held_out: one-step prediction error on held-out data, over that of the true model.
+        seconds: that its record took, with both axes.
     """
 
     program: str
@@ -57,32 +59,61 @@ class HiddenResult:
     error: float
     inside: float
     held_out: float
+    seconds: float
 
 
 @dataclass(frozen=True)
 class IdentifyBench:
-    """One row for every axis and program; seconds for each record of two axes."""
+    """One row for every axis and program, from records of one length [s]."""
 
     axes: list[HiddenResult]
-    seconds: list[float]
     length: float
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> IdentifyBench:
-    """Random machines of two axes each, under both programs."""
-    rows, seconds = [], []
-    for program in PROGRAMS:
-        for machine in range(flags.seeds):
-            seeds = (2 * machine, 2 * machine + 1)
-            axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
-            record = hidden_record(axes, program, machine)
-            began = time.perf_counter()
-            found = identify_machine(record, MOST_POLES, MOST_DELAY)
-            seconds.append(time.perf_counter() - began)
-            for k, seed in enumerate(seeds):
-                rows.append(_compared(axes[k], found.axes[k], record, k, program, seed))
-                tell(_line(rows[-1]))
-    return IdentifyBench(rows, seconds, SECONDS)
+    """Random machines of two axes each, under both programs.
+
+    Raises:
+        ValueError: the file to keep them is none of this benchmark.
+    """
+    machines = range(flags.first_seed, flags.first_seed + flags.seeds)
+    asked = [(program, machine) for program in PROGRAMS for machine in machines]
+    if flags.keep is None:
+        return IdentifyBench([one for rows in _run(asked, tell) for one in rows], SECONDS)
+    known, file = opened(flags.keep, HiddenResult, "identified axes")
+    done = {(one.program, one.seed): one for one in known}
+    missing = [one for one in asked if not _keys(*one) <= done.keys()]
+    with file:
+        for rows in _run(missing, tell):
+            write(file, rows)
+            done |= {(one.program, one.seed): one for one in rows}
+    kept = [done[key] for one in asked for key in sorted(_keys(*one))]
+    return IdentifyBench(kept, SECONDS)
+
+
+def _keys(program: str, machine: int) -> set[tuple[str, int]]:
+    """Program and seed of the two axes of a machine."""
+    return {(program, 2 * machine), (program, 2 * machine + 1)}
+
+
+def _run(
+    asked: Iterable[tuple[str, int]], tell: Callable[[str], None]
+) -> Iterator[list[HiddenResult]]:
+    """Both axes of one machine after another."""
+    for program, machine in asked:
+        seeds = sorted(seed for _, seed in _keys(program, machine))
+        axes = [hidden_axis(np.random.default_rng(seed), DT) for seed in seeds]
+        record = hidden_record(axes, program, machine)
+        began = time.perf_counter()
+        found = identify_machine(record, MOST_POLES, MOST_DELAY)
+        seconds = time.perf_counter() - began
+        rows = [
+            _compared(axes[k], found.axes[k], record, k, program, seed, seconds)
+            for k, seed in enumerate(seeds)
+        ]
+        for one in rows:
+            tell(_line(one))
+        yield rows
 
 
 def show(console: Console, result: IdentifyBench) -> None:
@@ -100,11 +131,12 @@ def show(console: Console, result: IdentifyBench) -> None:
     columns = ["program", "axes", "number", "delay\nexact", "or\ntold", "worst\nerror %"]
     columns += ["median\nerror %", "95 % region\nholds %", "held out,\nworst ratio"]
     console.print(tables.plain_table("Hidden axes", columns, cells, text_columns=2))
+    seconds = [one.seconds for one in result.axes]
     tables.say(
         console,
         "error: of the frequency response up to the bandwidth of the closed loop",
-        f"{np.median(result.seconds):.3g} s for {result.length:g} s of 1 kHz data of two axes, "
-        f"longest {max(result.seconds):.3g} s",
+        f"{np.median(seconds):.3g} s for {result.length:g} s of 1 kHz data of two axes, "
+        f"longest {max(seconds):.3g} s",
     )
 
 
@@ -134,7 +166,13 @@ def _line(one: HiddenResult) -> str:
 
 
 def _compared(
-    axis: RecordedAxis, found: LinearAxis, record: MachineRecord, k: int, program: str, seed: int
+    axis: RecordedAxis,
+    found: LinearAxis,
+    record: MachineRecord,
+    k: int,
+    program: str,
+    seed: int,
+    seconds: float,
 ) -> HiddenResult:
     highest = bandwidth(axis)
     hertz = np.geomspace(0.3, highest, FREQUENCIES)
@@ -157,6 +195,7 @@ def _compared(
         error=float(np.abs(np.exp(off) - 1).max()),
         inside=float(np.mean(region)),
         held_out=_held_out_ratio(axis, found, record, k),
+        seconds=seconds,
     )
 
 

@@ -1,9 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from experiments.benchmarks.records import identify
 from experiments.benchmarks.records.hidden_machines import (
     DT,
     KINDS,
+    PROGRAMS,
     hidden_axis,
     hidden_record,
     true_model,
@@ -17,6 +21,7 @@ from experiments.benchmarks.records.identify import (
     response,
     show,
 )
+from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 from jcontour.linear.continuous_axes import force_axis, position_axis, speed_axis, with_resonance
 from tuning.identification.linear.machine import MachineRecord, identify_machine
@@ -47,9 +52,33 @@ def test_the_bandwidth_of_a_first_order_loop():
     assert bandwidth(one) == pytest.approx(10 / (2 * np.pi), rel=0.02)
 
 
+ROW = HiddenResult("contour", 0, "speed", 2, 1, 2, True, 3.0, 0.01, 0.9, 1.02, 1.0)
+
+
+def test_axes_that_are_kept_are_not_identified_again(monkeypatch, tmp_path):
+    """A machine of which one axis is written, as a run that was ended leaves it, runs again."""
+    ran = []
+
+    def run(asked, tell):
+        for program, machine in asked:
+            ran.append((program, machine))
+            yield [ROW._replace(program=program, seed=2 * machine + k) for k in (0, 1)]
+
+    monkeypatch.setattr(identify, "_run", run)
+    flags = Bench(what="identify", seeds=2, first_seed=3, keep=tmp_path / "axes.csv")
+    before = identify.measured(flags, print)
+    assert ran == [(program, machine) for program in PROGRAMS for machine in (3, 4)]
+    flags.keep.write_text("".join(flags.keep.read_text().splitlines(keepends=True)[:-1]))
+    ran.clear()
+    after = identify.measured(replace(flags, seeds=3), print).axes
+    assert ran == [(PROGRAMS[0], 5), (PROGRAMS[1], 4), (PROGRAMS[1], 5)]
+    assert [one.seed for one in after] == 2 * [6, 7, 8, 9, 10, 11]
+    assert [one for one in after if one.seed < 10] == before.axes
+
+
 def test_what_is_printed(capsys):
-    row = HiddenResult("contour", 0, "speed", 2, 1, 2, True, 3.0, 0.01, 0.9, 1.02)
-    show(console_of(), IdentifyBench([row], [1.0, 3.0], 60.0))
+    rows = [ROW, ROW._replace(seed=2, seconds=3.0)]
+    show(console_of(), IdentifyBench(rows, 60.0))
     printed = capsys.readouterr().out
     assert "1.02" in printed and "2 s for 60 s" in printed
 
