@@ -3,7 +3,7 @@
 Every structure, with the noise filter of its own residual, is fitted to the first part of the
 record and predicts the rest one step ahead. Of all that the best does not clearly beat the smallest
 is taken: a record that does not show a mode gives a model without. Clearly: by the likelihood of
-the rest, and not in one place alone.
+the rest, and not in one place alone. The best is one of those whose modes are all seen.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
+from tuning.identification.linear.hidden_modes import hidden_modes
 from tuning.identification.linear.noise_model import (
     WHITE,
     disturbance_filter,
@@ -268,8 +269,8 @@ def _judged(fit: AxisFit) -> Float[np.ndarray, " J"]:
 
 
 def _smallest(found: list[Candidate]) -> Candidate:
-    """Fewest parameters among those that the best does not clearly beat."""
-    best = found[0]
+    """Fewest parameters among those that the best without a hidden mode does not clearly beat."""
+    best = next((one for one in found if not hidden_modes(one.fit).size), found[0])
     good = [one for one in found if not _clearly_better(best, one)]
     fewest = min(_size(one) for one in good)
     return next(one for one in good if _size(one) == fewest)

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tuning.identification.linear.axis_model import AxisModel
+from tuning.identification.linear.hidden_modes import hidden_modes
+from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
+
+DT, ROWS, POLE = 1e-3, 4000, 0.9
+
+
+def record(zero, second):
+    """White commands, positions behind (1 - zero/q) / ((1 - 0.9/q) (1 - second/q)), white noise."""
+    random = np.random.default_rng(7)
+    u = random.standard_normal(ROWS)
+    y = lfilter([0.0, 1.0, -zero], np.poly([POLE, second]), u)
+    return AxisRecord(DT, u, np.asarray(y) + 0.1 * random.standard_normal(ROWS))
+
+
+def fit_of(one):
+    start = AxisModel(np.poly([POLE, 0.5])[1:], np.array([1.0, -0.3]), 0, 0, DT)
+    return fitted(one, Structure(2, 2, 0, 0), start=start)
+
+
+def test_a_pole_that_a_zero_cancels_is_hidden():
+    """The axis has one pole: of the two that are fitted the other has no residue."""
+    fit = fit_of(record(0.4, 0.4))
+    (hidden,) = hidden_modes(fit)
+    assert abs(hidden - POLE) > 0.05
+    kept = fit.model.poles[fit.model.poles != hidden]
+    assert np.abs(kept - POLE).min() < 0.01
+
+
+@pytest.mark.parametrize("second", [0.5, 0.3])
+def test_a_mode_that_the_record_shows_is_not(second):
+    assert hidden_modes(fit_of(record(0.4, second))).size == 0
+
+
+def test_whether_a_mode_is_seen_depends_on_the_noise_of_the_record():
+    """Poles 0.9 and 0.5: a zero at 0.494 hides the second one in most records, 0.3 in none."""
+    start = AxisModel(np.poly([POLE, 0.5])[1:], np.array([1.0, -0.494]), 0, 0, DT)
+    random, seen = np.random.default_rng(3), {0.494: 0, 0.3: 0}
+    for zero in seen:
+        for _ in range(15):
+            u = random.standard_normal(ROWS // 4)
+            y = np.asarray(lfilter([0.0, 1.0, -zero], np.poly([POLE, 0.5]), u))
+            one = AxisRecord(DT, u, y + 0.3 * random.standard_normal(len(u)))
+            seen[zero] += hidden_modes(fitted(one, Structure(2, 2, 0, 0), start=start)).size == 0
+    assert seen[0.494] <= 3 and seen[0.3] == 15
+
+
+def test_a_model_without_poles_has_none():
+    one = record(0.4, 0.4)
+    assert hidden_modes(fitted(one, Structure(0, 1, 0, 0))).size == 0
