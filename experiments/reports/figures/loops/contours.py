@@ -21,14 +21,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.reports.figures.shared.axes import DESIRED, colours_of, grid, legend_below
+from experiments.reports.figures.shared.axes import (
+    DESIRED,
+    OTHER,
+    colours_of,
+    grid,
+    legend_below,
+)
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.simulation.metrics import contour_error
 
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
 PANEL = 4.2  # inches: width of one contour
+TITLES = 1.2  # inches: height of titles and legend
 FLATTEST_AND_TALLEST = (0.4, 1.2)  # height to width of one contour's panel
+ARROWS = np.array([0.2, 0.5, 0.8])  # of the way: where arrows show its direction
+ARROW = 0.005  # of the way: length of one
+ARROW_STYLE = {"arrowstyle": "-|>", "color": DESIRED}
 NOMINAL = "nominal plant"
 
 
@@ -107,6 +117,12 @@ class ContourRuns:
         """All of them."""
         return [run for row in self.rows for run in row]
 
+    @property
+    def rapids(self) -> bool:
+        """Whether moves between scored ones do not count."""
+        first, last = np.flatnonzero(self.scored)[[0, -1]]
+        return not self.scored[first : last + 1].all()
+
     def shown(self, signal: np.ndarray) -> np.ndarray:
         """A signal (T, ...) with NaN where samples do not count."""
         scored = self.scored.reshape(-1, *(1,) * (signal.ndim - 1))
@@ -131,7 +147,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     if all(len(row) == 1 for row in panels):
         panels = [[one for row in panels for one in row]]
     height, width = len(panels), len(panels[0])
-    size = (PANEL * width, PANEL * height * _height_to_width(runs) + 0.7)
+    size = (PANEL * width, PANEL * height * _height_to_width(runs) + TITLES)
     figure = Figure(figsize=size, layout="constrained")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
@@ -139,7 +155,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
         _draw_contour(place, runs, run, colours[run.label], _magnification(runs, row))
         place.label_outer()
     figure.suptitle(f"{runs.name}: contour and tool, contour error magnified")
-    legend_below(figure)
+    legend_below(figure, columns=4)
     return figure
 
 
@@ -162,14 +178,32 @@ def _draw_contour(axes: Axes, runs: ContourRuns, run: DrawnRun, colour: str, fac
     error = 1e3 * runs.shown(run.contour_error)[:, :2]
     x, y = runs.axes[:2]
     axes.plot(*desired.T, color=DESIRED, linewidth=0.8, linestyle="--", label="contour")
+    _draw_way(axes, runs)
     if run.diverged:
-        grid(axes, f"{run.label}, {run.plant}: diverged", f"{x} [mm]", f"{y} [mm]")
+        grid(axes, f"{run.label}, {run.plant}\ndiverged", f"{x} [mm]", f"{y} [mm]")
     else:
         tool = desired_on_contour(runs, run) + factor * error
         axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
-        title = f"{run.label}, {run.plant}: error x {factor:g}"
+        title = f"{run.label}, {run.plant}\nerror x {factor:g}"
         grid(axes, title, f"{x} [mm]", f"{y} [mm]")
     axes.set_aspect("equal", adjustable="box")
+
+
+def _draw_way(axes: Axes, runs: ContourRuns) -> None:
+    """Where the contour begins, which way it goes, and moves that do not count, as rapid ones."""
+    place, counts = 1e3 * runs.reference[:, :2], runs.scored
+    between = counts.copy()
+    between[1:-1] &= counts[:-2] & counts[2:]  # up to the cuts on both sides
+    if runs.rapids:
+        beside = np.where(between[:, None], np.nan, place).T
+        axes.plot(*beside, color=OTHER, linewidth=0.8, linestyle=":", label="rapid")
+    axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="start")
+    cut = np.flatnonzero(counts)
+    way = np.cumsum(np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1))
+    tips = np.searchsorted(way, way[-1] * ARROWS)
+    tails = np.searchsorted(way, way[tips] - ARROW * way[-1], side="right") - 1
+    for tail, tip in zip(cut[tails], cut[tips], strict=True):
+        axes.annotate("", tuple(place[tip]), tuple(place[tail]), arrowprops=ARROW_STYLE)
 
 
 def desired_on_contour(runs: ContourRuns, run: DrawnRun) -> np.ndarray:
@@ -201,7 +235,8 @@ def error_figure(runs: ContourRuns) -> Figure:
     columns = figure.subplots(3, width, sharex=True, squeeze=False).T
     for column, row in zip(columns, runs.rows, strict=True):
         _draw_errors(column, runs, row)
-    figure.suptitle(f"{runs.name}: scored samples")
+    left_out = ", without rapid moves" if runs.rapids else ""
+    figure.suptitle(f"{runs.name}: scored samples{left_out}")
     return figure
 
 

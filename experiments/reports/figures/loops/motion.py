@@ -6,27 +6,35 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.reports.figures.shared.axes import DESIRED, colours_of, grid, legend_below
+from experiments.reports.figures.shared.axes import DESIRED, OTHER, colours_of, grid, legend_below
 from experiments.reports.figures.shared.png import save_figure
 from jcontour.motion.cornering import Planned
+from jcontour.motion.jerk_limited.joints import unpadded
 
 MM_PER_MIN = 60e3  # of a metre per second
-POINTS = 4000  # along the path
+POINTS = 4000  # evenly in time, beside the ends of smooth parts
+MARGIN = 0.05  # of the feed
 
 
 def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
-    """Feed, acceleration and jerk over the path, with the limits dashed, and dwells as marks."""
+    """Feed, acceleration and jerk over the path, with dwells as marks.
+
+    Dashed are the limits of the axes, and the feed that is asked for where the picture reaches it.
+    """
     motion, rests = planned.motion, planned.rests
-    time = np.linspace(0.0, motion.duration, POINTS)
+    time = np.union1d(motion.nodes, np.linspace(0.0, motion.duration, POINTS))
     along = 1e3 * motion.at(time).arc
     speed, acceleration, jerk = motion.axes_at(time)
     figure = Figure(figsize=(9, 7), layout="constrained")
     rows = figure.subplots(3, 1, sharex=True)
-    rows[0].plot(along, MM_PER_MIN * np.linalg.norm(speed, axis=1), color=DESIRED, lw=1)
+    fed, asked = MM_PER_MIN * np.linalg.norm(speed, axis=1), MM_PER_MIN * motion.feed
+    ends = 1e3 * np.append(0.0, np.cumsum(unpadded(motion.path).extent))
+    rows[0].stairs(asked, ends, baseline=None, color=OTHER, ls="--", label="feed asked for")
+    rows[0].plot(along, fed, color=DESIRED, lw=1, label="feed")
+    rows[0].set_ylim(-MARGIN * fed.max(), (1 + MARGIN) * max(fed.max(), asked.min()))
     held = 1e3 * motion.at(rests.begin[rests.lasting > 0]).arc
     if held.size:
         rows[0].plot(held, 0.0 * held, "v", color="black", label="dwell", clip_on=False)
-        rows[0].legend(loc="upper right")
     grid(rows[0], y="feed [mm/min]")
     grid(rows[1], y="acceleration [m/s$^2$]")
     grid(rows[2], x="way along the path [mm]", y="jerk [m/s$^3$]")
@@ -37,7 +45,7 @@ def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
             row.plot(along, values[:, k], color=colours[name], lw=1, label=name)
             for sign in (-1, 1):
                 row.axhline(sign * limit[k], color=colours[name], ls="--", lw=0.8)
-    legend_below(figure, rows[2])
+    legend_below(figure, columns=5)
     return figure
 
 

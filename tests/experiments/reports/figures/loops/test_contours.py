@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.reports.figures.loops.contours import (
+    TITLES,
     ContourRuns,
     DrawnRun,
     contour_figure,
@@ -48,24 +49,43 @@ def runs():
 def test_runs_of_one_plant_are_magnified_alike(runs):
     panels = contour_figure(runs).axes
     assert [panel.get_title() for panel in panels] == [
-        "start, nominal plant: error x 1000",
-        "tuned, nominal plant: error x 1000",
-        "start, worst plant (late): error x 20",
-        "tuned, worst plant (heavy): diverged",
+        "start, nominal plant\nerror x 1000",
+        "tuned, nominal plant\nerror x 1000",
+        "start, worst plant (late)\nerror x 20",
+        "tuned, worst plant (heavy)\ndiverged",
     ]
     for panel, outside in zip(panels[:3], (1.0, 0.1, 0.8), strict=True):  # mm, magnified
-        contour, tool = panel.get_lines()
+        contour, start, tool = panel.get_lines()
+        np.testing.assert_allclose(start.get_xydata(), contour.get_xydata()[10:11])
         np.testing.assert_allclose(np.linalg.norm(contour.get_xydata()[10:], axis=1), 10.0)
         np.testing.assert_allclose(np.linalg.norm(tool.get_xydata()[10:], axis=1), 10.0 + outside)
         assert np.isnan(tool.get_xydata()[:10]).all()
-    assert len(panels[3].get_lines()) == 1  # the contour alone
+    labels = [line.get_label() for line in panels[3].get_lines()]
+    assert labels == ["contour", "start"]  # no tool
+
+
+def test_moves_between_cuts_are_rapid_and_left_out_of_the_errors(runs):
+    scored = runs.scored & ~np.isin(np.arange(STEPS), [30, 31, 32])
+    cut = replace(runs, scored=scored)
+    panel = contour_figure(cut).axes[0]
+    (rapid,) = [line for line in panel.get_lines() if line.get_label() == "rapid"]
+    drawn = ~np.isnan(rapid.get_xdata())
+    assert np.flatnonzero(drawn).tolist() == [*range(11), 29, 30, 31, 32, 33]  # up to the cuts
+    assert "rapid" in error_figure(cut).get_suptitle()
+    assert "rapid" not in error_figure(runs).get_suptitle()
+
+
+def test_arrows_show_which_way_the_contour_goes(runs):
+    for arrow in contour_figure(runs).axes[0].texts:
+        tail, tip = np.array(arrow.xyann), np.array(arrow.xy)
+        assert tail[0] * tip[1] > tail[1] * tip[0]  # round the origin, to the left
 
 
 @pytest.mark.parametrize(("squeezed", "shape"), [(1.0, 1.0), (0.5, 0.5), (1e-3, 0.4)])
 def test_a_flat_contour_has_flat_panels(runs, squeezed, shape):
     reference = runs.reference * np.array([1.0, squeezed])
     width, height = contour_figure(replace(runs, reference=reference)).get_size_inches()
-    np.testing.assert_allclose((height - 0.7) / width, shape, rtol=0.02)
+    np.testing.assert_allclose((height - TITLES) / width, shape, rtol=0.02)
 
 
 def test_errors_over_time_are_in_micrometres(runs):

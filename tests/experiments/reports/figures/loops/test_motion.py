@@ -13,11 +13,19 @@ LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)
 def marks(rest):
     line = contours.polyline([[0.0, 0.0], [4e-3, 0.0], [9e-3, 0.0], [9e-3, 2e-3]])
     planned = cornered(line, np.full(3, 0.05), LIMITS, 1e-6, rest)
-    upper = motion_figure(planned, "XY").axes[0]
-    return [line.get_xdata() for line in upper.lines if line.get_label() == "dwell"]
+    figure = motion_figure(planned, "XY")
+    assert all(axes.get_legend() is None for axes in figure.axes)  # where it would hide curves
+    return [line.get_xdata() for line in figure.axes[0].lines if line.get_label() == "dwell"]
 
 
 def test_dwells_are_marked_where_the_tool_rests_and_stops_are_not():
     (places,) = marks(np.array([0.5, 0.0, np.nan]))
     np.testing.assert_allclose(places, [4.0], atol=1e-6)  # [mm]
     assert marks(np.array([np.nan, 0.0, np.nan])) == []
+
+
+def test_short_peaks_of_a_long_motion_are_drawn():
+    line = contours.polyline([[0.0, 0.0], [0.2, 0.0]])
+    figure = motion_figure(cornered(line, np.array([1e-3]), LIMITS, 0.0), "XY")  # 200 s
+    jerk = next(line for line in figure.axes[2].lines if line.get_label() == "X")
+    assert np.abs(jerk.get_ydata()).max() > 0.99 * LIMITS.jerk[0]
