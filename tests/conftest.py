@@ -43,9 +43,11 @@ IGNORED_WARNINGS = (
 
 
 # Most of the time of a short test is compiling: its programs are compiled without optimisation,
-# its loops with little. Commands that tests start inherit it.
-QUICKLY_COMPILED = "--xla_backend_optimization_level=0"
+# its loops with little. Commands that tests start inherit it. Programs are small, and workers keep
+# the cores busy: their parts are compiled in one piece, not side by side.
+QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
 QUICKLY_COMPILED_LOOPS = "1"  # Numba's level; 0 does not compile all of them
+MOST_MAPS = 2500  # some thousand programs; they take about 1 GB
 
 
 def pytest_configure(config):
@@ -112,14 +114,25 @@ def _compile_loops_quickly(config):
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _forget_programs_of_other_files():
-    """Free compiled programs after each file.
+def _forget_programs_before_they_are_too_many():
+    """Free compiled programs after a file, where there are many.
 
     Each one is mapped into memory. Thousands of them in one worker exceed the number of maps that
-    Linux gives a process (`vm.max_map_count`), and the compiler aborts.
+    Linux gives a process (`vm.max_map_count`), and the compiler aborts. Until then the next files
+    find the small programs that they share.
     """
     yield
-    jax.clear_caches()
+    if _maps() > MOST_MAPS:
+        jax.clear_caches()
+
+
+def _maps() -> float:
+    """Maps of this process in memory; infinite where Linux's list of them is missing."""
+    try:
+        with open("/proc/self/maps", "rb") as maps:
+            return sum(1 for _ in maps)
+    except OSError:
+        return float("inf")
 
 
 def _coupled_plant(seed: int, states: int, axes: int, dt: float = 1e-3) -> LinearPlant:
