@@ -19,26 +19,28 @@ def test_the_version_is_that_of_the_package():
         _ = jcontour.nothing_of_this_name  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def test_only_what_is_needed_is_loaded():
+def test_only_what_is_asked_for_is_loaded_and_numbers_are_float64(monkeypatch):
+    monkeypatch.delenv("JAX_ENABLE_X64", raising=False)
     heavy = ("jcontour.plants", "jcontour.controllers", "mujoco", "scipy.optimize", "numba")
-    names = "[getattr(jcontour, name) for name in jcontour.__all__]"
-    loaded = f"sys.exit([m for m in {heavy} if m in sys.modules] or 0)"
-    printed("import sys, jcontour", names, loaded)
-
-
-def test_nothing_is_loaded_before_it_is_asked_for():
-    look = "print('jax' in sys.modules, 'contours' in dir(jcontour))"
-    assert printed("import sys, jcontour", look) == "False True"
+    printed_lines = printed(
+        "import sys, jcontour",
+        "print('jax' in sys.modules, 'contours' in dir(jcontour))",
+        "[getattr(jcontour, name) for name in jcontour.__all__]",
+        f"print([name for name in {heavy} if name in sys.modules])",
+        "import jax",
+        "print(jax.numpy.zeros(1).dtype)",
+    )
+    assert printed_lines.splitlines() == ["False True", "[]", "float64"]
 
 
 @pytest.mark.parametrize(
     ("first", "asked", "dtype"),
     [
-        ("jcontour, jax", None, "float64"),
         ("jax, jcontour", "False", "float32"),
         *(
             pytest.param(first, asked, dtype, marks=pytest.mark.slow)
             for first, asked, dtype in [
+                ("jcontour, jax", None, "float64"),
                 ("jax, jcontour", None, "float64"),
                 ("jcontour, jax", "1", "float64"),
                 ("jcontour, jax", "", "float64"),

@@ -84,7 +84,14 @@ def test_an_unstable_loop_is_divergence(proportional_problem, loop_peaks):
     assert np.all(point.departures < 0) and np.isfinite(point.slopes.departures).all()
 
 
-@pytest.mark.parametrize("values", [jnp.ones(3), jnp.ones((0, 3)), jnp.ones((1, 2, 3))])
+@pytest.mark.parametrize(
+    "values",
+    [
+        jnp.ones((0, 3)),
+        pytest.param(jnp.ones(3), marks=pytest.mark.slow),
+        pytest.param(jnp.ones((1, 2, 3)), marks=pytest.mark.slow),
+    ],
+)
 def test_values_without_rows_are_refused(proportional_problem, values):
     with pytest.raises(ValueError, match="objective: needs rows of values"):
         evaluate_point(proportional_problem(objective=lambda outcome: values), START, Z)

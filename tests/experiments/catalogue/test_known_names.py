@@ -48,7 +48,7 @@ def test_names_are_answered_without_anything_heavy(arguments, code, says):
     ("name", "text", "says"),
     [
         ("part.ngc", "G1 Q7 F100\n", "part.ngc: line 1: unknown word 'Q7'"),
-        ("part.ngc", "G1 X1\n", "part.ngc: line 1: a cutting move without a feed"),
+        slow("part.ngc", "G1 X1\n", "part.ngc: line 1: a cutting move without a feed"),
         ("part.csv", "0,0\n1,a\n", "part.csv: line 2: needs two or three numbers"),
     ],
 )

@@ -9,7 +9,7 @@ from jcontour.linear.continuous_axes import position_axis, speed_axis, with_reso
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
-DT, ROWS = 1e-3, 8000
+DT, ROWS = 1e-3, 4000
 HERTZ, DAMPING = 45.0, 0.08
 
 
@@ -26,7 +26,7 @@ def found():
         reference = np.repeat(random.uniform(-0.01, 0.01, ROWS // 50), 50)
         signals.append(recorded(one, reference, DT, random))
     u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
-    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), 4, 6)
+    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), 4, 4)
 
 
 def test_numbers_of_an_axis_as_engineers_say_them(found):

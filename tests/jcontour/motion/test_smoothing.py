@@ -33,7 +33,7 @@ def curvature(path) -> np.ndarray:
     return np.asarray(path.curvature(np.linspace(0.0, float(path.length), 500)))
 
 
-@pytest.mark.parametrize("count", [600, 4000])
+@pytest.mark.parametrize("count", [600, pytest.param(4000, marks=pytest.mark.slow)])
 def test_short_chords_become_the_curve_that_they_stand_for(count):
     rough = contours.polyline(chords(count, turn=np.pi))
     found = smooth_path(rough, TOLERANCE)

@@ -31,7 +31,11 @@ CONTROLLERS = {
 
 @pytest.mark.parametrize(
     "controller",
-    ["contouring", "preview", pytest.param("with a terminal cost", marks=pytest.mark.slow)],
+    [
+        "contouring",
+        pytest.param("preview", marks=pytest.mark.slow),
+        pytest.param("with a terminal cost", marks=pytest.mark.slow),
+    ],
 )
 def test_equals_one_long_run(controller):
     controller, reference = CONTROLLERS[controller](), program(50, 6)

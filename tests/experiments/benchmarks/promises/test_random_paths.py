@@ -13,7 +13,9 @@ from jcontour.motion.jerk_limited.joints import joints
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [0, 7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 7))]
+)
 def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     path = random_path(seed)
     pieces = path.contour.pieces

@@ -99,7 +99,13 @@ def test_frames_along_a_reference(table):
     )
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("cross-coupled", "task-frame")))
+        for name in SCHEMES
+    ],
+)
 def test_zero_gain_is_the_plain_cascade(name):
     cascade, plant = flexible_cascade(), flexible_pair()
     reference = along(circle(0.02), 5e-5 * np.arange(150), 1e-3, 1, at_rest=False)

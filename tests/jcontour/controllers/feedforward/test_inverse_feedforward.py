@@ -43,7 +43,10 @@ def tracked(drive, following, wrapped, trajectory):
     return controller, reference
 
 
-@pytest.mark.parametrize("name", FOLLOWING)
+@pytest.mark.parametrize(
+    "name",
+    [(2, 5, 1), *(pytest.param(name, marks=pytest.mark.slow) for name in [*FOLLOWING][:3])],
+)
 @pytest.mark.parametrize(
     "gains",
     [(60.0, 150.0, 0.03), pytest.param((20.0, 400.0, 0.1, 1.0, 0.3), marks=pytest.mark.slow)],

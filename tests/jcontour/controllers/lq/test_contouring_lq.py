@@ -75,7 +75,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("terminal", ["output", pytest.param("riccati", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[pytest.mark.slow] * (case in ("three axes", "one sample")))
+        for case in CASES
+    ],
+)
 def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_plant):
     axes, states, preview, values = CASES[case]
     weights = LQWeights(*values)

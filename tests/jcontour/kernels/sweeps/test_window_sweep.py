@@ -12,7 +12,12 @@ from jcontour.riccati.receding_horizon import CostToGo, readable_plan, receding_
 
 @pytest.mark.parametrize(
     ("sizes", "inputs", "outputs", "preview"),
-    [((3, 5), 2, 2, 10), ((2, 3, 2), 3, 3, 2), ((4,), 1, 2, 1), ((5,), 2, 2, 40)],
+    [
+        ((3, 5), 2, 2, 10),
+        ((4,), 1, 2, 1),
+        pytest.param((2, 3, 2), 3, 3, 2, marks=pytest.mark.slow),
+        pytest.param((5,), 2, 2, 40, marks=pytest.mark.slow),
+    ],
 )
 def test_equals_the_readable_sweep(sizes, inputs, outputs, preview, problems):
     plant = problems.machine(sizes, inputs, outputs)

@@ -150,7 +150,16 @@ CORNERED = {
 }
 
 
-@pytest.mark.parametrize("name", CORNERED)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "zigzag",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("square", "circle", "lemniscate")
+        ),
+    ],
+)
 def test_any_contour_is_traced_to_its_end(name):
     contour = CORNERED[name]()
     controller = MPCC(table(), contour)
