@@ -18,7 +18,7 @@ from tuning.identification.linear.output_error import (
 )
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
-DT, ROWS = 1e-3, 12_000
+DT, ROWS = 1e-3, 8000
 
 
 def logged(axis, takes, gain, seed=0):
