@@ -197,16 +197,13 @@ def family():
     return stack_plants([machine(m["gx"], m["gy"], m["delay"]) for m in members])
 
 
-@pytest.mark.parametrize("terminal", ["dare", pytest.param("output", marks=pytest.mark.slow)])
-def test_circle_grid(terminal, family):
-    reference = circle_reference(753, 10)
-    rows = [row for row in load("circle_grid") if row["terminal"] == terminal]
-    assert len(rows) == 30
+def check_rows(rows, family, reference):
+    """All columns of rows of a table, on the last turn of the circle."""
     for row in rows:
         metrics = on_family(
             family,
             bridgeport(),
-            TERMINALS[terminal],
+            TERMINALS[row["terminal"]],
             row["Np"],
             weights_of(row),
             reference,
@@ -216,6 +213,14 @@ def test_circle_grid(terminal, family):
             assert float(getattr(metrics, name)[0]) * factor == pytest.approx(
                 row[column], rel=1e-6
             ), (row["alpha"], row["beta"], column)
+
+
+@pytest.mark.parametrize("terminal", ["dare", pytest.param("output", marks=pytest.mark.slow)])
+def test_circle_grid(terminal, family):
+    reference = circle_reference(753, 10)
+    rows = [row for row in load("circle_grid") if row["terminal"] == terminal]
+    assert len(rows) == 30
+    check_rows(rows, family, reference)
 
 
 @pytest.mark.slow  # test_mcnab_tsao has it fast
@@ -310,20 +315,7 @@ def test_circle_preview_scan(terminal, preview, family):
         row for row in load("circle_np_scan") if (row["terminal"], row["Np"]) == (terminal, preview)
     ]
     assert len(rows) == 2
-    for row in rows:
-        metrics = on_family(
-            family,
-            bridgeport(),
-            TERMINALS[terminal],
-            preview,
-            weights_of(row),
-            reference,
-            (502, 753),
-        )
-        for column, (name, factor) in COLUMNS.items():
-            assert float(getattr(metrics, name)[0]) * factor == pytest.approx(
-                row[column], rel=1e-6
-            ), (row["alpha"], column)
+    check_rows(rows, family, reference)
 
 
 @pytest.mark.parametrize("terminal", ["output", pytest.param("dare", marks=pytest.mark.slow)])
