@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 Some = Any  # NumPy or JAX array
@@ -62,6 +63,17 @@ class Piece(NamedTuple):
         wave = self.cosine * cos + self.sine * sin
         slope = self.sine * cos - self.cosine * sin
         return position + wave, velocity + rate * slope, acceleration - rate**2 * wave
+
+    def place(self, s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "... m"]:
+        """Position [m] at the arc length s [m], of NumPy arrays."""
+        t = s[..., None]
+        position = 0.0 * t
+        for i in reversed(range(self.polynomial.shape[-2])):
+            position = position * t + self.polynomial[..., i, :]
+        if self.rate is None or not self.rate.any():
+            return position
+        turned = self.rate[..., None] * t
+        return position + self.cosine * np.cos(turned) + self.sine * np.sin(turned)
 
     def third(self, s: Float[Some, "..."]) -> Float[Some, "... m"]:
         """Third derivative d3p/ds3 [1/m^2] at the arc length s [m]."""

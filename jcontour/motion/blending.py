@@ -142,8 +142,8 @@ class _Blends(NamedTuple):
         before, after = (jax.tree.map(lambda r: r[:, None], side) for side in self._sides())
         reach = self.reach[:, None]
         beyond = reach * self.beyond(u, self.corner[:, None])
-        first = before.jet(before.extent + np.minimum(beyond, 0.0))[0]
-        second = after.jet(np.maximum(beyond, 0.0))[0]
+        first = before.place(before.extent + np.minimum(beyond, 0.0))
+        second = after.place(np.maximum(beyond, 0.0))
         return np.where((u < 0.5)[..., None], first, second)
 
     def quintic(self) -> Float[np.ndarray, "6 B m"]:

@@ -10,13 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
-from jcontour.motion.jerk_limited.derivatives import axis_jet, chained, moved, wave
+from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
+from jcontour.motion.jerk_limited.derivatives import Jet, moved
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.warp import Ordinates
-from jcontour.native.lanes import part
 
 POINTS = np.array([0.0, 0.5, 1.0])  # of a cell
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
@@ -43,30 +41,44 @@ class Cells(NamedTuple):
     cell: Int[np.ndarray, " n"]
     length: Float[np.ndarray, " n"]
 
-    def taken(self, some: Bool[np.ndarray, " n"]) -> "Cells":
+    def taken(self, some: Bool[np.ndarray, " n"] | slice) -> "Cells":
         """Some of the cells."""
         return Cells(*(values[some] for values in self))
+
+    def old_motion(self, old: CubicMotion, fraction: Float[np.ndarray, " k"]) -> MotionSamples:
+        """The old motion at fractions of all cells, (k, n); arc lengths are those of the pieces."""
+        found = old.on_cell(self.cell, self.elapsed + fraction[:, None] * self.length)
+        return found._replace(arc=found.arc - self.place)
+
+    def moved(self, pieces: Piece, motion: MotionSamples) -> Jet:
+        """Speed, acceleration and jerk of the axes (k, n, m) in a motion along the pieces."""
+        piece = np.broadcast_to(self.piece, motion.arc.shape)
+        return moved(pieces, piece, motion)
 
 
 class Conditions(NamedTuple):
     """Conditions of every cell on its window of three unknowns.
 
     Attributes:
-        rows: (n, 7 + 6 m, 3): the middle ordinate of u, which is kept above zero, and u with it;
+        rows: (7 + 6 m, 3, n): the middle ordinate of u, which is kept above zero, and u with it;
             `SQUARE`, u at the three points; `SPEED`, the speed there; from `STILL` on the
             acceleration of all axes at one point after the other, and so the jerk.
-        weight: (n, 3) of 1 / sqrt(u) at the points in the duration [s].
+        weight: (3, n) of 1 / sqrt(u) at the points in the duration [s].
         axes: number m.
     """
 
-    rows: Float[np.ndarray, "n rows 3"]
-    weight: Float[np.ndarray, "n 3"]
+    rows: Float[np.ndarray, "rows 3 n"]
+    weight: Float[np.ndarray, "3 n"]
     axes: int
 
     @property
-    def limited(self) -> Float[np.ndarray, "n rows 3"]:
+    def limited(self) -> Float[np.ndarray, "rows 3 n"]:
         """Rows of acceleration and jerk."""
-        return self.rows[:, STILL:]
+        return self.rows[STILL:]
+
+    def taken(self, some: slice) -> "Conditions":
+        """Those of some cells."""
+        return Conditions(self.rows[..., some], self.weight[:, some], self.axes)
 
 
 def conditions(
@@ -78,55 +90,24 @@ def conditions(
     ordinates: Ordinates,
 ) -> Conditions:
     """Conditions at the beginning, the middle and the end of every cell."""
-    axes = pieces.cosine.shape[1]
-    rows = np.empty((cells.length.size, STILL + 2 * POINTS.size * axes, 3))
-    rows[:, 0] = ordinates.weights[:, 1]
-    _fill(pieces, feed, limits, old, cells, ordinates.weights, rows)
-    return Conditions(rows, cells.length[:, None] * SIMPSON, axes)
-
-
-@part
-def _fill_window(weights, i, p, length, u, du, ddu):
-    """u and its derivatives at a point of cell i, as rows that take the three unknowns."""
-    for b in range(3):
-        u[b], du[b], ddu[b] = 0.0, 0.0, 0.0
-        for q in range(3):
-            u[b] += BERNSTEIN[p, q] * weights[i, q, b]
-            du[b] += SLOPES[p, q] * weights[i, q, b] / length
-            ddu[b] += BENDS[p, q] * weights[i, q, b] / (length * length)
-
-
-@compiled
-def _fill(
-    pieces: Piece,
-    feed: np.ndarray,
-    limits: AxisLimits,
-    old: CubicMotion,
-    cells: Cells,
-    weights: np.ndarray,
-    rows: np.ndarray,
-) -> None:
-    """Write the conditions of the axes, and what they hang on."""
-    axes, u, du, ddu = pieces.cosine.shape[1], np.empty(3), np.empty(3), np.empty(3)
-    for i in range(cells.length.size):
-        k, length = cells.piece[i], cells.length[i]
-        for p in range(POINTS.size):
-            place, v, a, j = moved(old, cells, i, POINTS[p] * length)
-            cos, sin = wave(pieces, k, place)
-            _fill_window(weights, i, p, length, u, du, ddu)
-            fastest, square = 0.0, 0.0
-            for axis in range(axes):
-                one, two, three = axis_jet(pieces, k, axis, place, cos, sin)
-                first, second, third = chained(one, two, three, v, a, j)
-                fastest = max(fastest, abs(first) / limits.speed[axis])
-                square += first * first
-                r = STILL + p * axes + axis
-                for b in range(3):
-                    pushed = second * u[b] + 0.5 * first * du[b]
-                    jerked = third * u[b] + 1.5 * second * du[b] + 0.5 * first * ddu[b]
-                    rows[i, r, b] = pushed / limits.acceleration[axis]
-                    rows[i, r + POINTS.size * axes, b] = jerked / limits.jerk[axis]
-            fastest = max(fastest, np.sqrt(square) / feed[k])
-            for b in range(3):
-                rows[i, SQUARE + p, b] = u[b]
-                rows[i, SPEED + p, b] = fastest * fastest * u[b]
+    jets = cells.moved(pieces, cells.old_motion(old, POINTS))
+    first, second, third = (values.swapaxes(1, 2).copy()[:, :, None] for values in jets)
+    fastest = np.abs(first[:, :, 0] / limits.speed[:, None]).max(axis=1)
+    at_feed = np.sqrt(np.square(first[:, :, 0]).sum(axis=1)) / feed[cells.piece]
+    weights = np.ascontiguousarray(ordinates.weights.transpose(1, 2, 0))
+    u, du, ddu = (
+        np.tensordot(values, weights, 1) / cells.length**power
+        for power, values in enumerate((BERNSTEIN, SLOPES, BENDS))
+    )
+    speed = np.maximum(fastest, at_feed)[:, None] ** 2 * u
+    w, dw, ddw = u[:, None], du[:, None], ddu[:, None]
+    pushed = (second * w + 0.5 * first * dw) / limits.acceleration[:, None, None]
+    jerked = (third * w + 1.5 * second * dw + 0.5 * first * ddw) / limits.jerk[:, None, None]
+    rows = [
+        weights[1:2],
+        u,
+        speed,
+        *(values.reshape(-1, *u.shape[1:]) for values in (pushed, jerked)),
+    ]
+    weight = SIMPSON[:, None] * cells.length
+    return Conditions(np.concatenate(rows), weight, pieces.cosine.shape[1])

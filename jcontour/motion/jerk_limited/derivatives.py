@@ -1,7 +1,7 @@
-"""Derivatives of a path, and of a motion along it: for arrays of places, and in compiled loops."""
+"""Derivatives of a path, and of a motion along it."""
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
@@ -13,35 +13,49 @@ Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third deriv
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
 
 
+def in_rows(pieces: Piece) -> Float[np.ndarray, "P numbers"]:
+    """A row for every piece: its rate, cosines and sines, and the polynomials, highest power first.
+
+    One array is compiled sooner than four.
+    """
+    falling = pieces.polynomial[:, ::-1].reshape(len(pieces.rate), -1)
+    return np.concatenate([pieces.rate[:, None], pieces.cosine, pieces.sine, falling], axis=1)
+
+
 @part
-def wave(pieces, k, s):
+def wave(row, s):
     """Cosine and sine of a piece's waves at its own arc length [m]."""
-    rate = pieces.rate[k]
-    return (np.cos(rate * s), np.sin(rate * s)) if rate > 0 else (1.0, 0.0)
+    return (np.cos(row[0] * s), np.sin(row[0] * s)) if row[0] > 0 else (1.0, 0.0)
 
 
 @part
-def axis_jet(pieces, k, axis, s, cos, sin):
-    """First, second and third derivative of one axis on piece k, by Horner's rule."""
+def moved_axis(row, axes, axis, s, v, a, j, cos, sin):
+    """Speed, acceleration and jerk of one axis on a piece, as `composed`, by Horner's rule."""
     place = first = second = third = 0.0
-    for i in range(pieces.polynomial.shape[1] - 1, -1, -1):
+    for k in range(1 + 2 * axes + axis, row.size, axes):
         third = third * s + second
         second = second * s + first
         first = first * s + place
-        place = place * s + pieces.polynomial[k, i, axis]
-    rate, cosine, sine = pieces.rate[k], pieces.cosine[k, axis], pieces.sine[k, axis]
+        place = place * s + row[k]
+    rate, cosine, sine = row[0], row[1 + axis], row[1 + axes + axis]
     slope = rate * (sine * cos - cosine * sin)
-    bend = rate * rate * (cosine * cos + sine * sin)
-    return first + slope, 2.0 * second - bend, 6.0 * third - rate * rate * slope
+    first, second = first + slope, 2.0 * second - rate * rate * (cosine * cos + sine * sin)
+    third = 6.0 * third - rate * rate * slope
+    bent = second * v
+    return first * v, bent * v + first * a, third * v * v * v + 3.0 * bent * a + first * j
 
 
 @compiled
-def _fill_jets(pieces: Piece, piece: np.ndarray, s: np.ndarray, jets: np.ndarray) -> None:
-    for i in range(s.size):
-        cos, sin = wave(pieces, piece[i], s[i])
-        for axis in range(jets.shape[2]):
-            first, second, third = axis_jet(pieces, piece[i], axis, s[i], cos, sin)
-            jets[0, i, axis], jets[1, i, axis], jets[2, i, axis] = first, second, third
+def _fill_jets(rows: np.ndarray, piece: np.ndarray, motion: np.ndarray, jets: np.ndarray) -> None:
+    axes = jets.shape[2]
+    for i in range(piece.size):
+        row, s = rows[piece[i]], motion[0, i]
+        cos, sin = wave(row, s)
+        for axis in range(axes):
+            found = moved_axis(
+                row, axes, axis, s, motion[1, i], motion[2, i], motion[3, i], cos, sin
+            )
+            jets[0, i, axis], jets[1, i, axis], jets[2, i, axis] = found
 
 
 def path_derivatives(pieces: Piece, piece: Int[np.ndarray, "..."], s: np.ndarray) -> Jet:
@@ -52,10 +66,24 @@ def path_derivatives(pieces: Piece, piece: Int[np.ndarray, "..."], s: np.ndarray
         piece: numbers of those that are asked for.
         s: arc length since the beginning of each [m], of the same shape.
     """
+    return moved(
+        pieces, piece, MotionSamples(s, np.ones_like(s), np.zeros_like(s), np.zeros_like(s))
+    )
+
+
+def moved(pieces: Piece, piece: Int[np.ndarray, "..."], motion: MotionSamples) -> Jet:
+    """Speed, acceleration and jerk of the axes in a motion along some pieces, as `composed`.
+
+    Args:
+        pieces: of a path, (P,).
+        piece: numbers of those that it is on.
+        motion: its arc length since the beginning of each, and derivatives, all of one shape.
+    """
     axes = pieces.cosine.shape[-1]
-    jets = np.empty((3, s.size, axes))
-    _fill_jets(pieces, np.ravel(piece), np.ravel(s), jets)
-    first, second, third = jets.reshape(3, *s.shape, axes)
+    flat = np.stack([np.ravel(values) for values in motion])
+    jets = np.empty((3, flat.shape[1], axes))
+    _fill_jets(in_rows(pieces), np.ravel(piece), flat, jets)
+    first, second, third = jets.reshape(3, *piece.shape, axes)
     return first, second, third
 
 
@@ -74,23 +102,3 @@ def composed(path: Jet, motion: MotionSamples) -> Jet:
         second * v**2 + first * a,
         third * v**3 + 3 * second * v * a + first * j,
     )
-
-
-@part
-def chained(first, second, third, v, a, j):
-    """Speed, acceleration and jerk of `composed`, of one axis at one time."""
-    return (
-        first * v,
-        second * v * v + first * a,
-        third * v * v * v + 3.0 * second * v * a + first * j,
-    )
-
-
-@part
-def moved(old, cells, i, elapsed):
-    """Place on the piece [m], speed, acceleration and jerk of the old motion within cell i."""
-    t = cells.elapsed[i] + elapsed
-    cubic = old.coefficients[cells.cell[i]]
-    s, v, a, j = cubic[0], cubic[1], cubic[2], cubic[3]
-    place = s + t * (v + t * (a + t * j)) - cells.place[i]
-    return place, v + t * (2 * a + 3 * t * j), 2 * a + 6 * t * j, 6 * j

@@ -7,7 +7,7 @@ from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
-from jcontour.motion.jerk_limited.derivatives import axis_jet, chained, moved, wave
+from jcontour.motion.jerk_limited.derivatives import in_rows, moved_axis, wave
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.native.lanes import part
 
@@ -15,58 +15,6 @@ CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits a
 MARGIN = 2e-4  # of every limit: what may pass between two of them
 
 
-@part
-def _warped(old, cells, square, i, x):
-    """Place on the piece [m] and derivatives of the motion at a fraction of cell i."""
-    first, middle, end, length = square[i, 0], square[i, 1], square[i, 2], cells.length[i]
-    u = first * (1 - x) ** 2 + middle * 2 * x * (1 - x) + end * x**2
-    half_slope = (first * (x - 1) + middle * (1 - 2 * x) + end * x) / length
-    half_bend = (first - 2 * middle + end) / length**2
-    rate = np.sqrt(u)
-    place, v, a, j = moved(old, cells, i, x * length)
-    return place, *chained(v, a, j, rate, half_slope, half_bend * rate)
-
-
-@part
-def _fill_values(pieces, feed, limits, old, cells, square, i, values):
-    """Feed, and speed, acceleration and jerk of every axis, over their limits: (1 + 3 m, points).
-
-    Derivatives of s(t) go through the path's as those of the warp go through the old motion's.
-    """
-    axes, k = pieces.cosine.shape[1], cells.piece[i]
-    for x in range(CHECKED.size):
-        place, v, a, j = _warped(old, cells, square, i, CHECKED[x])
-        cos, sin = wave(pieces, k, place)
-        fed = 0.0
-        for axis in range(axes):
-            first, second, third = axis_jet(pieces, k, axis, place, cos, sin)
-            speed, acceleration, jerk = chained(first, second, third, v, a, j)
-            fed += speed * speed
-            values[1 + axis, x] = speed / limits.speed[axis]
-            values[1 + axes + axis, x] = acceleration / limits.acceleration[axis]
-            values[1 + 2 * axes + axis, x] = jerk / limits.jerk[axis]
-        values[0, x] = np.sqrt(fed) / feed[k]
-
-
-@part
-def _peak(values):
-    """Greatest magnitude of some rows, that between the samples included.
-
-    A parabola through three samples exceeds them by an eighth of their second difference.
-    """
-    peak = 0.0
-    for row in range(values.shape[0]):
-        largest, between = 0.0, 0.0
-        for x in range(values.shape[1]):
-            largest = max(largest, abs(values[row, x]))
-        for x in range(1, values.shape[1] - 1):
-            bent = values[row, x + 1] - 2 * values[row, x] + values[row, x - 1]
-            between = max(between, abs(bent))
-        peak = max(peak, largest + between / 8)
-    return peak
-
-
-@compiled
 def slower(
     pieces: Piece,
     feed: Float[np.ndarray, " P"],
@@ -76,14 +24,70 @@ def slower(
     square: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, " n"]:
     """Factor on the square of the rate of every cell that brings it within all limits."""
-    axes = pieces.cosine.shape[1]
-    values = np.empty((1 + 3 * axes, CHECKED.size))
-    factor = np.empty(cells.length.size)
-    for i in range(factor.size):
-        _fill_values(pieces, feed, limits, old, cells, square, i, values)
-        speed = _peak(values[: 1 + axes])
-        acceleration = _peak(values[1 + axes : 1 + 2 * axes])
-        jerk = _peak(values[1 + 2 * axes :])
-        most = max(speed * speed, acceleration, np.cbrt(jerk * jerk))
-        factor[i] = (1 - MARGIN) / max(most, 1 - MARGIN)
+    cubic = old.coefficients[cells.cell]
+    warped = np.column_stack([cubic, cells.place, cells.elapsed, cells.length, square])
+    rows, greatest, factor = in_rows(pieces), np.stack(limits), np.empty(len(warped))
+    _fill_factors(rows, cells.piece, feed[cells.piece], greatest, warped, factor)
     return factor
+
+
+@part
+def _moved(row, x):
+    """Place on the piece [m] and derivatives of the warped motion at a fraction of a cell."""
+    s, v, a, j = row[0], row[1], row[2], row[3]
+    place, length, first, middle, end = row[4], row[6], row[7], row[8], row[9]
+    t = row[5] + x * length
+    u = first * (1 - x) ** 2 + middle * 2 * x * (1 - x) + end * x * x
+    half_slope = (first * (x - 1) + middle * (1 - 2 * x) + end * x) / length
+    half_bend = (first - 2 * middle + end) / (length * length)
+    arc = s + t * (v + t * (a + t * j)) - place
+    v, a, j = v + t * (2 * a + 3 * t * j), 2 * a + 6 * t * j, 6 * j
+    rate = np.sqrt(u)
+    jerk = j * u + 3.0 * a * half_slope + v * half_bend
+    return arc, v * rate, a * u + v * half_slope, jerk * rate
+
+
+@compiled
+def _fill_factors(
+    rows: np.ndarray,
+    piece: np.ndarray,
+    feed: np.ndarray,
+    limits: np.ndarray,
+    warped: np.ndarray,
+    factor: np.ndarray,
+) -> None:
+    """Write the factors; `warped` has the old cubic, the cell and the square of the rate."""
+    axes = limits.shape[1]
+    values = np.empty((1 + 3 * axes, CHECKED.size))
+    for i in range(factor.size):
+        row = rows[piece[i]]
+        for x in range(CHECKED.size):
+            place, v, a, j = _moved(warped[i], CHECKED[x])
+            cos, sin = wave(row, place)
+            fed = 0.0
+            for axis in range(axes):
+                found = moved_axis(row, axes, axis, place, v, a, j, cos, sin)
+                fed += found[0] * found[0]
+                for k in range(3):
+                    values[1 + k * axes + axis, x] = found[k] / limits[k, axis]
+            values[0, x] = np.sqrt(fed) / feed[i]
+        most = 0.0
+        for k in range(values.shape[0]):
+            peak = _peak(values[k])
+            kind = (k - 1) // axes  # of limit: speed, acceleration, jerk
+            most = max(most, peak * peak if kind < 1 else peak if kind < 2 else peak ** (2 / 3))
+        factor[i] = (1 - MARGIN) / max(most, 1 - MARGIN)
+
+
+@part
+def _peak(values):
+    """Greatest magnitude of a curve, that between the samples included.
+
+    A parabola through three samples exceeds them by an eighth of their second difference.
+    """
+    largest, between = 0.0, 0.0
+    for x in range(values.size):
+        largest = max(largest, abs(values[x]))
+        if 0 < x < values.size - 1:
+            between = max(between, abs(values[x + 1] - 2 * values[x] + values[x - 1]))
+    return largest + between / 8

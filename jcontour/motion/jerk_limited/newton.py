@@ -63,11 +63,11 @@ def solve(parts: Conditions, c: Float[np.ndarray, " n"], steps: int) -> float:
 
 def _packed(parts: Conditions) -> Float[np.ndarray, "blocks entries lanes"]:
     """Numbers of all cells as lanes; the last cell fills the last block."""
-    n = len(parts.rows)
+    n = parts.weight.shape[1]
     count = np.arange(-(-n // WIDTH) * WIDTH)
-    numbers = np.concatenate([parts.rows.reshape(n, -1), parts.weight], axis=1)
-    filled = np.column_stack([numbers[np.minimum(count, n - 1)], count < n])
-    return np.ascontiguousarray(filled.reshape(-1, WIDTH, filled.shape[1]).swapaxes(1, 2))
+    numbers = np.concatenate([parts.rows.reshape(-1, n), parts.weight])
+    filled = np.concatenate([numbers[:, np.minimum(count, n - 1)], (count < n)[None]])
+    return np.ascontiguousarray(filled.reshape(len(filled), -1, WIDTH).swapaxes(0, 1))
 
 
 def _point_size(axes):

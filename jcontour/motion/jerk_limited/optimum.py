@@ -38,8 +38,7 @@ def quickest(
     gap = np.zeros(wanted.size)
     for k in np.flatnonzero(wanted):
         some = slice(ends[k], ends[k + 1])
-        alone = Conditions(parts.rows[some], parts.weight[some], parts.axes)
-        gap[k] = solve(alone, c[some], STEPS)
+        gap[k] = solve(parts.taken(some), c[some], STEPS)
     return c, gap
 
 
@@ -48,9 +47,9 @@ def fullest(parts: Conditions, window: Float[np.ndarray, "n 3"]) -> Float[np.nda
 
     The speed and the acceleration grow with it, the jerk with its power 3/2.
     """
-    values = np.abs((parts.rows @ window[..., None])[..., 0])
-    acceleration, jerk = np.split(values[:, STILL:], 2, axis=1)
-    rate = np.sqrt(values[:, SQUARE:SPEED])
-    jerk = (jerk.reshape(*rate.shape, parts.axes).max(axis=-1) * rate).max(axis=1)
-    linear = np.maximum(values[:, SPEED:STILL].max(axis=1), acceleration.max(axis=1))
+    values = np.abs((parts.rows * window.T).sum(axis=1))
+    acceleration, jerk = np.split(values[STILL:], 2)
+    rate = np.sqrt(values[SQUARE:SPEED])
+    jerk = (jerk.reshape(len(rate), parts.axes, -1).max(axis=1) * rate).max(axis=0)
+    linear = np.maximum(values[SPEED:STILL].max(axis=0), acceleration.max(axis=0))
     return 1.0 / np.maximum(linear, np.cbrt(jerk) ** 2)

@@ -287,7 +287,7 @@ def _quickest(
         exceeds = np.zeros_like(every)
         exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
-        parts.limited[...] *= np.where(again, 1 / less**TIGHTER, 1.0)[:, None, None]
+        parts.limited[...] *= np.where(again, 1 / less**TIGHTER, 1.0)
         start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
         found, left = quickest(parts, unknowns, start, stretch, exceeds)
         gap = np.where(exceeds, left, gap)

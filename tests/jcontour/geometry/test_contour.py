@@ -40,6 +40,15 @@ def test_positions_lie_on_the_curve_from_end_to_end(name, shapes):
     assert float(contour.size) == pytest.approx(np.linalg.norm(np.ptp(box, axis=0)), rel=1e-4)
 
 
+@pytest.mark.parametrize("name", ["polyline", "helix", "spline"])
+def test_places_in_numpy_are_the_positions(name, shapes):
+    contour = shapes.cases()[name][0]
+    pieces = jax.tree.map(np.asarray, contour.pieces)
+    middle = 0.5 * pieces.extent
+    expected = shapes.along(contour.position, pieces.start + middle)
+    np.testing.assert_allclose(pieces.place(middle), expected, atol=1e-15)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_tangent_and_curvature_are_the_derivatives(name, shapes):
     contour = shapes.cases()[name].contour
