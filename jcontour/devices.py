@@ -26,3 +26,8 @@ def number_size(arrays) -> int | None:
 def suits_native(*arrays) -> bool:
     """Whether loops compiled for the CPU (`jcontour.native`) take numbers of these types."""
     return platform() == "cpu" and number_size(arrays) == 8
+
+
+def suits_gpu_code(*arrays) -> bool:
+    """Whether our own code for a GPU (`jcontour.native.gpu_code`) takes numbers of these types."""
+    return on_gpu() and number_size(arrays) is not None

@@ -36,10 +36,10 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("mpc", "export"),
         ("guarantees",),
         ("analysis", "host", "controllers"),
-        ("simulation", "riccati"),
+        ("simulation", "riccati", "qp"),
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
-        ("geometry", "qp", "native", "plant", "sensors", "tracing", "devices", "compiled"),
+        ("geometry", "native", "plant", "sensors", "tracing", "devices", "compiled"),
     ),
     "experiments": (
         ("cli", "examples"),

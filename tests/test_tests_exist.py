@@ -21,9 +21,9 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/analysis/loop_slopes.py": "jcontour/analysis/test_peak_search.py",
     # loops for the CPU, beside what they do faster
     "jcontour/native/interface.py": "jcontour/native/test_calls.py",
-    "jcontour/native/staged.py": "jcontour/qp/test_native.py",
-    "jcontour/native/one_sided.py": "jcontour/qp/test_native.py",
-    "jcontour/native/interior_point.py": "jcontour/qp/test_native.py",
+    "jcontour/native/gpu_operations.py": "jcontour/native/test_gpu_code.py",
+    "jcontour/qp/native": "jcontour/qp/test_native.py",
+    "jcontour/qp/lanes": "jcontour/qp/test_lanes.py",
     "jcontour/qp/path.py": "jcontour/qp/test_interior_point.py",
     # the parts of a planned motion
     "jcontour/motion/jerk_limited": "jcontour/motion/jerk_limited/test_planning.py",

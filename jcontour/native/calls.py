@@ -142,4 +142,4 @@ def drop_stale(folder: Path, *sources: Path) -> None:
 
 
 _HERE = Path(__file__).parent
-drop_stale(_HERE, *_HERE.glob("*.py"), *(_HERE.parent / "qp").glob("*.py"))
+drop_stale(_HERE, *_HERE.glob("*.py"))

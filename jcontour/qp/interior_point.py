@@ -25,7 +25,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jcontour.devices import suits_native
+from jcontour.devices import suits_gpu_code, suits_native
 from jcontour.qp.one_sided import (
     Changes,
     Limits,
@@ -71,6 +71,9 @@ from jcontour.qp.staged import (
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
+# states, controls and rows of a stage that our code for a GPU takes: it is written out number by
+# number, and more would take a minute
+MOST_ON_GPU = 24
 PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
 
 
@@ -200,6 +203,13 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = _one_sided(qp)
+    if 0 < qp.D.shape[0] <= MOST_ON_GPU - qp.D.shape[1] and suits_gpu_code(qp):
+        from jcontour.qp.lanes.interior_point import found
+
+        last = found(qp, guess)
+        residual = jnp.where(_stated(qp), last.residual, jnp.inf)
+        known = residual, residual <= SOLVED, last.iterations, last.beyond
+        return Answer(last.at, last.point.l, *known), last.point, limits
     point, iterations = _converged(qp, limits, guess)
     return _checked(qp, point, limits, iterations), point, limits
 
@@ -207,7 +217,7 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Li
 def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
     """Last point of the path, and iterations."""
     if qp.D.shape[0] > 0 and suits_native(qp):
-        from jcontour.native.interior_point import converged
+        from jcontour.qp.native.interior_point import converged
 
         return converged(qp, limits, guess)
     count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jcontour.native.lanes import WIDTH, fma, load, most, part, size_of, spread, store, where_less
-from jcontour.native.staged import add_row, row_of
+from jcontour.qp.native.staged import add_row, row_of
 
 
 class Limits(NamedTuple):

@@ -4,12 +4,23 @@ The equations, the order and the tests of the readable solver, with all loops ov
 call. XLA would call each small operation in them by itself.
 """
 
+import pathlib
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy import intp  # a literal would be a type of its own, compiled once more
 
-from jcontour.native.calls import argument, asks, extent, native_call, result, spoil
+from jcontour import native
+from jcontour.native.calls import (
+    argument,
+    asks,
+    drop_stale,
+    extent,
+    native_call,
+    result,
+    spoil,
+)
 from jcontour.native.lanes import (
     WIDTH,
     fma,
@@ -23,7 +34,16 @@ from jcontour.native.lanes import (
     store,
     where_less,
 )
-from jcontour.native.one_sided import (
+from jcontour.native.threads import (
+    done,
+    frame_of,
+    is_work,
+    leave,
+    next_part,
+    own_address,
+    shared_work,
+)
+from jcontour.qp.native.one_sided import (
     Limits,
     Linear,
     Slacks,
@@ -37,7 +57,7 @@ from jcontour.native.one_sided import (
     progress,
     push,
 )
-from jcontour.native.staged import (
+from jcontour.qp.native.staged import (
     Factors,
     Path,
     Problem,
@@ -50,15 +70,6 @@ from jcontour.native.staged import (
     slope_at,
     slope_left,
     step_of,
-)
-from jcontour.native.threads import (
-    done,
-    frame_of,
-    is_work,
-    leave,
-    next_part,
-    own_address,
-    shared_work,
 )
 from jcontour.qp.one_sided import Point
 from jcontour.qp.path import (
@@ -77,7 +88,10 @@ from jcontour.qp.path import (
 from jcontour.qp.staged import Trajectory
 
 RESULTS = 7
+_HERE = pathlib.Path(__file__).parent
 TINY = float(np.finfo(float).tiny ** 0.5)
+for _folder in (pathlib.Path(native.__path__[0]), _HERE.parent):
+    drop_stale(_HERE, *_HERE.glob("*.py"), *_folder.glob("*.py"))
 
 
 @part

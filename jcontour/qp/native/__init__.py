@@ -1,0 +1,1 @@
+"""The interior point on a CPU: eight problems at once, compiled by Numba."""
