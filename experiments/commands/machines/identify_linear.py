@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.files import run_folder
+from experiments.files.checks import MachineError
 from experiments.files.log_file import Log, LogColumns, read_log
 from experiments.files.results.linear_result import LinearAxisResult, LinearMachineResult
 from experiments.files.results.stored import write_result
@@ -16,6 +17,7 @@ from experiments.machines.machine_behaviour import GRAVITY
 from experiments.reports.identified_tables import show
 from experiments.runs.lifecycle import finished
 from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear.hidden_modes import hidden_modes
 from tuning.identification.linear.machine import (
     LinearMachineFound,
     MachineRecord,
@@ -44,7 +46,7 @@ def command(flags: Identify) -> int:
         found = found.twice("Y" if flags.axes[0] != "Y" else "X")
     name = "identified" if flags.data is None else flags.data.stem
     text = run_folder.json_text(machine_fields(found, name, flags.control_unit)) + "\n"
-    machine_from(text.encode(), name)  # what the other commands refuse is not written
+    _check_file(text, name, found)
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
         "identify",
@@ -77,6 +79,29 @@ def _check(flags: Identify) -> None:
         raise ValueError(f"period-ms: needs to be above zero, received {flags.period_ms}")
     if flags.demo and flags.axes != tuple(DEMO):
         raise ValueError("axes: the simulated data have X and Y")
+
+
+def _check_file(text: str, name: str, found: LinearMachineFound) -> None:
+    """What the other commands would refuse is not written, but said in the record's words.
+
+    Raises:
+        ValueError: the file is one of those.
+    """
+    try:
+        machine_from(text.encode(), name)
+    except MachineError as error:
+        for one in found.axes:
+            poles = len(one.fit.model.denominator)
+            if poles > 1 and hidden_modes(one.fit).size:
+                raise ValueError(
+                    f"{one.name}: a zero cancels one of the model's {poles} poles, so the record "
+                    "does not show it, and no controller could be tuned: run again with "
+                    f"--most-order {poles - 1}, or record what jcontour identify --excite writes"
+                ) from None
+        raise ValueError(
+            f"no controller could be tuned for what fits the record ({error}): record a livelier "
+            "program: jcontour identify --excite"
+        ) from None
 
 
 def _log(flags: Identify) -> tuple[Log, str]:

@@ -1,10 +1,12 @@
 """`identify --machine linear` from the command line."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.signal import lfilter
 
 from experiments.benchmarks.records.emps_record import emps_record
 from experiments.cli import main
@@ -15,6 +17,7 @@ from experiments.machines.from_file import load_machine
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import console_of
 from jcontour.plants import emps
+from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +83,38 @@ def test_bad_input_is_told_in_one_line(flags, words, capsys):
     assert main(["identify", "--machine", "linear", *flags]) == 2
     told = capsys.readouterr().err
     assert words in told and len(told.strip().splitlines()) == 1
+
+
+def fit(zeros, second):
+    """Two poles fitted to 0.9 and another one, behind which white commands came with zeros."""
+    random = np.random.default_rng(5)
+    u = random.standard_normal(2000)
+    y = np.asarray(lfilter([0.0, *zeros], np.poly([0.9, second]), u))
+    record = AxisRecord(1e-3, u, y + 0.01 * random.standard_normal(len(u)))
+    return fitted(record, Structure(2, 2, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("second", "words"),
+    [
+        (0.4, "Y: a zero cancels one of the model's 2 poles"),
+        (0.8, "no controller could be tuned for what fits the record (B: missing"),
+    ],
+)
+def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
+    second, words, monkeypatch, capsys, tmp_path
+):
+    """A file without B; the zero at 0.4 cancels the second pole of Y, or none."""
+    shown, doubted = fit([1.0, -0.4], 0.7), fit([1.0, -0.4], second)
+    axes = [SimpleNamespace(name=name, fit=one) for name, one in (("X", shown), ("Y", doubted))]
+    found = SimpleNamespace(axes=axes)
+    monkeypatch.setattr(identify_linear, "identify_machine", lambda *_: found)
+    monkeypatch.setattr(identify_linear, "machine_fields", lambda *_: {"A": [[1.0]]})
+    folder = tmp_path / "run"
+    assert main(["identify", "--machine", "linear", "--demo", "--out", str(folder)]) == 2
+    told = capsys.readouterr().err
+    assert words in told and len(told.strip().splitlines()) == 1
+    assert ("--most-order 1" in told) is (second == 0.4) and not folder.exists()
 
 
 @pytest.mark.slow
