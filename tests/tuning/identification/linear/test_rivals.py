@@ -1,7 +1,12 @@
+from dataclasses import dataclass
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from jcontour.linear.continuous_axes import speed_axis
+from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
+from tuning.identification.linear import rivals
+from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.order_search import Candidate, Choice, settled
 from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
 from tuning.identification.linear.recording import RecordedAxis, recorded
@@ -18,6 +23,7 @@ def record():
     return AxisRecord(DT, *recorded(one, reference, DT, np.random.default_rng(1)))
 
 
+@pytest.mark.slow
 def test_a_richer_model_that_says_the_same_adds_no_delay(record):
     """Corners show the axis: three poles answer as one does up to 100 Hz."""
     plain, rich = (fitted(record, Structure(n, n + 1, 1, 1)) for n in (1, 3))
@@ -25,6 +31,82 @@ def test_a_richer_model_that_says_the_same_adds_no_delay(record):
     small, large = (Candidate(fit, fit.errors) for fit in (plain, rich))
     assert rivals_of(record, found, Choice(small, [small]), 4) == found.rivals
     assert rivals_of(record, found, Choice(small, [small, large]), 4) == found.rivals
+
+
+@pytest.mark.slow
+def test_the_delay_behind_a_resonance_that_slow_motion_hides():
+    """60 Hz behind one sample, lines with corners: a model without it has several samples more.
+
+    Its true delay is a rival, by the likelihoods of both models behind their noise filters.
+    """
+    axis = with_resonance(position_axis(0.9, 0.018, DT), 2 * np.pi * 60, 0.1)
+    one = RecordedAxis(axis, "position", 0.5e-6, 0.2e-6, 1e-3, (1.2,))
+    reference = 0.05 * DT * np.cumsum(np.sign(np.sin(2 * np.pi * 2.5 * DT * np.arange(ROWS))))
+    record = AxisRecord(DT, *recorded(one, reference, DT, np.random.default_rng(2)))
+    plain, rich = fitted(record, Structure(1, 1, 0, 3)), fitted(record, Structure(3, 3, 0, 1))
+    found = settled(record, plain, 6)
+    small, large = (Candidate(fit, fit.errors) for fit in (plain, rich))
+    assert found.fit.model.delay > 1
+    said = rivals_of(record, found, Choice(small, [small, large]), 6)
+    assert said[1] == 0.0 and found.rivals.get(1, np.inf) > 0.0
+    assert found.fit.model.delay not in said
+
+
+@dataclass
+class Richer:
+    """What `settled` would say of a larger structure."""
+
+    model: AxisModel
+    rivals: dict[int, float]
+    behind: float
+
+    @property
+    def fit(self):
+        return SimpleNamespace(model=self.model)
+
+    def less_likely(self, other):
+        return self.behind
+
+
+def model(delay, poles, gain=1.0):
+    """A pole of 0.9, and others at nought that change nothing."""
+    return AxisModel(np.append(-0.9, np.zeros(poles - 1)), np.array([0.1 * gain]), 0, delay, DT)
+
+
+@pytest.mark.parametrize(
+    ("richer", "wanted"),
+    [
+        # 9 % off in gain adds nothing; 20 % off, its delay and its rivals count
+        ([Richer(model(0, 3, 1.09), {3: 0.0}, 0.0)], {1: 6.0, 4: 9.0}),
+        ([Richer(model(2, 3, 1.2), {3: 1.5, 4: 2.0}, 0.5)], {1: 6.0, 2: 0.5, 3: 2.0, 4: 2.5}),
+        # a likelier one is a rival without a doubt, not more than that
+        ([Richer(model(1, 3, 1.2), {4: 2.0}, -30.0)], {1: 0.0, 4: 2.0}),
+        # smaller doubts of the model's own stay, and its own delay is no rival
+        ([Richer(model(1, 3, 1.2), {0: 1.0, 4: 1.0}, 20.0)], {1: 6.0, 4: 9.0}),
+        # another delay alone answers otherwise as well
+        ([Richer(model(3, 3), {}, 1.0)], {1: 6.0, 3: 1.0, 4: 9.0}),
+        # two starts of one structure, each with what it excludes; a third is not asked
+        (
+            [
+                Richer(model(3, 3, 1.2), {}, 1.0),
+                Richer(model(4, 3, 1.2), {3: 0.25}, 0.0),
+                Richer(model(2, 3, 1.2), {}, 0.0),
+            ],
+            {1: 6.0, 3: 0.25, 4: 0.0},
+        ),
+        # no more poles than the model has
+        ([Richer(model(3, 1, 1.2), {}, 0.0)], {1: 6.0, 4: 9.0}),
+    ],
+)
+def test_what_a_richer_model_adds(richer, wanted, monkeypatch):
+    """The model has no delay and two rivals; what is wanted was counted by hand."""
+    found = Richer(model(0, 1), {1: 6.0, 4: 9.0}, 0.0)
+    waiting = iter(richer)
+    monkeypatch.setattr(rivals, "settled", lambda *_: next(waiting))
+    choice = SimpleNamespace(largest=[SimpleNamespace(fit=one.fit) for one in richer])
+    record = AxisRecord(DT, np.zeros(9), np.zeros(9))
+    said = rivals_of(record, found, choice, 6)
+    assert said == wanted and found.rivals == {1: 6.0, 4: 9.0}
 
 
 def test_a_slow_clock_rings_less_high():
