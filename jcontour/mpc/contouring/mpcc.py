@@ -123,12 +123,13 @@ class MPCC(HostController):
         """At the first arc length of the reference, at rest, behind it the control that holds it.
 
         Raises:
-            ValueError: the sample periods differ, the reference's contour is longer than theta
-                reaches or it starts beyond the path, or the control that holds the machine there is
-                outside the limits; as `LinearPlant.holding_control`.
+            ValueError: the axes or the sample periods differ, the reference's contour is longer
+                than theta reaches or it starts beyond the path, or the control that holds the
+                machine there is outside the limits; as `LinearPlant.holding_control`.
         """
+        self._check_reference(reference)
         held = np.array(self.model.holding_control(reference.position[0]))
-        self._check_run(reference, held)
+        self._check_held(held)
         theta = float(reference.arc[0]) / self.weights.length_unit - self.length
         plan, state = np.zeros(len(self.blocks)), np.zeros(self.model.states)
         return Traversal(np.array(min(theta, 0.0)), plan, held, held, state, 0)
@@ -218,8 +219,14 @@ class MPCC(HostController):
             self._upper,
         )
 
-    def _check_run(self, reference: Reference, held: Float[np.ndarray, " p"]) -> None:
+    def _check_reference(self, reference: Reference) -> None:
         reach = self.length * self.weights.length_unit  # [m]
+        axes = reference.position.shape[-1]
+        if axes != self.model.axes:
+            raise ValueError(
+                f"reference: needs as many axes as the model has outputs, {self.model.axes}, "
+                f"received {axes}"
+            )
         if abs(reference.dt - self.model.dt) > 1e-12 * self.model.dt:
             raise ValueError(
                 f"dt: the controller's model is sampled every {self.model.dt} s, "
@@ -235,6 +242,8 @@ class MPCC(HostController):
             raise ValueError(
                 f"reference: needs to start on the path, between 0 and {reach} m, received {arc} m"
             )
+
+    def _check_held(self, held: Float[np.ndarray, " p"]) -> None:
         p = self.model.inputs
         low, high = self._lower[-p:], self._upper[-p:]
         if not ((low <= held) & (high >= held)).all():

@@ -43,6 +43,8 @@ def scaled_drives(*factors):
     return tuple(drive.scaled(*factors) for drive in (X_DRIVE, Y_DRIVE))
 
 
+# no control makes the second axis move steadily
+FALLING = LinearPlant(np.eye(2), np.array([[1.0, 0.0], [0.0, 0.0]]), np.eye(2), 0.004)
 MACHINES = {
     "nominal": lambda: xy_table(1e-3),
     "friction": lambda: FrictionXYTable(1e-3),
@@ -356,6 +358,13 @@ def test_drives_that_take_a_position_are_held_where_the_run_begins():
         (lambda: MPCC(table(), contours.line([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])), "axes"),
         (lambda: MPCC(table(), contours.stack([lobes(), lobes()])), "stack"),
         (lambda: lobe_controller().initial_memory(at_start(lobes(), 0.001, 5)), "dt"),
+        (
+            lambda: lobe_controller().initial_memory(
+                at_start(contours.line([0.0, 0.0, 0.0], [0.1, 0.0, 0.0]), 0.004, 5)
+            ),
+            "^reference: needs as many axes as the model has outputs, 2, received 3",
+        ),
+        (lambda: MPCC(FALLING, lobes()).initial_memory(at_start(lobes(), 0.001, 5)), "^dt"),
         (
             lambda: lobe_controller().initial_memory(
                 at_start(polar_lobes(0.04, 0.01, 4), 0.004, 5)
