@@ -203,7 +203,7 @@ def from_file(path: Path, pace: Pace) -> Job:
     """
     try:
         return _read(path, pace)
-    except ToolpathError as error:
+    except ValueError as error:  # of the motion, too
         text = str(error)
         raise ToolpathError(text if str(path) in text else f"{path}: {text}") from None
 

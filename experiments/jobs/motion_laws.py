@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -17,6 +16,7 @@ UM = 1e-6  # [m]
 # [s] in which an axis builds up its acceleration where the machine states no jerk: of milling
 # machines 10 to 50 ms are usual
 BUILD_UP = 0.02
+AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
 SAME_FEED = 1e-9  # what a projection rounds
 
 
@@ -114,7 +114,11 @@ def _on(contour: Contour, arc: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.
     """Points and unit tangents of an open run along a contour, in NumPy."""
     pieces = unpadded(contour)
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    index = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, pieces.extent.size - 1)
-    on = jax.tree.map(lambda rows: rows[index], pieces)
-    position, velocity, _ = on.jet(arc - starts[index])
-    return position, velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+    place, tangent = np.empty((2, arc.size, contour.axes))
+    for some in (slice(k, k + AT_ONCE) for k in range(0, arc.size, AT_ONCE)):
+        index = np.searchsorted(starts, arc[some], side="right") - 1
+        index = np.clip(index, 0, pieces.extent.size - 1)
+        position, velocity, _ = pieces.taken(index).jet(arc[some] - starts[index])
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        place[some], tangent[some] = position, velocity / speed
+    return place, tangent

@@ -130,7 +130,7 @@ def _laws(
 ) -> tuple[Float[np.ndarray, "L 4"], Float[np.ndarray, " L"]]:
     """Length, speed, acceleration and jerk of every leg, and a bound of its time [s]."""
     direction, bend, _ = everywhere(pieces)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         speed, acceleration, jerk = ((limit / np.abs(direction)).min(-1).max(0) for limit in limits)
         turning = np.sqrt((limits.acceleration / np.abs(bend)).min(-1).max(0))
     speed = np.minimum(np.minimum(feed, speed), turning)

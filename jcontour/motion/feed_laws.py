@@ -25,6 +25,7 @@ SAMPLE_ROUNDING = 1e-6
 # [rad] the most a tangent turns between two nodes; limits are tightened by up to 1 - cos(0.025) =
 # 0.03 % for it
 STEP_ANGLE = 0.05
+MOST_STEPS = 5_000_000  # of all pieces
 FEWEST_STEPS = 4  # of a curved piece, so that the speed can rise between two stops
 CORNER = 1e-6  # [rad] a smaller change of direction is rounding in the file
 
@@ -184,7 +185,13 @@ def _steps(contour: Contour) -> _Steps:
     bend = np.linalg.norm(curvature, axis=-1).max(axis=1)
     straight = (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
     several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
-    count = np.where(straight, 1, several).astype(int)
+    count = np.where(straight, 1, several)
+    if not count.sum() <= MOST_STEPS:
+        raise ValueError(
+            f"contour: a curve turns too sharply for its length: it needs {count.sum():.2g} steps, "
+            f"more than {MOST_STEPS:,}"
+        )
+    count = count.astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
     stepped = jax.tree.map(lambda rows: rows[piece], pieces)
@@ -208,7 +215,7 @@ def _ceiling(
 ) -> Float[np.ndarray, " n"]:
     """Greatest v^2 at which a step can be passed at constant speed."""
     ceiling = feed[steps.piece] ** 2
-    with np.errstate(divide="ignore"):  # no limit where an axis does not move
+    with np.errstate(divide="ignore", over="ignore"):  # no limit where an axis does not move
         bend = np.linalg.norm(steps.curvature, axis=-1)
         ceiling = np.minimum(ceiling, (acceleration / bend).min(axis=0))
         per_axis = (acceleration_limit / np.abs(steps.curvature)).min(axis=(0, 2))
@@ -227,7 +234,7 @@ def _corner_ceiling(
     change = after - before
     size = np.linalg.norm(change, axis=-1)
     turned = 2.0 * np.arctan2(size, np.linalg.norm(after + before, axis=-1))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         per_axis = (acceleration_limit / np.abs(change / size[:, None])).min(axis=-1)
         along_bisector = np.minimum(acceleration, per_axis)
         sin_half = np.cos(0.5 * turned)  # h = (pi - turned) / 2
@@ -260,7 +267,7 @@ def _backward(
     """
     doubled = 2.0 * steps.length[:, None]
     slope = rows.along - doubled * rows.across
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         per_end = np.where(slope > 0, rows.along / slope, 0.0)
         at_rest = np.where(slope > 0, doubled * rows.limit / slope, np.inf)
     greatest = nodes.tolist()
@@ -274,7 +281,7 @@ def _forward(
 ) -> Float[np.ndarray, " nodes"]:
     """Greatest v^2 that is reached at every node from rest."""
     doubled = 2.0 * steps.length[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         gain = np.where(rows.along > 0, doubled * rows.limit / rows.along, np.inf)
         loss = np.where(rows.along > 0, doubled * rows.across / rows.along, 0.0)
     reached = nodes.tolist()
@@ -290,7 +297,7 @@ def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
     A line has up to three.
     """
     first, last = nodes[:-1], nodes[1:]
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         doubled = 2.0 * (rows.limit / rows.along).min(axis=1)
     faster = np.maximum(first, last)
     peak = 0.5 * (first + last + doubled * steps.length)

@@ -189,7 +189,7 @@ def _direction(piece: Piece, at) -> np.ndarray:
 
 
 def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
-    """A run as a spline within the tolerance; None where it needs a knot for every piece."""
+    """A run as a spline within the tolerance; None where a knot for every piece is not enough."""
     arc, points = _sampled(run)
     count = run.ends.size - 1
     cells = max(1, count // PER_CELL)
@@ -197,7 +197,10 @@ def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
     for _ in range(ROUNDS):
         if knots.size > count:
             return None
-        spline = _least_squares(knots, arc, points, run)
+        try:
+            spline = _least_squares(knots, arc, points, run)
+        except np.linalg.LinAlgError:  # pieces far too unlike in length
+            return None
         distance = np.linalg.norm(spline(arc) - points, axis=1)
         far = np.searchsorted(knots, arc[distance > SAFETY * tolerance]) - 1
         if far.size == 0:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 NUMBER = re.compile(r"\s*[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?\s*")
+CODE = re.compile(r"-?[0-9]{1,5}")
 COMMENT = 999
 BINARY = "AutoCAD Binary DXF"
 
@@ -137,7 +138,7 @@ def entities(lines: Sequence[str]) -> Iterator[Entity]:
 def _tags(lines: Sequence[str]) -> Iterator[Tag]:
     for i in range(0, len(lines) - 1, 2):
         code = lines[i].strip()
-        if not (code.lstrip("-").isdecimal() and code.isascii() and len(code) < 6):
+        if not CODE.fullmatch(code):
             if i == 0:
                 raise ToolpathError("line 1: not a DXF file, which begins with 0 and SECTION")
             if not any(line.strip() for line in lines[i:]):

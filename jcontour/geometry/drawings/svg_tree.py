@@ -49,7 +49,8 @@ def svg_tree(text: str) -> Element:
             too many or too deep, or another root.
     """
     reader = _Reader()
-    parser = expat.ParserCreate(namespace_separator=" ")
+    # the text is decoded already, whatever encoding it states
+    parser = expat.ParserCreate("UTF-8", " ")
     parser.StartElementHandler = lambda name, given: reader.start(
         name, given, parser.CurrentLineNumber
     )

@@ -36,6 +36,7 @@ QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
 SPARSE = 0.1  # of the cells elsewhere, at most
 GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 MOST_SAMPLES = 20_000_000
+AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
 ROUNDING = 1e-6  # of a sample
 EXACT = 1 - 1e-10  # of the rate's square where the old motion is the quickest: limits keep a gap
 
@@ -109,8 +110,10 @@ class JerkLimitedMotion:
             raise ValueError(
                 f"feed, dt: the run would have {steps:.3g} samples, more than {MOST_SAMPLES}"
             )
-        time = rests.moving(np.arange(int(steps) + 1) * dt)
-        arc = np.maximum.accumulate(self.at(time).arc)
+        count = int(steps) + 1
+        parts = [np.arange(k, min(k + AT_ONCE, count)) * dt for k in range(0, count, AT_ONCE)]
+        arc = np.concatenate([self.at(rests.moving(part)).arc for part in parts])
+        arc = np.maximum.accumulate(arc)
         arc[-1] = self.stops[-1]
         return np.minimum(arc, self.stops[-1])
 

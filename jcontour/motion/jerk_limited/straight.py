@@ -32,7 +32,7 @@ def straight_motions(
     """
     begins = np.flatnonzero(np.diff(stretch, prepend=-1))
     direction = np.abs(pieces.polynomial[:, 1])
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         speed, acceleration, jerk = (
             np.minimum.reduceat((limit / direction).min(axis=1), begins) for limit in limits
         )

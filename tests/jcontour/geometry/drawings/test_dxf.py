@@ -242,6 +242,7 @@ def test_a_bomb_of_blocks(drawn, monkeypatch):
         (b"9\n$INSUNITS\n", "line 2: not a DXF file"),
         (b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\n", "the file is cut off: there is no EOF"),
         (b"0\nSECTION\n2\nENTITIES\nzero\nLINE\n", "line 5: needs a group code, received 'zero'"),
+        (b"0\nSECTION\n2\nENTITIES\n--1\nLINE\n", "line 5: needs a group code, received '--1'"),
         (b"0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n20\n0\nEOF\n", "line 8: a drawing in unit 20"),
     ],
 )

@@ -206,6 +206,14 @@ def test_files_that_are_no_svg(drawn, text, message):
         drawn.read(text, 1e-3, suffix=".svg")
 
 
+@pytest.mark.parametrize("encoding", ["UTF8.0", "utf-16", "latin-1"])
+def test_text_is_utf_8_whatever_encoding_it_states(drawn, encoding):
+    head = f'<?xml version="1.0" encoding="{encoding}"?>'
+    body = '<svg xmlns="http://www.w3.org/2000/svg"><line x2="3"/><!-- \xe9 --></svg>'
+    read = drawn.read((head + body).encode(), 1e-3, suffix=".svg")
+    assert float(read.contour.length) == pytest.approx(3e-3)
+
+
 def test_a_bomb_of_uses(svg, monkeypatch):
     monkeypatch.setattr("jcontour.geometry.drawings.svg.MOST_MOVES", 1000)
     levels = [
