@@ -2,6 +2,11 @@
 
 Numbers are read in plain digits. Help names the value alone where a flag need not be given, and
 says no default there.
+
+Three things of tyro's are relied on. A rule that answers None leaves the type to the rules before
+it, and tyro's own come last (`tyro.constructors.ConstructorRegistry`, "primitive rules", "struct
+rules"). The text of a field is shown as given (`StructFieldSpec.helptext`). And an empty
+`help_behavior_hint` of `tyro.conf.arg` stands in the place of "(default: ...)".
 """
 
 from collections.abc import Callable
