@@ -18,6 +18,7 @@ Table = dict[str, Float[np.ndarray, " T"]]
 def read_table(path: Path) -> Table:
     """Columns of a file by name, in lower case; those of a CSV without header are 1, 2, ...
 
+    In place of commas a text file may have tabs, semicolons or spaces, any number of these.
     A column of a netCDF or MAT file is a vector, or a column of a matrix: `q` of two columns gives
     q_1 and q_2.
 
@@ -56,9 +57,11 @@ def _csv(path: Path, content: bytes) -> Table:
         raise ValueError(f"{path}: is empty")
     separator = max(SEPARATORS, key=lambda one: lines[0][1].count(one))
     comma = separator != ","  # then it may stand in numbers, as in 0,001
-    rows = list(
-        csv.reader((words for _, words in lines), delimiter=separator, skipinitialspace=True)
-    )
+    texts = [words for _, words in lines]
+    if separator in texts[0]:
+        rows = list(csv.reader(texts, delimiter=separator, skipinitialspace=True))
+    else:
+        rows = [words.split() for words in texts]
     named = not all(_is_number(word, comma) for word in rows[0])
     heads = [word.strip().lower() for word in rows[0]] if named else []
     heads = heads or [str(k + 1) for k in range(len(rows[0]))]

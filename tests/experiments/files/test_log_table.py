@@ -20,6 +20,17 @@ def test_a_csv_with_and_without_header(tmp_path, separator):
     assert list(read_table(path)) == ["1", "2", "3"]
 
 
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_spaces_between_numbers_as_in_a_table_for_reading(tmp_path, decimal):
+    path = tmp_path / "log.dat"
+    path.write_text("  t    u\n 0.001 -1.5\n10.002    2e-3 \n".replace(".", decimal))
+    table = read_table(path)
+    assert table["t"].tolist() == [0.001, 10.002] and table["u"].tolist() == [-1.5, 2e-3]
+    path.write_text("0.001 -1.5\n0.002 x\n")
+    with pytest.raises(ValueError, match="line 2 does not hold 2 numbers"):
+        read_table(path)
+
+
 def test_decimal_commas_as_many_drives_write_them(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t;u\n0,001;-1,5\n0,002;2e-3\n", encoding="utf-8-sig")
