@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 JITTER = 0.01  # of a period, by which a sample may be early or late
+RARE = 0.1  # of all steps: fewer odd ones are gaps, more are a clock that jitters
 LEAST_PART = 0.25  # of a record without gap or restart that is worth going on with
 
 
@@ -51,7 +52,15 @@ def longest_even_part(time: Float[np.ndarray, " T"]) -> EvenPart:
     longest = int(np.argmax(np.diff(edges)))
     start, end = int(edges[longest]), int(edges[longest + 1])
     if end - start < max(LEAST_PART * len(time), 3):
-        raise ValueError(_uneven(time, usual, int(odd[0])))
+        words = f"{_uneven(time, usual, int(odd[0]))}; there are {odd.size} such places"
+        if odd.size < RARE * len(time):
+            words += (
+                f", and the longest part without, {time[start]:g} s to {time[end - 1]:g} s, has "
+                f"{end - start} of {len(time)} samples: keep that part alone, or"
+            )
+        else:
+            words += ":"
+        raise ValueError(f"{words} let the drive record by its own clock")
     restarts = int((np.diff(time)[odd] <= 0).sum())
     words = (
         f"time: {odd.size - restarts} gaps and {restarts} restarts of the clock, the first after "

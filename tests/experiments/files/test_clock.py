@@ -27,6 +27,16 @@ def test_a_clock_with_a_gap_is_not_even():
         even_period(np.concatenate([TIME[:10], TIME[15:]]))
 
 
+def test_many_gaps_are_counted_and_the_longest_part_is_named():
+    """Six parts of sixty samples, one of seventy; a clock that jitters has no part to keep."""
+    time = np.concatenate([1.0 * k + 0.004 * np.arange(70 if k == 2 else 60) for k in range(7)])
+    with pytest.raises(ValueError, match="are 6 such places, .*, 2 s to 2.276 s, has 70 of 430"):
+        longest_even_part(time)
+    jittered = np.cumsum(0.004 * np.where(np.arange(50) % 2, 0.9, 1.1))
+    with pytest.raises(ValueError, match=r"are \d+ such places: let the drive record by its own"):
+        longest_even_part(jittered)
+
+
 @pytest.mark.parametrize("read", [even_period, longest_even_part])
 @pytest.mark.parametrize(
     ("time", "says"),
