@@ -29,7 +29,7 @@ class Code(NamedTuple):
     text: str
 
 
-def code_of(name: str, jaxpr, programs: int, kept: int = 0) -> Code:
+def code_of(name: str, jaxpr, programs: int, kept: int = 0, registers: int = 255) -> Code:
     """Code of a kernel.
 
     Args:
@@ -39,8 +39,10 @@ def code_of(name: str, jaxpr, programs: int, kept: int = 0) -> Code:
         programs: that there are.
         kept: number of these last ones. Every program has numbers of its own in them, as many as
             any other, one program behind the other. They are in the memory beside its processor.
+        registers: of a lane at most: with few, a processor has more warps to turn to.
     """
-    return Code(name, _assembled(str(written(name, jaxpr, programs, kept))))
+    text = _assembled(str(written(name, jaxpr, programs, kept)))
+    return Code(name, text.replace(")\n{", f")\n.maxnreg {registers}\n{{", 1))
 
 
 def written(name: str, jaxpr, programs: int, kept: int = 0) -> ir.Module:

@@ -65,7 +65,7 @@ def solved(sizes: Sizes, operands: Sequence[Operand]) -> list[Array]:
     problem = Problem.of(named)
     lanes, dtype = problem.programs * WARP, operands[0].array.dtype
     rows = rows_of(sizes)
-    work = {name: jnp.zeros(count * lanes, dtype) for name, count in rows.items()}
+    work = {name: lax.empty((count * lanes,), dtype) for name, count in rows.items()}
     run = partial(_run, sizes, problem)
     # every lane is open while the first factors are found
     work = run(START, work | {"open": jnp.ones_like(work["open"])})

@@ -20,7 +20,6 @@ from jaxtyping import Array
 from jcontour.devices import on_gpu
 from jcontour.kernels.gpu.lanes import WARP, Batch, Operand
 
-KEPT = "A", "B"  # of the problem, beside the processor: every stage reads them, some often
 ROOM = 48 * 1024  # bytes that a program has there
 
 
@@ -106,6 +105,9 @@ class Kernel(NamedTuple):
         problem: arrays of the problem that it reads.
         reads: arrays of the iterations that it reads.
         writes: those that it changes in place.
+        beside: arrays of the problem that it keeps in the memory beside its processor, where there
+            is room. Of D what is not there is in registers: every stage reads all of it.
+        registers: that a lane may take at most.
         softens: whether it is shorter where no limit gives way.
     """
 
@@ -113,6 +115,8 @@ class Kernel(NamedTuple):
     problem: str
     reads: str
     writes: str
+    beside: str = "A B"
+    registers: int = 255
     softens: bool = False
 
     def __call__(self, sizes: Sizes, problem: Problem, work: dict[str, Array]) -> dict[str, Array]:
@@ -135,7 +139,7 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
     kept = [
         (name, layout.rows)
         for name, layout in zip(names, layouts, strict=False)
-        if name in KEPT and layout.axes == together
+        if name in kernel.beside.split() and layout.axes == together
     ]
     if sum(count for _, count in kept) * WARP * dtype.itemsize > ROOM:
         kept = []
@@ -156,6 +160,8 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
                 for row in range(count):
                     own[row] = getattr(at, name)[row]
                 setattr(at, name, own)
+            if hasattr(at, "D") and "D" not in kernel.beside:
+                at.D = [at.D[k] for k in range(sizes.r * sizes.v)]
             _body(kernel, sizes, at)
 
         if hasattr(at, "open"):
@@ -186,7 +192,7 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
     traced = jax.make_jaxpr(interpreted)(*arrays)
     (found,) = (eqn for eqn in traced.eqns if eqn.primitive.name == "pallas_call")
     name = "qp_" + kernel.body.__name__.strip("_")
-    code = code_of(name, found.params["jaxpr"], programs, len(kept))
+    code = code_of(name, found.params["jaxpr"], programs, len(kept), kernel.registers)
     return call(code, programs, results, changed)
 
 

@@ -111,7 +111,9 @@ class ModelColumn(NamedTuple):
         return dot(zip(self.model, PM, strict=True), limited)
 
 
-factorise = Kernel(_factorise, "A B H H_end D", "weight right slope_end open", "Y y R")
+factorise = Kernel(
+    _factorise, "A B H H_end D", "weight right slope_end open", "Y y R", beside="A B D"
+)
 
 
 def backward(sizes: Sizes, at, slope: Callable) -> None:

@@ -128,7 +128,8 @@ def test_operations_are_those_of_pallas(interpreted, jaxpr, arrays):
 
 
 def test_code_has_every_load_and_each_array_in_its_memory(jaxpr):
-    text = code_of("tried", jaxpr, PROGRAMS, kept=1).text
+    text = code_of("tried", jaxpr, PROGRAMS, kept=1, registers=64).text
+    assert ".maxnreg 64" in text
     assert text.count("ld.global.f64") == ROWS + 2 and text.count("st.global.f64") == 6
     assert text.count("ld.volatile.shared.f64") == 1  # in the loop
     assert text.count("st.volatile.shared.f64") == ROWS
