@@ -4,12 +4,13 @@ The cost to go at a step hardly depends on what lies beyond M samples once the p
 closed loops' transitions over them has died out. The run is cut into as many blocks as are swept at
 once, of L steps. Each is swept from M samples behind its end, to one step more in front than it
 has. That step is the last one of the block before, where that block's sweep has M samples and this
-one M + L. The two gains of the same step differ by what the sweep has not forgotten within M
-samples, and the other steps of a block have more than M.
+one M + L. The two gains of the same step are compared, F and f each by itself, relative to the
+largest gain; the other steps of a block have more than M samples.
 
-The difference counts relative to the largest gain, F and f each by itself. Where the path stands
-still, or the horizon ends in the stationary cost, there is none to see. So the product of the
-transitions over the M samples behind every block has to have died out too, to the same number.
+Where L is short, the path stands still, or the horizon ends in the stationary cost, there is little
+difference to see. So the product of the transitions that lie behind every block within its horizon
+has to have died out too, to the same number: by its square an error of the cost at the end arrives
+at the block.
 A loop that forgets slowly, as that of very expensive control, is found by these two, whatever its
 weights are: nothing is estimated beforehand.
 """

@@ -213,7 +213,7 @@ FAULTS = (
     ),
     # qp and mpc
     Fault(
-        "jcontour/native/staged.py",
+        "jcontour/qp/native/staged.py",
         "pivot = pivot - entry * entry",
         "pivot = pivot + entry * entry",
         f"{LIBRARY}/qp/test_native.py",
