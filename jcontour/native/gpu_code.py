@@ -14,10 +14,9 @@ import jax
 import llvmlite.binding as llvm
 from llvmlite import ir
 
-from jcontour.native.gpu_operations import LONG, Array, Writer, register, special
+from jcontour.native.gpu_operations import LONG, WARP, Array, Writer, register, special
 
 TARGET = "__gpu$xla.gpu.ptx"  # XLA's name of a call that brings its own code
-WARP = 32
 OLDEST = "sm_70"  # the driver translates for what is newer
 TRIPLE = "nvptx64-nvidia-cuda"
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from llvmlite import ir
 
 LONG, _INT, _BIT = ir.IntType(64), ir.IntType(32), ir.IntType(1)
+WARP = 32
 
 
 class Whole(NamedTuple):
@@ -123,9 +124,13 @@ class Writer:
         return [None]
 
     def _program_id(self, eqn):
+        _refuse(eqn, eqn.params["axis"] != 0)
         return [Whole(special(self.builder, "ctaid.x"))]
 
     def _iota(self, eqn):
+        params = eqn.params
+        lanes = params["shape"] == (WARP,) and jnp.issubdtype(params["dtype"], jnp.integer)
+        _refuse(eqn, not lanes)
         return [Whole(special(self.builder, "tid.x"))]
 
     def _reduce_or(self, eqn, flag):
@@ -134,14 +139,21 @@ class Writer:
         return [self.builder.call(function, [_INT(-1), flag])]
 
     def _convert_element_type(self, eqn, value):
-        wanted = eqn.params["new_dtype"]
-        if isinstance(value, Whole) and not jnp.issubdtype(wanted, jnp.integer):
-            return [self.builder.sitofp(self.materialised(value), _type(wanted))]
-        if _are_bits([value]):
-            if jnp.issubdtype(wanted, jnp.integer):
-                return [Whole(self.builder.zext(value, LONG))]
-            return [self.builder.uitofp(value, _type(wanted))]
-        return [value]  # numbers of one type, and whole ones
+        wanted, builder = eqn.params["new_dtype"], self.builder
+        if jnp.issubdtype(wanted, jnp.integer):
+            if isinstance(value, Whole):
+                return [value]
+            _refuse(eqn, value.type != _BIT)
+            return [Whole(builder.zext(value, LONG))]
+        kind = _type(wanted)
+        if isinstance(value, Whole):
+            return [builder.sitofp(self.materialised(value), kind)]
+        if value.type == _BIT:
+            return [builder.uitofp(value, kind)]
+        if value.type == kind:
+            return [value]
+        change = builder.fptrunc if kind == ir.FloatType() else builder.fpext
+        return [change(value, kind)]
 
     def _select_n(self, eqn, flag, no, yes):
         if isinstance(no, Whole):
@@ -151,6 +163,7 @@ class Writer:
 
     def _integer_pow(self, eqn, value):
         result = value
+        _refuse(eqn, eqn.params["y"] < 1)
         for _ in range(eqn.params["y"] - 1):
             result = self.builder.fmul(result, value)
         return [result]
@@ -161,8 +174,11 @@ class Writer:
         return [self.builder.call(function, [a, b, c])]
 
     def _scan(self, eqn, *values):
-        first = len(values) - len(eqn.outvars)  # behind the constants
-        assert not eqn.params["reverse"]
+        first, carried = (eqn.params[f"num_{name}"] for name in ("consts", "carry"))
+        # arrays of which every pass reads or writes its own part
+        _refuse(eqn, not len(values) - first == len(eqn.outvars) == carried)
+        if eqn.params["length"] == 0:
+            return values[first:]
         body = partial(self._inner, eqn.params["jaxpr"])
         return self._loop(eqn.params["length"], body, values[:first], values[first:])
 
@@ -325,8 +341,17 @@ def _are_bits(values: Sequence) -> bool:
     return all(not isinstance(value, Whole) and value.type == _BIT for value in values)
 
 
+def _refuse(eqn, unknown: bool) -> None:
+    if unknown:
+        raise NotImplementedError(str(eqn))
+
+
 def _type(kind):
-    return ir.DoubleType() if jnp.dtype(kind).itemsize == 8 else ir.FloatType()
+    known = {"float64": ir.DoubleType(), "float32": ir.FloatType()}
+    name = jnp.dtype(kind).name
+    if name not in known:
+        raise NotImplementedError(f"numbers of type {name}")
+    return known[name]
 
 
 def register(kind) -> tuple[tuple[str, str], Any, int]:

@@ -31,10 +31,12 @@ def kernel(a, flags, counted, b, beside):
 
     begun = jnp.zeros(WARP), jnp.full(WARP, -jnp.inf)
     total, most = jax.lax.fori_loop(0, ROWS, body, begun)
+    most = jax.lax.fori_loop(0, 0, lambda _, number: number + 1.0, most)
+    short = most.astype(jnp.float32)
 
     def straight():
         b[own] = total
-        b[own + WARP] = most
+        b[own + WARP] = most + short.astype(most.dtype)
         b[own + 2 * WARP] = jnp.minimum(most, 0.5) + (lane // 5 + lane % 7).astype(most.dtype)
 
     def other():
@@ -145,13 +147,37 @@ def test_call_holds_code_and_places(jaxpr):
     assert "__gpu$xla.gpu.ptx" in text and f"grid_x = {PROGRAMS}" in text
 
 
-def test_what_is_not_known_is_refused():
-    def sine(a, b):
-        lane = jnp.arange(WARP, dtype=jnp.int32)
-        b[lane] = jnp.sin(a[lane])
+REFUSED = {
+    "sin": lambda a, own: jnp.sin(a[own]),
+    "y=-2": lambda a, own: a[own] ** -2,
+    "y=0": lambda a, own: jax.lax.integer_pow(a[own], 0),
+    "new_dtype=int32": lambda a, own: a[own].astype(jnp.int32).astype(float),
+    "float16": lambda a, own: a[own].astype(jnp.float16).astype(float),
+    "axis=1": lambda a, own: a[own + pl.program_id(1)],
+    "iota": lambda a, own: a[own] + jax.lax.broadcasted_iota(int, (2, WARP), 1).astype(float)[0],
+    "scan": lambda a, own: jax.lax.scan(lambda x, _: (x, x), a[own], length=2)[1][0],
+}
 
-    size = jax.ShapeDtypeStruct((WARP,), float)
-    tried = pl.pallas_call(sine, out_shape=size, grid=(1,), interpret=True)
-    (eqn,) = jax.make_jaxpr(tried)(size).eqns
-    with pytest.raises(NotImplementedError, match="sin"):
-        written("tried", eqn.params["jaxpr"], 1)
+
+def body_of(value, kind=float):
+    """Jaxpr of a kernel with one array to read and one to write."""
+
+    def kernel(a, b):
+        own = jnp.arange(WARP, dtype=jnp.int32)
+        b[own] = value(a, own)
+
+    read, result = (jax.ShapeDtypeStruct((WARP,), kind) for kind in (kind, float))
+    tried = pl.pallas_call(kernel, out_shape=result, grid=(1, 1), interpret=True)
+    (eqn,) = jax.make_jaxpr(tried)(read).eqns
+    return eqn.params["jaxpr"]
+
+
+@pytest.mark.parametrize("message", REFUSED)
+def test_what_is_not_known_is_refused(message):
+    with pytest.raises(NotImplementedError, match=message):
+        written("tried", body_of(REFUSED[message]), 1)
+
+
+def test_whole_numbers_in_arrays_are_refused():
+    with pytest.raises(NotImplementedError, match="int32"):
+        written("tried", body_of(lambda a, own: a[own].astype(float), jnp.int32), 1)
