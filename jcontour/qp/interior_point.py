@@ -103,7 +103,8 @@ def solve(qp: StagedQP, guess: Float[Array, "N p"] | None = None) -> Answer:
     """Answer to a problem; its trajectory has derivatives with respect to every number of it.
 
     The trajectory alone has them: those of the multipliers, of the residual and of `beyond` are
-    zero. `beyond` follows from the trajectory, where its slope is needed.
+    zero. `beyond` follows from the trajectory, where its slope is needed. A second derivative is
+    an error of JAX where compiled code of our own solves the problem, on a CPU and on a GPU.
 
     A problem without an answer, or with numbers that are not finite, is not `solved`: what its
     trajectory holds then means nothing, and its derivative is NaN.
