@@ -65,6 +65,9 @@ def solved(sizes: Sizes, operands: Sequence[Operand]) -> list[Array]:
     problem = Problem.of(named)
     lanes, dtype = problem.programs * WARP, operands[0].array.dtype
     rows = rows_of(sizes)
+    members, extents = problem.batch.members, problem.batch.sizes
+    if members == 0:
+        return [jnp.zeros((rows[name], *extents), dtype) for name in POINT + ANSWER]
     work = {name: lax.empty((count * lanes,), dtype) for name, count in rows.items()}
     run = partial(_run, sizes, problem)
     # every lane is open while the first factors are found
@@ -79,7 +82,6 @@ def solved(sizes: Sizes, operands: Sequence[Operand]) -> list[Array]:
         return k + 1, run(ITERATION, work)
 
     _, work = lax.while_loop(unfinished, iterate, (0, work))
-    members, extents = problem.batch.members, problem.batch.sizes
     last = run((check,), work)
     found = [work[name] for name in POINT] + [last[name] for name in ANSWER]
     pairs = zip(found, POINT + ANSWER, strict=True)

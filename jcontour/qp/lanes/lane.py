@@ -20,7 +20,8 @@ from jaxtyping import Array
 from jcontour.devices import on_gpu
 from jcontour.kernels.gpu.lanes import WARP, Batch, Operand
 
-ROOM = 48 * 1024  # bytes that a program has there
+ROOM = 48 * 1024  # bytes that a program has in the memory beside its processor
+IN_REGISTERS = 128 * 4  # bytes of D that a lane takes there: half of its registers
 
 
 class Sizes(NamedTuple):
@@ -106,7 +107,7 @@ class Kernel(NamedTuple):
         reads: arrays of the iterations that it reads.
         writes: those that it changes in place.
         beside: arrays of the problem that it keeps in the memory beside its processor, where there
-            is room. Of D what is not there is in registers: every stage reads all of it.
+            is room. A small D that is not named is in registers: every stage reads all of it.
         registers: that a lane may take at most.
         softens: whether it is shorter where no limit gives way.
     """
@@ -136,13 +137,8 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
     """Function of arrays that runs a kernel; without a GPU it is interpreted, for tests."""
     batch = Batch(together, extents, ())
     names = [name for part in kernel[1:4] for name in part.split()]
-    kept = [
-        (name, layout.rows)
-        for name, layout in zip(names, layouts, strict=False)
-        if name in kernel.beside.split() and layout.axes == together
-    ]
-    if sum(count for _, count in kept) * WARP * dtype.itemsize > ROOM:
-        kept = []
+    kept = kept_beside(kernel, layouts, together, dtype.itemsize)
+    small = sizes.r * sizes.v * dtype.itemsize <= IN_REGISTERS
     changed, programs = len(kernel.writes.split()), -(-batch.members // WARP)
 
     def lanes(*refs):
@@ -160,7 +156,7 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
                 for row in range(count):
                     own[row] = getattr(at, name)[row]
                 setattr(at, name, own)
-            if hasattr(at, "D") and "D" not in kernel.beside:
+            if hasattr(at, "D") and "D" not in kernel.beside and small:
                 at.D = [at.D[k] for k in range(sizes.r * sizes.v)]
             _body(kernel, sizes, at)
 
@@ -194,6 +190,24 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
     name = "qp_" + kernel.body.__name__.strip("_")
     code = code_of(name, found.params["jaxpr"], programs, len(kept), kernel.registers)
     return call(code, programs, results, changed)
+
+
+def kept_beside(kernel: Kernel, layouts, together, size: int) -> list[tuple[str, int]]:
+    """Arrays that a program keeps beside its processor, with their rows: those that find room.
+
+    Args:
+        kernel: the kernel.
+        layouts: of the arrays of the problem that it reads.
+        together: all axes of the batch; what lanes share is not kept.
+        size: bytes of a number.
+    """
+    kept, room = [], ROOM
+    for name, layout in zip(kernel.problem.split(), layouts, strict=True):
+        taken = layout.rows * WARP * size
+        if name in kernel.beside.split() and layout.axes == together and taken <= room:
+            kept.append((name, layout.rows))
+            room -= taken
+    return kept
 
 
 def _body(kernel: Kernel, sizes: Sizes, at) -> None:

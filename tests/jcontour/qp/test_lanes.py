@@ -1,15 +1,22 @@
 """The interior point with a lane for each problem, interpreted, against the readable one."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.kernels import arithmetic
 from jcontour.kernels.gpu.lanes import Operand
 from jcontour.qp import interior_point
 from jcontour.qp.interior_point import solve
+from jcontour.qp.lanes import lane
+from jcontour.qp.lanes.check import check
 from jcontour.qp.lanes.interior_point import packed, rows_of
-from jcontour.qp.lanes.lane import Problem, Sizes, by_member, in_warps
+from jcontour.qp.lanes.iteration import ITERATION
+from jcontour.qp.lanes.lane import Layout, Problem, Sizes, by_member, in_warps, kept_beside
+from jcontour.qp.lanes.start import START
 from jcontour.qp.lanes.sweeps import factorise
 from jcontour.qp.staged import factorised
 
@@ -53,14 +60,22 @@ def agree(found, wanted):
     np.testing.assert_array_less(found.residual[known], 1e-6)
 
 
-def test_factors_are_those_of_the_readable_sweep(staged_problems):
-    qp = staged_problems(5, 35, **SMALL)
-    (N, v, _), (n, p), r = qp.H.shape[1:], qp.B.shape[1:], qp.D.shape[1]
-    W = jnp.asarray(np.random.default_rng(1).exponential(size=(N * r, 35)))
+def in_lanes(qp):
+    """Sizes, the problems as the lanes have them, and arrays for 64 lanes."""
+    (N, _), (n, p), r = qp.h.shape[1:], qp.B.shape[1:], qp.D.shape[1]
     named = {name: Operand(jnp.moveaxis(leaf, 0, -1), (0,)) for name, leaf in qp._asdict().items()}
     named |= {name: packed(named[name]) for name in ("H", "H_end")}
-    sizes, problem = Sizes(N, n, p, r), Problem.of(named)
-    work = {name: jnp.zeros(rows * 64) for name, rows in rows_of(sizes).items()}
+    sizes = Sizes(N, n, p, r)
+    work = {name: jnp.zeros(rows * 64, qp.h.dtype) for name, rows in rows_of(sizes).items()}
+    return sizes, Problem.of(named), work
+
+
+def test_factors_are_those_of_the_readable_sweep(staged_problems):
+    qp = staged_problems(5, 35, **SMALL)
+    sizes, problem, work = in_lanes(qp)
+    N, n, p, r = sizes
+    v = sizes.v
+    W = jnp.asarray(np.random.default_rng(1).exponential(size=(N * r, 35)))
     right = jnp.moveaxis(qp.h, 0, -1).reshape(N * v, 35)
     known = {"weight": W, "right": right, "slope_end": qp.h_end.T, "open": jnp.ones((1, 35))}
     work |= {name: in_warps(array).reshape(-1) for name, array in known.items()}
@@ -72,6 +87,67 @@ def test_factors_are_those_of_the_readable_sweep(staged_problems):
     for name, array in (("Y", wanted.Y), ("y", wanted.y), ("R", R)):
         one = by_member(found[name], rows_of(sizes)[name], 35).T
         np.testing.assert_allclose(one, array.reshape(35, -1), rtol=1e-11, atol=1e-12)
+
+
+def test_what_finds_room_is_kept_beside_the_processor():
+    rows = {"A": 121, "B": 22, "H": 1820, "H_end": 66, "D": 65}  # 11 states, 2 controls, 5 rows
+
+    def kept(size, **axes):
+        layouts = [Layout(count, axes.get(name, (0,))) for name, count in rows.items()]
+        return dict(kept_beside(factorise, layouts, (0,), size))
+
+    assert kept(8) == {"A": 121, "B": 22}  # 36,608 of 49,152 bytes, and D has 16,640
+    assert kept(4) == {"A": 121, "B": 22, "D": 65}
+    assert kept(8, A=()) == {"B": 22, "D": 65}  # one model for all
+
+
+@pytest.fixture
+def for_a_gpu(monkeypatch):
+    """Kernels are written for a GPU, which no test needs, and none of them is kept."""
+    monkeypatch.setattr(lane, "_built", lane._built.__wrapped__)
+    for module in (lane, arithmetic):
+        monkeypatch.setattr(module, "on_gpu", lambda: True)
+    monkeypatch.setattr(interior_point, "suits_gpu_code", lambda *_: True)
+
+
+def typed(qp, dtype):
+    return jax.tree.map(lambda leaf: leaf.astype(dtype), qp)
+
+
+def text_of(function, *arguments):
+    """Jaxpr with the code of its kernels."""
+    return str(jax.make_jaxpr(function)(*arguments))
+
+
+def test_check_is_written_for_a_gpu_in_single_precision(staged_problems, for_a_gpu):
+    sizes, problem, work = in_lanes(typed(staged_problems(5, 35, **SMALLEST), "float32"))
+    text = text_of(lambda work: check(sizes, problem, work), work)
+    assert "fma.rn.f32" in text and "f64" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dtype", "other"), [("float32", "f64"), ("float64", "f32")])
+def test_every_kernel_is_written_for_a_gpu(dtype, other, staged_problems, for_a_gpu):
+    text = text_of(jax.vmap(solve), typed(staged_problems(5, 35, **SMALL), dtype))
+    assert text.count("ffi_call") == len((*START, *ITERATION, check))
+    assert not re.search(rf"\b(ld|st|add|sub|mul|fma|div|sqrt)[.\w]*\.{other}", text)
+
+
+@pytest.mark.parametrize("shape", [(0,), (2, 0)])
+def test_an_empty_batch_has_an_empty_answer(shape, staged_problems, monkeypatch):
+    one = jax.tree.map(lambda leaf: leaf[0], staged_problems(5, 1, **SMALLEST))
+
+    def trajectory(x0):
+        together = solve
+        for _ in shape:
+            together = jax.vmap(together)
+        qp = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (*shape, *leaf.shape)), one)
+        return together(qp._replace(x0=x0)).trajectory.stages
+
+    monkeypatch.setattr(interior_point, "suits_gpu_code", lambda *_: True)
+    x0 = jnp.zeros((*shape, 1))
+    slope = jax.eval_shape(jax.grad(lambda x0: jnp.sum(trajectory(x0))), x0)
+    assert jax.eval_shape(trajectory, x0).shape == (*shape, 2, 2) and slope.shape == x0.shape
 
 
 @pytest.mark.slow
