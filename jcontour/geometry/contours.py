@@ -341,7 +341,7 @@ def _samples(pieces: Piece, count: int) -> Float[np.ndarray, "n m"]:
 
 def _ends(pieces: Piece) -> Float[np.ndarray, "2 m"]:
     first, last = (jax.tree.map(lambda rows, i=i: rows[i], pieces) for i in (0, -1))
-    return np.stack([first.place(np.zeros(())), last.place(last.extent)])
+    return np.stack([first.place(np.zeros(())), last.place(np.asarray(last.extent))])
 
 
 def _polynomial_pieces(polynomial, extent) -> Piece:
