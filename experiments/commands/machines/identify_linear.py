@@ -90,14 +90,19 @@ def _check_file(text: str, name: str, found: LinearMachineFound) -> None:
     try:
         machine_from(text.encode(), name)
     except MachineError as error:
-        for one in found.axes:
-            poles = len(one.fit.model.denominator)
-            if poles > 1 and hidden_modes(one.fit).size:
-                raise ValueError(
-                    f"{one.name}: a zero cancels one of the model's {poles} poles, so the record "
-                    "does not show it, and no controller could be tuned: run again with "
-                    f"--most-order {poles - 1}, or record what jcontour identify --excite writes"
-                ) from None
+        orders = [len(one.fit.model.denominator) for one in found.axes]
+        hidden = [hidden_modes(one.fit).size > 0 for one in found.axes]
+        for k, one in enumerate(found.axes):
+            if orders[k] < 2 or not hidden[k]:
+                continue
+            most = orders[k] - 1
+            others = [order - hidden[j] for j, order in enumerate(orders) if j != k]
+            fewer = f"run again with --most-order {most}, or " if most >= max(others) else ""
+            raise ValueError(
+                f"{one.name}: a zero cancels one of the model's {orders[k]} poles, which the "
+                f"record does not show, and no controller could be tuned: {fewer}record what "
+                f"jcontour identify --excite writes ({error})"
+            ) from None
         raise ValueError(
             f"no controller could be tuned for what fits the record ({error}): record a livelier "
             "program: jcontour identify --excite"

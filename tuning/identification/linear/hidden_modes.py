@@ -23,6 +23,8 @@ def hidden_modes(fit: AxisFit) -> Complex[np.ndarray, " h"]:
     """Poles of a fit, integrators apart, whose residue is nought within 95 %.
 
     By the first-order slopes of B(p) over a and b, with p moving as dp/da_i = -p^(n-i) / A'(p).
+    B(p) of a complex pole is taken along its own phase: there the interval holds 85 % at least, as
+    the phase is free where B(p) = 0. So a pair that is cancelled counts as seen somewhat too often.
     A residue without a finite variance is not seen at all.
     """
     a, b, poles = fit.model.denominator, fit.model.numerator, fit.model.poles

@@ -85,27 +85,29 @@ def test_bad_input_is_told_in_one_line(flags, words, capsys):
     assert words in told and len(told.strip().splitlines()) == 1
 
 
-def fit(zeros, second):
-    """Two poles fitted to 0.9 and another one, behind which white commands came with zeros."""
+def fit(zeros, second, poles=2):
+    """Poles fitted to 0.9 and another one, behind which white commands came with zeros."""
     random = np.random.default_rng(5)
     u = random.standard_normal(2000)
     y = np.asarray(lfilter([0.0, *zeros], np.poly([0.9, second]), u))
     record = AxisRecord(1e-3, u, y + 0.01 * random.standard_normal(len(u)))
-    return fitted(record, Structure(2, 2, 0, 0))
+    return fitted(record, Structure(poles, poles, 0, 0))
 
 
 @pytest.mark.parametrize(
-    ("second", "words"),
+    ("first", "second", "words", "fewer"),
     [
-        (0.4, "Y: a zero cancels one of the model's 2 poles"),
-        (0.8, "no controller could be tuned for what fits the record (B: missing"),
+        (0.7, 0.4, "Y: a zero cancels one of the model's 2 poles", False),  # X needs both
+        (None, 0.4, "Y: a zero cancels one of the model's 2 poles", True),
+        (0.7, 0.8, "no controller could be tuned for what fits the record (B: missing", False),
     ],
 )
 def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
-    second, words, monkeypatch, capsys, tmp_path
+    first, second, words, fewer, monkeypatch, capsys, tmp_path
 ):
     """A file without B; the zero at 0.4 cancels the second pole of Y, or none."""
-    shown, doubted = fit([1.0, -0.4], 0.7), fit([1.0, -0.4], second)
+    shown = fit([1.0], 0.0, 1) if first is None else fit([1.0, -0.4], first)
+    doubted = fit([1.0, -0.4], second)
     axes = [SimpleNamespace(name=name, fit=one) for name, one in (("X", shown), ("Y", doubted))]
     found = SimpleNamespace(axes=axes)
     monkeypatch.setattr(identify_linear, "identify_machine", lambda *_: found)
@@ -113,8 +115,8 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
     folder = tmp_path / "run"
     assert main(["identify", "--machine", "linear", "--demo", "--out", str(folder)]) == 2
     told = capsys.readouterr().err
-    assert words in told and len(told.strip().splitlines()) == 1
-    assert ("--most-order 1" in told) is (second == 0.4) and not folder.exists()
+    assert words in told and "B: missing" in told and len(told.strip().splitlines()) == 1
+    assert ("--most-order 1" in told) is fewer and not folder.exists()
 
 
 @pytest.mark.slow

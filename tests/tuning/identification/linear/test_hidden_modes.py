@@ -49,6 +49,16 @@ def test_whether_a_mode_is_seen_depends_on_the_noise_of_the_record():
     assert seen[0.494] <= 3 and seen[0.3] == 15
 
 
+def test_a_pair_that_is_seen_is_not_hidden():
+    pair = 0.9 * np.exp(1j * np.array([0.4, -0.4]))
+    a, random = np.real(np.poly([POLE, *pair])), np.random.default_rng(0)
+    u = random.standard_normal(ROWS)
+    y = np.asarray(lfilter([0.0, 1.0, -1.0, 0.5], a, u)) + 0.1 * random.standard_normal(ROWS)
+    start = AxisModel(a[1:], np.array([1.0, -1.0, 0.5]), 0, 0, DT)
+    fit = fitted(AxisRecord(DT, u, y), Structure(3, 3, 0, 0), start=start)
+    assert np.iscomplex(fit.model.poles).any() and hidden_modes(fit).size == 0
+
+
 def test_a_model_without_poles_has_none():
     one = record(0.4, 0.4)
     assert hidden_modes(fitted(one, Structure(0, 1, 0, 0))).size == 0

@@ -1,5 +1,4 @@
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,8 +6,8 @@ import pytest
 from jcontour.linear.continuous_axes import position_axis, speed_axis, with_resonance
 from tuning.identification.linear import rivals
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.order_search import Candidate, Choice, settled
-from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
+from tuning.identification.linear.order_search import Candidate, Choice, Settled, settled
+from tuning.identification.linear.output_error import AxisFit, AxisRecord, Structure, fitted
 from tuning.identification.linear.recording import RecordedAxis, recorded
 from tuning.identification.linear.rivals import may_ring_to, rivals_of
 
@@ -52,25 +51,29 @@ def test_the_delay_behind_a_resonance_that_slow_motion_hides():
     assert found.fit.model.delay not in said
 
 
-@dataclass
-class Richer:
-    """What `settled` would say of a larger structure."""
+@dataclass(frozen=True)
+class Richer(Settled):
+    """What `settled` would say of a larger structure, and by how much it is less likely."""
 
-    model: AxisModel
-    rivals: dict[int, float]
     behind: float
-
-    @property
-    def fit(self):
-        return SimpleNamespace(model=self.model)
 
     def less_likely(self, other):
         return self.behind
 
 
+class Asked(Choice):
+    """A choice whose structures are all of the largest size."""
+
+    @property
+    def largest(self):
+        return self.all
+
+
 def model(delay, poles, gain=1.0):
-    """A pole of 0.9, and others at nought that change nothing."""
-    return AxisModel(np.append(-0.9, np.zeros(poles - 1)), np.array([0.1 * gain]), 0, delay, DT)
+    """A fit with a pole of 0.9, and others at nought that change nothing."""
+    model = AxisModel(np.append(-0.9, np.zeros(poles - 1)), np.array([0.1 * gain]), 0, delay, DT)
+    nothing = np.zeros(0)
+    return AxisFit(model, *[nothing] * 6, np.zeros((0, poles + 1)))
 
 
 @pytest.mark.parametrize(
@@ -103,7 +106,8 @@ def test_what_a_richer_model_adds(richer, wanted, monkeypatch):
     found = Richer(model(0, 1), {1: 6.0, 4: 9.0}, 0.0)
     waiting = iter(richer)
     monkeypatch.setattr(rivals, "settled", lambda *_: next(waiting))
-    choice = SimpleNamespace(largest=[SimpleNamespace(fit=one.fit) for one in richer])
+    best, *largest = (Candidate(one.fit, np.zeros(1)) for one in (found, *richer))
+    choice = Asked(best, largest)
     record = AxisRecord(DT, np.zeros(9), np.zeros(9))
     said = rivals_of(record, found, choice, 6)
     assert said == wanted and found.rivals == {1: 6.0, 4: 9.0}
