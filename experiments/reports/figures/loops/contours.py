@@ -199,9 +199,12 @@ def _draw_way(axes: Axes, runs: ContourRuns) -> None:
         axes.plot(*beside, color=OTHER, linewidth=0.8, linestyle=":", label="rapid")
     axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="start")
     cut = np.flatnonzero(counts)
-    way = np.cumsum(np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1))
+    begins = np.diff(cut, prepend=cut[0] - 2) > 1  # of every stretch without a rapid move
+    steps = np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1)
+    way = np.cumsum(np.where(begins, 0.0, steps))
     tips = np.searchsorted(way, way[-1] * ARROWS)
     tails = np.searchsorted(way, way[tips] - ARROW * way[-1], side="right") - 1
+    tails = np.maximum(tails, np.maximum.accumulate(np.where(begins, np.arange(cut.size), 0))[tips])
     for tail, tip in zip(cut[tails], cut[tips], strict=True):
         axes.annotate("", tuple(place[tip]), tuple(place[tail]), arrowprops=ARROW_STYLE)
 

@@ -81,6 +81,15 @@ def test_arrows_show_which_way_the_contour_goes(runs):
         assert tail[0] * tip[1] > tail[1] * tip[0]  # round the origin, to the left
 
 
+@pytest.mark.parametrize("gap", [(20, 50), (15, 27), (22, 23), (40, 58)])
+def test_no_arrow_lies_across_a_rapid_move(runs, gap):
+    """Each is as long as a step of a cut, 1.065 mm."""
+    scored = runs.scored & ~np.isin(np.arange(STEPS), np.arange(*gap))
+    for arrow in contour_figure(replace(runs, scored=scored)).axes[0].texts:
+        length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
+        assert 0.9 < length < 1.1
+
+
 @pytest.mark.parametrize(("squeezed", "shape"), [(1.0, 1.0), (0.5, 0.5), (1e-3, 0.4)])
 def test_a_flat_contour_has_flat_panels(runs, squeezed, shape):
     reference = runs.reference * np.array([1.0, squeezed])
