@@ -25,10 +25,10 @@ from jaxtyping import Array, Bool, Float
 from jcontour.devices import on_gpu
 from jcontour.kernels.sweeps.block_sweep import remembering_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
+from jcontour.native.straight_line import WIDTH
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo
 
 MEMORY = 250  # M [samples]: within them the paper's weights have forgotten
-AT_ONCE = 8  # blocks that a CPU sweeps side by side
 FORGOTTEN = 1e-12  # relative difference of gains: rounding over so many stages is 1e-14
 
 
@@ -88,7 +88,7 @@ def block_length(steps: int, most: int) -> int:
 
     The blocks, with the one behind the run, are a multiple of those that are swept at once.
     """
-    together = AT_ONCE * -(-(steps + most) // (AT_ONCE * most))
+    together = WIDTH * -(-(steps + most) // (WIDTH * most))
     return -(-steps // (together - 1))
 
 
