@@ -153,7 +153,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     colours = colours_of([run.label for run in runs.rows[0]])
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
         _draw_contour(place, runs, run, colours[run.label], _magnification(runs, row))
-        place.label_outer()
+        place.label_outer(remove_inner_ticks=True)
     figure.suptitle(f"{runs.name}: contour and tool, contour error magnified")
     legend_below(figure, columns=4)
     return figure
@@ -197,7 +197,7 @@ def _draw_way(axes: Axes, runs: ContourRuns) -> None:
     if runs.rapids:
         beside = np.where(between[:, None], np.nan, place).T
         axes.plot(*beside, color=OTHER, linewidth=0.8, linestyle=":", label="rapid")
-    axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="start")
+    axes.plot(*place[counts.argmax()], "o", color="black", markersize=3.5, label="first point")
     cut = np.flatnonzero(counts)
     begins = np.diff(cut, prepend=cut[0] - 2) > 1  # of every stretch without a rapid move
     steps = np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1)

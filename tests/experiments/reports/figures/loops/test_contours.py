@@ -14,6 +14,7 @@ from experiments.reports.figures.loops.contours import (
     error_figure,
     magnification,
 )
+from experiments.reports.figures.shared.axes import COLOURS, DESIRED
 from jcontour.geometry.contours import circle
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along
@@ -61,7 +62,7 @@ def test_runs_of_one_plant_are_magnified_alike(runs):
         np.testing.assert_allclose(np.linalg.norm(tool.get_xydata()[10:], axis=1), 10.0 + outside)
         assert np.isnan(tool.get_xydata()[:10]).all()
     labels = [line.get_label() for line in panels[3].get_lines()]
-    assert labels == ["contour", "start"]  # no tool
+    assert labels == ["contour", "first point"]  # no tool
 
 
 def test_moves_between_cuts_are_rapid_and_left_out_of_the_errors(runs):
@@ -127,3 +128,18 @@ def test_runs_of_a_library_user():
     (run,) = runs.runs
     np.testing.assert_allclose(np.linalg.norm(run.contour_error, axis=1), 0.1 * RADIUS, rtol=1e-9)
     assert runs.axes == ("X", "Y") and len(contour_figure(runs).axes) == 1
+
+
+def test_the_legend_names_every_curve_once(runs):
+    """The black dot is not a curve of the start weights."""
+    (legend,) = contour_figure(runs).legends
+    colours = {
+        text.get_text(): handle.get_color()
+        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True)
+    }
+    assert colours == {
+        "contour": DESIRED,
+        "first point": "black",
+        "start": COLOURS["start"],
+        "tuned": COLOURS["tuned"],
+    }
