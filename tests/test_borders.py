@@ -22,8 +22,8 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.qp": {"qpsolvers", "proxsuite", "daqp"},
     "jcontour.compiled": {"numba"},
     "jcontour.native": {"numba", "llvmlite"},
-    "jcontour.plants.gantry.mujoco_engine": {"mujoco"},
-    "jcontour.plants.gantry.mjx_engine": {"mujoco"},
+    "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
+    "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},

@@ -76,7 +76,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/bent_result.py": "experiments/commands/loops/test_precompensate.py",
     "experiments/runs/loops/bending.py": "experiments/commands/loops/test_precompensate.py",
     "experiments/files/results/feed_result.py": "experiments/runs/loops/test_feeds.py",
-    "experiments/designs/bounded.py": "experiments/commands/loops/test_tolerance.py",
+    "experiments/designs/predictive/bounded.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/runs/loops/kept_runs.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/files/results/tolerance_result.py": "experiments/commands/loops/test_tolerance.py",
     "experiments/reports/tolerance_tables.py": "experiments/commands/loops/test_tolerance.py",

@@ -12,8 +12,8 @@ from experiments.catalogue.entries import MakeDesign
 @cache
 def lq_designs() -> Mapping[str, MakeDesign]:
     """Receding-horizon LQ on a machine given by A, B, C."""
-    from experiments.designs.constrained_lq import constrained_lq
-    from experiments.designs.lq import blockwise_lq, contouring_lq, preview_lq
+    from experiments.designs.lq.constrained_lq import constrained_lq
+    from experiments.designs.lq.receding_horizon import blockwise_lq, contouring_lq, preview_lq
 
     return {
         "contouring-lq": contouring_lq(),

@@ -92,8 +92,8 @@ def _smooth_gantry_with_friction() -> "Plant":
 
 
 def _gantry_with_hardware() -> "Plant":
-    from jcontour.plants.gantry.back_to_back_motors import servo_bench
-    from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+    from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
+    from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 
     return HardwareInLoop(_gantry(), servo_bench())
 

@@ -16,8 +16,8 @@ from experiments.designs.feedforward import (
     axes_of,
     first_numbers,
 )
-from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.designs.lq.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.flags.shared import Controlled
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine

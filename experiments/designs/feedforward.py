@@ -18,8 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.design import changed
-from experiments.designs.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.designs.gains import Gain, GainDesign, Gains
+from experiments.designs.lq.first_loop import SENSITIVITY, sensitivity_peaks, straight_windows
 from experiments.flags.shared import Controlled
 from experiments.machines.linear import LinearMachine
 from jcontour.controller import Controller

@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.designs.first_loop import STATES, Drift
 from experiments.designs.gains import Gain, GainDesign, Gains
 from experiments.designs.gantry import lq_weights, quadratic
+from experiments.designs.lq.first_loop import STATES, Drift
 from experiments.flags.shared import Controlled
 from experiments.machines.gantry import GantryMachine
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, RiccatiTerminal

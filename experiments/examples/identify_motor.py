@@ -1,8 +1,8 @@
 """The windings of a linear motor from a recorded test: parameters with 95 % intervals."""
 
 from jcontour.plants import thesis_axis, thesis_motor
-from tuning.identification.commissioning import Commissioning
-from tuning.identification.winding import fit_winding
+from tuning.identification.flexible_axis.commissioning import Commissioning
+from tuning.identification.flexible_axis.winding import fit_winding
 
 # Your own test goes here: Record("electrical", dt, motor=..., current=..., voltage=..., ...).
 # This one is simulated, with quantised encoders and noise on the current; the current steps to

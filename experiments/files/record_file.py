@@ -24,7 +24,7 @@ import numpy as np
 
 from experiments.files.clock import even_period
 from experiments.files.run_folder import write
-from tuning.identification.records import Record
+from tuning.identification.flexible_axis.records import Record
 
 SIGNALS = {
     "motor_position": "motor",

@@ -120,7 +120,7 @@ class GantryMachine(MotorMeasuredMachine):
         """
         if self.friction is not None:
             return None
-        from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
+        from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 
         plant = self._limited(GantryMuJoCo(self.parameters, self.model.dt), 0)
         return "MuJoCo", _flat(CountingEncoders(plant, motors(3), ENCODER_RESOLUTION))

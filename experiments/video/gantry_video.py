@@ -98,7 +98,7 @@ def _scene(parameters: GantryParameters, path: np.ndarray):
         # needs no display; the engine reads it when it is first imported
         os.environ.setdefault("MUJOCO_GL", "egl")
     try:
-        import_module("jcontour.plants.gantry.mujoco_engine")
+        import_module("jcontour.plants.gantry.engines.mujoco_engine")
     except ImportError as error:  # names the version that is needed
         raise VideoError(f"video: {checks.line(error)}") from None
     except Exception as error:  # every OpenGL, and what may be missing of it, raises another

@@ -10,8 +10,8 @@ from typing import Self
 import numpy as np
 
 from experiments.files import checks
-from jcontour.plants.gantry.mjcf import ENGINE_ORDER, TABLE, mjcf
-from jcontour.plants.gantry.mujoco_engine import loaded, mujoco
+from jcontour.plants.gantry.engines.mjcf import ENGINE_ORDER, TABLE, mjcf
+from jcontour.plants.gantry.engines.mujoco_engine import loaded, mujoco
 from jcontour.plants.gantry.parameters import GantryParameters
 
 # pyright: reportAttributeAccessIssue=false

@@ -4,10 +4,10 @@ from jcontour.plants.bridgeport import bridgeport, exact_bridgeport
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, LinearMotor, thesis_motor
 from jcontour.plants.flexible_axis.models import euler_model, zoh_model
-from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors, servo_bench
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.three_link import ThreeLink, manipulator_path, three_servos

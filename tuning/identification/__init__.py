@@ -1,4 +1,5 @@
 """Parameters of an axis from recorded data, each with an interval.
 
-`axis.identify` does all of it; every other file is a part.
+`estimates` and `output_error` serve the rooms of the machines; `step_response` is for a record of
+one step.
 """

@@ -11,9 +11,9 @@ from rich.console import Console
 from experiments.benchmarks.speed.timings import seconds
 from experiments.reports.tables import digits, plain_table
 from jcontour.plant import Plant
+from jcontour.plants.gantry.engines.mjx_engine import GantryMJX
+from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.gantry import SUBSTEP, Gantry
-from jcontour.plants.gantry.mjx_engine import GantryMJX
-from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.parameters import GantryParameters, thesis_gantry
 
 BATCH = 1000  # machines at once where nothing else is asked for

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.designs.bounded import Keeper, keeper
+from experiments.designs.predictive.bounded import Keeper, keeper
 from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
 from experiments.files.results.run_metrics import ContourRead

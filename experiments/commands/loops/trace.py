@@ -7,7 +7,11 @@ import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.designs.constrained import Traverser, traverser, waiting_reference
+from experiments.designs.predictive.constrained import (
+    Traverser,
+    traverser,
+    waiting_reference,
+)
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Trace
 from experiments.flags.shared import MachineFlags

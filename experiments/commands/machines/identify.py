@@ -21,11 +21,11 @@ from experiments.reports import tables
 from experiments.runs.lifecycle import finished
 from jcontour.plants.flexible_axis.axis import AxisParameters, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import LinearMotor, thesis_motor
-from tuning.identification.axis import IdentifiedAxis, identify
-from tuning.identification.commissioning import Commissioning
-from tuning.identification.instruments import Instruments
-from tuning.identification.records import Record, mechanical
-from tuning.identification.separability import unseparated
+from tuning.identification.flexible_axis.axis import IdentifiedAxis, identify
+from tuning.identification.flexible_axis.commissioning import Commissioning
+from tuning.identification.flexible_axis.instruments import Instruments
+from tuning.identification.flexible_axis.records import Record, mechanical
+from tuning.identification.flexible_axis.separability import unseparated
 
 AXIS, DATA = "axis.json", "data.csv"
 UNITS = {

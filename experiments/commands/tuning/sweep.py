@@ -14,7 +14,7 @@ from rich.console import Console
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.commands.tuning import sweep_predictive
 from experiments.designs.design import Design, by_name, plain_weights, with_values
-from experiments.designs.predictive import PREDICTIVE
+from experiments.designs.predictive.sweep_designs import PREDICTIVE
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit, save_dataset
 from experiments.files.results.stored import BESIDE_OTHERS, write_result

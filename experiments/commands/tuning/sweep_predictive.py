@@ -17,7 +17,12 @@ from jaxtyping import Array, Float
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
-from experiments.designs.predictive import PREDICTIVE, Case, PredictiveDesign, PredictiveKind
+from experiments.designs.predictive.sweep_designs import (
+    PREDICTIVE,
+    Case,
+    PredictiveDesign,
+    PredictiveKind,
+)
 from experiments.files import run_folder
 from experiments.files.design_files import DesignFiles
 from experiments.files.netcdf import save_dataset

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.designs.constrained import at_speed, late_tracking
+from experiments.designs.predictive.constrained import at_speed, late_tracking
 from experiments.papers.lam.result import Point, Trace
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contour import Contour

@@ -36,10 +36,10 @@ from experiments.papers.yuan_gantry.runs import RADIUS, SAMPLE
 from jcontour.host.loop import HostRun, reported_loop
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.friction_gantry import StickSlipGantry
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import control_oriented, tangent
-from jcontour.plants.gantry.mujoco_engine import GantryMuJoCo
 from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.disturbances import Disturbed

@@ -14,10 +14,10 @@ from experiments.papers.yuan_gantry.runs import SAMPLE, Follower, reference_path
 from jcontour.controller import Controller
 from jcontour.controllers.wrappers.compensated import Compensated
 from jcontour.motion.references import Reference
-from jcontour.plants.gantry.back_to_back_motors import BackToBackMotors, servo_bench
-from jcontour.plants.gantry.delayed_head import delayed_head_model, twist_damping
 from jcontour.plants.gantry.gantry import Gantry
-from jcontour.plants.gantry.hardware_in_loop import HardwareInLoop
+from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
+from jcontour.plants.gantry.motor_bench.delayed_head import delayed_head_model, twist_damping
+from jcontour.plants.gantry.motor_bench.hardware_in_loop import HardwareInLoop
 from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_gantry
 from jcontour.simulation.closed_loop import Rollout, simulate
 from jcontour.simulation.metrics import contour_error, score, tracking_error

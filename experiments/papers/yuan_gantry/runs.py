@@ -16,9 +16,9 @@ from jcontour.plants.gantry.parameters import GantryParameters, Scalar, thesis_g
 from jcontour.simulation.closed_loop import simulate
 from jcontour.simulation.metrics import contour_error, score
 from tuning.identification.estimates import Estimate
-from tuning.identification.gantry import NAMES, Sheet, antiresonance, identify_gantry
-from tuning.identification.gantry_commissioning import HEADS as CHIRP_HEADS
-from tuning.identification.gantry_commissioning import commissioned
+from tuning.identification.gantry.gantry import NAMES, Sheet, antiresonance, identify_gantry
+from tuning.identification.gantry.gantry_commissioning import HEADS as CHIRP_HEADS
+from tuning.identification.gantry.gantry_commissioning import commissioned
 
 HEADS = (0.0, -0.66, 0.66)  # [m]; the thesis's two, and the other side of the beam
 FREQUENCIES = np.geomspace(1.0, 200.0, 2001)  # [Hz]

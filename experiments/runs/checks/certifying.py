@@ -17,8 +17,8 @@ from experiments.runs.checks.stored_loops import StoredLoop
 from jcontour.controller import Controller
 from jcontour.guarantees.attacks import Attack
 from jcontour.guarantees.certificates import Certificate, certificate
-from jcontour.guarantees.gain_cells import GainCell
-from jcontour.guarantees.gain_certificates import gain_certificate
+from jcontour.guarantees.gains.gain_cells import GainCell
+from jcontour.guarantees.gains.gain_certificates import gain_certificate
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
 from jcontour.plants.wrappers.disturbances import Disturbed

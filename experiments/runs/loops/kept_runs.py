@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from experiments.designs.bounded import Keeper
+from experiments.designs.predictive.bounded import Keeper
 from experiments.files.results.tolerance_result import KeptRun
 from experiments.machines.machine import Machine
 from jcontour.guarantees.attacks import Attack

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from experiments.designs.predictive import Case, HostedRun, PredictiveDesign
+from experiments.designs.predictive.sweep_designs import Case, HostedRun, PredictiveDesign
 from jcontour.geometry.contour import Contour
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.simulation.traversal import traversal_score

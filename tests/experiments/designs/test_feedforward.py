@@ -7,7 +7,7 @@ import pytest
 from experiments.catalogue.choices import design_for
 from experiments.catalogue.machines import MACHINES
 from experiments.designs.feedforward import axes_of, first_cascade
-from experiments.designs.first_loop import sensitivity_peaks, straight_windows
+from experiments.designs.lq.first_loop import sensitivity_peaks, straight_windows
 from experiments.flags.loops import Simulate
 from jcontour.geometry.contours import circle
 from jcontour.motion.references import along

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.files.record_file import RecordError, load_records, save_records
-from tuning.identification.records import Record
+from tuning.identification.flexible_axis.records import Record
 
 ROWS = 120
 RANDOM = np.random.default_rng(8)

@@ -23,7 +23,7 @@ from experiments.papers.yuan_gantry.runs import (
     responses,
 )
 from jcontour.controllers.wrappers.compensated import Compensated
-from jcontour.plants.gantry.back_to_back_motors import servo_bench
+from jcontour.plants.gantry.motor_bench.back_to_back_motors import servo_bench
 from jcontour.plants.gantry.parameters import thesis_gantry
 
 YES, NO, SHOWN = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.EXPERIMENTAL

@@ -4,8 +4,8 @@ import pytest
 
 from jcontour.plants.flexible_axis.axis import thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import thesis_motor
-from tuning.identification.axis import identify
-from tuning.identification.commissioning import Commissioning
+from tuning.identification.flexible_axis.axis import identify
+from tuning.identification.flexible_axis.commissioning import Commissioning
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.reports.figures.shared.axes import grid
-from tuning.identification.axis import IdentifiedAxis
+from tuning.identification.flexible_axis.axis import IdentifiedAxis
 
 POINT = {"marker": ".", "linestyle": "none", "markersize": 2.0, "alpha": 0.5}
 HARMONICS_SHOWN = 10

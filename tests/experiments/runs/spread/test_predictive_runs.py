@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.choices import machine_named
-from experiments.designs.predictive import Case, PredictiveDesign
+from experiments.designs.predictive.sweep_designs import Case, PredictiveDesign
 from experiments.machines.machine import Hosted
 from experiments.runs.spread.predictive_runs import Ending, predictive_run
 from jcontour.geometry.contours import circle

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.designs import lq
+from experiments.designs.lq import receding_horizon
 from experiments.files.results.ranked_result import Candidate, Ranked
 from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Rank
@@ -53,8 +53,10 @@ def test_choices_are_tried_beside_each_other_where_a_controller_has_them():
 
 @pytest.mark.slow
 def test_the_first_loop_of_a_controller_is_searched_once(machine_file, part_file, monkeypatch):
-    searched, search = [], lq.first_loop
-    monkeypatch.setattr(lq, "first_loop", lambda *args: searched.append(1) or search(*args))
+    searched, search = [], receding_horizon.first_loop
+    monkeypatch.setattr(
+        receding_horizon, "first_loop", lambda *args: searched.append(1) or search(*args)
+    )
     flags = Rank(
         parts=(str(part_file),), plant=str(machine_file), preview=4, controllers=("contouring-lq",)
     )

@@ -1,0 +1,1 @@
+"""LQ contouring with an observer: weights, first loop, limits."""

@@ -1,0 +1,1 @@
+"""Predictive controllers, with a quadratic program at every sample."""

@@ -1,0 +1,1 @@
+"""Largest errors of a flexible axis with stick, slip and cogging."""

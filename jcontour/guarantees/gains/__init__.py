@@ -1,0 +1,1 @@
+"""Certificates for every constant gain of a plant between bounds."""

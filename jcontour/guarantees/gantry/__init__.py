@@ -1,0 +1,1 @@
+"""Certificates of a twisting gantry, and the interval arithmetic that they stand on."""

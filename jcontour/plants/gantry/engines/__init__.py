@@ -1,0 +1,1 @@
+"""The gantry in MuJoCo: the same machine in an engine of another make."""

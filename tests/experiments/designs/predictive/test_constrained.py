@@ -1,0 +1,73 @@
+"""Which controllers keep to limits, and the controller that chooses its own speed."""
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import design_for, machine_named
+from experiments.designs.predictive.constrained import limited_lq, traverser
+from experiments.flags.loops import Simulate, Trace
+from jcontour.controllers.lq.contouring_lq import LQWeights, OutputTerminal
+from jcontour.controllers.observers.kalman import offset_free_gain
+from jcontour.geometry.contours import circle
+from jcontour.host.observed import ObservedHost, OffsetFreeGain, OffsetFreeHost
+from jcontour.linear.transformations import with_input_delay
+from jcontour.mpc.tracking.forms import OffsetFreeForm
+from jcontour.mpc.tracking.limits import Limits
+from jcontour.mpc.tracking.tracking_mpc import TrackingMPC
+from jcontour.qp.solvers import DAQP
+
+KINDS = {
+    "contouring-lq": OffsetFreeHost,
+    "contouring-lq-kalman": ObservedHost,
+    "contouring-lq-state": TrackingMPC,
+    "contouring-lq-predictor": type(None),
+    "preview-lq": type(None),
+}
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_what_has_the_cost_and_the_filter_has_a_constrained_form(name):
+    design = design_for(machine_named("bridgeport"), Simulate(controller=name, preview=3))
+    found = design.constrained(design.start, Limits.within(control=10.0), DAQP())
+    assert type(found) is KINDS[name]
+
+
+def test_behind_an_observer_of_the_load_it_is_told_of_the_load(two_axes):
+    model = with_input_delay(two_axes, 1)
+    observer = OffsetFreeGain(offset_free_gain(model, model.C, 0.1, 0.1, 1e-6), model.C)
+    weights, limits = LQWeights(3.0, 50.0, 2e-8), Limits.within(control=10.0)
+    found = limited_lq(model, weights, 4, OutputTerminal(), observer, limits, DAQP())
+    assert isinstance(found, OffsetFreeHost) and isinstance(found.controller, TrackingMPC)
+    assert isinstance(found.controller.form, OffsetFreeForm) and found.preview == 4
+
+
+def test_of_a_machine_file_the_model_is_the_plant(machine_file):
+    made = traverser(machine_named(str(machine_file)), circle(1e-3), Trace())
+    assert made.hosted.every == 1 and made.hosted.plant is made.hosted.model
+    np.testing.assert_array_equal(made.mpcc._upper[-2:], [300.0, 300.0])
+
+
+@pytest.mark.slow
+def test_the_table_is_looked_at_between_the_samples_of_its_controller():
+    made = traverser(machine_named("xy-table"), circle(1e-2), Trace())
+    assert made.hosted.every == 4 and made.hosted.model.dt == 4e-3
+    assert made.controller.every == 4 and made.hosted.plant.dt == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (Trace(period_ms=2.5), "^period-ms: needs a whole number of samples of 1 ms"),
+        (Trace(horizon=101), "^horizon: at most 100 steps, received 101"),
+        (Trace(q_contour=-1.0), "^q-contour: needs to be finite"),
+        (Trace(max_control=float("inf")), "^max-control: needs to be finite"),
+    ],
+)
+def test_faults_have_the_names_of_flags(flags, says):
+    with pytest.raises(ValueError, match=says):
+        traverser(machine_named("xy-table"), circle(1e-2), flags)
+
+
+def test_a_controller_that_chooses_its_speed_is_not_tuned():
+    with pytest.raises(ValueError, match="mpcc chooses its own speed.*jcontour trace"):
+        design_for(machine_named("xy-table"), Simulate(controller="mpcc"))

@@ -1,0 +1,62 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from experiments.catalogue.choices import machine_named
+from experiments.designs.predictive.constrained import traverser
+from experiments.designs.predictive.sweep_designs import PREDICTIVE, Case, PredictiveDesign
+from experiments.flags.loops import Trace
+from jcontour.geometry.contours import circle
+from jcontour.host.late import OneSampleLate
+
+
+def case_of(controller):
+    return Case(controller, machine_named("xy-table"), circle(1e-2))
+
+
+def test_mpcc_is_the_controller_of_trace():
+    made = case_of("mpcc").hosted(PredictiveDesign({"q_theta": 2.0}, 5, 100.0))
+    case = case_of("mpcc")
+    flags = Trace(q_theta=2.0, horizon=5, max_speed_mm_s=100.0)
+    asked = traverser(case.machine, case.contour, flags)
+    assert made.controller.controller.weights == asked.mpcc.weights
+    np.testing.assert_array_equal(made.controller.controller.blocks, asked.mpcc.blocks)
+    np.testing.assert_array_equal(made.controller.controller._upper, asked.mpcc._upper)
+
+
+def test_tracking_keeps_its_speed_and_the_usual_weights():
+    made = case_of("tracking-mpc").hosted(PredictiveDesign({"increment": 6.0}, 5, 100.0))
+    late = made.controller.controller
+    assert isinstance(late, OneSampleLate) and made.controller.preview == 5 * made.controller.every
+    weights = late.controller.weights
+    assert (weights.output, weights.contour, weights.increment) == (1e8, 0.0, 6.0)
+    arc = np.asarray(made.reference.arc)
+    np.testing.assert_allclose(np.diff(arc[:100]), 0.1 * made.plant.dt)
+
+
+@pytest.mark.parametrize("controller", PREDICTIVE)
+def test_a_case_comes_through_another_process_unchanged(controller):
+    sent = pickle.loads(pickle.dumps(case_of(controller)))
+    design = PredictiveDesign({}, 4, 100.0)
+    one, other = case_of(controller).hosted(design), sent.hosted(design)
+    np.testing.assert_array_equal(one.reference.position, other.reference.position)
+    np.testing.assert_array_equal(one.controller.preview, other.controller.preview)
+
+
+@pytest.mark.parametrize(
+    ("controller", "design", "says"),
+    [
+        ("mpcc", PredictiveDesign({"q_theta": -1.0}, 5, 100.0), "q-theta: needs to be finite"),
+        ("mpcc", PredictiveDesign({}, 101, 100.0), "horizon: at most 100"),
+        ("tracking-mpc", PredictiveDesign({}, 101, 100.0), "previews: need 1 to 100 steps"),
+        (
+            "tracking-mpc",
+            PredictiveDesign({"increment": 0.0}, 5, 100.0),
+            "increment: needs to be positive",
+        ),
+    ],
+)
+def test_bad_designs_are_refused(controller, design, says):
+    with pytest.raises(ValueError, match=says):
+        case_of(controller).hosted(design)
