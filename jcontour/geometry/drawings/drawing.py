@@ -38,7 +38,8 @@ class Drawing:
         """
         if not all(_near(segment) for segment in segments):
             raise ToolpathError(
-                f"line {line}: a point is farther than {FARTHEST:g} m away: is the unit right?"
+                f"line {line}: a point is farther than {FARTHEST:g} m away: is the unit right? "
+                "(--drawing-unit mm reads millimetres)"
             )
         segments = [segment for segment in segments if not vanishes(segment)]
         self.count += len(segments)

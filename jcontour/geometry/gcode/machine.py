@@ -336,7 +336,9 @@ class Machine:
         if not self.modes.inverse_time:
             feed = self.modes.feed
             if feed is None:
-                raise ToolpathError("a cutting move without a feed (F) before it")
+                raise ToolpathError(
+                    "a cutting move without a feed (F) before it; --feed-mm-per-min gives one"
+                )
             if not feed > 0:
                 raise ToolpathError("a cutting move at a feed of 0: it needs to be above 0")
             return feed

@@ -36,6 +36,7 @@ REFUSED = {
     52: "a NURBS curve",
     53: "a NURBS curve",
     70: "a lathe's diameters",
+    310: "probing",
     330: "motion synchronised with a spindle",
     331: "motion synchronised with a spindle",
     380: "probing",
