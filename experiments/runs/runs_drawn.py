@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
 from experiments.machines.machine import Machine
-from experiments.reports.figures.loops.contours import NOMINAL, ContourRuns, DrawnRun
+from experiments.reports.figures.loops.contour_runs import NOMINAL, ContourRuns, DrawnRun
 
 
 def contour_runs(

@@ -19,6 +19,11 @@ def colours_of(labels: Sequence[str]) -> dict[str, str]:
     return COLOURS | {label: CYCLE[k % len(CYCLE)] for k, label in enumerate(others)}
 
 
+def short(name: str, most: int = 40) -> str:
+    """A name with its middle left out where a title has no room for it."""
+    return name if len(name) <= most else f"{name[: most // 2]}...{name[-most // 2 + 3 :]}"
+
+
 def grid(axes: Axes, title: str = "", x: str = "", y: str = "") -> None:
     """Titles, and a grid behind the curves."""
     axes.set_title(title, fontsize=10)

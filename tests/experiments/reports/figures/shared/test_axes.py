@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.reports.figures.shared.axes import legend_below, plain_ticks
+from experiments.reports.figures.shared.axes import legend_below, plain_ticks, short
 
 
 def test_legend_holds_all_entries_and_covers_no_panel():
@@ -37,3 +37,9 @@ def test_numbers_of_a_logarithmic_axis_do_not_overlap(low, high):
     shown = [one.get_window_extent() for one in labels if bottom <= one.get_position()[1] <= top]
     assert len(shown) >= 3
     assert not any(one.overlaps(other) for one, other in pairwise(shown))
+
+
+def test_a_long_name_is_cut_in_the_middle():
+    assert short("bracket") == "bracket" and short("x" * 40) == "x" * 40
+    cut = short("beginning" + 60 * "-" + "end")
+    assert len(cut) == 40 and cut.startswith("beginning-") and cut.endswith("-end") and "..." in cut

@@ -1,0 +1,14 @@
+"""The contour error, drawn larger than it is."""
+
+import numpy as np
+import pytest
+
+from experiments.reports.figures.loops.magnified_error import magnification
+
+
+@pytest.mark.parametrize(
+    ("largest", "factor"), [(1e-3, 500.0), (0.1, 5.0), (0.5, 1.0), (20.0, 1.0), (0.0, 1.0)]
+)
+def test_magnification_is_a_round_number(largest, factor):
+    desired = np.array([[0.0, 0.0], [10.0, 3.0]])
+    assert magnification(desired, np.array([[0.0, largest], [np.nan, 0.0]])) == factor
