@@ -22,7 +22,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     # loops for the CPU, beside what they do faster
     "jcontour/native/interface.py": "jcontour/native/test_calls.py",
     "jcontour/native/gpu_operations.py": "jcontour/native/test_gpu_code.py",
-    "jcontour/qp/native": "jcontour/qp/test_native.py",
     "jcontour/qp/lanes": "jcontour/qp/test_lanes.py",
     "jcontour/qp/path.py": "jcontour/qp/test_interior_point.py",
     # the parts of a planned motion

@@ -1,7 +1,7 @@
-"""Sums of products over numbers of any kind, where those that are known to be zero cost nothing.
+"""Arithmetic with numbers of any kind, where those that are known to be zero cost nothing.
 
-A number is a vector over the lanes of a GPU's kernel, one of a straight-line program
-(`native.straight_line`), or a float of Python.
+A number is an array, a vector over the lanes of a GPU's kernel, one of a straight-line program
+(`native.numbers`), or a float of Python.
 """
 
 from typing import Any
@@ -42,3 +42,34 @@ def fused(a, b, c):
     return triton.elementwise_inline_asm(
         instruction, args=[a, b, c], constraints=kinds, pack=1, result_shape_dtypes=like
     )[0]
+
+
+def where(flag, yes, no) -> Any:
+    """`yes` where a flag holds, `no` elsewhere."""
+    if isinstance(flag, bool):
+        return yes if flag else no
+    return flag.chosen(yes, no) if hasattr(flag, "chosen") else jnp.where(flag, yes, no)
+
+
+def larger(a, b) -> Any:
+    """The larger number; NaN where one is."""
+    if hasattr(b, "larger"):
+        return b.larger(a)
+    return a.larger(b) if hasattr(a, "larger") else jnp.maximum(a, b)
+
+
+def smaller(a, b) -> Any:
+    """The smaller number; NaN where one is."""
+    if hasattr(b, "smaller"):
+        return b.smaller(a)
+    return a.smaller(b) if hasattr(a, "smaller") else jnp.minimum(a, b)
+
+
+def inverse_root(a) -> Any:
+    """Inverse of the square root."""
+    return 1.0 / a.root() if hasattr(a, "root") else jax.lax.rsqrt(a)
+
+
+def is_finite(a) -> Any:
+    """Whether a number is neither infinite nor NaN."""
+    return abs(a) < float("inf")

@@ -1,6 +1,7 @@
 """Machine code of our own that XLA calls: for small matrices of many problems.
 
-XLA makes a call of its own of every small operation of a loop; here a whole sweep is one. For a CPU
-Numba compiles most of them (`calls`), LLVM alone the formulas over a plant's non-zeros
-(`straight_line`). For a GPU LLVM compiles kernels as Pallas states them (`gpu_code`).
+XLA makes a call of its own of every small operation of a loop; here a whole sweep is one. Programs
+for a CPU are written by arithmetic in Python (`numbers`, `straight_line`) and called by a name
+(`calls`); for a GPU LLVM compiles kernels as Pallas states them (`gpu_code`). Loops that run
+without XLA are compiled by Numba (`lanes`).
 """

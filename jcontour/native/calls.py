@@ -1,145 +1,149 @@
-"""Calls of Numba's functions from programs of XLA, without a compiler and without Python.
+"""Programs that XLA calls by a name, without a compiler and without Python.
 
 XLA hands over a call frame (`interface`): a structure with the addresses of the arguments' and the
 results' numbers and of their extents.
 """
 
 import ctypes
-import inspect
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
+from functools import partial
+from threading import Lock
+from typing import Any
 
 import jax
-import jax.numpy as jnp
-import numba
+import llvmlite.binding as llvm
 import numpy as np
-from numba import types
-from numba.np.numpy_support import carray
+from llvmlite import ir
 
-from jcontour.native.interface import (
-    ARGUMENTS,
-    DATA,
-    EXTENSION,
-    EXTENTS,
-    INTERFACE,
-    IS_METADATA,
-    KIND,
-    MAJOR,
-    METADATA,
-    MINOR,
-    OWN_MINOR,
-    RANK,
-    RESULTS,
-    TRAITS,
-)
-from jcontour.native.lanes import part
-from jcontour.native.memory import floats, ints, longs, word
+from jcontour.native import interface
+from jcontour.native.numbers import INT, LONG
+from jcontour.native.straight_line import Row, subprogram, whole
+from jcontour.native.threads import MINOR_SEEN, share
 
 _KEPT = {}  # what is compiled, by name: XLA knows but its address
+_LOCK = Lock()  # so that nothing is compiled twice, and freed while XLA has its address
 
 
-@part
-def asks(frame):
-    """Whether a frame only asks for the version; it is answered."""
-    extension = word(frame + EXTENSION)
-    if extension == 0 or carray(ints(extension + KIND), 1)[0] != IS_METADATA:
-        return False
-    metadata = word(extension + METADATA)
-    own = carray(ints(word(frame + INTERFACE) + OWN_MINOR), 1)[0]
-    carray(ints(metadata + MAJOR), 1)[0] = 0
-    carray(ints(metadata + MINOR), 1)[0] = own  # minor versions only add
-    carray(ints(metadata + TRAITS), 1)[0] = 0
-    return True
+def straight_call(name: str, write: Callable) -> Callable:
+    """A program that XLA knows by a name on the CPU, from the function that writes it.
 
-
-@part
-def _extents(buffer):
-    return carray(longs(word(buffer + EXTENTS)), word(buffer + RANK))
-
-
-@part
-def _numbers(buffer):
-    size = 1
-    for extent in _extents(buffer):
-        size *= extent
-    return carray(floats(word(buffer + DATA)), size)
-
-
-@part
-def extent(frame, k, back):
-    """Extent of an argument, counted from its last axis, which is 1."""
-    found = _extents(word(word(frame + ARGUMENTS) + 8 * k))
-    return found[len(found) - back]
-
-
-@part
-def argument(frame, k):
-    """Numbers of an argument (float64), flat."""
-    return _numbers(word(word(frame + ARGUMENTS) + 8 * k))
-
-
-@part
-def result(frame, k):
-    """Numbers of a result (float64), flat, to be written."""
-    return _numbers(word(word(frame + RESULTS) + 8 * k))
-
-
-@part
-def spoil(numbers):
-    """Set all to NaN."""
-    for k in range(len(numbers)):
-        numbers[k] = np.nan
-
-
-def native_call(name: str) -> Callable[[Callable], Callable]:
-    """Decorator: a function of a call frame, compiled, that XLA knows by a name on the CPU.
-
-    The function returns zero at once where `asks` answers; else it reads its arguments by
-    `argument` and `extent`, and writes every number of its results. What it becomes is called with
-    shapes of the results, all of float64, and arrays of float64; a `vmap` hands over one more axis
-    in front of every argument and result.
-
-    It may share what it does (`jcontour.native.threads`): then helpers call it too, with the work.
-
-    XLA does not see an error in it, as of memory that there is not: what holds memory calls `spoil`
-    on the results first. Who calls it has to see to the sizes.
+    `write(builder, arguments, results)` is called with functions from a number to a `Row`, if the
+    name is new. The call takes shapes of results and arrays, all of float64; under `vmap` it is
+    called for one member after the other. Who calls it has to see to the sizes.
     """
 
-    def known(function: Callable) -> Callable:
-        _KEPT[name] = _compiled_call(inspect.unwrap(function))
-        address = ctypes.c_void_p(_KEPT[name].address)
-        jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
+    def body(builder: ir.IRBuilder, frame) -> None:
+        write(builder, *_rows(builder, frame))
 
-        def call(results, *arrays):
-            assert all(array.dtype == jnp.float64 for array in arrays)
-            return jax.ffi.ffi_call(name, results, vmap_method="broadcast_all")(*arrays)
-
-        return call
-
-    return known
+    return _call(name, partial(_entry, body), "sequential")
 
 
-def _compiled_call(function: Callable):
-    kind = types.intp(types.intp)
+def shared_call(name: str, parts: Callable, write: Callable) -> Callable:
+    """The same in parts that do not know of each other, which XLA's threads share.
+
+    `parts(builder, arguments, results)` finds how many there are, and `write(builder, k, arguments,
+    results)` writes part k. A `vmap` hands over one more axis in front of every argument and
+    result. Rows of the results' numbers are all of them, whatever the axes.
+    """
+
+    def program(module: ir.Module, name: str) -> None:
+        def one(builder: ir.IRBuilder, frame, k) -> None:
+            write(builder, k, *_rows(builder, frame))
+
+        part = subprogram(module, "part", 2, one)
+
+        def body(builder: ir.IRBuilder, frame) -> None:
+            share(builder, frame, parts(builder, *_rows(builder, frame)), part)
+
+        _entry(body, module, name)
+
+    return _call(name, program, "broadcast_all")
+
+
+def alone() -> bool:
+    """Whether shared calls have run on one thread, as XLA's interface is not the one known here."""
+    places = [engine.get_global_value_address(MINOR_SEEN) for engine in _KEPT.values()]
+    seen = {ctypes.c_int32.from_address(place).value for place in places if place}
+    return bool(seen - {interface.LAYOUT})
+
+
+def _call(name: str, write: Callable, vmap_method: str) -> Callable:
+    with _LOCK:
+        if name not in _KEPT:
+            module = ir.Module(name)
+            write(module, name)
+            engine = _engine(str(module))
+            address = engine.get_function_address(name)
+            jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), "cpu")
+            _KEPT[name] = engine
+
+    def call(results, *arrays):
+        assert all(array.dtype == np.float64 for array in (*jax.tree.leaves(results), *arrays))
+        return jax.ffi.ffi_call(name, results, vmap_method=vmap_method)(*arrays)
+
+    return call
+
+
+def _entry(write: Callable, module: ir.Module, name: str) -> None:
+    """Function of a frame; `write(builder, frame)` writes it."""
+    function = ir.Function(module, ir.FunctionType(LONG, [LONG]), name)
+    builder, frame = ir.IRBuilder(function.append_basic_block()), function.args[0]
+    _answer(builder, frame)
+    write(builder, frame)
+    builder.ret(whole(0))
+
+
+def _rows(builder: ir.IRBuilder, frame) -> list[Callable[[int], Row]]:
+    """Arguments and results of a frame, by number."""
+
+    def row(place: int, k: int) -> Row:
+        buffer = interface.word(builder, interface.word(builder, frame, place), 8 * k)
+        places = interface.DATA, interface.EXTENTS, interface.RANK
+        return Row(builder, *(interface.word(builder, buffer, place) for place in places))
+
+    return [partial(row, place) for place in (interface.ARGUMENTS, interface.RESULTS)]
+
+
+def _answer(builder: ir.IRBuilder, frame) -> None:
+    """Return at once from a call that only asks for the version, with the answer."""
+    extension = interface.word(builder, frame, interface.EXTENSION)
+    with builder.if_then(builder.icmp_signed("!=", extension, whole(0))):
+        kind = builder.load(interface.place(builder, extension, interface.KIND, INT))
+        asks = builder.icmp_signed("==", kind, INT(interface.IS_METADATA))
+        with builder.if_then(asks):
+            metadata = interface.word(builder, extension, interface.METADATA)
+            minor = interface.own_minor(builder, frame)  # they only add
+            for place, number in (
+                (interface.MAJOR, INT(0)),
+                (interface.MINOR, minor),
+                (interface.TRAITS, INT(0)),
+            ):
+                builder.store(number, interface.place(builder, metadata, place, INT))
+            builder.ret(whole(0))
+
+
+def _engine(text: str) -> Any:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    module = llvm.parse_assembly(text)
+    machine = llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=_features(),
+        opt=2,
+        jit=True,
+    )
+    options = llvm.create_pipeline_tuning_options(speed_level=1)
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_instruction_combine_pass()  # all of level 1 take six times as long, gain nothing
+    passes.run(module, llvm.create_pass_builder(machine, options))
+    engine = llvm.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    return engine
+
+
+def _features() -> str:
+    """What this processor can do beyond its name; nothing where LLVM cannot tell."""
     try:
-        return numba.cfunc(kind, cache=True)(function)
-    except RuntimeError:  # Numba found no place for its cache
-        return numba.cfunc(kind)(function)
-
-
-def drop_stale(folder: Path, *sources: Path) -> None:
-    """Delete what Numba has kept of a folder's modules from before one of the sources was changed.
-
-    Numba looks at a function's own file, not at the files of what is compiled into it. Where it
-    keeps its code elsewhere (`NUMBA_CACHE_DIR`), that has to be deleted by hand.
-    """
-    changed = max(source.stat().st_mtime for source in sources)
-    for kept in (folder / "__pycache__").glob("*.nb[ic]"):
-        with suppress(OSError):  # another process was quicker, or nothing may be deleted here
-            if kept.stat().st_mtime < changed:
-                kept.unlink()
-
-
-_HERE = Path(__file__).parent
-drop_stale(_HERE, *_HERE.glob("*.py"))
+        return llvm.get_host_cpu_features().flatten()
+    except RuntimeError:
+        return ""

@@ -8,10 +8,11 @@ reads as if it were of one problem.
 import inspect
 import operator
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, cast
 
 import numba
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -145,84 +146,19 @@ for _operation, _instruction in (
 
 
 @part
-def least(one, other):
-    """Smaller of two numbers, the first where they cannot be compared."""
-    return where_less(other, one, other, one)
-
-
-@part
 def most(one, other):
     """Larger of two numbers, the first where they cannot be compared."""
     return where_less(one, other, other, one)
 
 
-@part
-def size_of(number):
-    """Absolute value."""
-    return most(number, spread(0.0) - number)
+def drop_stale(folder: Path, *sources: Path) -> None:
+    """Delete what Numba has kept of a folder's modules from before one of the sources was changed.
 
-
-@part
-def gathered(source, first, count, size):
-    """Arrays of lanes of the problems from `first` on; the last one fills what is left.
-
-    Args:
-        source: numbers of all problems, one problem after the other.
-        first: problem of the first lane.
-        count: problems there are.
-        size: numbers of a problem.
+    Numba looks at a function's own file, not at the files of what is compiled into it. Where it
+    keeps its code elsewhere (`NUMBA_CACHE_DIR`), that has to be deleted by hand.
     """
-    found = np.empty(size * WIDTH)
-    for lane in range(WIDTH):
-        start = min(first + lane, count - 1) * size
-        for k in range(size):
-            found[k * WIDTH + lane] = source[start + k]
-    return found
-
-
-@part
-def scatter(values, target, first, count, size):
-    """Write the lanes to the problems' own places: the inverse of `gathered`."""
-    for lane in range(min(WIDTH, count - first)):
-        start = (first + lane) * size
-        for k in range(size):
-            target[start + k] = values[k * WIDTH + lane]
-
-
-@part
-def add_products(out, to, start, at, left, first, down, sign, right, other, across, count, columns):
-    """out[to + j] = start[at + j] + sign * sum_k left[first + down k] right[other + across k + j].
-
-    For j < columns and k < count, in entries: a row of a product of matrices, four columns at once.
-    """
-    j = 0
-    while j + 4 <= columns:
-        s0, s1 = load(start, at + j), load(start, at + j + 1)
-        s2, s3 = load(start, at + j + 2), load(start, at + j + 3)
-        for k in range(count):
-            factor = sign * load(left, first + down * k)
-            entry = other + across * k + j
-            s0 = fma(factor, load(right, entry), s0)
-            s1 = fma(factor, load(right, entry + 1), s1)
-            s2 = fma(factor, load(right, entry + 2), s2)
-            s3 = fma(factor, load(right, entry + 3), s3)
-        store(out, to + j, s0)
-        store(out, to + j + 1, s1)
-        store(out, to + j + 2, s2)
-        store(out, to + j + 3, s3)
-        j += 4
-    while j < columns:
-        s0 = load(start, at + j)
-        for k in range(count):
-            factor = sign * load(left, first + down * k)
-            s0 = fma(factor, load(right, other + across * k + j), s0)
-        store(out, to + j, s0)
-        j += 1
-
-
-@part
-def dot(left, first, right, other, count, start):
-    """start + sum_k left[first + k] right[other + k]."""
-    for k in range(count):
-        start = fma(load(left, first + k), load(right, other + k), start)
-    return start
+    changed = max(source.stat().st_mtime for source in sources)
+    for kept in (folder / "__pycache__").glob("*.nb[ic]"):
+        with suppress(OSError):  # another process was quicker, or nothing may be deleted here
+            if kept.stat().st_mtime < changed:
+                kept.unlink()

@@ -1,4 +1,4 @@
-"""Work of a native call that XLA's own threads share, in parts that do not know of each other.
+"""Work of a call that XLA's own threads share, in parts that do not know of each other.
 
 XLA runs such calls one after the other, each on one thread. The thread that XLA calls asks for
 helpers among the threads of XLA's pool, as many as the process may use cores. Who is free takes the
@@ -10,149 +10,153 @@ The work is a block of whole numbers outside of Python's memory: it is given bac
 last, which may be a helper that came when nothing was left to do, and the call long over.
 """
 
-from typing import Any
-
 from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-from numba.np.numpy_support import carray
 
 from jcontour.native.interface import (
     CONTEXT,
     DROP_ERROR,
     INTERFACE,
     LAYOUT,
-    OWN_MINOR,
     SCHEDULE,
     THREADS,
+    own_minor,
+    place,
+    word,
 )
-from jcontour.native.lanes import part
-from jcontour.native.memory import ints, longs, word
+from jcontour.native.numbers import INT, LONG, known
+from jcontour.native.straight_line import as_long_as, counted, subprogram, whole
 
-# entries of a block of work, after a zero: a call frame begins with its own size
-_FRAME, _PARTS, _NEXT, _DONE, _HOLDERS, _REQUEST, _FOUND = 1, 2, 3, 4, 5, 6, 11
-_WORDS = 12
+MINOR_SEEN = "minor"  # name of the number that a program leaves behind
 
-_acquire = types.ExternalFunction("malloc", types.intp(types.intp))
-_release = types.ExternalFunction("free", types.void(types.intp))
-_pause = types.ExternalFunction("sched_yield", types.int32())
-
-
-@intrinsic
-def own_address(context) -> Any:
-    """Address that XLA knows the function by; only in the function that `native_call` decorates."""
-
-    def code(context, builder, signature, values):
-        name = f"cfunc.{builder.function.name}"  # what Numba calls it
-        known = builder.module.globals.get(name)
-        long = ir.IntType(64)
-        known = known or ir.Function(builder.module, ir.FunctionType(long, [long]), name)
-        return builder.ptrtoint(known, long)
-
-    return types.intp(), code
+# entries of a block of work [bytes]
+_FRAME, _PARTS, _NEXT, _DONE, _HOLDERS, _REQUEST, _FOUND = 0, 8, 16, 24, 32, 40, 80
+_BYTES = 88
+_CALL = ir.FunctionType(LONG, [LONG])
 
 
-@intrinsic
-def _called(context, function, argument) -> Any:
-    """Result of the C function at an address."""
+def share(builder: ir.IRBuilder, frame, parts, part: ir.Function) -> None:
+    """Write the sharing of a frame's work: `part(frame, k)` for all k below `parts`."""
 
-    def code(context, builder, signature, values):
-        long = ir.IntType(64)
-        kind = ir.FunctionType(long, [long]).as_pointer()
-        return builder.call(builder.inttoptr(values[0], kind), [values[1]])
+    def one(k, _) -> None:
+        builder.call(part, [frame, k])
 
-    return types.intp(types.intp, types.intp), code
-
-
-@intrinsic
-def _added(context, place, change) -> Any:
-    """Whole number at an address before the change was added, at once for all threads."""
-
-    def code(context, builder, signature, values):
-        pointer = builder.inttoptr(values[0], ir.IntType(64).as_pointer())
-        return builder.atomic_rmw("add", pointer, values[1], "seq_cst")
-
-    return types.intp(types.intp, types.intp), code
-
-
-@part
-def is_work(address):
-    """Whether a native function is called by a helper: with shared work, not with a frame."""
-    return word(address) == 0
+    help_ = _helper(builder.module, part)
+    work = builder.call(known(builder, "malloc", LONG, LONG), [whole(_BYTES)])
+    with builder.if_else(builder.icmp_signed("==", work, whole(0))) as (without, with_memory):
+        with without:
+            counted(builder, parts, one)
+        with with_memory:
+            begun = (_FRAME, frame), (_PARTS, parts), (_NEXT, 0), (_DONE, 0), (_HOLDERS, 1)
+            for entry, number in begun:
+                _put(builder, work, entry, number)
+            minor = own_minor(builder, frame)
+            builder.store(minor, _minor(builder.module))
+            known_layout = builder.icmp_signed("==", minor, INT(LAYOUT))
+            several = builder.icmp_signed(">", parts, whole(1))
+            with builder.if_then(builder.and_(known_layout, several)):
+                _ask_helpers(builder, frame, work, parts, help_)
+            builder.call(builder.module.globals["take"], [work])
+            _wait(builder, work, parts)
+            _leave(builder, work)
 
 
-@part
-def shared_work(frame, parts, function):
-    """Address of the work of a frame, begun; helpers are on their way. Zero without memory.
-
-    Args:
-        frame: as XLA handed it over.
-        parts: of the work.
-        function: its `own_address`, that helpers call with the work.
-    """
-    work = _acquire(8 * _WORDS)
-    if work == 0:
-        return work
-    block = carray(longs(work), _WORDS)
-    block[:] = 0
-    block[_FRAME], block[_PARTS], block[_HOLDERS] = frame, parts, 1
-    interface = word(frame + INTERFACE)
-    if parts > 1 and function != 0 and carray(ints(interface + OWN_MINOR), 1)[0] == LAYOUT:
-        _ask_helpers(interface, word(frame + CONTEXT), work, block, function)
-    return work
+def _minor(module: ir.Module) -> ir.GlobalVariable:
+    """Minor version of XLA's interface that the last call came with."""
+    found = ir.GlobalVariable(module, INT, MINOR_SEEN)
+    found.initializer = INT(LAYOUT)  # pyright: ignore[reportAttributeAccessIssue]
+    return found
 
 
-@part
-def _ask_helpers(interface, context, work, block, function):
+def _helper(module: ir.Module, part: ir.Function) -> ir.Function:
+    """Function of the work for XLA's threads, and `take`, which does parts until none is left."""
+
+    def parts(builder: ir.IRBuilder, work) -> None:
+        def one():
+            k, parts = _added(builder, work, _NEXT, 1), word(builder, work, _PARTS)
+            left = builder.icmp_signed("<", k, parts)
+            with builder.if_then(left):
+                builder.call(part, [word(builder, work, _FRAME), k])
+                _added(builder, work, _DONE, 1)
+            return left
+
+        as_long_as(builder, one)
+
+    take = subprogram(module, "take", 1, parts)
+    help_ = ir.Function(module, _CALL, "help")
+    builder, work = ir.IRBuilder(help_.append_basic_block()), help_.args[0]
+    builder.call(take, [work])
+    _leave(builder, work)
+    builder.ret(whole(0))
+    return help_
+
+
+def _ask_helpers(builder: ir.IRBuilder, frame, work, parts, help_: ir.Function) -> None:
     """Put the function with the work before XLA's threads: one fewer than there are."""
-    request = work + 8 * _REQUEST
-    block[_REQUEST], block[_REQUEST + 2] = 32, context
-    block[_REQUEST + 3] = work + 8 * _FOUND
-    if not _granted(interface, THREADS, request):
-        return
-    block[_REQUEST], block[_REQUEST + 3], block[_REQUEST + 4] = 40, function, work
-    for _ in range(min(block[_FOUND], block[_PARTS]) - 1):
-        _added(work + 8 * _HOLDERS, 1)
-        if not _granted(interface, SCHEDULE, request):
-            _added(work + 8 * _HOLDERS, -1)
-            return
+    interface, context = (word(builder, frame, entry) for entry in (INTERFACE, CONTEXT))
+    found = builder.add(work, whole(_FOUND))
+    _request(builder, work, 32, 0, context, found)
+    with builder.if_then(_granted(builder, interface, THREADS, work)):
+        threads = word(builder, work, _FOUND)
+        fewer = builder.select(builder.icmp_signed("<", threads, parts), threads, parts)
+        address = builder.ptrtoint(help_, LONG)
+        _request(builder, work, 40, 0, context, address, work)
+
+        def ask(*_) -> None:
+            _added(builder, work, _HOLDERS, 1)
+            refused = builder.not_(_granted(builder, interface, SCHEDULE, work))
+            with builder.if_then(refused):
+                _added(builder, work, _HOLDERS, -1)
+
+        counted(builder, builder.sub(fewer, whole(1)), ask)
 
 
-@part
-def _granted(interface, place, request):
+def _request(builder: ir.IRBuilder, work, *numbers) -> None:
+    for k, number in enumerate(numbers):
+        _put(builder, work, _REQUEST + 8 * k, number)
+
+
+def _granted(builder: ir.IRBuilder, interface, function: int, work):
     """Whether XLA did what is requested; its error is dropped."""
-    error = _called(word(interface + place), request)
-    if error == 0:
-        return True
-    carray(longs(request), 5)[0] = 24
-    carray(longs(request), 5)[2] = error
-    _called(word(interface + DROP_ERROR), request)
-    return False
+    request = builder.add(work, whole(_REQUEST))
+
+    def call(function: int):
+        address = builder.inttoptr(word(builder, interface, function), _CALL.as_pointer())
+        return builder.call(address, [request])
+
+    size, error = word(builder, request, 0), call(function)
+    failed = builder.icmp_signed("!=", error, whole(0))
+    with builder.if_then(failed):
+        kept = word(builder, request, 16)
+        _request(builder, work, 24, 0, error)
+        call(DROP_ERROR)
+        _request(builder, work, size, 0, kept)
+    return builder.not_(failed)
 
 
-@part
-def frame_of(work):
-    """Frame of the work; it is there as long as a part is not done."""
-    return word(work + 8 * _FRAME)
+def _wait(builder: ir.IRBuilder, work, parts) -> None:
+    """Wait for the parts that others have begun."""
+    pause = known(builder, "sched_yield", INT)
+
+    def open_():
+        left = builder.icmp_signed("<", _added(builder, work, _DONE, 0), parts)
+        with builder.if_then(left):
+            builder.call(pause, [])
+        return left
+
+    as_long_as(builder, open_)
 
 
-@part
-def next_part(work):
-    """A part that nobody has begun; below zero when there is none."""
-    begun = _added(work + 8 * _NEXT, 1)
-    return begun if begun < word(work + 8 * _PARTS) else -1
+def _leave(builder: ir.IRBuilder, work) -> None:
+    last = builder.icmp_signed("==", _added(builder, work, _HOLDERS, -1), whole(1))
+    with builder.if_then(last):
+        builder.call(known(builder, "free", ir.VoidType(), LONG), [work])
 
 
-@part
-def done(work):
-    """Say that a part is done, or that it cannot be."""
-    _added(work + 8 * _DONE, 1)
+def _put(builder: ir.IRBuilder, work, entry: int, number) -> None:
+    number = whole(number) if isinstance(number, int) else number
+    builder.store(number, place(builder, work, entry))
 
 
-@part
-def leave(work, waits):
-    """Leave the work, first waiting for the parts that others have begun if asked to."""
-    while waits and _added(work + 8 * _DONE, 0) < word(work + 8 * _PARTS):
-        _pause()
-    if _added(work + 8 * _HOLDERS, -1) == 1:
-        _release(work)
+def _added(builder: ir.IRBuilder, work, entry: int, change: int):
+    """A number before the change was added, at once for all threads."""
+    return builder.atomic_rmw("add", place(builder, work, entry), whole(change), "seq_cst")

@@ -17,6 +17,7 @@ active the derivative is between those of either side. An answer that is not sol
 derivative, in both directions.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -71,9 +72,9 @@ from jcontour.qp.staged import (
 SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
-# states, controls and rows of a stage that our code for a GPU takes: it is written out number by
-# number, and more would take a minute
-MOST_ON_GPU = 24
+# states, controls and rows of a stage that our machine code takes: it is written out number by
+# number, and more would take a minute on a GPU; XLA's own loops are some eight times slower
+MOST_WRITTEN = 24
 PASSES = 4  # of a derivative: each makes what that changes smaller by as much again
 
 
@@ -204,23 +205,33 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
     limits = _one_sided(qp)
-    if 0 < qp.D.shape[0] <= MOST_ON_GPU - qp.D.shape[1] and suits_gpu_code(qp):
-        from jcontour.qp.lanes.interior_point import found
-
+    found = _written_out(qp)
+    if found is not None:
         last = found(qp, guess)
         residual = jnp.where(_stated(qp), last.residual, jnp.inf)
         known = residual, residual <= SOLVED, last.iterations, last.beyond
-        return Answer(last.at, last.point.l, *known), last.point, limits
+        return Answer(last.point.at, last.point.l, *known), last.point, limits
     point, iterations = _converged(qp, limits, guess)
     return _checked(qp, point, limits, iterations), point, limits
 
 
+def _written_out(qp: StagedQP) -> Callable | None:
+    """The same in machine code of our own, where there is one for a problem of this size."""
+    if not 0 < qp.D.shape[0] <= MOST_WRITTEN - qp.D.shape[1]:
+        return None
+    if suits_gpu_code(qp):
+        from jcontour.qp.lanes.on_gpu import found
+
+        return found
+    if suits_native(qp):
+        from jcontour.qp.lanes.on_cpu import found
+
+        return found
+    return None
+
+
 def _converged(qp: StagedQP, limits: Limits, guess) -> tuple[Point, Array]:
     """Last point of the path, and iterations."""
-    if qp.D.shape[0] > 0 and suits_native(qp):
-        from jcontour.qp.native.interior_point import converged
-
-        return converged(qp, limits, guess)
     count = jnp.maximum(jnp.sum(limits.there, dtype=qp.x0.dtype), 1)
     first, mu0 = _start(qp, guess, limits, count)
 

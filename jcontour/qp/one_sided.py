@@ -10,8 +10,9 @@ and the others so that each equation holds. All arguments are arrays of one shap
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 from jaxtyping import Array
+
+from jcontour.kernels.arithmetic import is_finite, larger, smaller, where
 
 
 class Limits(NamedTuple):
@@ -70,14 +71,14 @@ class Newton(NamedTuple):
 
 def sides(upper: Array, lower: Array, penalty: Array) -> tuple[Limits, Limits]:
     """Limits of rows from above and from below, the arrays all of one shape."""
-    above, below = jnp.isfinite(upper), jnp.isfinite(lower)
-    high, low = jnp.where(above, upper, 0.0), jnp.where(below, -lower, 0.0)
-    largest = jnp.maximum(jnp.abs(high), jnp.abs(low))
-    one = jnp.where(largest > 0, largest, 1.0)
-    half = jnp.where(above & below, 0.5 * (high + low), one)
-    width = jnp.where(half > 0, half, one)
-    soft = jnp.isfinite(penalty)
-    price = [jnp.where(there & soft, penalty, 1.0) for there in (above, below)]
+    above, below = is_finite(upper), is_finite(lower)
+    high, low = where(above, upper, 0.0), where(below, -lower, 0.0)
+    largest = larger(abs(high), abs(low))
+    one = where(largest > 0, largest, 1.0)
+    half = where(above & below, 0.5 * (high + low), one)
+    width = where(half > 0, half, one)
+    soft = is_finite(penalty)
+    price = [where(there & soft, penalty, 1.0) for there in (above, below)]
     return (
         Limits(high, above, above & soft, price[0], width),
         Limits(low, below, below & soft, price[1], width),
@@ -94,11 +95,11 @@ def first_point(at, slack: Array, mu: Array, limits: Limits, room: float) -> Poi
         limits: the limits.
         room: of a limit's width that a slack begins with, at least.
     """
-    s = jnp.where(limits.there, jnp.maximum(slack, room * limits.width), 1.0)
-    l = jnp.where(limits.there, mu / s, 0.0)  # noqa: E741
-    l = jnp.where(limits.gives, jnp.minimum(l, 0.5 * limits.price), l)  # noqa: E741
-    g = jnp.where(limits.gives, limits.price - l, 1.0)
-    return Point(at, s, l, jnp.where(limits.gives, mu / g, 0.0), g)
+    s = where(limits.there, larger(slack, room * limits.width), 1.0)
+    l = where(limits.there, mu / s, 0.0)  # noqa: E741
+    l = where(limits.gives, smaller(l, 0.5 * limits.price), l)  # noqa: E741
+    g = where(limits.gives, limits.price - l, 1.0)
+    return Point(at, s, l, where(limits.gives, mu / g, 0.0), g)
 
 
 def newton(point: Point, limits: Limits, rows: Array) -> Newton:
@@ -106,40 +107,40 @@ def newton(point: Point, limits: Limits, rows: Array) -> Newton:
     _, s, l, t, g = point  # noqa: E741
     return Newton(
         missed_by(point, limits, rows),
-        jnp.where(limits.gives, l + g - limits.price, 0.0),
-        jnp.where(limits.there, l / softened_slack(point, limits), 0.0),
-        jnp.where(limits.there, 1 / l, 0.0),
-        jnp.where(limits.gives, 1 / g, 0.0),
+        where(limits.gives, l + g - limits.price, 0.0),
+        where(limits.there, l / softened_slack(point, limits), 0.0),
+        where(limits.there, 1 / l, 0.0),
+        where(limits.gives, 1 / g, 0.0),
     )
 
 
 def missed_by(point: Point, limits: Limits, rows: Array) -> Array:
     """By how much s + g' v - t = b is missed."""
-    return jnp.where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
+    return where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
 
 
 def softened_slack(point: Point, limits: Limits) -> Array:
     """Slack over multiplier, times the multiplier: s + l t / g."""
-    way = jnp.where(limits.gives, point.t / point.g, 0.0)
+    way = where(limits.gives, point.t / point.g, 0.0)
     return point.s + way * point.l
 
 
 def products(point: Point, limits: Limits) -> tuple[Array, Array]:
     """Products s l and t g: c1 and c2 of a predictor, whose aim is zero."""
-    return point.s * point.l, point.t * jnp.where(limits.gives, point.g, 0.0)
+    return point.s * point.l, point.t * where(limits.gives, point.g, 0.0)
 
 
 def corrected(point: Point, limits: Limits, steps: Changes, share, target) -> tuple[Array, Array]:
     """Products c1 and c2 of a corrector: with those of the predictor's steps, less the aim."""
     c1, c2 = products(point, limits)
-    c1 = jnp.where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
-    return c1, jnp.where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
+    c1 = where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
+    return c1, where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
 
 
 def pushes(here: Newton, point: Point, limits: Limits, c1: Array, c2: Array) -> Array:
     """Change of g' v that would change the multipliers as a step does where nothing moves."""
     way = (c2 - point.t * here.price_missed) * here.over_g
-    return jnp.where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
+    return where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
 
 
 def changes(
@@ -148,13 +149,13 @@ def changes(
     """Changes with a step, `moved` is its change of g' v and what was pushed."""
     dl = here.weight * moved
     ds = -(c1 + point.s * dl) * here.over_l
-    dg = jnp.where(limits.gives, -here.price_missed - dl, 0.0)
+    dg = where(limits.gives, -here.price_missed - dl, 0.0)
     return Changes(ds, dl, -(c2 + point.t * dg) * here.over_g, dg)
 
 
 def possible(point: Point, steps: Changes, limits: Limits) -> Array:
     """Part of a step, at most all, after which each slack and multiplier is still positive."""
-    longest = jnp.ones_like(point.s)
+    longest: Any = 1.0
     for value, change, counts in (
         (point.s, steps.s, limits.there),
         (point.l, steps.l, limits.there),
@@ -162,8 +163,8 @@ def possible(point: Point, steps: Changes, limits: Limits) -> Array:
         (point.g, steps.g, limits.gives),
     ):
         falls = counts & (change < 0)
-        part = jnp.where(falls, -value / jnp.where(falls, change, 1.0), 1.0)
-        longest = jnp.minimum(longest, part)
+        part = where(falls, -value / where(falls, change, 1.0), 1.0)
+        longest = smaller(longest, part)
     return longest
 
 

@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float
 from jcontour.devices import on_gpu
 from jcontour.kernels.sweeps.block_sweep import remembering_sweep
 from jcontour.linear.plant import AffinePlan, LinearPlant
-from jcontour.native.straight_line import WIDTH
+from jcontour.native.numbers import WIDTH
 from jcontour.riccati.receding_horizon import MOST_STATES, CostToGo
 
 MEMORY = 250  # M [samples]: within them the paper's weights have forgotten

@@ -213,10 +213,10 @@ FAULTS = (
     ),
     # qp and mpc
     Fault(
-        "jcontour/qp/native/staged.py",
-        "pivot = pivot - entry * entry",
-        "pivot = pivot + entry * entry",
-        f"{LIBRARY}/qp/test_native.py",
+        "jcontour/qp/lanes/sweeps.py",
+        "ahead - dot(zip(Y, pulled[b], strict=True))",
+        "ahead + dot(zip(Y, pulled[b], strict=True))",
+        f"{LIBRARY}/qp/test_lanes_on_cpu.py",
     ),
     Fault(
         "jcontour/qp/problem.py",

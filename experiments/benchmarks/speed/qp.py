@@ -17,6 +17,7 @@ from rich.console import Console
 from experiments.benchmarks.speed.timings import seconds, timed
 from experiments.flags.others import Bench
 from experiments.reports import tables
+from jcontour.native.calls import alone
 from jcontour.qp.interior_point import solve
 from jcontour.qp.problem import QP
 from jcontour.qp.solvers import DAQP, ProxQP, Solver
@@ -54,10 +55,17 @@ class BatchTime:
 
 @dataclass(frozen=True)
 class QPBench:
-    """One row for every solver and batch; part of the controls that is at a limit."""
+    """One row for every solver and batch.
+
+    Attributes:
+        times: of them.
+        active: part of the controls that is at a limit.
+        alone: whether one thread of this computer had all the work.
+    """
 
     times: list[BatchTime]
     active: float
+    alone: bool
 
 
 def show(console: Console, result: QPBench) -> None:
@@ -75,6 +83,8 @@ def show(console: Console, result: QPBench) -> None:
         f"{100 * result.active:.0f} % of them at a limit"
     )
     console.print(tables.plain_table(title, columns, lines, text_columns=1))
+    if result.alone:
+        console.print("On one thread: this jaxlib has an interface that jcontour does not know.")
 
 
 def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
@@ -88,7 +98,7 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> QPBench:
     for solver in (DAQP(), ProxQP()):
         times.append(_one_by_one(solver, few))
         tell(f"{solver.name}, one by one: {times[-1].solving:.4g} ms")
-    return QPBench(times, active)
+    return QPBench(times, active, alone())
 
 
 def random_problems(batch: int) -> StagedQP:

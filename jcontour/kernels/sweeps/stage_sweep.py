@@ -29,7 +29,9 @@ from jcontour.kernels.written_stage import (
     weigh,
 )
 from jcontour.linear.plant import Pattern
-from jcontour.native.straight_line import WIDTH, counted_down, memory, straight_call, whole
+from jcontour.native.calls import straight_call
+from jcontour.native.numbers import WIDTH
+from jcontour.native.straight_line import counted_down, memory, whole
 
 
 def suits_stages(pattern: Pattern, *arrays) -> bool:

@@ -34,8 +34,18 @@ from jcontour.motion.jerk_limited.equations import (
     solve_equations,
 )
 from jcontour.native import lanes
-from jcontour.native.calls import drop_stale
-from jcontour.native.lanes import WIDTH, fma, load, most, part, root, spread, store, where_less
+from jcontour.native.lanes import (
+    WIDTH,
+    drop_stale,
+    fma,
+    load,
+    most,
+    part,
+    root,
+    spread,
+    store,
+    where_less,
+)
 
 _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(lanes.__file__))

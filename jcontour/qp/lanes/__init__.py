@@ -1,1 +1,1 @@
-"""The interior point on a GPU: one lane per problem, one kernel per sweep over the stages."""
+"""The interior point in machine code: a lane per problem, written once for GPU and CPU."""

@@ -2,13 +2,10 @@
 
 from typing import Any
 
-import jax.numpy as jnp
-
-from jcontour.qp.lanes.lane import Kernel, Sizes
+from jcontour.kernels.arithmetic import is_finite, larger, smaller, where
+from jcontour.qp.lanes.kernel import Kernel, Sizes
 from jcontour.qp.lanes.limits import aimed, every, net, point, predicted, write_point
 from jcontour.qp.lanes.stage import (
-    loop,
-    nothing,
     pulled,
     row,
     stages,
@@ -59,18 +56,18 @@ def _predict(sizes: Sizes, at) -> None:
         for limit in every(sizes, at, j):
             value, moved = at.value[j * sizes.r + limit.row], moves[limit.row]
             now, _, change = predicted(at, limit, value, moved)
-            far = jnp.minimum(far, possible(now, change, limit.limits))
+            far = smaller(far, possible(now, change, limit.limits))
             one, other = _gap_ahead(now, change)
             first, second = first + one, second + other
         write(at.moves, j, moves)
         return [far, first, second]
 
-    _, (far, first, second) = forward(sizes, at, visit, (1.0, 0.0, 0.0), nothing(at.y))
+    _, (far, first, second) = forward(sizes, at, visit, (1.0, 0.0, 0.0))
     mu = at.gap[0] / at.count[0]
     left = (at.gap[0] + far * (first + far * second)) / at.gap[0]
-    target = jnp.clip(left, 0.0, 1.0) ** 3 * mu
-    at.target[0] = jnp.maximum(target, AIM * at.largest[0])
-    at.share[0] = jnp.where(far > FAR, 1.0, far)
+    target = smaller(larger(left, 0.0), 1.0) ** 3 * mu
+    at.target[0] = larger(target, AIM * at.largest[0])
+    at.share[0] = where(far > FAR, 1.0, far)
 
 
 predict = Kernel(
@@ -116,9 +113,9 @@ def _step(sizes: Sizes, at) -> None:
             here = j * sizes.r + limit.row
             found = predicted(at, limit, at.value[here], at.moves[here])
             aims, pushed = aimed(at, limit, found)
-            moved = jnp.where(limit.limits.there, limit.sign * moves[limit.row], 0.0) + pushed
+            moved = where(limit.limits.there, limit.sign * moves[limit.row], 0.0) + pushed
             change = changes(found.here, found.point, limit.limits, moved, *aims)
-            far = jnp.minimum(far, possible(found.point, change, limit.limits))
+            far = smaller(far, possible(found.point, change, limit.limits))
             one, other = _gap_ahead(found.point, change)
             first, second = first + one, second + other
             k = limit.place
@@ -128,8 +125,8 @@ def _step(sizes: Sizes, at) -> None:
         write(at.step, j, step)
         return [far, first, second]
 
-    end, (far, first, second) = forward(sizes, at, visit, (1.0, 0.0, 0.0), nothing(at.y))
-    far = jnp.where(far < 1, INWARD * far, 1.0)
+    end, (far, first, second) = forward(sizes, at, visit, (1.0, 0.0, 0.0))
+    far = where(far < 1, INWARD * far, 1.0)
     write(at.step_end, 0, end)
     at.far[0] = far
     at.ahead[0] = at.gap[0] + far * (first + far * second)
@@ -164,16 +161,16 @@ def _look(sizes: Sizes, at) -> None:
     end = ahead(at.end, at.step_end, 0, sizes.n)
     end = symmetric(lambda k: at.H_end[k], sizes.n, end, stages(at.h_end, 0, sizes.n))
     write(at.slope_end, 0, end)
-    after = costates(sizes, at, end, slopes, nothing(at.far))
+    after = costates(sizes, at, end, slopes)
     near = at.gap[0] < NEAR * at.count[0] * at.largest[0]
-    spoilt = near & (after > jnp.maximum(at.before[0], SPOILT))
+    spoilt = near & (after > larger(at.before[0], SPOILT))
     # a number of the trajectory that is not finite leaves no slope that is
-    good = jnp.isfinite(at.ahead[0] + after) & ~spoilt & (at.open[0] > 0)
+    good = is_finite(at.ahead[0] + after) & ~spoilt & (at.open[0] > 0)
     at.iterations[0] = at.iterations[0] + at.open[0]
-    grown = jnp.maximum(at.largest[0], at.ahead[0] / at.count[0])
-    at.largest[0] = jnp.where(good, grown, at.largest[0])
+    grown = larger(at.largest[0], at.ahead[0] / at.count[0])
+    at.largest[0] = where(good, grown, at.largest[0])
     at.before[0] = after
-    at.good[0] = jnp.where(good, 1.0, 0.0)
+    at.good[0] = where(good, 1.0, 0.0)
 
 
 look = Kernel(
@@ -204,8 +201,8 @@ def linearised(sizes: Sizes, at, j, v, points) -> list:
         pairs.append((limit, now.l + here.weight * pushed))
         weight[limit.row] = weight[limit.row] + here.weight
         total = total + gap(now)
-        miss = jnp.abs(missed_by(now, limits, value)) / limits.width
-        missed = jnp.maximum(missed, miss)
+        miss = abs(missed_by(now, limits, value)) / limits.width
+        missed = larger(missed, miss)
     write(at.weight, j, weight)
     write(at.right, j, pulled(sizes, at, net(sizes, pairs), stages(at.slope, j, sizes.v)))
     return [total, missed]
@@ -223,7 +220,7 @@ def _move(sizes: Sizes, at) -> None:
     far, good = at.far[0], at.good[0] > 0
 
     def chosen(column, change, k):
-        column[k] = moved = jnp.where(good, column[k] + far * change[k], column[k])
+        column[k] = moved = where(good, column[k] + far * change[k], column[k])
         return moved
 
     def on(j, carried):
@@ -236,18 +233,18 @@ def _move(sizes: Sizes, at) -> None:
             change = Changes(at.ds[k], at.dl[k], *way)
             ahead = moved_on(now, None, change, far)
             pairs = zip(ahead[1:], now[1:], strict=True)
-            now = Point(None, *(jnp.where(good, one, other) for one, other in pairs))
+            now = Point(None, *(where(good, one, other) for one, other in pairs))
             write_point(at, limit, now)
             points.append((limit, now))
         more, worst = linearised(sizes, at, j, v, points)
-        return [total + more, jnp.maximum(missed, worst)]
+        return [total + more, larger(missed, worst)]
 
-    total, missed = loop(sizes.N, on, (0.0, 0.0), nothing(at.far))
+    total, missed = at.loop(sizes.N, on, (0.0, 0.0))
     for k in range(sizes.n):
         chosen(at.end, at.step_end, k)
     at.gap[0] = total
     later = goes_on(total, missed, at.count[0], at.largest[0])
-    at.open[0] = jnp.where(good & later, 1.0, 0.0)
+    at.open[0] = where(good & later, 1.0, 0.0)
 
 
 move = Kernel(

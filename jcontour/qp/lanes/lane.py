@@ -1,4 +1,4 @@
-"""Numbers that a kernel's lanes work on, and the call of such a kernel.
+"""Numbers that a kernel's lanes work on on a GPU, and the call of such a kernel.
 
 A lane is a problem of the batch, a program is a warp of them. An array has its rows of `WARP`
 numbers one after the other, program by program: what a program reads lies together. Members of a
@@ -6,7 +6,7 @@ batch may share what is known of the problems; what the iterations change is cha
 warp whose problems are all at an end does nothing.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
@@ -18,24 +18,11 @@ from jax.experimental import pallas as pl
 from jaxtyping import Array
 
 from jcontour.devices import on_gpu
-from jcontour.kernels.gpu.lanes import WARP, Batch, Operand
+from jcontour.kernels.gpu.lanes import WARP, Batch, Operand, vectors
+from jcontour.qp.lanes.kernel import Kernel, Sizes
 
 ROOM = 48 * 1024  # bytes that a program has in the memory beside its processor
 IN_REGISTERS = 128 * 4  # bytes of D that a lane takes there: half of its registers
-
-
-class Sizes(NamedTuple):
-    """Stages N, states n, controls p and limited rows r."""
-
-    N: int
-    n: int
-    p: int
-    r: int
-
-    @property
-    def v(self) -> int:
-        """Numbers of a stage."""
-        return self.n + self.p
 
 
 @dataclass(frozen=True)
@@ -52,6 +39,32 @@ class Column:
     def __setitem__(self, row, numbers) -> None:
         numbers = jnp.broadcast_to(jnp.asarray(numbers, self.ref.dtype), self.begin.shape)
         self.ref[self.begin + row * self.apart] = numbers
+
+
+class Columns(SimpleNamespace):
+    """Columns of a kernel by name, and loops over its stages.
+
+    Args:
+        dtype: of its numbers.
+        columns: by name.
+    """
+
+    def __init__(self, dtype: Any, columns: Mapping[str, Column]):
+        super().__init__(**columns)
+        self.dtype, self.tiny = dtype, float(jnp.finfo(dtype).tiny ** 0.5)
+
+    def loop(self, count: int, body: Callable, begun: Sequence) -> list:
+        """Carry numbers through the stages: `body(j, carried)`."""
+        like = jnp.zeros(WARP, self.dtype)
+
+        def step(j, carried):
+            return vectors(body(j, list(carried)), like)
+
+        return list(jax.lax.fori_loop(0, count, step, vectors(begun, like)))
+
+    def backwards(self, count: int, body: Callable, begun: Sequence) -> list:
+        """The same from the last stage to the first."""
+        return self.loop(count, lambda done, carried: body(count - 1 - done, carried), begun)
 
 
 class Layout(NamedTuple):
@@ -98,38 +111,16 @@ def by_member(array: Array, rows: int, members: int) -> Array:
     return jnp.moveaxis(array.reshape(-1, rows, WARP), 1, 0).reshape(rows, -1)[:, :members]
 
 
-class Kernel(NamedTuple):
-    """A kernel, and the names of the arrays that it reads and writes.
-
-    Attributes:
-        body: called with sizes and the lanes' columns by name.
-        problem: arrays of the problem that it reads.
-        reads: arrays of the iterations that it reads.
-        writes: those that it changes in place.
-        beside: arrays of the problem that it keeps in the memory beside its processor, where there
-            is room. A small D that is not named is in registers: every stage reads all of it.
-        registers: that a lane may take at most.
-        softens: whether it is shorter where no limit gives way.
-    """
-
-    body: Callable[[Sizes, Any], None]
-    problem: str
-    reads: str
-    writes: str
-    beside: str = "A B"
-    registers: int = 255
-    softens: bool = False
-
-    def __call__(self, sizes: Sizes, problem: Problem, work: dict[str, Array]) -> dict[str, Array]:
-        """Arrays of the iterations after the kernel."""
-        known, reads, writes = (names.split() for names in self[1:4])
-        layouts = tuple(problem.layouts[name] for name in known)
-        dtype = work[writes[0]].dtype
-        rows = tuple(work[name].size // (problem.programs * WARP) for name in (*reads, *writes))
-        arrays = [problem.arrays[name] for name in known]
-        arrays += [work[name] for name in (*reads, *writes)]
-        run = _built(self, sizes, problem.batch.together, problem.batch.sizes, layouts, rows, dtype)
-        return work | dict(zip(writes, run(*arrays), strict=True))
+def run(kernel: Kernel, sizes: Sizes, problem: Problem, work: dict[str, Array]) -> dict[str, Array]:
+    """Arrays of the iterations after a kernel."""
+    known, reads, writes = (names.split() for names in kernel[1:4])
+    layouts = tuple(problem.layouts[name] for name in known)
+    dtype = work[writes[0]].dtype
+    rows = tuple(work[name].size // (problem.programs * WARP) for name in (*reads, *writes))
+    arrays = [problem.arrays[name] for name in known]
+    arrays += [work[name] for name in (*reads, *writes)]
+    run = _built(kernel, sizes, problem.batch.together, problem.batch.sizes, layouts, rows, dtype)
+    return work | dict(zip(writes, run(*arrays), strict=True))
 
 
 @lru_cache
@@ -148,7 +139,7 @@ def _built(kernel: Kernel, sizes: Sizes, together, extents, layouts, rows, dtype
         refs, beside = refs[: len(names) - changed] + refs[len(names) :], refs[-len(kept) :]
         refs = refs[: len(names)]
         pairs = zip(names, refs, own, strict=True)
-        at = SimpleNamespace(**{name: Column(ref, *place) for name, ref, place in pairs})
+        at = Columns(dtype, {name: Column(ref, *place) for name, ref, place in pairs})
 
         def work():
             for (name, count), ref in zip(kept, beside if kept else (), strict=True):

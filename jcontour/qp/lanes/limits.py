@@ -3,9 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
-from jcontour.qp.lanes.lane import Sizes
+from jcontour.kernels.arithmetic import where
+from jcontour.qp.lanes.kernel import Sizes
 from jcontour.qp.one_sided import (
     Changes,
     Limits,
@@ -75,7 +74,7 @@ def predicted(at, limit: OneSided, value, moved) -> Predicted:
     now, limits = point(at, limit), limit.limits
     here, aims = newton(now, limits, limit.sign * value), products(now, limits)
     pushed = pushes(here, now, limits, *aims)
-    change = jnp.where(limits.there, limit.sign * moved, 0.0) + pushed
+    change = where(limits.there, limit.sign * moved, 0.0) + pushed
     return Predicted(now, here, changes(here, now, limits, change, *aims))
 
 

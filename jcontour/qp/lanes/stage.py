@@ -3,12 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
-import jax.numpy as jnp
-
 from jcontour.kernels.arithmetic import dot
-from jcontour.kernels.gpu.lanes import vectors
-from jcontour.qp.lanes.lane import Sizes
+from jcontour.qp.lanes.kernel import Sizes
 
 
 def triangle(size: int) -> list[tuple[int, int]]:
@@ -74,22 +70,3 @@ def write(column, j, numbers: Sequence) -> None:
     """Write the numbers of stage j."""
     for k, number in enumerate(numbers):
         column[j * len(numbers) + k] = number
-
-
-def loop(count: int, body: Callable, begun: Sequence, like) -> list:
-    """Carry numbers of the lanes through the stages."""
-
-    def step(j, carried):
-        return vectors(body(j, list(carried)), like)
-
-    return list(jax.lax.fori_loop(0, count, step, vectors(begun, like)))
-
-
-def backwards(count: int, body: Callable, begun: Sequence, like) -> list:
-    """The same from the last stage to the first."""
-    return loop(count, lambda done, carried: body(count - 1 - done, carried), begun, like)
-
-
-def nothing(column):
-    """A zero for every lane."""
-    return jnp.zeros(column.begin.shape, column.ref.dtype)

@@ -1,15 +1,11 @@
 """Where the path begins, in kernels: the guess, and mu from the minimum without limits."""
 
-import jax.numpy as jnp
-
-from jcontour.kernels.arithmetic import dot
+from jcontour.kernels.arithmetic import dot, larger, where
 from jcontour.qp.lanes.iteration import LIMITS, goes_on, linearised
-from jcontour.qp.lanes.lane import Kernel, Sizes
+from jcontour.qp.lanes.kernel import Kernel, Sizes
 from jcontour.qp.lanes.limits import every, write_point
 from jcontour.qp.lanes.stage import (
     after,
-    loop,
-    nothing,
     row,
     stages,
     symmetric,
@@ -34,7 +30,7 @@ def _roll(sizes: Sizes, at) -> None:
         write(at.weight, j, [0.0] * sizes.r)
         return after(sizes, at, here, stages(at.c, j, n))
 
-    end = loop(sizes.N, on, stages(at.x0, 0, n), nothing(at.end))
+    end = at.loop(sizes.N, on, stages(at.x0, 0, n))
     write(at.end, 0, end)
     slope = symmetric(lambda k: at.H_end[k], n, end, stages(at.h_end, 0, n))
     write(at.slope_end, 0, slope)
@@ -61,15 +57,14 @@ def _begin(sizes: Sizes, at) -> None:
         for limit in every(sizes, at, j):
             there = limit.limits.there
             room = limit.limits.bound - limit.sign * values[limit.row]
-            count = count + jnp.where(there, 1.0, 0.0)
-            least = jnp.where(there & ~(room > 0), 0.0, least)
+            count = count + where(there, 1.0, 0.0)
+            least = where(there & ~(room > 0), 0.0, least)
         return [gain, count, least]
 
-    end, (gain, count, within) = forward(sizes, at, visit, (0.0, 0.0, 1.0), nothing(at.far))
+    end, (gain, count, within) = forward(sizes, at, visit, (0.0, 0.0, 1.0))
     gain = dot(zip(stages(at.slope_end, 0, n), end, strict=True), gain)
-    tiny = float(jnp.finfo(at.far.ref.dtype).tiny ** 0.5)
-    count, within = jnp.maximum(count, 1.0), within > 0
-    mu = jnp.maximum(FIRST * (-0.5 * gain) / count, tiny)
+    count, within = larger(count, 1.0), within > 0
+    mu = larger(FIRST * (-0.5 * gain) / count, at.tiny)
 
     def on(j, carried):
         total, missed = carried
@@ -83,24 +78,23 @@ def _begin(sizes: Sizes, at) -> None:
             slack = limits.bound - sign * values[limit.row]
             room = limits.bound - sign * free[limit.row]
             first = first_point(None, slack, mu, limits, ROOM)
-            zero = jnp.zeros_like(room)
-            answer = Point(None, jnp.where(limits.there, room, 1.0), zero, zero, limits.price)
-            pairs = zip(answer[1:], first[1:], strict=True)
-            now = Point(None, *(jnp.where(within, one, other) for one, other in pairs))
+            answer = where(limits.there, room, 1.0), 0.0, 0.0, limits.price
+            pairs = zip(answer, first[1:], strict=True)
+            now = Point(None, *(where(within, one, other) for one, other in pairs))
             write_point(at, limit, now)
             points.append((limit, now))
-        v = [jnp.where(within, one, other) for one, other in zip(ahead, v, strict=True)]
+        v = [where(within, one, other) for one, other in zip(ahead, v, strict=True)]
         write(at.stages, j, v)
         more, worst = linearised(sizes, at, j, v, points)
-        return [total + more, jnp.maximum(missed, worst)]
+        return [total + more, larger(missed, worst)]
 
-    total, missed = loop(sizes.N, on, (0.0, 0.0), nothing(at.far))
+    total, missed = at.loop(sizes.N, on, (0.0, 0.0))
     for k in range(n):
-        at.end[k] = at.end[k] + jnp.where(within, end[k], 0.0)
+        at.end[k] = at.end[k] + where(within, end[k], 0.0)
     at.gap[0], at.count[0], at.largest[0] = total, count, mu
-    at.before[0] = jnp.full_like(mu, jnp.inf)
-    at.iterations[0] = jnp.zeros_like(mu)
-    at.open[0] = jnp.where(goes_on(total, missed, count, mu), 1.0, 0.0)
+    at.before[0] = float("inf")
+    at.iterations[0] = 0.0
+    at.open[0] = where(goes_on(total, missed, count, mu), 1.0, 0.0)
 
 
 begin = Kernel(

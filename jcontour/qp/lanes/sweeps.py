@@ -3,17 +3,12 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
-
-from jcontour.kernels.arithmetic import dot
-from jcontour.qp.lanes.lane import Kernel, Sizes
+from jcontour.kernels.arithmetic import dot, larger
+from jcontour.qp.lanes.kernel import Kernel, Sizes
 from jcontour.qp.lanes.stage import (
     after,
-    backwards,
     before,
-    loop,
     model,
-    nothing,
     place,
     stages,
     triangle,
@@ -33,7 +28,7 @@ def _factorise(sizes: Sizes, at) -> None:
         return _cost_in_front(sizes, at, j, P) + q
 
     P = [at.H_end[k] for k in range(len(triangle(n)))]
-    backwards(sizes.N, back, P + stages(at.slope_end, 0, n), nothing(at.y))
+    at.backwards(sizes.N, back, P + stages(at.slope_end, 0, n))
 
 
 def _law(sizes: Sizes, at, j, P: Sequence, q: Sequence) -> list:
@@ -127,10 +122,10 @@ def backward(sizes: Sizes, at, slope: Callable) -> None:
         write(at.y, j, y)
         return [t[a] - dot((at.Y[(j * p + u) * n + a], y[u]) for u in range(p)) for a in range(n)]
 
-    backwards(sizes.N, back, stages(at.slope_end, 0, n), nothing(at.y))
+    at.backwards(sizes.N, back, stages(at.slope_end, 0, n))
 
 
-def forward(sizes: Sizes, at, visit: Callable, begun: Sequence, like) -> tuple[list, list]:
+def forward(sizes: Sizes, at, visit: Callable, begun: Sequence) -> tuple[list, list]:
     """The step along the model, and what `visit(j, step, carried)` carries through the stages.
 
     Returns:
@@ -145,11 +140,11 @@ def forward(sizes: Sizes, at, visit: Callable, begun: Sequence, like) -> tuple[l
         step = x + [-number for number in returned(_factor(sizes, at, j), z)]
         return after(sizes, at, step, [0.0] * n) + visit(j, step, carried)
 
-    found = loop(sizes.N, on, [0.0] * n + list(begun), like)
+    found = at.loop(sizes.N, on, [0.0] * n + list(begun))
     return found[:n], found[n:]
 
 
-def costates(sizes: Sizes, at, end: Sequence, slopes: Callable, like) -> Any:
+def costates(sizes: Sizes, at, end: Sequence, slopes: Callable) -> Any:
     """Largest slope of the Lagrangian with a control that is left, over its largest term.
 
     Args:
@@ -157,10 +152,8 @@ def costates(sizes: Sizes, at, end: Sequence, slopes: Callable, like) -> Any:
         at: the lanes.
         end: the cost's slope with the last state.
         slopes: j -> the cost's slope with the numbers of a stage, and the limits'.
-        like: a number of every lane.
     """
     n, v = sizes.n, sizes.v
-    tiny = float(jnp.finfo(like.dtype).tiny ** 0.5)
 
     def back(j, carried):
         costate, (left, largest) = carried[:n], carried[n:]
@@ -168,13 +161,13 @@ def costates(sizes: Sizes, at, end: Sequence, slopes: Callable, like) -> Any:
         moved = [before(sizes, at, costate, k) for k in range(v)]
         whole = [sum(terms) for terms in zip(own, limited, moved, strict=True)]
         for k in range(n, v):
-            left = jnp.maximum(left, jnp.abs(whole[k]))
+            left = larger(left, abs(whole[k]))
             for term in (own[k], limited[k], moved[k]):
-                largest = jnp.maximum(largest, jnp.abs(term))
+                largest = larger(largest, abs(term))
         return [*whole[:n], left, largest]
 
-    left, largest = backwards(sizes.N, back, [*end, 0.0, 0.0], like)[n:]
-    return left / jnp.maximum(largest, tiny)
+    left, largest = at.backwards(sizes.N, back, [*end, 0.0, 0.0])[n:]
+    return left / larger(largest, at.tiny)
 
 
 def _factor(sizes: Sizes, at, j) -> list[list]:

@@ -1,32 +1,37 @@
-"""A function that Numba compiles, called from programs of XLA."""
+"""Programs that XLA calls by a name."""
 
-import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy import intp
 
-from jcontour.native.calls import argument, asks, drop_stale, extent, native_call, result
+from jcontour.native import calls
+from jcontour.native.calls import shared_call, straight_call
+from jcontour.native.straight_line import counted, whole
 
 
-@native_call("jcontour_test_rows")
-def _rows(frame):  # sums of rows, and for each of them its number of columns
-    if asks(frame):
-        return 0
-    x, columns = argument(frame, intp(0)), extent(frame, intp(0), intp(1))
-    sums, lengths = result(frame, intp(0)), result(frame, intp(1))
-    for k in range(len(sums)):
-        lengths[k] = columns
-        sums[k] = 0.0
-        for j in range(columns):
-            sums[k] += x[k * columns + j]
-    return 0
+def parts(builder, arguments, results):
+    return results(0).size()
+
+
+def row_sum(builder, k, arguments, results):
+    """Sum of a row, and how many columns it has."""
+    x, found = arguments(0), results(0)
+    columns = builder.sdiv(x.size(), found.size())
+
+    def add(j, carried):
+        place = builder.add(builder.mul(k, columns), j)
+        return [builder.fadd(carried[0], x.one(place))]
+
+    begun = [x.one(whole(0)).type(0.0)]
+    found.write_one(k, counted(builder, columns, add, begun)[0])
 
 
 def summed(x):
-    shape = jax.ShapeDtypeStruct(x.shape[:1], jnp.float64)
-    return _rows([shape, shape], x)
+    shape = [jax.ShapeDtypeStruct(x.shape[:1], jnp.float64)]
+    return shared_call("jcontour_test_rows", parts, row_sum)(shape, x)[0]
 
 
 def test_a_call_alone_in_a_batch_and_in_a_batch_of_batches():
@@ -36,36 +41,30 @@ def test_a_call_alone_in_a_batch_and_in_a_batch_of_batches():
         (jax.vmap(summed), x[0]),
         (jax.vmap(jax.vmap(summed)), x),
     ):
-        sums, lengths = jax.jit(function)(numbers)
-        np.testing.assert_allclose(sums, numbers.sum(axis=-1), atol=1e-14)
-        np.testing.assert_array_equal(lengths, np.full(numbers.shape[:-1], 5.0))
+        found = jax.jit(function)(numbers)
+        np.testing.assert_allclose(found, numbers.sum(axis=-1), atol=1e-14)
 
 
 def test_a_batch_of_one_argument_alone():
-    def scaled(factor, x):
-        return summed(factor * x)[0]
-
     x = jnp.arange(6.0).reshape(2, 3)
-    found = jax.vmap(scaled, in_axes=(0, None))(jnp.array([1.0, -2.0]), x)
+    found = jax.vmap(lambda factor, x: summed(factor * x), (0, None))(jnp.array([1.0, -2.0]), x)
     np.testing.assert_allclose(found, [[3.0, 12.0], [-6.0, -24.0]])
 
 
-def test_what_was_compiled_before_a_source_changed_is_dropped(tmp_path):
-    source, kept = tmp_path / "one.py", tmp_path / "__pycache__" / "one.f-1.nbi"
-    kept.parent.mkdir()
-    source.write_text(""), kept.write_text("")
-    os.utime(source, (1000, 1000))
-    os.utime(kept, (2000, 2000))
-    drop_stale(tmp_path, source)
-    assert kept.exists()
-    os.utime(source, (3000, 3000))
-    drop_stale(tmp_path, source)
-    assert not kept.exists()
+def written(builder, arguments, results):
+    results(0).write_one(0, arguments(0).one(0))
 
 
-def test_code_that_vanishes_meanwhile_is_no_fault(tmp_path):
-    source, kept = tmp_path / "a.py", tmp_path / "__pycache__" / "a.nbi"
-    source.write_text("")
-    kept.parent.mkdir()
-    kept.symlink_to(tmp_path / "gone")  # found, and then not there
-    drop_stale(tmp_path, source)
+def test_threads_that_meet_compile_once(monkeypatch):
+    """XLA holds the address of what was compiled first: a second one would free it."""
+    compiled, count = calls._engine, []
+
+    def slowly(text):
+        count.append(text)
+        time.sleep(0.2)
+        return compiled(text)
+
+    monkeypatch.setattr(calls, "_engine", slowly)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: straight_call("jcontour_test_met", written), range(4)))
+    assert len(count) == 1 and len(found) == 4

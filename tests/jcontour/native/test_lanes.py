@@ -1,17 +1,16 @@
-"""Eight numbers as one value, against NumPy."""
+"""Eight numbers as one value, against NumPy; and what Numba keeps."""
+
+import os
 
 import numba
 import numpy as np
 
 from jcontour.native.lanes import (
     WIDTH,
-    add_products,
-    dot,
+    drop_stale,
     fma,
-    gathered,
     load,
     root,
-    scatter,
     spread,
     store,
     where_less,
@@ -40,36 +39,22 @@ def test_arithmetic_with_numbers_that_are_none():
     np.testing.assert_allclose(out.reshape(7, WIDTH), wanted, rtol=1e-15)
 
 
-@numba.njit
-def _there_and_back(source, target, first, count, size):
-    found = gathered(source, first, count, size)
-    scatter(found, target, first, count, size)
-    return found
+def test_what_was_compiled_before_a_source_changed_is_dropped(tmp_path):
+    source, kept = tmp_path / "one.py", tmp_path / "__pycache__" / "one.f-1.nbi"
+    kept.parent.mkdir()
+    source.write_text(""), kept.write_text("")
+    os.utime(source, (1000, 1000))
+    os.utime(kept, (2000, 2000))
+    drop_stale(tmp_path, source)
+    assert kept.exists()
+    os.utime(source, (3000, 3000))
+    drop_stale(tmp_path, source)
+    assert not kept.exists()
 
 
-def test_lanes_without_a_problem_hold_the_last_one_and_are_not_written():
-    source = np.arange(33.0)  # eleven problems of three numbers
-    target = np.full(33, -1.0)
-    found = _there_and_back(source, target, 8, 11, 3).reshape(3, WIDTH)
-    np.testing.assert_array_equal(found[:, :3], source[24:].reshape(3, 3).T)
-    np.testing.assert_array_equal(found[:, 3:], np.tile(source[30:, None], 5))
-    np.testing.assert_array_equal(target, np.r_[np.full(24, -1.0), source[24:]])
-
-
-@numba.njit
-def _row(out, start, left, right, rows, columns):
-    add_products(out, 0, start, 0, left, 0, 2, spread(-1.0), right, 0, 9, rows, columns)
-    store(out, columns, dot(left, 0, right, 1, 3, load(start, 0)))
-
-
-def test_products_of_a_row_with_any_number_of_columns():
-    random = np.random.default_rng(1)
-    left, right = random.standard_normal((8, WIDTH)), random.standard_normal((4 * 9, WIDTH))
-    start = random.standard_normal((9, WIDTH))
-    for columns in range(1, 10):
-        out = np.zeros((10, WIDTH))
-        _row(out.ravel(), start.ravel(), left.ravel(), right.ravel(), 4, columns)
-        product = np.einsum("kl,kjl->jl", left[::2], right.reshape(4, 9, WIDTH)[:, :columns])
-        np.testing.assert_allclose(out[:columns], start[:columns] - product, atol=1e-14)
-        summed = start[0] + (left[:3] * right[1:4]).sum(axis=0)
-        np.testing.assert_allclose(out[columns], summed, atol=1e-14)
+def test_code_that_vanishes_meanwhile_is_no_fault(tmp_path):
+    source, kept = tmp_path / "a.py", tmp_path / "__pycache__" / "a.nbi"
+    source.write_text("")
+    kept.parent.mkdir()
+    kept.symlink_to(tmp_path / "gone")  # found, and then not there
+    drop_stale(tmp_path, source)

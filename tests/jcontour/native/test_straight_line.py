@@ -1,14 +1,12 @@
 """Programs that arithmetic in Python writes, against NumPy."""
 
-import time
-from concurrent.futures import ThreadPoolExecutor
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jcontour.native import straight_line
-from jcontour.native.straight_line import WIDTH, counted_down, memory, straight_call, whole
+from jcontour.native.calls import straight_call
+from jcontour.native.numbers import WIDTH
+from jcontour.native.straight_line import counted, counted_down, memory, whole
 
 
 def written(builder, arguments, results):
@@ -48,16 +46,20 @@ def test_a_loop_of_nothing_and_one_member_after_the_other():
     np.testing.assert_allclose(found, 2 / (x - 3) + x, rtol=1e-14)
 
 
-def test_threads_that_meet_compile_once(monkeypatch):
-    """XLA holds the address of what was compiled first: a second one would free it."""
-    compiled, count = straight_line._compiled, []
+def test_a_loop_carries_numbers_and_counts_either_way():
+    """Over the k of an array, x of k and the number carried: 2 c + x."""
 
-    def slowly(name, write):
-        count.append(name)
-        time.sleep(0.2)
-        return compiled(name, write)
+    def write(builder, arguments, results):
+        x = arguments(0)
+        for place, down in enumerate((False, True)):
 
-    monkeypatch.setattr(straight_line, "_compiled", slowly)
-    with ThreadPoolExecutor(4) as pool:
-        calls = list(pool.map(lambda _: straight_call("jcontour_test_met", written), range(4)))
-    assert len(count) == 1 and len(calls) == 4
+            def step(k, carried):
+                return [builder.fadd(builder.fadd(carried[0], carried[0]), x.one(k))]
+
+            begun = [x.one(0).type(1.0)]
+            results(0).write_one(place, counted(builder, x.size(), step, begun, down)[0])
+
+    shape = [jax.ShapeDtypeStruct((2,), jnp.float64)]
+    x = jnp.array([[3.0, 5.0], [7.0, 11.0]])
+    up, down = straight_call("jcontour_test_carried", write)(shape, x)[0]
+    assert up == 16 + 8 * 3 + 4 * 5 + 2 * 7 + 11 and down == 16 + 8 * 11 + 4 * 7 + 2 * 5 + 3

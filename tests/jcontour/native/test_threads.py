@@ -7,63 +7,55 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from numba import types
-from numpy import intp
 
-from jcontour.native.calls import argument, asks, native_call, result
-from jcontour.native.threads import (
-    done,
-    frame_of,
-    is_work,
-    leave,
-    next_part,
-    own_address,
-    shared_work,
-)
-
-sleep = types.ExternalFunction("usleep", types.int32(types.int32))
-thread = types.ExternalFunction("pthread_self", types.intp())
+from jcontour.native import calls, interface
+from jcontour.native.calls import alone, shared_call
+from jcontour.native.numbers import DOUBLE, INT, LONG, known
+from jcontour.native.straight_line import whole
 
 
-@native_call("jcontour_test_shared")
-def _slow(address):  # x + 1, number by number, and the thread that found it
-    first = not is_work(address)
-    work = address
-    if first:
-        if asks(address):
-            return 0
-        x = argument(address, intp(0))
-        for k in range(len(x)):
-            result(address, intp(0))[k] = 0.0
-        work = shared_work(address, len(x), own_address())
-    at = next_part(work)
-    while at >= 0:
-        frame = frame_of(work)
-        result(frame, intp(0))[at] += argument(frame, intp(0))[at] + 1.0
-        result(frame, intp(1))[at] = thread() % 2**52
-        sleep(2000)
-        done(work)
-        at = next_part(work)
-    leave(work, first)
-    return 0
+def parts(builder, arguments, _):
+    return arguments(0).size()
+
+
+def one(builder, k, arguments, results):
+    """Write x + 1 and the thread that found it; count the part in memory of the test's own."""
+    number = builder.fadd(arguments(0).one(k), DOUBLE(1.0))
+    results(0).write_one(k, number)
+    thread = builder.call(known(builder, "pthread_self", LONG), [])
+    results(1).write_one(k, builder.uitofp(builder.urem(thread, whole(2**52)), DOUBLE))
+    counts = builder.fptoui(arguments(1).one(0), LONG)
+    place = builder.add(counts, builder.mul(k, whole(8)))
+    pointer = builder.inttoptr(place, LONG.as_pointer())
+    builder.atomic_rmw("add", pointer, whole(1), "seq_cst")
+    builder.call(known(builder, "usleep", INT, INT), [INT(2000)])
 
 
 @jax.jit
-def slow(x):
+def shared(x, counts):
     shape = jax.ShapeDtypeStruct(x.shape, jnp.float64)
-    return _slow([shape, shape], x)
+    return shared_call("jcontour_test_shared", parts, one)([shape, shape], x, counts)
 
 
-@pytest.mark.parametrize("parts", [1, 2, 60])
-def test_every_part_is_done_once(parts):
-    x = np.random.default_rng(0).standard_normal(parts)
-    np.testing.assert_array_equal(slow(jnp.asarray(x))[0], x + 1.0)
+def slow(x):
+    """x + 1, the threads, and how often each part was done."""
+    counts = np.zeros(x.size, np.int64)
+    found, threads = map(np.asarray, shared(x, jnp.array([float(counts.ctypes.data)])))
+    return found, threads, counts
+
+
+@pytest.mark.parametrize("count", [1, 2, 60])
+def test_every_part_is_done_once(count):
+    x = np.random.default_rng(0).standard_normal(count)
+    found, _, counts = slow(jnp.asarray(x))
+    np.testing.assert_array_equal(found, x + 1.0)
+    np.testing.assert_array_equal(counts, np.ones(count))
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core")
 def test_more_than_one_thread_helps():
-    threads = set(np.asarray(slow(jnp.zeros(100))[1]))
-    assert 2 <= len(threads) <= len(os.sched_getaffinity(0))
+    threads = set(slow(jnp.zeros(100))[1])
+    assert 2 <= len(threads) <= len(os.sched_getaffinity(0)) and not alone()
 
 
 def test_calls_that_share_at_once_do_not_wait_for_each_other_without_end():
@@ -71,13 +63,22 @@ def test_calls_that_share_at_once_do_not_wait_for_each_other_without_end():
     found = {}
 
     def call(k):
-        found[k] = np.asarray(slow(jnp.full(20, k))[0])
+        found[k] = slow(jnp.full(20, k))[0]
 
-    calls = [Thread(target=call, args=(float(k),), daemon=True) for k in range(4)]
-    for one in calls:
-        one.start()
-    for one in calls:
-        one.join(timeout=60)
+    threads = [Thread(target=call, args=(float(k),), daemon=True) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(timeout=60)
     assert sorted(found) == [0.0, 1.0, 2.0, 3.0]
     for k, numbers in found.items():
         np.testing.assert_array_equal(numbers, np.full(20, k + 1.0))
+
+
+def test_an_interface_that_is_not_known_is_told(monkeypatch):
+    slow(jnp.zeros(2))
+    assert not alone()
+    monkeypatch.setattr(interface, "LAYOUT", interface.LAYOUT + 1)  # the calls have seen another
+    assert alone()
+    monkeypatch.setattr(calls, "_KEPT", {})
+    assert not alone()

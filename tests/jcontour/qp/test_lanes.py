@@ -13,9 +13,11 @@ from jcontour.qp import interior_point
 from jcontour.qp.interior_point import solve
 from jcontour.qp.lanes import lane
 from jcontour.qp.lanes.check import check
-from jcontour.qp.lanes.interior_point import packed, rows_of
+from jcontour.qp.lanes.found import rows_of
 from jcontour.qp.lanes.iteration import ITERATION
-from jcontour.qp.lanes.lane import Layout, Problem, Sizes, by_member, in_warps, kept_beside
+from jcontour.qp.lanes.kernel import Sizes
+from jcontour.qp.lanes.lane import Layout, Problem, by_member, in_warps, kept_beside, run
+from jcontour.qp.lanes.on_gpu import packed
 from jcontour.qp.lanes.start import START
 from jcontour.qp.lanes.sweeps import factorise
 from jcontour.qp.staged import factorised
@@ -79,7 +81,7 @@ def test_factors_are_those_of_the_readable_sweep(staged_problems):
     right = jnp.moveaxis(qp.h, 0, -1).reshape(N * v, 35)
     known = {"weight": W, "right": right, "slope_end": qp.h_end.T, "open": jnp.ones((1, 35))}
     work |= {name: in_warps(array).reshape(-1) for name, array in known.items()}
-    found = jax.jit(lambda work: factorise(sizes, problem, work))(work)
+    found = jax.jit(lambda work: run(factorise, sizes, problem, work))(work)
     gram = jnp.einsum("jkb,bkv,bkw->bjvw", W.reshape(N, r, 35), qp.D, qp.D)
     wanted = jax.vmap(factorised)(qp, qp.H + gram, qp.h, qp.h_end)
     upper = [i * p + k for i in range(p) for k in range(i, p)]
@@ -121,7 +123,7 @@ def text_of(function, *arguments):
 
 def test_check_is_written_for_a_gpu_in_single_precision(staged_problems, for_a_gpu):
     sizes, problem, work = in_lanes(typed(staged_problems(5, 35, **SMALLEST), "float32"))
-    text = text_of(lambda work: check(sizes, problem, work), work)
+    text = text_of(lambda work: run(check, sizes, problem, work), work)
     assert "fma.rn.f32" in text and "f64" not in text
 
 

@@ -1,4 +1,4 @@
-"""Iterations of `jcontour.qp.interior_point` on a GPU, a lane for each problem.
+"""The interior point on a GPU, a lane for each problem.
 
 The equations, the order and the tests of the readable solver. Each kernel goes through the stages
 once; what it finds is in the card's memory, with the batch on the last axis.
@@ -6,7 +6,6 @@ once; what it finds is in the card's memory, with the batch on the last axis.
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,34 +13,13 @@ from jax import Array, lax
 
 from jcontour.kernels.gpu.lanes import WARP, Operand, batch_last
 from jcontour.qp.lanes.check import check
+from jcontour.qp.lanes.found import NAMES, RESULTS, Found, rows_of
 from jcontour.qp.lanes.iteration import ITERATION
-from jcontour.qp.lanes.lane import Problem, Sizes, by_member
+from jcontour.qp.lanes.kernel import Sizes
+from jcontour.qp.lanes.lane import Problem, by_member, run
 from jcontour.qp.lanes.start import START
-from jcontour.qp.one_sided import Point
 from jcontour.qp.path import MOST
-from jcontour.qp.staged import StagedQP, Trajectory
-
-NAMES = (*StagedQP._fields, "guess")
-POINT = "stages", "end", "s", "l", "t", "g", "iterations"
-ANSWER = "stages", "end", "residual", "beyond"
-
-
-def rows_of(sizes: Sizes) -> dict[str, int]:
-    """Numbers of a lane in every array that the iterations change."""
-    N, n, p, r = sizes
-    v, limits = n + p, ("s", "l", "t", "g", "ds", "dl", "dt", "dg")
-    single = "gap", "count", "largest", "before", "iterations", "open", "target", "share"
-    single = *single, "far", "ahead", "good", "residual", "beyond"
-    return {
-        **dict.fromkeys(("stages", "slope", "right", "step"), N * v),
-        **dict.fromkeys(("end", "slope_end", "step_end"), n),
-        **dict.fromkeys(limits, 2 * N * r),
-        **dict.fromkeys(("value", "weight", "moves"), N * r),
-        "Y": N * p * n,
-        "y": N * p,
-        "R": N * p * (p + 1) // 2,
-        **dict.fromkeys(single, 1),
-    }
+from jcontour.qp.staged import StagedQP
 
 
 @lru_cache
@@ -67,11 +45,11 @@ def solved(sizes: Sizes, operands: Sequence[Operand]) -> list[Array]:
     rows = rows_of(sizes)
     members, extents = problem.batch.members, problem.batch.sizes
     if members == 0:
-        return [jnp.zeros((rows[name], *extents), dtype) for name in POINT + ANSWER]
+        return [jnp.zeros((rows[name], *extents), dtype) for name in RESULTS]
     work = {name: lax.empty((count * lanes,), dtype) for name, count in rows.items()}
-    run = partial(_run, sizes, problem)
+    go = partial(_run, sizes, problem)
     # every lane is open while the first factors are found
-    work = run(START, work | {"open": jnp.ones_like(work["open"])})
+    work = go(START, work | {"open": jnp.ones_like(work["open"])})
 
     def unfinished(state):
         k, work = state
@@ -79,30 +57,18 @@ def solved(sizes: Sizes, operands: Sequence[Operand]) -> list[Array]:
 
     def iterate(state):
         k, work = state
-        return k + 1, run(ITERATION, work)
+        return k + 1, go(ITERATION, work)
 
     _, work = lax.while_loop(unfinished, iterate, (0, work))
-    last = run((check,), work)
-    found = [work[name] for name in POINT] + [last[name] for name in ANSWER]
-    pairs = zip(found, POINT + ANSWER, strict=True)
-    found = (by_member(array, rows[name], members) for array, name in pairs)
+    work = go((check,), work)
+    found = (by_member(work[name], rows[name], members) for name in RESULTS)
     return [array.reshape(-1, *extents) for array in found]
 
 
 def _run(sizes: Sizes, problem, kernels, work: dict[str, Array]) -> dict[str, Array]:
     for kernel in kernels:
-        work = kernel(sizes, problem, work)
+        work = run(kernel, sizes, problem, work)
     return work
-
-
-class Found(NamedTuple):
-    """Last point of the path, iterations, and the trajectory of its controls with residuals."""
-
-    point: Point
-    iterations: Array
-    at: Trajectory
-    residual: Array
-    beyond: Array
 
 
 def found(qp: StagedQP, guess) -> Found:
@@ -113,11 +79,5 @@ def found(qp: StagedQP, guess) -> Found:
         guess: controls to begin with.
     """
     (N, r), n, p = qp.lower.shape, qp.x0.size, qp.B.shape[1]
-    stages, end, *limits, iterations, rolled, last, residual, beyond = _whole(Sizes(N, n, p, r))(
-        *qp, guess
-    )
-    point = Point(
-        Trajectory(stages.reshape(N, n + p), end), *(row.reshape(2, N, r) for row in limits)
-    )
-    at = Trajectory(rolled.reshape(N, n + p), last)
-    return Found(point, iterations[0].astype(int), at, residual[0], beyond[0])
+    sizes = Sizes(N, n, p, r)
+    return Found.of(sizes, dict(zip(RESULTS, _whole(sizes)(*qp, guess), strict=True)))
