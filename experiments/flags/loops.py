@@ -61,6 +61,10 @@ class Precompensate(Controlled):
     The controller stays as it is: any control runs the bent reference, as samples or as G-code.
     """
 
+    controller: str | None = "cascade"  # what a drive has whose control cannot be changed
+    """A name from `jcontour list`, or FILE.py:NAME: a class of yours that needs no arguments, or a
+    function that takes the machine's model. The P-PI cascade follows with a lag, which the bent
+    reference takes off. A controller that sees the path ahead, as contouring-lq, gains little."""
     part: Positional[str | None] = None
     """A toolpath (.ngc, .dxf, .svg, .csv), a name from `jcontour list`, or a run folder of
     `jcontour tune` or `simulate`: its first part, with its machine, controller and weights.

@@ -61,8 +61,9 @@ def loop_named(flags: Controlled, part: str | None) -> StoredLoop:
     """
     if part is None or not Path(part).is_dir():
         return loop_of(flags, part)
+    left_out = {one.name: one.default for one in fields(flags)}
     for one in fields(Controlled):
-        if one.name != "json" and getattr(flags, one.name) != one.default:
+        if one.name != "json" and getattr(flags, one.name) != left_out[one.name]:
             flag = one.name.replace("_", "-")
             raise ValueError(f"{flag}: the run in {part} has its own settings; leave it out")
     return stored_loop(Path(part))
