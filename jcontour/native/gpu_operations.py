@@ -174,13 +174,17 @@ class Writer:
         return [self.builder.call(function, [a, b, c])]
 
     def _scan(self, eqn, *values):
-        first, carried = (eqn.params[f"num_{name}"] for name in ("consts", "carry"))
-        # arrays of which every pass reads or writes its own part
-        _refuse(eqn, not len(values) - first == len(eqn.outvars) == carried)
+        body = eqn.params["jaxpr"]
+        inner = getattr(body, "jaxpr", body)
+        outside, inside = ((*one.invars, *one.outvars) for one in (eqn, inner))
+        # arrays of which every pass reads or writes its own part have an axis more outside
+        shapes = ([atom.aval.shape for atom in atoms] for atoms in (outside, inside))
+        _refuse(eqn, next(shapes) != next(shapes))
+        first = len(values) - len(eqn.outvars)  # behind the constants
         if eqn.params["length"] == 0:
             return values[first:]
-        body = partial(self._inner, eqn.params["jaxpr"])
-        return self._loop(eqn.params["length"], body, values[:first], values[first:])
+        write = partial(self._inner, body)
+        return self._loop(eqn.params["length"], write, values[:first], values[first:])
 
     def _loop(self, length: int, body: Callable, constants: Sequence, begun: Sequence) -> list:
         builder, before = self.builder, self.builder.block
