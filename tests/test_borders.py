@@ -121,28 +121,35 @@ def reached(name):
     return seen
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_third_parties_and_the_order_of_packages(name):
+def foreign(name):
+    """Packages that a module imports and may not import."""
     package = name.split(".")[0]
     allowed = ALLOWED[package] | BELOW[package] | sys.stdlib_module_names
     for room, third_parties in ALONE.items():
         if f"{name}.".startswith(f"{room}."):
             allowed = allowed | third_parties
-    unknown = {found.split(".")[0] for found in imported_names(name)} - allowed
-    assert not unknown, f"{name} imports {unknown}"
+    return {found.split(".")[0] for found in imported_names(name)} - allowed
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_imports_go_down(name):
+def above(name):
+    """Modules that a module imports from a floor above its own."""
     here = floor_of(name)
     if here is None:
-        return
-    upward = []
-    for found in imported_names(name):
-        there = floor_of(found)
-        if there is not None and there[0] == here[0] and there[1] > here[1]:
-            upward.append(found)
-    assert not upward, f"{name} imports from a floor above: {upward}"
+        return set()
+    floors = {found: floor_of(found) for found in imported_names(name)}
+    return {
+        found
+        for found, there in floors.items()
+        if there is not None and there[0] == here[0] and there[1] > here[1]
+    }
+
+
+def test_third_parties_and_the_order_of_packages():
+    assert not {name: found for name in MODULES if (found := foreign(name))}
+
+
+def test_imports_go_down():
+    assert not {name: found for name in MODULES if (found := above(name))}
 
 
 @pytest.mark.parametrize("package", FLOORS)
