@@ -9,12 +9,17 @@ from jcontour.linear.continuous_axes import position_axis, speed_axis, with_reso
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
-DT, ROWS = 1e-3, 4000
+DT = 1e-3
 HERTZ, DAMPING = 45.0, 0.08
 
 
-@pytest.fixture(scope="module")
-def found():
+@pytest.fixture(
+    scope="module",
+    params=[(4000, 3, 4), pytest.param((8000, 4, 6), marks=pytest.mark.slow)],
+    ids=lambda param: f"{param[0]} rows",
+)
+def found(request):
+    rows, most_poles, most_delay = request.param
     soft = with_resonance(position_axis(1.0, 0.004, 2 * DT), 2 * np.pi * HERTZ, DAMPING)
     axes = (
         RecordedAxis(speed_axis(0.02, 0.01, 2 * DT), "speed", 1e-6, 0.5e-6, 1e-3, (500.0,)),
@@ -23,10 +28,10 @@ def found():
     signals = []
     for k, one in enumerate(axes):
         random = np.random.default_rng(k)
-        reference = np.repeat(random.uniform(-0.01, 0.01, ROWS // 50), 50)
+        reference = np.repeat(random.uniform(-0.01, 0.01, rows // 50), 50)
         signals.append(recorded(one, reference, DT, random))
     u, y = (np.stack(part, axis=1) for part in zip(*signals, strict=True))
-    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), 4, 4)
+    return identify_machine(MachineRecord(DT, ("X", "Y"), u, y), most_poles, most_delay)
 
 
 def test_numbers_of_an_axis_as_engineers_say_them(found):

@@ -18,23 +18,24 @@ from tuning.identification.linear.output_error import (
 )
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
-DT, ROWS = 1e-3, 8000
+DT = 1e-3
 
 
-def logged(axis, takes, gain, seed=0):
+def logged(axis, takes, gain, rows, seed=0):
     """A record in closed loop, with steps of the reference."""
     random = np.random.default_rng(seed)
-    reference = np.repeat(random.uniform(-0.01, 0.01, ROWS // 60), 60)
+    reference = np.repeat(random.uniform(-0.01, 0.01, rows // 60), 60)
     one = RecordedAxis(axis, takes, 1e-6, 0.5e-6, 1e-3, (gain,))
     return AxisRecord(DT, *recorded(one, reference, DT, random))
 
 
+@pytest.mark.parametrize("rows", [6000, pytest.param(12_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("takes", ["speed", pytest.param("position", marks=pytest.mark.slow)])
-def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay):
+def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay, rows):
     make, i = (speed_axis, 1) if takes == "speed" else (position_axis, 0)
     axis = make(0.8, 0.015, delay * DT)
-    record = logged(axis, takes, 10.0 if takes == "speed" else 1.2)
+    record = logged(axis, takes, 10.0 if takes == "speed" else 1.2, rows)
     choice = chosen(record, (0, 1), 3, 6)
     found = settled(record, choice.best.fit, 6)
     structure = structure_of(found.fit.model)
