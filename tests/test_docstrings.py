@@ -10,12 +10,15 @@ import pytest
 ROOT = Path(__file__).parents[1]
 LONG = (  # a second or more each, most of it compiling
     "jcontour.analysis.stability",
+    "jcontour.controllers.feedback.state_feedback",
     "jcontour.controllers.lq.contouring_lq",
     "jcontour.controllers.lq.blockwise_lq",
     "jcontour.guarantees.certificates",
     "jcontour.guarantees.disturbed_loop",
+    "jcontour.motion.cornering",
     "jcontour.plants.three_link",
     "jcontour.simulation.evaluation",
+    "tuning.descents.quadratic_step",
     "tuning.tune",
 )
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
