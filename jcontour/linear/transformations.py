@@ -30,7 +30,11 @@ def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[
     >>> np.asarray(B).round(6).tolist()
     [[0.0025], [0.05]]
     """
-    A, B = jnp.asarray(A), jnp.asarray(B)
+    return _held(jnp.asarray(A), jnp.asarray(B), dt)
+
+
+@jax.jit
+def _held(A, B, dt):
     n, p = B.shape
     block = jnp.zeros((n + p, n + p), A.dtype).at[:n, :n].set(A).at[:n, n:].set(B)
     discrete = jsl.expm(block * dt)

@@ -4,6 +4,7 @@ The viscous part of the friction is kept. The state is [x_m, v_m, x_e, v_e], eac
 the measured states come first. The output is the end effector.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +15,7 @@ from jcontour.linear.transformations import zoh
 from jcontour.plants.flexible_axis.axis import AxisParameters
 
 
+@eqx.filter_jit
 def zoh_model(parameters: AxisParameters, dt: float) -> LinearPlant:
     """Model that is exact under a control held over the sample.
 
@@ -24,6 +26,7 @@ def zoh_model(parameters: AxisParameters, dt: float) -> LinearPlant:
     return _side_by_side(A, B, dt)
 
 
+@eqx.filter_jit
 def euler_model(parameters: AxisParameters, dt: float) -> LinearPlant:
     """Model by forward Euler, A = I + dt A_c (Yuan, eq. 4.4).
 

@@ -43,14 +43,21 @@ def motor_model(
     Raises:
         ValueError: the head is outside the beam, or `dt` is not above zero.
     """
+    check_on_beam("head", head, parameters)
+    matrices = _matrices(parameters, jnp.asarray(head, float), dt, linear)
+    return LinearPlant(*matrices, dt, motion=straight_motion(dt))
+
+
+@eqx.filter_jit
+def _matrices(parameters: GantryParameters, head: Scalar | float, dt: float, linear: Linearisation):
+    """Matrices A, B, C of `motor_model`."""
     model, L = tool_plant(parameters, head, dt, linear), parameters.half_span
     none, one = jnp.zeros(()), jnp.ones(())
     rows = [[one, none, none], [none, one, -L], [none, one, L]]
     positions = jnp.stack([jnp.stack(row) for row in rows])
     T = jnp.kron(jnp.eye(2), positions)
     back = jnp.kron(jnp.eye(2), jnp.linalg.inv(positions))
-    A, B, C = T @ model.A @ back, T @ model.B, model.C @ back
-    return LinearPlant(A, B, C, dt, motion=straight_motion(dt))
+    return T @ model.A @ back, T @ model.B, model.C @ back
 
 
 def motor_schedule(
