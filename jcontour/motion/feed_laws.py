@@ -17,6 +17,7 @@ from jaxtyping import Float
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
+from jcontour.motion.phase_plane import sweep
 from jcontour.motion.rests import Rests, rest_of_pieces
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
@@ -140,7 +141,7 @@ def trapezoidal(
     nodes = np.concatenate([[0.0], inner, [0.0]])
     nodes[np.searchsorted(steps.piece, stops, side="right")] = 0.0
     rows = _rows(steps, acceleration, acceleration_limit)
-    nodes = _forward(steps, rows, _backward(steps, rows, nodes))
+    nodes = _quickest(steps, rows, nodes)
     profile = _profile(steps, ceiling, nodes, rows)
     places = _cumulated(np.asarray(contour.extent)[_used(contour)])
     return _sampled(*profile, float(places[-1]), dt, places[stops + 1], rest[stops])
@@ -257,10 +258,10 @@ def _rows(steps: _Steps, acceleration, acceleration_limit) -> _Rows:
     return _Rows(sign * along, sign * across, finite)
 
 
-def _backward(
-    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " nodes"]
+def _quickest(
+    steps: _Steps, rows: _Rows, most: Float[np.ndarray, " nodes"]
 ) -> Float[np.ndarray, " nodes"]:
-    """Greatest v^2 at every node from which the rest can be mastered.
+    """Greatest v^2 at every node, at most `most`, that is reached and from which the rest can be.
 
     With a = (q' - q) / (2 length) from q to q' a row holds while (along - 2 length across) q <=
     along q' + 2 length limit.
@@ -270,25 +271,11 @@ def _backward(
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         per_end = np.where(slope > 0, rows.along / slope, 0.0)
         at_rest = np.where(slope > 0, doubled * rows.limit / slope, np.inf)
-    greatest = nodes.tolist()
-    for i in reversed(range(steps.length.size)):
-        greatest[i] = min(greatest[i], float((per_end[i] * greatest[i + 1] + at_rest[i]).min()))
-    return np.array(greatest)
-
-
-def _forward(
-    steps: _Steps, rows: _Rows, nodes: Float[np.ndarray, " nodes"]
-) -> Float[np.ndarray, " nodes"]:
-    """Greatest v^2 that is reached at every node from rest."""
-    doubled = 2.0 * steps.length[:, None]
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         gain = np.where(rows.along > 0, doubled * rows.limit / rows.along, np.inf)
         loss = np.where(rows.along > 0, doubled * rows.across / rows.along, 0.0)
-    reached = nodes.tolist()
-    for i in range(steps.length.size):
-        risen = reached[i] + float((gain[i] - loss[i] * reached[i]).min())
-        reached[i + 1] = min(reached[i + 1], risen)
-    return np.array(reached)
+    nodes = most.copy()
+    sweep(np.stack([per_end, at_rest, gain, loss]), nodes)
+    return nodes
 
 
 def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
