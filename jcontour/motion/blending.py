@@ -23,6 +23,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.pieces import Piece
@@ -132,59 +133,43 @@ class _Blends(NamedTuple):
         """Some of the blends."""
         return self._replace(at=self.at[which], corner=self.corner[which], reach=self.reach[which])
 
-    def ends(self) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    def ends(self) -> Float[np.ndarray, "2 3 B m"]:
         """Point, tangent and curvature vector where the blends begin and end."""
-        before, after = self._sides()
-        return _jet(before, before.extent - self.reach), _jet(after, self.reach)
+        piece = np.stack([self.at, self.at + 1])
+        place = np.stack([self.pieces.extent[self.at] - self.reach, self.reach])
+        return np.swapaxes(jet(self.pieces, piece, place)[:3], 0, 1)
 
-    def path(self, u: Float[np.ndarray, "B n"]) -> Float[np.ndarray, "B n m"]:
+    def path(self, u: Float[np.ndarray, " n"]) -> Float[np.ndarray, "B n m"]:
         """Points of the path beside the blends."""
-        before, after = (jax.tree.map(lambda r: r[:, None], side) for side in self._sides())
-        reach = self.reach[:, None]
-        beyond = reach * self.beyond(u, self.corner[:, None])
-        first = before.place(before.extent + np.minimum(beyond, 0.0))
-        second = after.place(np.maximum(beyond, 0.0))
-        return np.where((u < 0.5)[..., None], first, second)
+        beyond = self.reach[:, None] * self.beyond(u, self.corner[:, None])
+        piece = self.at[:, None] + (u >= 0.5)
+        place = beyond + np.where(u < 0.5, self.pieces.extent[piece], 0.0)
+        return jet(self.pieces, piece, place)[0]
 
-    def quintic(self) -> Float[np.ndarray, "6 B m"]:
-        """Coefficients of the blends in u."""
+    def quintics(self) -> Piece:
+        """The blends as polynomials in u."""
         (p, v, c), (p1, v1, c1) = self.ends()
         scale = (np.where(self.corner, 3.0, 2.0) * self.reach)[:, None]  # |dr/du| at both ends
         slowing = np.where(self.corner, 2.0, 0.0)[:, None]
         v, v1 = v * scale, v1 * scale
         c, c1 = c * scale**2 - slowing * v, c1 * scale**2 + slowing * v1
         gap, turn, bend = p1 - p - v - c / 2, v1 - v - c, c1 - c
-        return np.stack(
-            [
-                p,
-                v,
-                c / 2,
-                10 * gap - 4 * turn + bend / 2,
-                -15 * gap + 7 * turn - bend,
-                6 * gap - 3 * turn + bend / 2,
-            ]
-        )
+        cubic, quartic = 10 * gap - 4 * turn + bend / 2, -15 * gap + 7 * turn - bend
+        quintic = 6 * gap - 3 * turn + bend / 2
+        none = np.zeros(self.reach.size)
+        polynomial = np.stack([p, v, c / 2, cubic, quartic, quintic], axis=1)
+        return Piece(polynomial, 0.0 * p, 0.0 * p, none, none, none + 1.0)
 
     @staticmethod
     def beyond(u: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """Place on the path beside a point of a blend: from -1, where it begins, to 1."""
         return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
 
-    def _sides(self) -> tuple[Piece, Piece]:
-        return self.pieces.taken(self.at), self.pieces.taken(self.at + 1)
-
-
-def _jet(pieces: Piece, s) -> tuple[np.ndarray, ...]:
-    position, velocity, bend = pieces.jet(s)
-    return position, velocity, bend + 0.0 * velocity
-
-
 def _deviation(blends: _Blends) -> Float[np.ndarray, " B"]:
     """Greatest distance of a blend from its path [m]."""
-    u = np.broadcast_to(np.arange(1, STEPS) / STEPS, (blends.at.size, STEPS - 1))
-    point = 0.0
-    for coefficient in blends.quintic()[::-1]:
-        point = point * u[..., None] + coefficient[:, None]
+    u = np.arange(1, STEPS) / STEPS
+    number = np.arange(blends.at.size)[:, None] + np.zeros(u.size, int)
+    point = jet(blends.quintics(), number, np.broadcast_to(u, number.shape))[0]
     return np.linalg.norm(point - blends.path(u), axis=-1).max(axis=1)
 
 
@@ -260,18 +245,11 @@ def _curves(blends: _Blends):
 
     The frames at the ends are those of the path itself, to the last bit.
     """
-    coefficients = blends.quintic()
-    ends = blends.ends()
+    quintics, ends = blends.quintics(), blends.ends()
 
     def curve(t):
         number = (0.5 * t).astype(int)
-        u = (t - 2 * number)[..., None]
-        point = first = half_second = 0.0 * u
-        for coefficient in coefficients[::-1, number]:
-            half_second = half_second * u + first
-            first = first * u + point
-            point = point * u + coefficient
-        return point, first, 2 * half_second
+        return jet(quintics, number, t - 2 * number)[:3]
 
     def frame(t, inner):
         number = (0.5 * t).astype(int)

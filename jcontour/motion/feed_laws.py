@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
@@ -181,9 +182,10 @@ def _steps(contour: Contour) -> _Steps:
     """Steps of a contour: one for a line, several for a curve."""
     used = _used(contour)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[used], contour.pieces)
-    everywhere = jax.tree.map(lambda rows: rows[:, None], pieces)
-    _, curvature = _frame(everywhere, np.linspace(0.0, 1.0, 17) * everywhere.extent)
-    bend = np.linalg.norm(curvature, axis=-1).max(axis=1)
+    places = np.linspace(0.0, 1.0, 17)[:, None] * pieces.extent
+    every = np.broadcast_to(np.arange(pieces.extent.size), places.shape)
+    _, curvature = _frame(pieces, every, places)
+    bend = np.linalg.norm(curvature, axis=-1).max(axis=0)
     straight = (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
     several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
     count = np.where(straight, 1, several)
@@ -195,17 +197,15 @@ def _steps(contour: Contour) -> _Steps:
     count = count.astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)
-    stepped = jax.tree.map(lambda rows: rows[piece], pieces)
-    length = stepped.extent / count[piece]
-    first, first_curvature = _frame(stepped, number * length)
-    last, last_curvature = _frame(stepped, (number + 1) * length)
-    tangent, curvature = np.stack([first, last]), np.stack([first_curvature, last_curvature])
+    length = pieces.extent[piece] / count[piece]
+    ends = np.stack([number * length, (number + 1) * length])
+    tangent, curvature = _frame(pieces, np.broadcast_to(piece, ends.shape), ends)
     return _Steps(length, piece, straight[piece], tangent, curvature)
 
 
-def _frame(pieces: Piece, s):
+def _frame(pieces: Piece, piece: Int[np.ndarray, "..."], s: Float[np.ndarray, "..."]):
     """Unit tangent and curvature vector [1/m]."""
-    _, velocity, bend = pieces.jet(s)
+    _, velocity, bend, _ = jet(pieces, piece, s)
     square = np.sum(velocity**2, axis=-1, keepdims=True)
     across = bend - np.sum(bend * velocity, axis=-1, keepdims=True) / square * velocity
     return velocity / np.sqrt(square), across / square

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour.geometry.along_pieces import moved
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion, MotionSamples
-from jcontour.motion.jerk_limited.derivatives import Jet, moved
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.warp import Ordinates
 
@@ -50,10 +50,10 @@ class Cells(NamedTuple):
         found = old.on_cell(self.cell, self.elapsed + fraction[:, None] * self.length)
         return found._replace(arc=found.arc - self.place)
 
-    def moved(self, pieces: Piece, motion: MotionSamples) -> Jet:
-        """Speed, acceleration and jerk of the axes (k, n, m) in a motion along the pieces."""
+    def moved(self, pieces: Piece, motion: MotionSamples) -> Float[np.ndarray, "3 k n m"]:
+        """Speed, acceleration and jerk of the axes in a motion along the pieces."""
         piece = np.broadcast_to(self.piece, motion.arc.shape)
-        return moved(pieces, piece, motion)
+        return moved(pieces, piece, np.stack(motion))[1:]
 
 
 class Conditions(NamedTuple):

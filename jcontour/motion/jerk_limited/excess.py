@@ -4,10 +4,10 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.compiled import compiled
+from jcontour.geometry.along_pieces import in_rows, moved_axis, wave
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.conditions import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
-from jcontour.motion.jerk_limited.derivatives import in_rows, moved_axis, wave
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.native.lanes import part
 
@@ -67,9 +67,9 @@ def _fill_factors(
             fed = 0.0
             for axis in range(axes):
                 found = moved_axis(row, axes, axis, place, v, a, j, cos, sin)
-                fed += found[0] * found[0]
+                fed += found[1] * found[1]
                 for k in range(3):
-                    values[1 + k * axes + axis, x] = found[k] / limits[k, axis]
+                    values[1 + k * axes + axis, x] = found[1 + k] / limits[k, axis]
             values[0, x] = np.sqrt(fed) / feed[i]
         most = 0.0
         for k in range(values.shape[0]):

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 
@@ -44,8 +45,7 @@ def unpadded(contour: Contour) -> Piece:
 
 def joints(pieces: Piece) -> Joints:
     """Joints between neighbouring pieces."""
-    _, velocity, bend = pieces.jet(pieces.extent)
-    _, next_velocity, next_bend = pieces.jet(0.0 * pieces.extent)
-    bend, next_bend = bend + 0.0 * velocity, next_bend + 0.0 * velocity
-    turned = np.linalg.norm(next_velocity[1:] - velocity[:-1], axis=-1)
-    return Joints(turned, np.linalg.norm(next_bend[1:] - bend[:-1], axis=-1))
+    number = np.arange(pieces.extent.size - 1)
+    before = jet(pieces, number, pieces.extent[:-1])
+    after = jet(pieces, number + 1, 0.0 * pieces.extent[1:])
+    return Joints(*np.linalg.norm(after - before, axis=-1)[1:3])

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
@@ -19,7 +20,7 @@ from jcontour.motion.jerk_limited.cubic_motion import (
     ramped,
     through,
 )
-from jcontour.motion.jerk_limited.derivatives import composed, path_derivatives
+from jcontour.motion.jerk_limited.derivatives import composed
 from jcontour.motion.jerk_limited.excess import slower
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
@@ -95,7 +96,7 @@ class JerkLimitedMotion:
         found = self._on(*warped, moves, time)
         piece = self._cells.piece[warped[0]]
         s = np.clip(found.arc - self._cells.place[warped[0]], 0.0, self._pieces.extent[piece])
-        return composed(path_derivatives(self._pieces, piece, s), found)
+        return composed(jet(self._pieces, piece, s)[1:], found)
 
     def sampled(self, dt: float, rests: Rests = NEVER) -> Float[np.ndarray, " T"]:
         """Arc length at 0, dt, ... [m], with rests in between; the last sample rests at the end.
