@@ -24,8 +24,7 @@ def slower(
     square: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, " n"]:
     """Factor on the square of the rate of every cell that brings it within all limits."""
-    cubic = old.coefficients[cells.cell]
-    warped = np.column_stack([cubic, cells.place, cells.elapsed, cells.length, square])
+    warped = np.concatenate([*cells.in_columns(old), square], axis=1)
     rows, greatest, factor = in_rows(pieces), np.stack(limits), np.empty(len(warped))
     _fill_factors(rows, cells.piece, feed[cells.piece], greatest, warped, factor)
     return factor

@@ -13,7 +13,7 @@ Eight neighbouring cells are the lanes of one value; the last one fills what is 
 a block has its entries side by side in two flat arrays, since every array that one compiled part
 hands to another takes time to compile:
 
-    cells   the rows of `Conditions`, its weights, and what counts: 1, and 0 in lanes that only fill
+    cells   the blocks of `Conditions`
     point   u at the points; then for every g the room g, its inverse, its z and the change of z
 """
 
@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.compiled import compiled
-from jcontour.motion.jerk_limited.conditions import SPEED, SQUARE, STILL, Conditions
+from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
 from jcontour.motion.jerk_limited.equations import (
     PER_UNKNOWN,
     SLOPE,
@@ -50,7 +50,6 @@ from jcontour.native.lanes import (
 _HERE = Path(__file__).parent
 drop_stale(_HERE, *_HERE.glob("*.py"), Path(lanes.__file__))
 
-POINTS = 3  # of a cell
 PER_ROOM = 4  # entries of `point`: the room, its inverse, the multiplier z and how it changes
 OVER, DUAL, CHANGE = 1, 2, 3  # entries of `point` beside a room
 GAP = 1e-4  # of the duration: by so much at most it may be longer than the optimum
@@ -58,26 +57,33 @@ TO_THE_BOUND = 0.95  # of the way at which a condition would be met
 JAMMED = 0.1  # of a step: less was possible, and the multipliers begin anew
 
 
-def solve(parts: Conditions, c: Float[np.ndarray, " n"], steps: int) -> float:
+def solve(
+    blocks: Float[np.ndarray, "b entries lanes"],
+    axes: int,
+    c: Float[np.ndarray, " n"],
+    steps: int,
+) -> float:
     """Improve the unknowns of one stretch in place; they begin within every condition.
 
     The sum of g_i z_i is returned [s]: at the optimum it is zero, and away from it about the time
     that is left to gain. There are so many steps at most; forty are usual.
+
+    Args:
+        blocks: those of `Conditions`.
+        axes: number m.
+        c: unknowns.
+        steps: of Newton's method.
+
+    Raises:
+        ValueError: the unknowns break a condition.
     """
-    cells = _packed(parts)
-    point = np.zeros(len(cells) * _point_size(parts.axes) * WIDTH)
+    point = np.zeros(len(blocks) * _point_size(axes) * WIDTH)
     equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
     step, ahead = np.empty(c.size), np.empty(c.size)
-    return _solved(cells.ravel(), parts.axes, c, steps, point, equations, step, ahead, scratch)
-
-
-def _packed(parts: Conditions) -> Float[np.ndarray, "blocks entries lanes"]:
-    """Numbers of all cells as lanes; the last cell fills the last block."""
-    n = parts.weight.shape[1]
-    count = np.arange(-(-n // WIDTH) * WIDTH)
-    numbers = np.concatenate([parts.rows.reshape(-1, n), parts.weight])
-    filled = np.concatenate([numbers[:, np.minimum(count, n - 1)], (count < n)[None]])
-    return np.ascontiguousarray(filled.reshape(len(filled), -1, WIDTH).swapaxes(0, 1))
+    gap = _solved(blocks.ravel(), axes, c, steps, point, equations, step, ahead, scratch)
+    if gap < 0:
+        raise ValueError("start: needs to be within every condition")
+    return gap
 
 
 def _point_size(axes):
@@ -345,7 +351,9 @@ def _ahead(c, far, step, equations, ahead):
 def _solved(cells, axes, c, steps, point, equations, step, ahead, scratch):
     n = c.size
     count = n * (1 + POINTS + 4 * POINTS * axes)
-    _, _, duration = _go(cells, axes, point, c, 0.0, scratch)
+    inside, _, duration = _go(cells, axes, point, c, 0.0, scratch)
+    if not inside:
+        return -1.0
     mu = 0.1 * duration / count
     _begin_multipliers(axes, n, point, mu)
     gap = mu * count

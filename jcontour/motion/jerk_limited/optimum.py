@@ -5,14 +5,12 @@ from jaxtyping import Bool, Float, Int
 
 from jcontour.motion.jerk_limited.conditions import SPEED, SQUARE, STILL, Conditions
 from jcontour.motion.jerk_limited.newton import solve
-from jcontour.motion.jerk_limited.warp import Ordinates
 
 STEPS = 150  # of Newton's method; forty are usual
 
 
 def quickest(
     parts: Conditions,
-    ordinates: Ordinates,
     start: Float[np.ndarray, " n"],
     stretch: Int[np.ndarray, " n"],
     wanted: Bool[np.ndarray, " stretches"],
@@ -23,7 +21,6 @@ def quickest(
 
     Args:
         parts: conditions of the cells.
-        ordinates: of the cells.
         start: unknowns to begin with.
         stretch: number of the stretch of every cell.
         wanted: stretches that are solved; the others stay as they are.
@@ -31,25 +28,26 @@ def quickest(
     Raises:
         ValueError: the start breaks a condition.
     """
-    if not (fullest(parts, ordinates.window(start)) > 1).all():
-        raise ValueError("start: needs to be within every condition")
     c = start.copy()
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
     gap = np.zeros(wanted.size)
     for k in np.flatnonzero(wanted):
-        some = slice(ends[k], ends[k + 1])
-        gap[k] = solve(parts.taken(some), c[some], STEPS)
+        of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
+        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS)
     return c, gap
 
 
-def fullest(parts: Conditions, window: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Factor on the unknowns at which the first condition of every cell is met.
+def fullest(
+    parts: Conditions, unknowns: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " stretches"]:
+    """Factor on the unknowns of every stretch at which its first condition is met.
 
     The speed and the acceleration grow with it, the jerk with its power 3/2.
     """
-    values = np.abs((parts.rows * window.T).sum(axis=1))
+    values = np.abs(parts.values(unknowns))
     acceleration, jerk = np.split(values[STILL:], 2)
     rate = np.sqrt(values[SQUARE:SPEED])
-    jerk = (jerk.reshape(len(rate), parts.axes, -1).max(axis=1) * rate).max(axis=0)
+    jerk = (jerk.reshape(len(rate), parts.axes, *rate.shape[1:]).max(axis=1) * rate).max(axis=0)
     linear = np.maximum(values[SPEED:STILL].max(axis=0), acceleration.max(axis=0))
-    return 1.0 / np.maximum(linear, np.cbrt(jerk) ** 2)
+    most = np.maximum(linear, np.cbrt(jerk) ** 2).max(axis=1)
+    return 1.0 / np.maximum.reduceat(most, parts.first[:-1])

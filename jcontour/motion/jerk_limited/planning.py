@@ -12,7 +12,7 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.conditions import Cells, conditions
+from jcontour.motion.jerk_limited.conditions import Cells, Conditions, conditions
 from jcontour.motion.jerk_limited.cubic_motion import (
     CubicMotion,
     MotionSamples,
@@ -26,7 +26,7 @@ from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.optimum import fullest, quickest
 from jcontour.motion.jerk_limited.straight import straight_motions
-from jcontour.motion.jerk_limited.warp import Ordinates, Warp, ordinates
+from jcontour.motion.jerk_limited.warp import Warp, ordinates
 from jcontour.motion.rests import NEVER, Rests
 
 ROOM = 0.02  # of every limit that is left at the start of a pass
@@ -281,19 +281,19 @@ def _quickest(
 ) -> tuple[Float[np.ndarray, "n 3"], float]:
     """Square of the rate in every cell, and about the time that is left to gain [s]."""
     unknowns = ordinates(cells.length, begins)
-    parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns)
     stretch = np.cumsum(begins) - 1
     every = np.ones(stretch[-1] + 1, bool)
-    start = _fitted(parts, unknowns, stretch, np.ones(stretch.size))
-    found, gap = quickest(parts, unknowns, start, stretch, every)
+    parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns, stretch)
+    start = _fitted(parts, stretch, np.ones(stretch.size))
+    found, gap = quickest(parts, start, stretch, every)
     less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
         exceeds[stretch[less < 1 - WORTH]] = True
         again = exceeds[stretch]
-        parts.limited[...] *= np.where(again, 1 / less**TIGHTER, 1.0)
-        start = np.where(again, _fitted(parts, unknowns, stretch, found), found)
-        found, left = quickest(parts, unknowns, start, stretch, exceeds)
+        parts.tighten(np.where(again, 1 / less**TIGHTER, 1.0))
+        start = np.where(again, _fitted(parts, stretch, found), found)
+        found, left = quickest(parts, start, stretch, exceeds)
         gap = np.where(exceeds, left, gap)
         less[again] = slower(
             task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(found)[again]
@@ -303,11 +303,9 @@ def _quickest(
     return unknowns.of(found) * most[stretch, None], float(gap.sum())
 
 
-def _fitted(parts, unknowns: Ordinates, stretch, shape) -> Float[np.ndarray, " n"]:
+def _fitted(parts: Conditions, stretch, shape) -> Float[np.ndarray, " n"]:
     """Unknowns of a shape, stretch by stretch as fast as leaves room in every condition."""
-    most = np.full(stretch[-1] + 1, np.inf)
-    np.minimum.at(most, stretch, fullest(parts, unknowns.window(shape)))
-    return (1 - ROOM) * most[stretch] * shape
+    return (1 - ROOM) * fullest(parts, shape)[stretch] * shape
 
 
 def _again(
