@@ -7,7 +7,7 @@ With p(s) a piece and s(t) the motion along it:
     acceleration   p'' v^2 + p' a
     jerk           p''' v^3 + 3 p'' v a + p' j
 
-At v = 1 and a = j = 0 they are the derivatives of the piece.
+At v = 1 and a = j = 0 they are the derivatives of the piece. Eight points are the lanes of a value.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
-from jcontour.native.lanes import part
+from jcontour.native.lanes import WIDTH, fma, load, part, spread, store
 
 Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
 
@@ -29,39 +29,80 @@ def in_rows(pieces: Piece) -> Float[np.ndarray, "P numbers"]:
     return np.concatenate([pieces.rate[:, None], pieces.cosine, pieces.sine, falling], axis=1)
 
 
-@part
-def wave(row, s):
-    """Cosine and sine of a piece's waves at its own arc length [m]."""
-    return (np.cos(row[0] * s), np.sin(row[0] * s)) if row[0] > 0 else (1.0, 0.0)
+def in_lanes(
+    numbers: Float[np.ndarray, "n k"],
+    pieces: Piece,
+    piece: Int[np.ndarray, " n"],
+    point: Int[np.ndarray, " lanes"],
+) -> Float[np.ndarray, "blocks entries 8"]:
+    """Numbers of points and then the rows of their pieces, for eight points side by side.
+
+    Args:
+        numbers: of the points.
+        pieces: of a path.
+        piece: number of the piece of every point.
+        point: number of the point in every lane; some multiple of eight.
+    """
+    rows = np.concatenate([numbers, in_rows(pieces)[piece]], axis=1)[point]
+    return np.ascontiguousarray(rows.reshape(-1, WIDTH, rows.shape[1]).swapaxes(1, 2))
+
+
+def filling(count: int) -> Int[np.ndarray, " lanes"]:
+    """Points in lanes: one after the other, the last one fills what is left of eight."""
+    return np.minimum(np.arange(-(-count // WIDTH) * WIDTH), count - 1)
 
 
 @part
-def moved_axis(row, axes, axis, s, v, a, j, cos, sin):
-    """Place, speed, acceleration and jerk of one axis on a piece, by Horner's rule."""
-    place = first = second = third = 0.0
-    for k in range(1 + 2 * axes + axis, row.size, axes):
-        third = third * s + second
-        second = second * s + first
-        first = first * s + place
-        place = place * s + row[k]
-    rate, cosine, sine = row[0], row[1 + axis], row[1 + axes + axis]
-    along, slope = cosine * cos + sine * sin, rate * (sine * cos - cosine * sin)
-    place, first = place + (along if rate > 0 else 0.0), first + slope
-    second, third = 2.0 * second - rate * rate * along, 6.0 * third - rate * rate * slope
-    bent = second * v
-    return place, first * v, bent * v + first * a, third * v * v * v + 3.0 * bent * a + first * j
+def wave(pieces, at, s, scratch):
+    """Cosine and sine of pieces' waves at their own arc lengths [m]; their rows begin at `at`."""
+    store(scratch, 0, s)
+    for lane in range(WIDTH):
+        rate, place = pieces[at * WIDTH + lane], scratch[lane]
+        scratch[lane] = np.cos(rate * place) if rate > 0 else 0.0
+        scratch[WIDTH + lane] = np.sin(rate * place) if rate > 0 else 0.0
+    return load(scratch, 0), load(scratch, 1)
+
+
+@part
+def moved_axis(pieces, at, size, axes, axis, s, v, a, j, cos, sin):
+    """Place, speed, acceleration and jerk of one axis on pieces, by Horner's rule."""
+    place = first = second = third = spread(0.0)
+    for k in range(at + 1 + 2 * axes + axis, at + size, axes):
+        third = fma(third, s, second)
+        second = fma(second, s, first)
+        first = fma(first, s, place)
+        place = fma(place, s, load(pieces, k))
+    rate = load(pieces, at)
+    cosine, sine = load(pieces, at + 1 + axis), load(pieces, at + 1 + axes + axis)
+    along, slope = fma(cosine, cos, sine * sin), rate * (sine * cos - cosine * sin)
+    place, first = place + along, first + slope
+    bent = (spread(2.0) * second - rate * rate * along) * v
+    third = spread(6.0) * third - rate * rate * slope
+    jerk = fma(third * v * v, v, fma(spread(3.0) * bent, a, first * j))
+    return place, first * v, fma(bent, v, first * a), jerk
 
 
 @compiled
-def _fill(rows: np.ndarray, piece: np.ndarray, motion: np.ndarray, found: np.ndarray) -> None:
-    axes = found.shape[2]
-    for i in range(piece.size):
-        row, s, v, a, j = rows[piece[i]], motion[0, i], motion[1, i], motion[2, i], motion[3, i]
-        cos, sin = wave(row, s)
+def _fill(rows, begin, size, piece, axes, motion, found, lanes, scratch):
+    """Write place, speed, acceleration and jerk of one axis after the other, each of all points."""
+    blocks = piece.size // WIDTH
+    for block in range(blocks):
+        for lane in range(WIDTH):
+            row = size * piece[block * WIDTH + lane]
+            for k in range(size):
+                lanes[k * WIDTH + lane] = rows[row + k]
+        s, v = load(motion, block), load(motion, blocks + block)
+        a, j = load(motion, 2 * blocks + block), load(motion, 3 * blocks + block)
+        cos, sin = wave(lanes, begin, s, scratch)
         for axis in range(axes):
-            of_axis = moved_axis(row, axes, axis, s, v, a, j, cos, sin)
-            for k in range(4):
-                found[k, i, axis] = of_axis[k]
+            place, speed, push, jerk = moved_axis(
+                lanes, begin, size, axes, axis, s, v, a, j, cos, sin
+            )
+            out, apart = axis * blocks + block, axes * blocks
+            store(found, out, place)
+            store(found, out + apart, speed)
+            store(found, out + 2 * apart, push)
+            store(found, out + 3 * apart, jerk)
 
 
 def moved(
@@ -74,10 +115,17 @@ def moved(
         piece: numbers of those that it is on.
         motion: its arc length since the beginning of each, speed, acceleration and jerk.
     """
-    axes = pieces.cosine.shape[-1]
-    found = np.empty((4, piece.size, axes))
-    _fill(in_rows(pieces), np.ravel(piece), motion.reshape(4, -1), found)
-    return found.reshape(4, *piece.shape, axes)
+    axes, count = pieces.cosine.shape[-1], piece.size
+    if count == 0:
+        return np.zeros((4, *piece.shape, axes))
+    whole = -(-count // WIDTH) * WIDTH
+    number, along = np.zeros(whole, int), np.zeros((4, whole))
+    number[:count], along[:, :count] = np.ravel(piece), motion.reshape(4, -1)
+    rows, found = in_rows(pieces), np.empty((4, axes, whole))
+    lanes, scratch = np.empty(rows.shape[1] * WIDTH), np.empty(2 * WIDTH)
+    size = rows.shape[1]
+    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), found.ravel(), lanes, scratch)
+    return np.moveaxis(found[..., :count], 1, 2).reshape(4, *piece.shape, axes)
 
 
 def jet(

@@ -8,45 +8,19 @@ for the speed `speed @ c <= 1`, for the acceleration `|acceleration @ c| <= 1`, 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from jcontour.compiled import compiled
-from jcontour.geometry.along_pieces import in_rows, moved_axis, wave
+from jcontour.geometry.along_pieces import in_lanes, moved_axis, wave
 from jcontour.geometry.pieces import Piece
+from jcontour.motion.jerk_limited.cells import LENGTH, NUMBERS, Cells, old_motion
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.warp import Ordinates
-from jcontour.native.lanes import WIDTH, part
+from jcontour.native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 
 POINTS = 3  # of a cell: its beginning, its middle and its end
 SQUARE, SPEED, STILL = 1, 4, 7  # first rows: of u, of the speed, and of the axes
-
-
-class Cells(NamedTuple):
-    """Cells of a mesh: what they lie on.
-
-    Attributes:
-        piece: number of the path's piece.
-        place: arc length at which the piece begins [m].
-        elapsed: time of the old motion from its own node to the beginning of the cell [s].
-        cell: number of the old motion's cell.
-        length: of the cell in the old motion's time [s].
-    """
-
-    piece: Int[np.ndarray, " n"]
-    place: Float[np.ndarray, " n"]
-    elapsed: Float[np.ndarray, " n"]
-    cell: Int[np.ndarray, " n"]
-    length: Float[np.ndarray, " n"]
-
-    def taken(self, some: Bool[np.ndarray, " n"] | slice) -> "Cells":
-        """Some of the cells."""
-        return Cells(*(values[some] for values in self))
-
-    def in_columns(self, old: CubicMotion) -> list[Float[np.ndarray, "n _"]]:
-        """The old motion's cubics, and `place`, `elapsed` and `length` of the cells."""
-        numbers = (self.place, self.elapsed, self.length)
-        return [old.coefficients[self.cell], *(values[:, None] for values in numbers)]
 
 
 class Conditions(NamedTuple):
@@ -108,62 +82,70 @@ def conditions(
     of = np.repeat(np.arange(ends.size - 1), np.diff(first))  # stretch of every block
     lane = np.arange(WIDTH) + WIDTH * (np.arange(of.size) - first[of])[:, None]
     cell = np.minimum(ends[of, None] + lane, ends[of + 1, None] - 1)
+    more = np.column_stack([ordinates.weights.reshape(-1, 9), 1 / feed[cells.piece]])
+    numbers, over = cells.in_rows(old, more), (1 / np.stack(limits)).ravel()
+    lanes = in_lanes(numbers, pieces, cells.piece, cell.ravel())
+    at, scratch = numbers.shape[1], np.empty(2 * WIDTH)
     blocks = np.empty((of.size, 3 * (STILL + 2 * POINTS * axes) + POINTS + 1, WIDTH))
-    weights = ordinates.weights.reshape(-1, 9)
-    columns = [*cells.in_columns(old), feed[cells.piece, None], weights]
-    numbers = np.concatenate(columns, axis=1)
-    _fill(in_rows(pieces), cells.piece, np.stack(limits), numbers, cell, blocks)
+    blocks[:, -1] = lane < (ends[of + 1] - ends[of])[:, None]
+    _fill(lanes.ravel(), at, lanes.shape[1] - at, axes, over, scratch, blocks.ravel())
     return Conditions(blocks, cell, first, ordinates.first[cell], axes)
 
 
 @part
-def _fill_point(row, limits, numbers, p, out):
-    """Write the conditions of a cell at a point."""
-    axes, x, length = limits.shape[1], 0.5 * p, numbers[6]
-    t, s, v, a, j = numbers[5] + x * length, numbers[0], numbers[1], numbers[2], numbers[3]
-    place = s + t * (v + t * (a + t * j)) - numbers[4]
-    v, a, j = v + t * (2 * a + 3 * t * j), 2 * a + 6 * t * j, 6 * j
-    cos, sin = wave(row, place)
-    for k in range(3):
-        w0, w1, w2 = numbers[8 + k], numbers[11 + k], numbers[14 + k]
-        out[3 * (SQUARE + p) + k] = (1 - x) * (1 - x) * w0 + 2 * x * (1 - x) * w1 + x * x * w2
-    fastest, fed = 0.0, 0.0
+def _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch):
+    """Write the conditions of eight cells at a point."""
+    x = 0.5 * p
+    place, v, a, j = old_motion(cells, begin, spread(x))
+    cos, sin = wave(cells, begin + at, place, scratch)
+    inverse = spread(1.0) / load(cells, begin + LENGTH)
+    fastest, fed, half = spread(0.0), spread(0.0), spread(0.5)
     for axis in range(axes):
-        _, first, second, third = moved_axis(row, axes, axis, place, v, a, j, cos, sin)
-        fastest, fed = max(fastest, abs(first) / limits[0, axis]), fed + first * first
-        at = 3 * (STILL + p * axes + axis)
+        _, first, second, third = moved_axis(
+            cells, begin + at, size, axes, axis, place, v, a, j, cos, sin
+        )
+        fastest, fed = most(fastest, size_of(first) * spread(over[axis])), fma(first, first, fed)
+        pushed, jerked = spread(over[axes + axis]), spread(over[2 * axes + axis])
+        row = out + 3 * (STILL + p * axes + axis)
         for k in range(3):
-            w0, w1, w2 = numbers[8 + k], numbers[11 + k], numbers[14 + k]
-            u = out[3 * (SQUARE + p) + k]
-            du = ((2 * x - 2) * w0 + (2 - 4 * x) * w1 + 2 * x * w2) / length
-            ddu = (2 * w0 - 4 * w1 + 2 * w2) / (length * length)
-            out[at + k] = (second * u + 0.5 * first * du) / limits[1, axis]
-            jerk = third * u + 1.5 * second * du + 0.5 * first * ddu
-            out[at + 3 * POINTS * axes + k] = jerk / limits[2, axis]
-    fastest = max(fastest, np.sqrt(fed) / numbers[7])
+            w0, w1, w2 = _weights(cells, begin, k)
+            u = _three(w0, w1, w2, (1 - x) * (1 - x), 2 * x * (1 - x), x * x)
+            du = _three(w0, w1, w2, 2 * x - 2, 2 - 4 * x, 2 * x) * inverse
+            ddu = _three(w0, w1, w2, 2.0, -4.0, 2.0) * inverse * inverse
+            push = fma(second, u, half * first * du) * pushed
+            jerk = fma(third, u, fma(spread(1.5) * second, du, half * first * ddu)) * jerked
+            store(blocks, row + k, push)
+            store(blocks, row + 3 * POINTS * axes + k, jerk)
+    fastest = most(fastest, root(fed) * load(cells, begin + NUMBERS + 9))
     for k in range(3):
-        out[3 * (SPEED + p) + k] = fastest * fastest * out[3 * (SQUARE + p) + k]
-    out[3 * (STILL + 2 * POINTS * axes) + p] = length * (4.0 if p == 1 else 1.0) / 6.0
+        w0, w1, w2 = _weights(cells, begin, k)
+        u = _three(w0, w1, w2, (1 - x) * (1 - x), 2 * x * (1 - x), x * x)
+        store(blocks, out + 3 * (SQUARE + p) + k, u)
+        store(blocks, out + 3 * (SPEED + p) + k, fastest * fastest * u)
+    weight = load(cells, begin + LENGTH) * spread((4.0 if p == 1 else 1.0) / 6.0)
+    store(blocks, out + 3 * (STILL + 2 * POINTS * axes) + p, weight)
+
+
+@part
+def _weights(cells, begin, k):
+    """What an unknown counts in the three ordinates of u."""
+    at = begin + NUMBERS + k
+    return load(cells, at), load(cells, at + 3), load(cells, at + 6)
+
+
+@part
+def _three(x, y, z, by_x, by_y, by_z):
+    return fma(spread(by_x), x, fma(spread(by_y), y, spread(by_z) * z))
 
 
 @compiled
-def _fill(
-    rows: np.ndarray,
-    piece: np.ndarray,
-    limits: np.ndarray,
-    numbers: np.ndarray,
-    cell: np.ndarray,
-    blocks: np.ndarray,
-) -> None:
-    """Write the blocks; `numbers` has the old cubic, the cell, the feed and the weights."""
-    before = -1
-    for b in range(cell.shape[0]):
-        for lane in range(WIDTH):
-            i = cell[b, lane]
-            out = blocks[b, :, lane]
-            for k in range(3):
-                out[k] = numbers[i, 11 + k]
-            for p in range(POINTS):
-                _fill_point(rows[piece[i]], limits, numbers[i], p, out)
-            out[out.size - 1] = 0.0 if i == before else 1.0
-            before = i
+def _fill(cells, at, size, axes, over, scratch, blocks):
+    """Write all blocks but what counts in them; `over` inverts the limits."""
+    entries = at + size
+    after = 3 * (STILL + 2 * POINTS * axes) + POINTS + 1
+    for block in range(cells.size // (WIDTH * entries)):
+        begin, out = block * entries, block * after
+        for k in range(3):
+            store(blocks, out + k, load(cells, begin + NUMBERS + 3 + k))
+        for p in range(POINTS):
+            _fill_point(cells, begin, at, size, axes, over, p, blocks, out, scratch)

@@ -4,13 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import make_interp_spline
+from scipy.linalg.lapack import dgtsv
 
 from jcontour.compiled import compiled
 
 # of a stretch: where a ramp ends, and the two halves of it
 RAMP = 0.5
 NEWTON_STEPS = 60
+FRACTIONS = np.array([0.25, 0.5, 0.75])  # of a cell at which a spline is looked at
 
 
 class MotionSamples(NamedTuple):
@@ -110,27 +111,51 @@ def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> Cub
     return CubicMotion(time, coefficients[kept])
 
 
-def through(time: Float[np.ndarray, " k"], arc: Float[np.ndarray, " k"]) -> CubicMotion | None:
-    """Motion from rest to rest through places at times: a cubic spline; None if it goes back.
+def through(
+    time: Float[np.ndarray, " k"], arc: Float[np.ndarray, " k"], ends: Int[np.ndarray, " ends"]
+) -> list[CubicMotion] | None:
+    """Motions from rest to rest through places at times: cubic splines; None if one goes back.
 
-    The first and the last interval have one more node in the middle, so that speed and acceleration
-    vanish at both ends.
+    With accelerations M at nodes that are h apart, the speed has no jump at the inner nodes:
+
+        h_i-1 M_i-1 / 6 + (h_i-1 + h_i) M_i / 3 + h_i M_i+1 / 6 = v_i - v_i-1,
+
+    where v are the mean speeds between them. The first and the last interval of a motion have one
+    more node in the middle, so that speed and acceleration vanish at both ends. Constant jerk from
+    rest is M h^2 / 6 away there, which takes its place out of the equations.
+
+    Args:
+        time: times of all motions [s], one after the other; at least three of each.
+        arc: places [m].
+        ends: index at which every motion begins, and the end of the last.
     """
-    middle = 0.5 * (time[[0, -2]] + time[[1, -1]])
-    nodes = np.sort(np.concatenate([time, middle]))
-    knots = np.concatenate([[nodes[0]] * 3, nodes, [nodes[-1]] * 3])
-    still = [(1, 0.0), (2, 0.0)]
-    spline = make_interp_spline(time, arc, k=3, t=knots, bc_type=(still, still))
-    powers = [spline(nodes[:-1], nu=k) / (1, 1, 2, 6)[k] for k in range(3)]
-    for power in powers[1:]:
-        power[0] = 0.0
-    jerk = np.diff(spline(nodes, nu=2)) / np.diff(nodes) / 6
-    motion = CubicMotion(nodes, np.stack([*powers, jerk], axis=1))
-    fractions = np.linspace(0.0, 1.0, 5)[1:-1, None] * np.diff(nodes)
-    inside = motion.on_cell(np.arange(len(jerk)), fractions).speed
-    if not ((powers[1][1:] > 0).all() and (inside > 0).all()):
+    halved = np.stack([ends[:-1], ends[1:] - 2], axis=1).ravel()  # intervals with one more node
+    node = np.insert(time, halved + 1, 0.5 * (time[halved] + time[halved + 1]))
+    place = np.insert(arc, halved + 1, arc[np.stack([ends[:-1], ends[1:] - 1], axis=1).ravel()])
+    first = ends + 2 * np.arange(ends.size)  # node of every motion, and the end of the last
+    start, stop = first[:-1], first[1:] - 1
+    h = np.diff(node)
+    h[stop[:-1]] = 1.0  # between two motions
+    main, change = np.ones(node.size), np.zeros(node.size)
+    main[1:-1], change[1:-1] = (h[:-1] + h[1:]) / 3, np.diff(np.diff(place) / h)
+    below, above = h / 6, h / 6  # what the node before counts, and the one behind
+    main[start + 1], main[stop - 1] = h[start], h[stop - 1]
+    main[start], main[stop], change[start], change[stop] = 1.0, 1.0, 0.0, 0.0
+    above[start], above[stop - 2], above[stop[:-1]] = 0.0, 0.0, 0.0
+    below[start + 1], below[stop - 1], below[stop[:-1]] = 0.0, 0.0, 0.0
+    push = dgtsv(below, main, above, change)[3]
+    place[start + 1] += push[start + 1] * h[start] ** 2 / 6
+    place[stop - 1] += push[stop - 1] * h[stop - 1] ** 2 / 6
+    speed = np.diff(place) / h - h * (2 * push[:-1] + push[1:]) / 6
+    speed[start] = 0.0
+    powers = np.stack([place[:-1], speed, push[:-1] / 2, np.diff(push) / h / 6], axis=1)
+    inside = np.delete(np.arange(len(powers)), stop[:-1])
+    on = CubicMotion(node, powers).on_cell(inside, FRACTIONS[:, None] * h[inside]).speed
+    if not ((on > 0).all() and (np.delete(speed, np.append(start, stop[:-1])) > 0).all()):
         return None
-    return motion
+    return [
+        CubicMotion(node[a : b + 1], powers[a:b]) for a, b in zip(start, stop, strict=True)
+    ]
 
 
 def joined(motions: list[CubicMotion]) -> CubicMotion:

@@ -4,14 +4,14 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.compiled import compiled
-from jcontour.geometry.along_pieces import in_rows, moved_axis, wave
+from jcontour.geometry.along_pieces import filling, in_lanes, moved_axis, wave
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.jerk_limited.conditions import Cells
+from jcontour.motion.jerk_limited.cells import LENGTH, NUMBERS, Cells, old_motion
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.native.lanes import part
+from jcontour.native.lanes import WIDTH, fma, load, most, part, root, size_of, spread, store
 
-CHECKED = np.linspace(0.0, 1.0, 13)  # fractions of a cell at which the limits are checked
+STEPS = 12  # of a cell: the limits are checked at their ends
 MARGIN = 2e-4  # of every limit: what may pass between two of them
 
 
@@ -24,69 +24,81 @@ def slower(
     square: Float[np.ndarray, "n 3"],
 ) -> Float[np.ndarray, " n"]:
     """Factor on the square of the rate of every cell that brings it within all limits."""
-    warped = np.concatenate([*cells.in_columns(old), square], axis=1)
-    rows, greatest, factor = in_rows(pieces), np.stack(limits), np.empty(len(warped))
-    _fill_factors(rows, cells.piece, feed[cells.piece], greatest, warped, factor)
-    return factor
+    numbers = cells.in_rows(old, np.column_stack([square, 1 / feed[cells.piece]]))
+    count, axes, at = len(numbers), limits.jerk.size, numbers.shape[1]
+    lanes = in_lanes(numbers, pieces, cells.piece, filling(count))
+    over, seen = (1 / np.stack(limits)).ravel(), np.empty(4 * (1 + 3 * axes) * WIDTH)
+    peak, scratch = np.empty((len(lanes), 3, WIDTH)), np.empty(2 * WIDTH)
+    size = lanes.shape[1] - at
+    _fill_peaks(lanes.ravel(), at, size, axes, over, seen, scratch, peak.ravel())
+    speed, acceleration, jerk = peak.swapaxes(0, 1).reshape(3, -1)[:, :count]
+    largest = np.maximum(np.maximum(speed**2, acceleration), np.cbrt(jerk) ** 2)
+    return (1 - MARGIN) / np.maximum(largest, 1 - MARGIN)
 
 
 @part
-def _moved(row, x):
-    """Place on the piece [m] and derivatives of the warped motion at a fraction of a cell."""
-    s, v, a, j = row[0], row[1], row[2], row[3]
-    place, length, first, middle, end = row[4], row[6], row[7], row[8], row[9]
-    t = row[5] + x * length
-    u = first * (1 - x) ** 2 + middle * 2 * x * (1 - x) + end * x * x
-    half_slope = (first * (x - 1) + middle * (1 - 2 * x) + end * x) / length
-    half_bend = (first - 2 * middle + end) / (length * length)
-    arc = s + t * (v + t * (a + t * j)) - place
-    v, a, j = v + t * (2 * a + 3 * t * j), 2 * a + 6 * t * j, 6 * j
-    rate = np.sqrt(u)
-    jerk = j * u + 3.0 * a * half_slope + v * half_bend
-    return arc, v * rate, a * u + v * half_slope, jerk * rate
-
-
-@compiled
-def _fill_factors(
-    rows: np.ndarray,
-    piece: np.ndarray,
-    feed: np.ndarray,
-    limits: np.ndarray,
-    warped: np.ndarray,
-    factor: np.ndarray,
-) -> None:
-    """Write the factors; `warped` has the old cubic, the cell and the square of the rate."""
-    axes = limits.shape[1]
-    values = np.empty((1 + 3 * axes, CHECKED.size))
-    for i in range(factor.size):
-        row = rows[piece[i]]
-        for x in range(CHECKED.size):
-            place, v, a, j = _moved(warped[i], CHECKED[x])
-            cos, sin = wave(row, place)
-            fed = 0.0
-            for axis in range(axes):
-                found = moved_axis(row, axes, axis, place, v, a, j, cos, sin)
-                fed += found[1] * found[1]
-                for k in range(3):
-                    values[1 + k * axes + axis, x] = found[1 + k] / limits[k, axis]
-            values[0, x] = np.sqrt(fed) / feed[i]
-        most = 0.0
-        for k in range(values.shape[0]):
-            peak = _peak(values[k])
-            kind = (k - 1) // axes  # of limit: speed, acceleration, jerk
-            most = max(most, peak * peak if kind < 1 else peak if kind < 2 else peak ** (2 / 3))
-        factor[i] = (1 - MARGIN) / max(most, 1 - MARGIN)
+def _warped(cells, at, x):
+    """Place on the piece and derivatives of the warped motion at a fraction of cells."""
+    one, two, three, half = spread(1.0), spread(2.0), spread(3.0), spread(0.5)
+    first, middle, end = (
+        load(cells, at + NUMBERS),
+        load(cells, at + NUMBERS + 1),
+        load(cells, at + NUMBERS + 2),
+    )
+    y, length = one - x, load(cells, at + LENGTH)
+    u = first * y * y + two * middle * x * y + end * x * x
+    half_slope = ((middle - first) * y + (end - middle) * x) / length
+    half_bend = (first - two * middle + end) / (length * length)
+    place, v, a, j = old_motion(cells, at, x)
+    rate = root(u)
+    jerk = fma(j, u, fma(three * a, half_slope, v * half_bend))
+    return place, v * rate, fma(a, u, v * half_slope), jerk * rate
 
 
 @part
-def _peak(values):
+def _seen(seen, curve, value, x):
+    """Take a value of a curve: its last two, its largest, and its largest second difference."""
+    at = 4 * curve
+    last, before = load(seen, at), load(seen, at + 1)
+    store(seen, at, value)
+    store(seen, at + 1, last)
+    store(seen, at + 2, most(load(seen, at + 2), size_of(value)))
+    if x > 1:
+        bend = size_of(value - spread(2.0) * last + before)
+        store(seen, at + 3, most(load(seen, at + 3), bend))
+
+
+@part
+def _peak(seen, curve):
     """Greatest magnitude of a curve, that between the samples included.
 
     A parabola through three samples exceeds them by an eighth of their second difference.
     """
-    largest, between = 0.0, 0.0
-    for x in range(values.size):
-        largest = max(largest, abs(values[x]))
-        if 0 < x < values.size - 1:
-            between = max(between, abs(values[x + 1] - 2 * values[x] + values[x - 1]))
-    return largest + between / 8
+    return fma(spread(0.125), load(seen, 4 * curve + 3), load(seen, 4 * curve + 2))
+
+
+@compiled
+def _fill_peaks(cells, at, size, axes, over, seen, scratch, peak):
+    """Write the peaks of speed, acceleration and jerk; `over` inverts the limits."""
+    entries = at + size
+    for block in range(cells.size // (WIDTH * entries)):
+        for k in range(4 * (1 + 3 * axes)):
+            store(seen, k, spread(0.0))
+        for x in range(STEPS + 1):
+            place, v, a, j = _warped(cells, block * entries, spread(x / STEPS))
+            cos, sin = wave(cells, block * entries + at, place, scratch)
+            fed = spread(0.0)
+            for axis in range(axes):
+                _, speed, push, jerk = moved_axis(
+                    cells, block * entries + at, size, axes, axis, place, v, a, j, cos, sin
+                )
+                fed = fma(speed, speed, fed)
+                _seen(seen, axis, speed * spread(over[axis]), x)
+                _seen(seen, axes + axis, push * spread(over[axes + axis]), x)
+                _seen(seen, 2 * axes + axis, jerk * spread(over[2 * axes + axis]), x)
+            _seen(seen, 3 * axes, root(fed) * load(cells, block * entries + NUMBERS + 3), x)
+        for kind in range(3):
+            largest = _peak(seen, 3 * axes) if kind < 1 else spread(0.0)
+            for axis in range(axes):
+                largest = most(largest, _peak(seen, kind * axes + axis))
+            store(peak, 3 * block + kind, largest)

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.feed_laws import trapezoidal
-from jcontour.motion.jerk_limited.conditions import Cells
+from jcontour.motion.jerk_limited.cells import Cells
 from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.limits import AxisLimits

@@ -12,7 +12,8 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.conditions import Cells, Conditions, conditions
+from jcontour.motion.jerk_limited.cells import Cells
+from jcontour.motion.jerk_limited.conditions import Conditions, conditions
 from jcontour.motion.jerk_limited.cubic_motion import (
     CubicMotion,
     MotionSamples,
@@ -25,6 +26,7 @@ from jcontour.motion.jerk_limited.excess import slower
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.optimum import fullest, quickest
+from jcontour.motion.jerk_limited.shares import shares
 from jcontour.motion.jerk_limited.straight import straight_motions
 from jcontour.motion.jerk_limited.warp import Warp, ordinates
 from jcontour.motion.rests import NEVER, Rests
@@ -33,9 +35,6 @@ ROOM = 0.02  # of every limit that is left at the start of a pass
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
-QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
-SPARSE = 0.1  # of the cells elsewhere, at most
-GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 MOST_SAMPLES = 20_000_000
 AT_ONCE = 200_000  # samples, which take a few hundred bytes each on their way
 ROUNDING = 1e-6  # of a sample
@@ -79,6 +78,11 @@ class JerkLimitedMotion:
         """Times at which it is at its stops [s]."""
         begins = _begins(self._old, self._cells)
         return np.append(self._warp.time[:-1][begins], self.duration)
+
+    @property
+    def passed(self) -> Float[np.ndarray, " ends"]:
+        """Times at which its pieces begin, and its end [s]."""
+        return self.reached(np.append(0.0, np.cumsum(self._pieces.extent)))
 
     def at(self, time: np.ndarray) -> MotionSamples:
         """Arc length and its derivatives at times [s]; at rest before the start and after the end.
@@ -126,51 +130,6 @@ class JerkLimitedMotion:
         passed = self._warp.reached(cell, old - self._warp.node[cell])
         stop = np.minimum(np.searchsorted(self.stops, arc), self.stops.size - 1)
         return np.where(self.stops[stop] == arc, self.stopped[stop], passed)
-
-    def shared(self, tick: float) -> list[Float[np.ndarray, " n"]]:
-        """Times from stop to stop that share out every piece evenly, none longer than `tick`."""
-        starts = np.append(0.0, np.cumsum(self._pieces.extent))
-        ends, stops = self.reached(starts), self.stopped
-        table = self._activity(tick)
-        return [
-            self._shared(np.concatenate([[a], ends[(ends > a) & (ends < b)], [b]]), *table)
-            for a, b in pairwise(stops)
-        ]
-
-    def _shared(self, ends, time, share) -> Float[np.ndarray, " n"]:
-        """Times between two stops; `ends` are those of the pieces."""
-        first, last = ends[[0, -1]]
-        along = np.interp(ends, time, share)
-        least = np.ceil(mesh.PER_STRETCH * np.diff(along) / (along[-1] - along[0]))
-        least = np.maximum(least, mesh.cells_of_curve(np.diff(along)))
-        count = np.maximum(np.ceil(np.diff(along)), least).astype(int)
-        parts = [
-            np.linspace(a, b, n, endpoint=False)
-            for (a, b), n in zip(pairwise(along), count, strict=True)
-        ]
-        inner = np.interp(np.concatenate(parts)[1:], share, time)
-        found = np.concatenate([[first], inner, [last]])
-        found[np.append(0, np.cumsum(count))] = ends
-        return found
-
-    def _activity(self, tick: float) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-        """Table of times, and of the cells that are due up to each: few where no jerk acts."""
-        node = self._warp.time
-        speed, acceleration, jerk = self.axes_at(0.5 * (node[1:] + node[:-1]))
-        active = np.flatnonzero((np.abs(jerk) / self.limits.jerk).max(axis=-1) > QUIET)
-        ramp = mesh.PER_RAMP * tick
-        begin, end = node[active] - ramp, node[active + 1] + ramp
-        time = np.unique(np.clip(np.concatenate([node, begin, end]), 0.0, node[-1]))
-        middle = 0.5 * (time[1:] + time[:-1])
-        begun, ended = np.searchsorted(begin, middle), np.searchsorted(end, middle)
-        since = middle - np.append(-np.inf, end)[ended]
-        until = np.append(begin, np.inf)[begun] - middle
-        longest = tick / SPARSE + GROWTH * np.minimum(np.minimum(since, until), node[-1])
-        turning = np.linalg.norm(acceleration, axis=-1) / np.linalg.norm(speed, axis=-1)
-        on = np.searchsorted(node, middle) - 1
-        quiet = np.maximum(1 / longest, np.minimum(turning[on] / mesh.TURN, SPARSE / tick))
-        density = np.where(begun > ended, 1 / tick, quiet)
-        return time, np.append(0.0, np.cumsum(density * np.diff(time)))
 
     def _cell(self, time: np.ndarray):
         return self._warp.at(np.clip(time, 0.0, self.duration))
@@ -315,13 +274,12 @@ def _again(
     bends: Bool[np.ndarray, " stretches"],
 ) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    smoothed = []
-    for time, line in zip(motion.shared(mesh.cell_time(motion.limits)), lines, strict=True):
-        one = line or through(time, motion.at(time).arc)
-        if one is None:
-            return None
-        smoothed.append(one)
-    old = joined(smoothed)
+    time, ends = shares(motion, mesh.cell_time(motion.limits), bends)
+    splines = through(time, motion.at(time).arc, ends)
+    if splines is None:
+        return None
+    bent = iter(splines)
+    old = joined([line or next(bent) for line in lines])
     return _planned(task, old, *_own_cells(task, old), bends, TIGHTENINGS)
 
 
