@@ -11,6 +11,7 @@ from jcontour.compiled import compiled
 # of a stretch: where a ramp ends, and the two halves of it
 RAMP = 0.5
 NEWTON_STEPS = 60
+ROUNDING = 1e-16  # of a cell's duration: a smaller step changes nothing
 FRACTIONS = np.array([0.25, 0.5, 0.75])  # of a cell at which a spline is looked at
 
 
@@ -79,7 +80,7 @@ def _elapsed(
             speed, before = v + t * (2 * a + 3 * t * j), t
             newton = t - beyond / speed if speed > 0 else low
             t = newton if low < newton < high else 0.5 * (low + high)
-            if t == before:
+            if abs(t - before) <= ROUNDING * lasting[i]:
                 break
         found[i] = t
     return found
