@@ -10,14 +10,18 @@ With p(s) a piece and s(t) the motion along it:
 At v = 1 and a = j = 0 they are the derivatives of the piece. Eight points are the lanes of a value.
 """
 
+from pathlib import Path
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
+from jcontour.native import lanes
+from jcontour.native.calls import drop_stale
 from jcontour.native.lanes import WIDTH, fma, load, part, spread, store
 
-Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
+drop_stale(Path(__file__).parent, Path(lanes.__file__))
 
 
 def in_rows(pieces: Piece) -> Float[np.ndarray, "P numbers"]:
@@ -83,20 +87,20 @@ def moved_axis(pieces, at, size, axes, axis, s, v, a, j, cos, sin):
 
 
 @compiled
-def _fill(rows, begin, size, piece, axes, motion, found, lanes, scratch):
+def _fill(rows, begin, size, piece, axes, motion, found, row, scratch):
     """Write place, speed, acceleration and jerk of one axis after the other, each of all points."""
     blocks = piece.size // WIDTH
     for block in range(blocks):
         for lane in range(WIDTH):
-            row = size * piece[block * WIDTH + lane]
+            at = size * piece[block * WIDTH + lane]
             for k in range(size):
-                lanes[k * WIDTH + lane] = rows[row + k]
+                row[k * WIDTH + lane] = rows[at + k]
         s, v = load(motion, block), load(motion, blocks + block)
         a, j = load(motion, 2 * blocks + block), load(motion, 3 * blocks + block)
-        cos, sin = wave(lanes, begin, s, scratch)
+        cos, sin = wave(row, begin, s, scratch)
         for axis in range(axes):
             place, speed, push, jerk = moved_axis(
-                lanes, begin, size, axes, axis, s, v, a, j, cos, sin
+                row, begin, size, axes, axis, s, v, a, j, cos, sin
             )
             out, apart = axis * blocks + block, axes * blocks
             store(found, out, place)
@@ -122,9 +126,9 @@ def moved(
     number, along = np.zeros(whole, int), np.zeros((4, whole))
     number[:count], along[:, :count] = np.ravel(piece), motion.reshape(4, -1)
     rows, found = in_rows(pieces), np.empty((4, axes, whole))
-    lanes, scratch = np.empty(rows.shape[1] * WIDTH), np.empty(2 * WIDTH)
     size = rows.shape[1]
-    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), found.ravel(), lanes, scratch)
+    row, scratch = np.empty(size * WIDTH), np.empty(2 * WIDTH)
+    _fill(rows.ravel(), 0, size, number, axes, along.ravel(), found.ravel(), row, scratch)
     return np.moveaxis(found[..., :count], 1, 2).reshape(4, *piece.shape, axes)
 
 

@@ -165,6 +165,7 @@ class _Blends(NamedTuple):
         """Place on the path beside a point of a blend: from -1, where it begins, to 1."""
         return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
 
+
 def _deviation(blends: _Blends) -> Float[np.ndarray, " B"]:
     """Greatest distance of a blend from its path [m]."""
     u = np.arange(1, STEPS) / STEPS

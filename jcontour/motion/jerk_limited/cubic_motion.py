@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg.lapack import dgtsv
+from scipy.linalg import solve_banded
 
 from jcontour.compiled import compiled
 
@@ -144,7 +144,8 @@ def through(
     main[start], main[stop], change[start], change[stop] = 1.0, 1.0, 0.0, 0.0
     above[start], above[stop - 2], above[stop[:-1]] = 0.0, 0.0, 0.0
     below[start + 1], below[stop - 1], below[stop[:-1]] = 0.0, 0.0, 0.0
-    push = dgtsv(below, main, above, change)[3]
+    bands = np.stack([np.append(0.0, above), main, np.append(below, 0.0)])
+    push = solve_banded((1, 1), bands, change)
     place[start + 1] += push[start + 1] * h[start] ** 2 / 6
     place[stop - 1] += push[stop - 1] * h[stop - 1] ** 2 / 6
     speed = np.diff(place) / h - h * (2 * push[:-1] + push[1:]) / 6
@@ -154,9 +155,7 @@ def through(
     on = CubicMotion(node, powers).on_cell(inside, FRACTIONS[:, None] * h[inside]).speed
     if not ((on > 0).all() and (np.delete(speed, np.append(start, stop[:-1])) > 0).all()):
         return None
-    return [
-        CubicMotion(node[a : b + 1], powers[a:b]) for a, b in zip(start, stop, strict=True)
-    ]
+    return [CubicMotion(node[a : b + 1], powers[a:b]) for a, b in zip(start, stop, strict=True)]
 
 
 def joined(motions: list[CubicMotion]) -> CubicMotion:

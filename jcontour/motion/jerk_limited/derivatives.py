@@ -3,9 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.geometry.along_pieces import Jet, jet
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.jerk_limited.cubic_motion import MotionSamples
+
+Jet = tuple[np.ndarray, np.ndarray, np.ndarray]  # first, second and third derivative, axes last
 
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]  # of a piece
 
@@ -16,8 +18,8 @@ def everywhere(pieces: Piece) -> Float[np.ndarray, "3 9 P m"]:
     return jet(pieces, np.broadcast_to(np.arange(pieces.extent.size), s.shape), s)[1:]
 
 
-def composed(path: Jet, motion: MotionSamples) -> Jet:
-    """Derivatives of p(sigma(tau)) with respect to tau, axes last."""
+def composed(path: Float[np.ndarray, "3 ... m"], motion: MotionSamples) -> Jet:
+    """First, second and third derivative of p(sigma(tau)) with respect to tau, axes last."""
     first, second, third = path
     v, a, j = (values[..., None] for values in motion[1:])
     return (

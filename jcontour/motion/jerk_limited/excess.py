@@ -39,7 +39,7 @@ def slower(
 @part
 def _warped(cells, at, x):
     """Place on the piece and derivatives of the warped motion at a fraction of cells."""
-    one, two, three, half = spread(1.0), spread(2.0), spread(3.0), spread(0.5)
+    one, two, three = spread(1.0), spread(2.0), spread(3.0)
     first, middle, end = (
         load(cells, at + NUMBERS),
         load(cells, at + NUMBERS + 1),

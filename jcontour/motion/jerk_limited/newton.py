@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jcontour.compiled import compiled
+from jcontour.geometry import along_pieces
 from jcontour.motion.jerk_limited.conditions import POINTS, SPEED, SQUARE, STILL
 from jcontour.motion.jerk_limited.equations import (
     PER_UNKNOWN,
@@ -48,7 +49,7 @@ from jcontour.native.lanes import (
 )
 
 _HERE = Path(__file__).parent
-drop_stale(_HERE, *_HERE.glob("*.py"), Path(lanes.__file__))
+drop_stale(_HERE, *_HERE.glob("*.py"), Path(along_pieces.__file__), Path(lanes.__file__))
 
 PER_ROOM = 4  # entries of `point`: the room, its inverse, the multiplier z and how it changes
 OVER, DUAL, CHANGE = 1, 2, 3  # entries of `point` beside a room

@@ -4,35 +4,19 @@ Where jerk acts, neighbouring times are a tick apart. Where none does, they lie 
 far as the path lets them, and as the time to where they are needed allows.
 """
 
-from typing import Protocol
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jcontour.motion.jerk_limited import mesh
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.planned_motion import JerkLimitedMotion
 
 QUIET = 0.02  # of an axis's jerk limit: less needs no fine cells
 SPARSE = 0.1  # of the cells elsewhere, at most
 GROWTH = 1 / 32  # of the time to where they are needed: so long may cells become
 
 
-class Motion(Protocol):
-    """What is shared out, see `JerkLimitedMotion`."""
-
-    limits: AxisLimits
-
-    @property
-    def nodes(self) -> Float[np.ndarray, " n"]: ...
-    @property
-    def stopped(self) -> Float[np.ndarray, " k"]: ...
-    @property
-    def passed(self) -> Float[np.ndarray, " ends"]: ...
-    def axes_at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
-
-
 def shares(
-    motion: Motion, tick: float, wanted: Bool[np.ndarray, " stretches"]
+    motion: JerkLimitedMotion, tick: float, wanted: Bool[np.ndarray, " stretches"]
 ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " ends"]]:
     """Times from stop to stop that share out every piece evenly, none longer than `tick`.
 
@@ -62,7 +46,7 @@ def shares(
 
 
 def _activity(
-    motion: Motion, tick: float
+    motion: JerkLimitedMotion, tick: float
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Table of times, and of the cells that are due up to each: few where no jerk acts."""
     node = motion.nodes
