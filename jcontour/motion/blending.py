@@ -250,7 +250,8 @@ def _curves(blends: _Blends):
 
     def curve(t):
         number = (0.5 * t).astype(int)
-        return jet(quintics, number, t - 2 * number)[:3]
+        point, first, second, _ = jet(quintics, number, t - 2 * number)
+        return point, first, second
 
     def frame(t, inner):
         number = (0.5 * t).astype(int)

@@ -9,7 +9,7 @@ from experiments.benchmarks.promises import random_paths
 from experiments.benchmarks.promises.motion import broken
 from experiments.benchmarks.promises.random_paths import KINDS, checked, random_path, stopping_time
 from jcontour.motion.cornering import cornered
-from jcontour.motion.jerk_limited.joints import joints
+from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 
@@ -29,7 +29,7 @@ def test_paths_have_two_to_fifty_pieces_that_meet(seed):
 
 def test_lines_and_arcs_go_on_smoothly_in_some_joints():
     path = random_path(3)
-    found = joints(path.contour.pieces)
+    found = joints(unpadded(path.contour))
     smooth = found.smooth(path.feed, float(path.limits.acceleration.min()))
     arcs = np.asarray(path.contour.rate) > 0
     assert smooth[arcs[1:] & arcs[:-1]].any() and smooth[~arcs[1:] & ~arcs[:-1]].any()
