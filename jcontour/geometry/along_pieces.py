@@ -18,8 +18,7 @@ from jaxtyping import Float, Int
 from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
 from jcontour.native import lanes
-from jcontour.native.calls import drop_stale
-from jcontour.native.lanes import WIDTH, fma, load, part, spread, store
+from jcontour.native.lanes import WIDTH, drop_stale, fma, load, part, spread, store
 
 drop_stale(Path(__file__).parent, Path(lanes.__file__))
 

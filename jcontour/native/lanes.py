@@ -151,6 +151,12 @@ def most(one, other):
     return where_less(one, other, other, one)
 
 
+@part
+def size_of(number):
+    """Absolute value."""
+    return most(number, spread(0.0) - number)
+
+
 def drop_stale(folder: Path, *sources: Path) -> None:
     """Delete what Numba has kept of a folder's modules from before one of the sources was changed.
 
