@@ -22,9 +22,10 @@ def sweep(rows: np.ndarray, square: np.ndarray) -> None:
     steps, count = rows.shape[1], rows.shape[2]
     for i in range(steps - 1, -1, -1):
         for r in range(count):
-            square[i] = min(square[i], rows[0, i, r] * square[i + 1] + rows[1, i, r])
+            most = rows[0, i, r] * square[i + 1] + rows[1, i, r]
+            square[i] = most if most < square[i] else square[i]
     for i in range(steps):
-        risen = np.inf
+        reached = square[i]
         for r in range(count):
-            risen = min(risen, rows[2, i, r] - rows[3, i, r] * square[i])
-        square[i + 1] = min(square[i + 1], square[i] + risen)
+            most = reached + (rows[2, i, r] - rows[3, i, r] * reached)
+            square[i + 1] = most if most < square[i + 1] else square[i + 1]

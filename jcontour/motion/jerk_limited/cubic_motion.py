@@ -53,22 +53,19 @@ class CubicMotion(NamedTuple):
         """Times at which arc lengths [m] are reached."""
         starts = self.coefficients[:, 0]
         cell = np.clip(np.searchsorted(starts, arc, side="right") - 1, 0, starts.size - 1)
-        return self.time[cell] + _elapsed(self.coefficients[cell], np.diff(self.time)[cell], arc)
+        lasting, found = np.diff(self.time)[cell], np.empty(arc.size)
+        _fill_elapsed(self.coefficients[cell].ravel(), lasting, arc, found)
+        return self.time[cell] + found
 
 
 @compiled
-def _elapsed(
-    coefficients: Float[np.ndarray, "k 4"],
-    lasting: Float[np.ndarray, " k"],
-    arc: Float[np.ndarray, " k"],
-) -> Float[np.ndarray, " k"]:
-    """Times since the beginning of cubics at which arc lengths are reached.
+def _fill_elapsed(cubics, lasting, arc, found):
+    """Write the times since the beginning of cubics at which arc lengths are reached.
 
     By Newton's method, and bisection where it leaves the interval.
     """
-    found = np.empty(arc.size)
     for i in range(arc.size):
-        s, v, a, j = coefficients[i]
+        s, v, a, j = cubics[4 * i], cubics[4 * i + 1], cubics[4 * i + 2], cubics[4 * i + 3]
         low, high = 0.0, lasting[i]
         t = 0.5 * high
         for _ in range(NEWTON_STEPS):
@@ -78,12 +75,13 @@ def _elapsed(
             else:
                 low = t
             speed, before = v + t * (2 * a + 3 * t * j), t
-            newton = t - beyond / speed if speed > 0 else low
-            t = newton if low < newton < high else 0.5 * (low + high)
+            t = 0.5 * (low + high)
+            if speed > 0:
+                newton = before - beyond / speed
+                t = newton if low < newton < high else t
             if abs(t - before) <= ROUNDING * lasting[i]:
                 break
         found[i] = t
-    return found
 
 
 def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> CubicMotion:
