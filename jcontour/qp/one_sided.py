@@ -10,9 +10,9 @@ and the others so that each equation holds. All arguments are arrays of one shap
 
 from typing import Any, NamedTuple
 
-from jaxtyping import Array
-
 from jcontour.kernels.arithmetic import is_finite, larger, smaller, where
+
+Numbers = Any  # arrays of all limits, or numbers of one in a kernel (`kernels.arithmetic`)
 
 
 class Limits(NamedTuple):
@@ -26,30 +26,30 @@ class Limits(NamedTuple):
         width: half of what lies between two limits, or the size of a single one.
     """
 
-    bound: Array
-    there: Array
-    gives: Array
-    price: Array
-    width: Array
+    bound: Numbers
+    there: Numbers
+    gives: Numbers
+    price: Numbers
+    width: Numbers
 
 
 class Point(NamedTuple):
     """A point of the path: the trajectory, and slacks s, t and multipliers l, g of the limits."""
 
     at: Any
-    s: Array
-    l: Array  # noqa: E741
-    t: Array
-    g: Array
+    s: Numbers
+    l: Numbers  # noqa: E741
+    t: Numbers
+    g: Numbers
 
 
 class Changes(NamedTuple):
     """Changes of slacks and multipliers with a step."""
 
-    s: Array
-    l: Array  # noqa: E741
-    t: Array
-    g: Array
+    s: Numbers
+    l: Numbers  # noqa: E741
+    t: Numbers
+    g: Numbers
 
 
 class Newton(NamedTuple):
@@ -62,14 +62,14 @@ class Newton(NamedTuple):
         over_l, over_g: inverses of l and g; zero where there is no limit, and none that gives way.
     """
 
-    missed: Array
-    price_missed: Array
-    weight: Array
-    over_l: Array
-    over_g: Array
+    missed: Numbers
+    price_missed: Numbers
+    weight: Numbers
+    over_l: Numbers
+    over_g: Numbers
 
 
-def sides(upper: Array, lower: Array, penalty: Array) -> tuple[Limits, Limits]:
+def sides(upper: Numbers, lower: Numbers, penalty: Numbers) -> tuple[Limits, Limits]:
     """Limits of rows from above and from below, the arrays all of one shape."""
     above, below = is_finite(upper), is_finite(lower)
     high, low = where(above, upper, 0.0), where(below, -lower, 0.0)
@@ -85,7 +85,7 @@ def sides(upper: Array, lower: Array, penalty: Array) -> tuple[Limits, Limits]:
     )
 
 
-def first_point(at, slack: Array, mu: Array, limits: Limits, room: float) -> Point:
+def first_point(at, slack: Numbers, mu: Numbers, limits: Limits, room: float) -> Point:
     """Slacks and multipliers to begin with: all products are mu.
 
     Args:
@@ -102,7 +102,7 @@ def first_point(at, slack: Array, mu: Array, limits: Limits, room: float) -> Poi
     return Point(at, s, l, where(limits.gives, mu / g, 0.0), g)
 
 
-def newton(point: Point, limits: Limits, rows: Array) -> Newton:
+def newton(point: Point, limits: Limits, rows: Numbers) -> Newton:
     """Newton's equations of limits where g' v is `rows`."""
     _, s, l, t, g = point  # noqa: E741
     return Newton(
@@ -114,37 +114,39 @@ def newton(point: Point, limits: Limits, rows: Array) -> Newton:
     )
 
 
-def missed_by(point: Point, limits: Limits, rows: Array) -> Array:
+def missed_by(point: Point, limits: Limits, rows: Numbers) -> Numbers:
     """By how much s + g' v - t = b is missed."""
     return where(limits.there, point.s + rows - point.t - limits.bound, 0.0)
 
 
-def softened_slack(point: Point, limits: Limits) -> Array:
+def softened_slack(point: Point, limits: Limits) -> Numbers:
     """Slack over multiplier, times the multiplier: s + l t / g."""
     way = where(limits.gives, point.t / point.g, 0.0)
     return point.s + way * point.l
 
 
-def products(point: Point, limits: Limits) -> tuple[Array, Array]:
+def products(point: Point, limits: Limits) -> tuple[Numbers, Numbers]:
     """Products s l and t g: c1 and c2 of a predictor, whose aim is zero."""
     return point.s * point.l, point.t * where(limits.gives, point.g, 0.0)
 
 
-def corrected(point: Point, limits: Limits, steps: Changes, share, target) -> tuple[Array, Array]:
+def corrected(
+    point: Point, limits: Limits, steps: Changes, share, target
+) -> tuple[Numbers, Numbers]:
     """Products c1 and c2 of a corrector: with those of the predictor's steps, less the aim."""
     c1, c2 = products(point, limits)
     c1 = where(limits.there, c1 + share * steps.s * steps.l - target, 0.0)
     return c1, where(limits.gives, c2 + share * steps.t * steps.g - target, 0.0)
 
 
-def pushes(here: Newton, point: Point, limits: Limits, c1: Array, c2: Array) -> Array:
+def pushes(here: Newton, point: Point, limits: Limits, c1: Numbers, c2: Numbers) -> Numbers:
     """Change of g' v that would change the multipliers as a step does where nothing moves."""
     way = (c2 - point.t * here.price_missed) * here.over_g
     return where(limits.there, here.missed - c1 * here.over_l + way, 0.0)
 
 
 def changes(
-    here: Newton, point: Point, limits: Limits, moved: Array, c1: Array, c2: Array
+    here: Newton, point: Point, limits: Limits, moved: Numbers, c1: Numbers, c2: Numbers
 ) -> Changes:
     """Changes with a step, `moved` is its change of g' v and what was pushed."""
     dl = here.weight * moved
@@ -153,7 +155,7 @@ def changes(
     return Changes(ds, dl, -(c2 + point.t * dg) * here.over_g, dg)
 
 
-def possible(point: Point, steps: Changes, limits: Limits) -> Array:
+def possible(point: Point, steps: Changes, limits: Limits) -> Numbers:
     """Part of a step, at most all, after which each slack and multiplier is still positive."""
     longest: Any = 1.0
     for value, change, counts in (
@@ -174,6 +176,6 @@ def moved_on(point: Point, at, steps: Changes, far) -> Point:
     return Point(at, s, l, t, g)
 
 
-def gap(point: Point) -> Array:
+def gap(point: Point) -> Numbers:
     """Products s l + t g, limit by limit; g is 1 where t is zero."""
     return point.s * point.l + point.t * point.g
