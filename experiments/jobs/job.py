@@ -17,7 +17,7 @@ from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError, read_csv, read_gcode
 from jcontour.motion.cornering import Planned
-from jcontour.motion.feed_laws import constant_feed
+from jcontour.motion.feed_laws import SharpTurnError, constant_feed
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
@@ -25,6 +25,23 @@ RAPID = 3.0
 MOST_SAMPLES = 20_000_000  # of a run: each has hundreds of bytes
 ROUNDING = 1e-12  # of a contour's length
 TOOLPATHS = Path(__file__).parent / "toolpaths"
+
+
+class TooLongError(ValueError):
+    """A motion whose samples do not fit in memory.
+
+    Attributes:
+        piece: number of the piece that takes longest.
+    """
+
+    def __init__(self, piece: int, seconds: float, dwells: float, dt: float):
+        self.piece = piece
+        of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
+        super().__init__(
+            f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
+            f"{MOST_SAMPLES:,} samples of {dt:g} s: give a higher feed"
+            f"{' or shorter dwells' if dwells else ''}"
+        )
 
 
 class Program(NamedTuple):
@@ -229,9 +246,12 @@ def _read(path: Path, pace: Pace) -> Job:
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
     speeds = np.where(rapid, rapid_speed, feed)
-    moving, resting = np.sum(np.asarray(contour.extent) / speeds), np.nansum(rest)
-    _check_duration(float(moving), float(resting), machine.model.dt)
-    run = along_path(contour, speeds, rapid, pace, rest)
+    moving = np.asarray(contour.extent) / speeds
+    try:
+        _check_duration(moving, np.nan_to_num(rest), machine.model.dt)
+        run = along_path(contour, speeds, rapid, pace, rest)
+    except (TooLongError, SharpTurnError) as error:
+        raise _in_line(program, error.piece, error) from None
     scored = ~(rapid[_piece_at(contour, run.arc)] & rapid[_piece_before(contour, run.arc)])
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
@@ -244,14 +264,16 @@ def _toolpath(path: Path, pace: Pace) -> Toolpath:
     return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
 
 
-def _check_duration(moving: float, resting: float, dt: float) -> None:
+def _check_duration(moving: np.ndarray, resting: np.ndarray, dt: float) -> None:
     """Refuse what takes so long [s] that its samples do not fit in memory."""
-    if (moving + resting) / dt > MOST_SAMPLES:
-        dwells = f", {resting:.3g} s of it in dwells (P of G4 is in seconds)" if resting else ""
-        raise ToolpathError(
-            f"takes {moving + resting:.3g} s at least{dwells}, more than {MOST_SAMPLES:,} samples "
-            f"of {dt:g} s: give a higher feed{' or shorter dwells' if resting else ''}"
-        )
+    whole, dwells = float(np.sum(moving) + np.sum(resting)), float(np.sum(resting))
+    if whole / dt > MOST_SAMPLES:
+        raise TooLongError(int(np.argmax(moving + resting)), whole, dwells, dt)
+
+
+def _in_line(program: Program | None, piece: int, error: ValueError) -> ToolpathError:
+    """The error with the line of the program that it is about."""
+    return ToolpathError(str(error) if program is None else f"line {program.line[piece]}: {error}")
 
 
 def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:

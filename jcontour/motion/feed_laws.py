@@ -32,6 +32,21 @@ FEWEST_STEPS = 4  # of a curved piece, so that the speed can rise between two st
 CORNER = 1e-6  # [rad] a smaller change of direction is rounding in the file
 
 
+class SharpTurnError(ValueError):
+    """A curve that turns too sharply for its length to be followed in steps.
+
+    Attributes:
+        piece: number of the piece that needs most steps.
+    """
+
+    def __init__(self, piece: int, steps: float):
+        self.piece = piece
+        super().__init__(
+            f"contour: a curve turns too sharply for its length: it needs {steps:.2g} steps, "
+            f"more than {MOST_STEPS:,}"
+        )
+
+
 def constant_feed(contour: Contour, feed: Numbers, dt: float) -> Float[np.ndarray, " T"]:
     """Arc length [m] at every sample of a motion at constant feed.
 
@@ -190,10 +205,7 @@ def _steps(contour: Contour) -> _Steps:
     several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
     count = np.where(straight, 1, several)
     if not count.sum() <= MOST_STEPS:
-        raise ValueError(
-            f"contour: a curve turns too sharply for its length: it needs {count.sum():.2g} steps, "
-            f"more than {MOST_STEPS:,}"
-        )
+        raise SharpTurnError(int(np.argmax(count)), float(count.sum()))
     count = count.astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)

@@ -89,9 +89,11 @@ def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> Cub
 
     Args:
         stops: arc lengths of the stops [m], those of both ends among them.
-        ramp: (k-1,) length of both ramps of every stretch [m].
+        ramp: (k-1,) length of both ramps of every stretch [m]; a stretch of no length is left out.
     """
     length = np.diff(stops)
+    moves = length > 0
+    starts, length, ramp = stops[:-1][moves], length[moves], ramp[moves]
     ramp = np.minimum(ramp, RAMP * length)
     cruise = np.maximum(length - 2 * ramp, 0.0)
     jerk = 1.0 / ramp**2  # half a ramp takes ramp / (1 m/s)
@@ -103,7 +105,7 @@ def ramped(stops: Float[np.ndarray, " k"], ramp: Float[np.ndarray, " r"]) -> Cub
     places = np.cumsum(
         np.stack([0 * one, ramp / 6, 5 * ramp / 6, cruise, 5 * ramp / 6], axis=1), axis=1
     )
-    arcs = (stops[:-1, None] + places).ravel()
+    arcs = (starts[:, None] + places).ravel()
     coefficients = np.stack([arcs, speeds, accelerations / 2, jerks / 6], axis=1)
     kept = durations > 0
     time = np.concatenate([[0.0], np.cumsum(durations[kept])])

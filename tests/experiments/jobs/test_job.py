@@ -13,6 +13,7 @@ from experiments.jobs.job import Pace, along_contour, from_file
 from experiments.jobs.pace import ACCELERATION
 from jcontour.geometry.contours import polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.motion import feed_laws
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
 SQUARE = [[0.0, 0.0], [2e-3, 0.0], [2e-3, 2e-3], [0.0, 2e-3]]  # [m]
@@ -22,7 +23,19 @@ def test_a_program_that_takes_for_ever(tmp_path):
     path = tmp_path / "slow.ngc"
     path.write_text("G1 X1 F600\nX90000 F0.1\n")
     pace = Pace(MACHINES["bridgeport"](), None, None)
-    with pytest.raises(ToolpathError, match=r"slow\.ngc: takes 5\.4e\+07 s at least, more than"):
+    told = r"slow\.ngc: line 2: the program takes 5\.4e\+07 s at least, longest here; that is more"
+    with pytest.raises(ToolpathError, match=told):
+        from_file(path, pace)
+
+
+def test_a_turn_that_no_motion_can_follow_is_told_with_its_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(feed_laws, "MOST_STEPS", 100)
+    path = tmp_path / "turns.ngc"
+    path.write_text("G21 F600\nG1 X10\nG2 X10 Y0 I5 P50\n")
+    pace = Pace.of(MachineFlags(feed_law="trapezoidal"), MACHINES["bridgeport"]())
+    with pytest.raises(
+        ToolpathError, match=r"turns\.ngc: line 3: contour: a curve turns too sharply"
+    ):
         from_file(path, pace)
 
 

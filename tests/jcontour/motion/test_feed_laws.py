@@ -9,7 +9,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpaths import read_gcode
-from jcontour.motion.feed_laws import constant_feed, trapezoidal
+from jcontour.motion.feed_laws import SharpTurnError, constant_feed, trapezoidal
 
 PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
 DT = 0.5e-3
@@ -260,5 +260,5 @@ def test_a_curve_that_turns_without_end_is_refused_at_once():
     bent, none = np.zeros((1, 6, 2)), np.zeros(1)
     bent[0, 1, 0], bent[0, 2, 1] = 1.0, 1e9  # a parabola whose bend is 2e9 / m
     piece = Piece(bent, np.zeros((1, 2)), np.zeros((1, 2)), none, none, np.ones(1))
-    with pytest.raises(ValueError, match="turns too sharply for its length"):
+    with pytest.raises(SharpTurnError, match="turns too sharply for its length"):
         trapezoidal(contours.from_pieces(piece), 0.05, 1e-3, 1.0)

@@ -6,6 +6,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited import optimum
+from jcontour.motion.jerk_limited.cubic_motion import ramped
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
@@ -214,3 +215,10 @@ def test_bad_limit_is_refused(jerk):
 def test_sample_period_has_to_be_positive():
     with pytest.raises(ValueError, match="dt"):
         jerk_limited(contours.circle(1e-2), FEED, LIMITS).sampled(0.0)
+
+
+def test_ramps_over_a_stretch_of_no_length_take_no_time():
+    """Two ramps of 0.1 mm at half a metre a second, 0.8 mm at one."""
+    motion = ramped(np.array([0.0, 1e-3, 1e-3]), np.full(2, 1e-4))
+    assert motion.time[-1] == pytest.approx(2 * 2e-4 + 0.8e-3)
+    assert motion.at(motion.time[-1]).arc == pytest.approx(1e-3)
