@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from rich.status import Status
 
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.catalogue.contours import CONTOURS
@@ -16,12 +17,14 @@ from experiments.jobs.job import Job, Pace
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
+from experiments.reports import tables
 from experiments.reports.figures.loops.contours import figures_of
 from experiments.reports.figures.loops.motion import draw_motion
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
+from experiments.runs.forecast import forecast
 from experiments.runs.lifecycle import created, finished, task_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
@@ -33,7 +36,8 @@ def command(flags: Simulate) -> int:
     """The whole command: simulate, print, exit code."""
     if flags.list_moves:
         return _list_moves(flags)
-    found, folder, line = run(flags)
+    with tables.console_of(stderr=True, quiet=flags.json).status("planning the motion") as status:
+        found, folder, line = run(flags, status)
     video = found.video or VideoResult()
     told = lines(vars(video), folder) if video.file else []
     code = finished(folder, found, flags, show_simulated, [*told, line, *next_steps(flags)])
@@ -53,8 +57,10 @@ def _list_moves(flags: Simulate) -> int:
     return 0
 
 
-def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
+def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
     """Simulate and store; the result, the run folder, and what is said of the rollouts.
+
+    The status shows what is being done, and how long it will take.
 
     Raises:
         ValueError: bad input; nothing has been written then.
@@ -65,8 +71,12 @@ def run(flags: Simulate) -> tuple[SimulatedResult, Path, str]:
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     flags = seeing_all(flags, job)
     design = design_for(machine, flags)
+    for line in forecast(job, machine.model.dt, len(machine.family_names)):
+        tables.say(status.console, line)
+    status.update(f"running {job.samples:,} samples")
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
     replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
+    status.update("writing and drawing")
     folder = created(flags, "simulate")
     found = simulated_result(design, scenarios, replayed)
     title = f"jcontour simulate: {found.controller} on {found.contour}"

@@ -1,0 +1,27 @@
+"""Length of a long run and the time that it will take, told before it begins."""
+
+from experiments.jobs.job import Task
+
+LONG = 200_000  # samples: with less of them a run is at its end in seconds
+START = 9.0  # [s] to compile and to draw, whatever the length
+# [s] of a sample on one plant: run, score, file and figures. 1.2 million samples of contouring-lq
+# on five plants of `bridgeport` took 23.5 s of processor time, 0.12 million took 10.2 s
+A_SAMPLE = 2.4e-6
+
+
+def forecast(job: Task, dt: float, plants: int) -> list[str]:
+    """A line about a long run; none about a short one.
+
+    Args:
+        job: what is run.
+        dt: sample period [s].
+        plants: how many plants it is run on.
+    """
+    if job.samples < LONG:
+        return []
+    seconds = START + A_SAMPLE * job.samples * plants
+    return [
+        f"{job.name}: {dt * (job.samples - 1):,.0f} s of motion, {job.samples:,} samples on "
+        f"{plants} plants. With contouring-lq this takes about {seconds:.2g} s of processor time; "
+        "Ctrl-C ends it."
+    ]
