@@ -1,11 +1,11 @@
 """A machine of two or three axes from one record of all of them.
 
 Each axis by itself: structure by `order_search`, numbers and intervals on the whole record,
-friction where it is seen. Then what the record cannot answer, in words, and the family: every gain
-within the largest of what the intervals say, what two halves of the record disagree by, and what
-drives repeat to; and one sample of delay more where the data do not tell two delays apart. The
-intervals of the response hold the richer models too that the record makes likelier without showing
-them clearly; the gain does not, as it is one number for all frequencies.
+friction where it is seen (`friction`). Then what the record cannot answer, in words, and the
+family: every gain within the largest of what the intervals say, what two halves of the record
+disagree by, and what drives repeat to; and one sample of delay more where the data do not tell two
+delays apart. The intervals of the response hold the richer models too that the record makes
+likelier without showing them clearly; the gain does not, as it is one number for all frequencies.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -19,28 +19,24 @@ from scipy.stats import f as f_distribution
 from jcontour.linear.plant import LinearPlant
 from tuning.identification.estimates import Estimate
 from tuning.identification.linear import evidence
+from tuning.identification.linear.friction import FAIR, friction_of, with_or_without_friction
 from tuning.identification.linear.order_search import (
     TELLS,
-    TRAINING,
     Choice,
-    chosen,
+    held_out,
     settled,
 )
 from tuning.identification.linear.output_error import (
     AxisFit,
     AxisRecord,
     fitted,
-    simulated,
     structure_of,
 )
 from tuning.identification.linear.rivals import may_ring_to, rivals_of
 
 FEWEST = 500  # samples
 LEAST_GAIN = 0.02  # uncertainty of a gain: no drive repeats better from day to day
-FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
 COLOURED = 0.1  # correlation of the errors that is said
-FRICTION_SEEN = 0.01  # part of the largest command
-SURE = 5.0  # standard deviations
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
@@ -78,7 +74,8 @@ class LinearAxis:
         held_out: position that the model of the first part gives for the rest [m].
         explained: part of the variance of the held-out speed that it explains.
         friction: command that Coulomb friction takes, and its standard deviation; None if not seen.
-        offset: constant command that acts beside the given one while the axis moves.
+        offset: constant command that acts beside the given one while the axis moves; told where
+            friction holds the axis at times, else 0.
         saturated: part of the samples at an extreme command.
         coupling: part of the errors that another axis explains, by its name; 0 if by chance.
         gain: relative uncertainty.
@@ -208,7 +205,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     name, command, position = record.axes[k], record.command[:, k], record.position[:, k]
     resolution = evidence.resolution_of(position)
     try:
-        used, choice = _with_or_without_friction(
+        used, choice = with_or_without_friction(
             AxisRecord(record.dt, command, position), resolution, most_poles, most_delay
         )
         found = settled(used, choice.best.fit, most_delay)
@@ -218,7 +215,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
     fit = found.fit
     estimate = evidence.estimate_of(fit)
     response = evidence.response_of(fit, estimate)
-    held_out, explained = _held_out(used, choice)
+    output, explained = held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
         pole = evidence.fastest_growth(command, position)
         if pole > RUNS_AWAY:
@@ -238,66 +235,16 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         response=evidence.widened(response, [one.fit.model for one in choice.richer]),
         choice=choice,
         rivals=rivals,
-        held_out=held_out,
+        held_out=output,
         explained=explained,
-        friction=_friction(fit, command),
-        offset=float(fit.drag[1]) if len(fit.drag) else 0.0,
+        friction=friction_of(fit),
+        offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
         saturated=evidence.saturated(command),
         coupling=_coupling(record, k, fit),
         gain=_gain(used, fit, response),
         late=min(late, 1),
         resolution=resolution,
     )
-
-
-def _with_or_without_friction(
-    record: AxisRecord, resolution: float, most_poles: int, most_delay: int
-) -> tuple[AxisRecord, Choice]:
-    """The record, with signs of the speed where dry friction helps to simulate what is held out.
-
-    Friction may also hide the integrator: then nothing simulates well what is held out.
-    """
-    plain = chosen(record, (0, 1), most_poles, most_delay)
-    begun = plain.best
-    if begun.structure.integrators == 0:
-        if not plain.integrating or _held_out(record, plain)[1] > FAIR:
-            return record, plain
-        begun = plain.integrating[0]
-    signs = evidence.speed_signs(record.position, resolution)
-    acting = np.where(signs == 0, 0.0, record.command)  # at a standstill friction takes all of it
-    rubbed = replace(record, command=acting, drags=(signs, np.abs(signs)))
-    first = fitted(rubbed, begun.structure, begun.fit.filter, begun.fit.model)
-    if _friction(first, record.command) is None:
-        return record, plain
-    choice = chosen(rubbed, (1,), most_poles, most_delay)
-    seen = _friction(choice.best.fit, record.command) is not None
-    better = _held_out(rubbed, choice)[1] > _held_out(record, plain)[1]
-    return (rubbed, choice) if seen and better else (record, plain)
-
-
-def _friction(fit: AxisFit, command: np.ndarray) -> tuple[float, float] | None:
-    estimate = evidence.estimate_of(fit)
-    if "friction" not in estimate.names:
-        return None
-    value, deviation = estimate["friction"], estimate.deviation("friction")
-    if value > max(SURE * deviation, FRICTION_SEEN * float(np.abs(command).max())):
-        return value, deviation
-    return None
-
-
-def _held_out(record: AxisRecord, choice: Choice) -> tuple[np.ndarray, float]:
-    """Simulation of the last part by the model of the first, and the speed that it explains."""
-    cut = int(TRAINING * len(record.position))
-    rest, fit = record.part(cut, len(record.position)), choice.best.fit
-    output = simulated(rest, fit.model, drag=fit.drag).output
-    window = evidence.WINDOW
-
-    def speed(signal: np.ndarray) -> np.ndarray:
-        return signal[window:] - signal[:-window]
-
-    missed, moved = speed(rest.position - output), speed(rest.position)
-    variance = float(np.var(moved))
-    return output, 1 - float(np.var(missed)) / variance if variance > 0 else 0.0
 
 
 def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> float:

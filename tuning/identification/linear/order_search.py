@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
+from tuning.identification.linear.evidence import WINDOW
 from tuning.identification.linear.hidden_modes import hidden_modes
 from tuning.identification.linear.noise_model import (
     WHITE,
@@ -130,7 +131,7 @@ def chosen(
             glances = [one for s in structures if (one := _glance(training, s, first)) is not None]
             if not glances:
                 continue
-            tried.append(_walked(training, min(glances, key=_left), most_delay))
+            tried.append(_walked(training, min(glances, key=left_of), most_delay))
             if n > 0:  # with one pole more the delay is less, or hardly more
                 latest = min(tried[-1].model.delay + MORE, most_delay)
     if not tried:
@@ -200,7 +201,7 @@ def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
 
 def _likelihood(fit: AxisFit) -> float:
     """Minus its logarithm, but for a constant."""
-    return 0.5 * len(_judged(fit)) * float(np.log(_left(fit)))
+    return 0.5 * len(_judged(fit)) * float(np.log(left_of(fit)))
 
 
 def _glance(
@@ -217,7 +218,7 @@ def _glance(
             break
         filter_ = found.filter
         tried.append(found)
-    return min((one for one in tried if one is not None), key=_left, default=None)
+    return min((one for one in tried if one is not None), key=left_of, default=None)
 
 
 def _quick(
@@ -239,25 +240,25 @@ def _quick(
 
 def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
     """Model refined by a few steps, its delay moved while that leaves less."""
-    best = _refined_a_little(record, start)
+    best = refined_a_little(record, start)
     for way in (1, -1):
         while 0 <= best.model.delay + way <= most_delay:
             model = replace(best.model, delay=best.model.delay + way)
-            other = _refined_a_little(record, replace(best, model=model))
-            if _left(other) >= _left(best):
+            other = refined_a_little(record, replace(best, model=model))
+            if left_of(other) >= left_of(best):
                 break
             best = other
     return best
 
 
-def _refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
+def refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
     """A few steps of Gauss-Newton; then the noise filter of what they leave."""
     structure = structure_of(start.model)
     fit = fitted(record, structure, start.filter, start.model, STEPS, start.drag)
     return replace(fit, filter=whitening(fit.residual, NOISE_TERMS))
 
 
-def _left(fit: AxisFit) -> float:
+def left_of(fit: AxisFit) -> float:
     """Variance of what neither the model nor the past explains [m^2]."""
     return float(np.var(_judged(fit)))
 
@@ -280,8 +281,25 @@ def _likelier(one: Candidate, other: Candidate) -> float:
     """Gain in log-likelihood over both parts of the record."""
     first = len(_judged(one.fit))
     rest = min(len(one.held_out), len(other.held_out))
-    gains = first * np.log(_left(other.fit) / _left(one.fit)), rest * np.log(other.loss / one.loss)
+    gains = (
+        first * np.log(left_of(other.fit) / left_of(one.fit)),
+        rest * np.log(other.loss / one.loss),
+    )
     return 0.5 * float(sum(gains))
+
+
+def held_out(record: AxisRecord, choice: Choice) -> tuple[Float[np.ndarray, " R"], float]:
+    """Simulation of the rest by the model of the first part, and the speed that it explains."""
+    cut = int(TRAINING * len(record.position))
+    rest, fit = record.part(cut, len(record.position)), choice.best.fit
+    output = simulated(rest, fit.model, drag=fit.drag).output
+
+    def speed(signal: np.ndarray) -> np.ndarray:
+        return signal[WINDOW:] - signal[:-WINDOW]
+
+    missed, moved = speed(rest.position - output), speed(rest.position)
+    variance = float(np.var(moved))
+    return output, 1 - float(np.var(missed)) / variance if variance > 0 else 0.0
 
 
 def _size(one: Candidate) -> int:

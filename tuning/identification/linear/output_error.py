@@ -6,10 +6,11 @@ The position is the command's answer, the motion from before the record and what
 
 U is the command behind its delay and integrators, delta the unit pulse at the first sample that no
 command from before the record reaches directly, p the place where the axis stands and what an
-offset of its command adds up to, S what acts in the place of the command, as the sign of the speed
-does for Coulomb friction. The fit minimises sum (W r)^2 with W of `noise_model`: it is started by
-Steiglitz and McBride's iteration (IEEE Trans. Automatic Control 10, 1965) and ended by
-Gauss-Newton, whose slopes are the same few signals filtered once more and shifted:
+offset of its command adds up to, S what acts where the command arrives, as the sign of the speed
+does for Coulomb friction: behind the integrators, without the command's delay. The fit minimises
+sum (W r)^2 with W of `noise_model`: it is started by Steiglitz and McBride's iteration (IEEE Trans.
+Automatic Control 10, 1965) and ended by Gauss-Newton, whose slopes are the same few signals
+filtered once more and shifted:
 
     dy/da_i = -q^-i (y_dynamic / A),      dy/db_i = q^-i (U / A) (+ f S / A)
 """
@@ -39,7 +40,8 @@ class AxisRecord:
         dt: sample period [s].
         command: [command unit], held over each sample.
         position: [m].
-        drags: signals S that act in the place of the command, as the sign of the speed does.
+        drags: signals S that act where the command arrives, without its delay, as the sign of the
+            speed does.
     """
 
     dt: float
@@ -160,7 +162,7 @@ def started(
         ValueError: the iteration has no finite end.
     """
     y = whitened(record.position - record.position[0], filter_)
-    signals = [driven(one, structure) for one in (record.command, *record.drags)]
+    signals = [driven(record.command, structure), *_dragged(record, structure)]
     inputs = [whitened(one, filter_) for one in signals]
     below = np.atleast_1d(np.poly(np.full(structure.poles, np.exp(-1 / START))))
     numerator = np.full(structure.zeros, np.nan)
@@ -269,7 +271,7 @@ def _evaluated(
     above = np.concatenate([[0.0], model.numerator])
     drag = np.zeros(len(record.drags)) if drag is None else drag
     drive = _filtered(below, driven(record.command, structure))
-    drags = [_filtered(below, driven(one, structure)) for one in record.drags]
+    drags = [_filtered(below, one) for one in _dragged(record, structure)]
     drive = drive + sum(f * one for f, one in zip(drag, drags, strict=True))
     answer = whitened(drive, above)
     begin = structure.zeros + model.delay  # what commands before the record still bring is over
@@ -334,6 +336,11 @@ def driven(command: Float[np.ndarray, " T"], structure: Structure) -> Float[np.n
     for _ in range(structure.integrators):
         signal = np.cumsum(signal)
     return signal
+
+
+def _dragged(record: AxisRecord, structure: Structure) -> list[np.ndarray]:
+    """The drags behind the integrators: they do not wait for the command's delay."""
+    return [driven(one, replace(structure, delay=0)) for one in record.drags]
 
 
 def shifted(signal: Float[np.ndarray, " T"], samples: int) -> Float[np.ndarray, " T"]:

@@ -41,7 +41,7 @@ def with_resonance(record: AxisRecord, base: AxisFit) -> AxisModel:
     smooth, drag = base.model, zip(base.drag, record.drags, strict=True)
     i, poles = smooth.integrators, len(smooth.denominator) + 2
     structure = Structure(poles, poles + i, i, 0)
-    command = record.command + sum(f * signal for f, signal in drag)
+    command = record.command + sum(f * _ahead(signal, smooth.delay) for f, signal in drag)
     drive = whitened(driven(command, structure), base.filter)
     position = whitened(record.position - record.position[0], base.filter)
     first = len(base.filter) + structure.zeros + smooth.delay
@@ -59,6 +59,11 @@ def with_resonance(record: AxisRecord, base: AxisFit) -> AxisModel:
     ]
     _, below, above, delay = min(tried, key=lambda one: one[0])
     return AxisModel(below[1:], above, i, delay, record.dt)
+
+
+def _ahead(signal: Float[np.ndarray, " T"], samples: int) -> np.ndarray:
+    """The signal earlier by some samples: it acts without the delay of the command."""
+    return np.concatenate([signal[samples:], np.full(samples, signal[-1])])
 
 
 def _pairs() -> Iterator[Float[np.ndarray, " 3"]]:

@@ -24,7 +24,9 @@ def record(noise=0.0, friction=0.0):
     random = np.random.default_rng(0)
     u = np.repeat(random.standard_normal(ROWS // 10), 10)
     signs = np.sign(np.sin(np.arange(ROWS) / 40.0))
-    y = np.asarray(lfilter(TRUTH.above, TRUTH.below, u + friction * signs)) + 0.3
+    y = np.asarray(lfilter(TRUTH.above, TRUTH.below, u)) + 0.3
+    at_once = TRUTH.above[TRUTH.delay :]  # friction does not wait for the command's delay
+    y = y + friction * np.asarray(lfilter(at_once, TRUTH.below, signs))
     y = y + noise * random.standard_normal(ROWS)
     return AxisRecord(DT, u, y, (signs,) if friction else ())
 
@@ -39,7 +41,7 @@ def test_the_start_alone_is_right_without_noise():
     assert np.allclose(started(record(), STRUCTURE).denominator, TRUTH.denominator, rtol=1e-4)
 
 
-def test_friction_in_the_place_of_the_command():
+def test_friction_acts_without_the_delay_of_the_command():
     found = fitted(record(friction=0.4), STRUCTURE)
     assert found.drag == pytest.approx([0.4], rel=1e-6)
     assert np.allclose(found.model.numerator, TRUTH.numerator, rtol=1e-5)

@@ -1,0 +1,109 @@
+"""Dry friction of an axis: looked for in every record, taken along where it is there.
+
+    y = G (q^-d u + f S) + ...,      S = -sign(speed), without the delay of the command
+
+Left out, a friction of one or two per cent of the command spoils gain, time constant and delay by
+far more than their intervals, as a linear model describes it in part. So f is fitted beside a
+linear model for a few steps. Where it is surely above zero and leaves less, all structures are
+tried again with it.
+
+Two forms are tried. An axis that turns at once has a soft sign, over spans as long as counts ask;
+one that is held at times has none while it stands, as friction takes all of the command then.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from tuning.identification.linear import evidence
+from tuning.identification.linear.order_search import (
+    Choice,
+    chosen,
+    held_out,
+    left_of,
+    refined_a_little,
+)
+from tuning.identification.linear.output_error import AxisFit, AxisRecord
+
+FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
+SURE = 5.0  # standard deviations
+
+
+def with_or_without_friction(
+    record: AxisRecord, resolution: float, most_poles: int, most_delay: int
+) -> tuple[AxisRecord, Choice]:
+    """The record, with the signs of dry friction where they help to simulate what is held out.
+
+    Args:
+        record: of the axis, without drags.
+        resolution: of its encoder [m].
+        most_poles: as in `order_search.chosen`.
+        most_delay: the same.
+
+    Raises:
+        ValueError: no structure gives a stable model.
+    """
+    plain = chosen(record, (0, 1), most_poles, most_delay)
+    rubbed = _rubbed(record, plain, resolution)
+    if rubbed is None:
+        return record, plain
+    choice = chosen(rubbed, (1,), most_poles, most_delay)
+    seen = friction_of(choice.best.fit) is not None
+    better = held_out(rubbed, choice)[1] > held_out(record, plain)[1]
+    return (rubbed, choice) if seen and better else (record, plain)
+
+
+def friction_of(fit: AxisFit) -> tuple[float, float] | None:
+    """Command that dry friction takes, and its standard deviation; None where it is not sure."""
+    estimate = evidence.estimate_of(fit)
+    if "friction" not in estimate.names:
+        return None
+    value, deviation = estimate["friction"], estimate.deviation("friction")
+    return (value, deviation) if value > SURE * deviation else None
+
+
+def soft_signs(
+    position: Float[np.ndarray, " T"], unclear: float, half: int
+) -> Float[np.ndarray, " T"]:
+    """Minus the sign of the speed, soft where it moves by no more than counts or noise [m].
+
+    By the motion between `half - 1` samples before a sample and `half` after it.
+    """
+    padded = np.pad(position, (half - 1, half), mode="edge")
+    return -np.tanh((padded[2 * half - 1 :] - padded[: len(position)]) / unclear)
+
+
+def _rubbed(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord | None:
+    """The record with the form of friction that leaves the least; None where none is likely.
+
+    Friction may also hide the integrator: then nothing simulates well what is held out.
+    """
+    begun = plain.best
+    if begun.structure.integrators == 0:
+        if not plain.integrating:
+            return None
+        begun = plain.integrating[0]
+    found = []
+    for one in _forms(record, resolution, begun.fit.model.delay):
+        start = replace(begun.fit, drag=np.zeros(len(one.drags)))
+        fit = refined_a_little(one.part(0, len(start.residual)), start)
+        if friction_of(fit) is not None:
+            found.append((left_of(fit), one))
+    least, rubbed = min(found, key=lambda one: one[0], default=(np.inf, None))
+    likelier = least < left_of(plain.best.fit)
+    return rubbed if likelier or held_out(record, plain)[1] < FAIR else None
+
+
+def _forms(record: AxisRecord, resolution: float, delay: int) -> list[AxisRecord]:
+    """The record with every form of the signs; the stuck one comes first."""
+    unclear = max(resolution, np.sqrt(2) * evidence.noise_of(record.position))
+    signs = evidence.speed_signs(record.position, resolution)
+    arrives = np.concatenate([signs[delay:], np.full(delay, signs[-1])])
+    stuck = replace(
+        record,
+        command=np.where(arrives == 0, 0.0, record.command),
+        drags=(signs, np.abs(signs)),
+    )
+    soft = [soft_signs(record.position, unclear, half) for half in evidence.HALVES]
+    return [stuck, *(replace(record, drags=(one,)) for one in soft)]
