@@ -1,9 +1,10 @@
 """Records of a machine: commands and positions of its axes over time, from a log.
 
 Columns are found by their names, x_command and x_position for the axis X beside `time` [s], or by
-flags that name them. A name may end in its unit: time_ms, x_position_um.
+flags that name them. A name may end in its unit: time_ms, x_position_um, Time [ms].
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,7 +138,8 @@ def _named(
 
 def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | None:
     for word in words:
-        for name in (word, *(f"{word}_{unit}" for unit in units)):
+        said = (end for unit in units for end in (f"_{unit}", f" [{unit}]", f" ({unit})"))
+        for name in (word, *(f"{word}{end}" for end in said)):
             if name in table:
                 return name
     return None
@@ -145,8 +147,10 @@ def _first(table: Table, words: Sequence[str], units: Sequence[str]) -> str | No
 
 def _unit(name: str, units: dict[str, float]) -> str | None:
     """Unit at the end of a column's name."""
-    end = name.rsplit("_", 1)[-1]
-    return end if "_" in name and end in units else None
+    found = re.search(r"(?:_(\w+)|\[(\w+)\]|\((\w+)\))$", name.strip().lower())
+    end = next((one for one in found.groups() if one), None) if found else None
+    end = None if end is None else end.rsplit("_", 1)[-1]
+    return end if end in units else None
 
 
 def _column(path: Path, table: Table, name: str) -> np.ndarray:

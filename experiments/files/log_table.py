@@ -1,6 +1,8 @@
 """Columns of numbers from what drives and programs record: CSV, netCDF and MAT files."""
 
 import csv
+import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from experiments.files.checks import line
 MOST_BYTES = 512 * 2**20
 COMMENTS = ("#", "%", "//")
 SEPARATORS = "\t;,"
+NUMBERS = re.compile(r"(?:[\d\s.,;+-]|e|nan|inf)+", re.IGNORECASE)  # a line of nothing else
 
 Table = dict[str, Float[np.ndarray, " T"]]
 
@@ -18,6 +21,7 @@ Table = dict[str, Float[np.ndarray, " T"]]
 def read_table(path: Path) -> Table:
     """Columns of a file by name, in lower case; those of a CSV without header are 1, 2, ...
 
+    The header is the last line before two lines of numbers; text above it is left out.
     In place of commas a text file may have tabs, semicolons or spaces, any number of these.
     A column of a netCDF or MAT file is a vector, or a column of a matrix: `q` of two columns gives
     q_1 and q_2.
@@ -55,6 +59,7 @@ def _csv(path: Path, content: bytes) -> Table:
     ]
     if not lines:
         raise ValueError(f"{path}: is empty")
+    lines = _from_header(lines)
     separator = max(SEPARATORS, key=lambda one: lines[0][1].count(one))
     comma = separator != ","  # then it may stand in numbers, as in 0,001
     texts = [words for _, words in lines]
@@ -73,8 +78,19 @@ def _csv(path: Path, content: bytes) -> Table:
             numbers[k] = np.array([_number(cell, comma) for cell in cells]).reshape(len(heads))
         except ValueError:
             place = lines[k + named][0]
-            raise ValueError(f"{path}: line {place} does not hold {len(heads)} numbers") from None
+            head = f" as the header, line {lines[0][0]}" if named else ""
+            raise ValueError(
+                f"{path}: line {place} does not hold {len(heads)} numbers{head}"
+            ) from None
     return {name: numbers[:, k].copy() for k, name in enumerate(heads)}
+
+
+def _from_header(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Numbered lines without the text above the header, the last line before those of numbers."""
+    for k, ((_, first), (_, second)) in enumerate(pairwise(lines)):
+        if NUMBERS.fullmatch(first) and NUMBERS.fullmatch(second):
+            return lines[max(k - 1, 0) :]
+    return lines
 
 
 def _number(word: str, comma: bool) -> float:

@@ -41,7 +41,7 @@ def command(flags: Identify) -> int:
         flags = replace(flags, control_unit="V")
     log, source = _log(flags)
     record = MachineRecord(log.dt, flags.axes, log.command, log.position)
-    found = identify_machine(record, flags.most_order, flags.most_delay)
+    found = drawn = identify_machine(record, flags.most_order, flags.most_delay)
     if len(flags.axes) == 1:
         found = found.twice("Y" if flags.axes[0] != "Y" else "X")
     name = "identified" if flags.data is None else flags.data.stem
@@ -53,7 +53,7 @@ def command(flags: Identify) -> int:
         flags,
         [] if flags.data is None else [flags.data],
     )
-    _store(flags, log, found, text, folder)
+    _store(flags, log, drawn, text, folder)
     result = _result(flags, log, source, found)
     write_result(folder, result)
     path = folder / MODEL
@@ -189,7 +189,7 @@ def _questions(
 
 
 def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:
-    from experiments.reports.figures.machines.linear_axes import FIGURES
+    from experiments.reports.figures.machines.linear_axes import figures
     from experiments.reports.figures.shared.png import save_figures
 
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
@@ -204,4 +204,4 @@ def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, fold
                 temporary, rows, "%.10g", ",", header=",".join(heads), comments=""
             ),
         )
-    save_figures(FIGURES, found, folder)
+    save_figures(figures(flags.control_unit), found, folder)

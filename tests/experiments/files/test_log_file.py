@@ -39,6 +39,20 @@ def test_units_in_names_and_names_by_flags(tmp_path):
     assert np.allclose(log.position, signals[:, 2:] * [1e-6, 1.0])
 
 
+@pytest.mark.parametrize(
+    ("heads", "metre"),
+    [
+        (("Time [ms]", "a", "b", "Act X [um]", "q [m]"), 1e-6),
+        (("t (ms)", "a", "b", "c", "d_m"), 1e-3),
+    ],
+)
+def test_units_in_brackets(tmp_path, heads, metre):
+    path, signals = written(tmp_path, 1e3 * TIME, heads)
+    log = read_log(path, ("X", "Y"), LogColumns(None, ("a", "b"), heads[3:]))
+    assert log.dt == pytest.approx(0.002)
+    assert np.allclose(log.position, signals[:, 2:] * [metre, 1.0])
+
+
 def test_a_period_in_the_place_of_time(tmp_path):
     path, _ = written(tmp_path, heads=("nothing", *HEADS[1:]))
     with pytest.raises(ValueError, match="no column of time; name it with --time-column"):

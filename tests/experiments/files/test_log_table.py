@@ -31,6 +31,18 @@ def test_spaces_between_numbers_as_in_a_table_for_reading(tmp_path, decimal):
         read_table(path)
 
 
+def test_a_preamble_of_text_above_the_header_is_left_out(tmp_path):
+    path = tmp_path / "log.csv"
+    above = "Servo trace export V4.2\nDrive;AX5203 X axis\nSample time;0,25 ms\n\n"
+    path.write_text(above + "Time [ms];Command [V]\n0,00;-1,5\n0,25;2e-3\n")
+    table = read_table(path)
+    assert list(table) == ["time [ms]", "command [v]"]
+    assert table["time [ms]"].tolist() == [0.0, 0.25] and table["command [v]"][0] == -1.5
+    path.write_text(above + "1,5;2\n0,25;2e-3;4\n")  # the header is wanting: it is said
+    with pytest.raises(ValueError, match="line 6 does not hold 2 numbers as the header, line 3"):
+        read_table(path)
+
+
 def test_decimal_commas_as_many_drives_write_them(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text("t;u\n0,001;-1,5\n0,002;2e-3\n", encoding="utf-8-sig")

@@ -1,5 +1,7 @@
 """Figures to trust an identified machine by: prediction, whiteness, Bode plot, coupling."""
 
+from collections.abc import Callable
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -35,13 +37,13 @@ def prediction(found: LinearMachineFound) -> Figure:
     return figure
 
 
-def bode(found: LinearMachineFound) -> Figure:
+def bode(found: LinearMachineFound, control_unit: str) -> Figure:
     """Frequency response with its 95 % interval; grey where it is wider than 10 %."""
     figure, panels = _panels(found, 2)
     for (magnitude, phase), axis in zip(panels, found.axes, strict=True):
         response = axis.response
         half = np.minimum(response.half_width, 3.0)
-        size = np.abs(response.value)
+        size = 1e3 * np.abs(response.value)
         magnitude.fill_between(
             response.frequency, size * np.exp(-half), size * np.exp(half), color=TUNED, alpha=0.25
         )
@@ -51,7 +53,7 @@ def bode(found: LinearMachineFound) -> Figure:
         wide = np.degrees(np.minimum(half, np.pi))
         phase.fill_between(response.frequency, angle - wide, angle + wide, color=TUNED, alpha=0.25)
         phase.plot(response.frequency, angle, color=TUNED, linewidth=1)
-        grid(magnitude, f"{axis.name}: command to position, 95 %", "Hz", "m per unit")
+        grid(magnitude, f"{axis.name}: command to position, 95 %", "Hz", f"mm per {control_unit}")
         grid(phase, "", "Hz", "phase [degrees]")
         for panel in (magnitude, phase):
             panel.set_xscale("log")
@@ -105,4 +107,10 @@ def _grey_out(panel: Axes, response: evidence.Response) -> None:
         panel.axvspan(high, last, color="0.9", zorder=0)
 
 
-FIGURES = {"prediction": prediction, "bode": bode, "residuals": residuals}
+def figures(control_unit: str) -> dict[str, Callable[[LinearMachineFound], Figure]]:
+    """Figures by name, with the unit of the commands."""
+    return {
+        "prediction": prediction,
+        "bode": lambda found: bode(found, control_unit),
+        "residuals": residuals,
+    }
