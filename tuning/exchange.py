@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 from jcontour.analysis.probes import probe_windows
 from jcontour.motion.references import Reference
 from tuning.loops import Looked, ProbedLoops
-from tuning.objectives import LATE, LOOP_LIMITS, AtMost, Limits, no_limits
+from tuning.objectives import COUNT_NOISE, LATE, LOOP_LIMITS, AtMost, Limits, no_limits
 from tuning.parameters import Chart, Weights
 from tuning.point import looked_at
 from tuning.problem import Problem
@@ -71,7 +71,7 @@ def exchanged(
     windows = probe_windows(problem.references, many)
     z = np.asarray(Chart(problem.space, tuned.weights).coordinates())
     unstable, excess = _look(replace(problem, loops=probed), start, z, windows, few, many)
-    seen = Looked(tuned.outcome.loops, tuned.outcome.late)
+    seen = Looked(tuned.outcome.loops, tuned.outcome.late, tuned.outcome.count_noise)
     most = max(0.0, float(np.max(_excess(problem.limits, seen), initial=0.0)))
     badness = np.where(unstable, np.inf, excess)
     worst = np.argmax(badness, axis=1)
@@ -127,7 +127,7 @@ def _excess(limits: Limits, looked: Looked) -> Float[np.ndarray, " K"]:
     if not isinstance(limits, AtMost):
         return largest
     for name, bound in zip(limits.names, np.asarray(limits.bounds), strict=True):
-        values = looked.late if name == LATE else None
+        values = {LATE: looked.late, COUNT_NOISE: looked.count_noise}.get(name)
         if name in LOOP_LIMITS:
             values = getattr(looked.peaks, LOOP_LIMITS[name])
         if values is not None:

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jcontour.analysis.count_noise import count_noise
 from jcontour.analysis.frequency_response import Encoding
 from jcontour.analysis.frozen_loops import FrozenLoop
 from jcontour.analysis.late_loops import late_measures
@@ -25,10 +26,12 @@ class Looked(NamedTuple):
     Attributes:
         peaks: of the sensitivities; None where the loops are not looked at.
         late: spectral radius with more delay; None where it is not looked at.
+        count_noise: RMS of the control by the counts of encoders; likewise.
     """
 
     peaks: LoopPeaks | None = None
     late: Any = None
+    count_noise: Any = None
 
 
 class Loops(eqx.Module):
@@ -57,7 +60,7 @@ class ProbedLoops(Loops):
     >>> machine = bridgeport()
     >>> path, arc = contours.circle(1e-3), 1e-5 * np.arange(9)
     >>> run = references.along(path, arc, machine.dt, preview=5, at_rest=False)
-    >>> loops = ProbedLoops.of(stack_plants([machine]), stack_references([run]), count=4)
+    >>> loops = ProbedLoops.of(stack_plants([machine]), stack_references([run]), probes=4)
     >>> loops.windows.position.shape
     (4, 6, 2)
 
@@ -66,40 +69,47 @@ class ProbedLoops(Loops):
         encoding: how the sensors of the family show positions.
         more: samples of delay that the loops are looked at with as well; none for 0.
         doubt: how far off the response of the plants may be; nothing is said of it for None.
+        count: length of a count of the encoders [m]; None where its noise is not looked at.
     """
 
     windows: Reference
     encoding: Encoding
     more: int = eqx.field(static=True, default=0)
     doubt: Doubt | None = None
+    count: float | None = eqx.field(static=True, default=None)
 
     @classmethod
     def of(
         cls,
         plants: Plant,
         references: Reference,
-        count: int,
+        probes: int,
         more: int = 0,
         doubt: Doubt | None = None,
+        count: float | None = None,
     ) -> "ProbedLoops":
-        """Probes of stacked references, `count` for each."""
-        windows = probe_windows(references, count)
-        return cls(windows, encoding_of(plants, windows), more, doubt)
+        """Some probes of each of the stacked references."""
+        windows = probe_windows(references, probes)
+        return cls(windows, encoding_of(plants, windows), more, doubt, count)
 
     def matrices(self, controller: Controller, plants: Plant) -> FrozenLoop:
         """Frozen loops of every probe and plant."""
         return frozen_family(controller, plants, self.windows)
 
     def look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
-        """Peaks of the sensitivities, and the radius with more delay."""
+        """Peaks of the sensitivities, the radius with more delay, and the noise of the counts."""
         values, gradients = loop_measures(matrices, self.encoding, self.doubt)
         change = _along(gradients, slopes, "...mij,...ijd->...md")
-        peaks = LoopPeaks(*np.moveaxis(values, -1, 0))
-        moved = LoopPeaks(*np.moveaxis(change, -2, 0))
-        if not self.more:
-            return Looked(peaks), Looked(moved)
-        late, gradient = late_measures(matrices, self.more)
-        return Looked(peaks, late), Looked(moved, _along(gradient, slopes, "...ij,...ijd->...d"))
+        found = [LoopPeaks(*np.moveaxis(values, -1, 0)), None, None]
+        moved = [LoopPeaks(*np.moveaxis(change, -2, 0)), None, None]
+        if self.more:
+            found[1], gradient = late_measures(matrices, self.more)
+            moved[1] = _along(gradient, slopes, "...ij,...ijd->...d")
+        if self.count is not None:
+            deviation = self.count / np.sqrt(12)
+            found[2], gradient = count_noise(matrices, self.encoding, deviation)
+            moved[2] = _along(gradient, slopes, "...ij,...ijd->...d")
+        return Looked(*found), Looked(*moved)
 
 
 def _along(gradients: FrozenLoop, slopes: FrozenLoop, letters: str) -> np.ndarray:

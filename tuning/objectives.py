@@ -45,6 +45,7 @@ LOOP_LIMITS = {  # name of the limit -> field of LoopPeaks
     "response_doubt": "doubt",
 }
 LATE = "late_radius"
+COUNT_NOISE = "count_noise"
 RATIO = "error_ratio"
 CERTIFIED_USE = "certified_control_use"
 USE_LIMITS = {f"{name}_use": name for name in LimitUse._fields}  # likewise of LimitUse
@@ -173,6 +174,7 @@ class AtMost(eqx.Module):
     Names are those of `Metrics`, `peak_sensitivity`, `peak_complementary_sensitivity` and
     `spectral_radius` of the loops, `response_doubt` for what is not known of the response (1 is all
     that a loop bears), `late_radius` for the largest spectral radius with more delay,
+    `count_noise` for the RMS of the control by the counts of encoders,
     `error_ratio` for the RMS error over that of `before`, and `speed_use`, `acceleration_use`,
     `control_use`, `increment_use`: 1 is all that the machine has; `certified_control_use` is that
     of the largest control under bounded disturbances.
@@ -193,7 +195,7 @@ class AtMost(eqx.Module):
 
     def __init__(self, before: Before | None = None, /, **limits: float):
         known = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
-        known += [*LOOP_LIMITS, LATE, RATIO, CERTIFIED_USE, *USE_LIMITS]
+        known += [*LOOP_LIMITS, LATE, COUNT_NOISE, RATIO, CERTIFIED_USE, *USE_LIMITS]
         if RATIO in limits and before is None:
             raise ValueError(f"{RATIO}: needs the errors before the tuning, received none")
         for name, limit in limits.items():
@@ -254,6 +256,10 @@ def _values(outcome: Outcome, name: str) -> Float[Array | np.ndarray, "rows plan
         if outcome.late is None:
             raise ValueError(f"{name}: needs a problem that looks at loops with more delay")
         return outcome.late
+    if name == COUNT_NOISE:
+        if outcome.count_noise is None:
+            raise ValueError(f"{name}: needs a problem that looks at the noise of counts")
+        return outcome.count_noise
     if name not in LOOP_LIMITS:
         return getattr(outcome.metrics, name)
     if outcome.loops is None:

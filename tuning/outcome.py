@@ -22,6 +22,8 @@ class Outcome(NamedTuple):
             problem does not ask for it.
         certified: largest errors and controls under bounded disturbances, axes (contour, plant);
             None for a problem that states no disturbances.
+        count_noise: RMS of the control by the counts of encoders [control unit], axes
+            (probe, plant); None where the problem does not ask for it.
     """
 
     metrics: Metrics
@@ -29,6 +31,7 @@ class Outcome(NamedTuple):
     use: LimitUse | None = None
     late: Float[Array, "K P"] | None = None
     certified: PeakValues | None = None
+    count_noise: Float[Array, "K P"] | None = None
 
     @property
     def diverged(self) -> Bool[Array, ""]:

@@ -82,9 +82,14 @@ def evaluate_point(problem: Problem, start: Weights, z: Float[np.ndarray, " d"])
     (metrics, use), (metric_slopes, use_slopes) = jax.device_get(runs)
     looked, loop_slopes = looked_at(problem, start, z)
     certified, certified_slopes = _certified(problem, start, z)
-    outcome = Outcome(metrics, looked.peaks, use, looked.late, certified)
+    outcome = Outcome(metrics, looked.peaks, use, looked.late, certified, looked.count_noise)
     slopes = Outcome(
-        metric_slopes, loop_slopes.peaks, use_slopes, loop_slopes.late, certified_slopes
+        metric_slopes,
+        loop_slopes.peaks,
+        use_slopes,
+        loop_slopes.late,
+        certified_slopes,
+        loop_slopes.count_noise,
     )
     judged, judged_slopes = jax.device_get(
         _judged(replace(problem, disturbed=None), outcome, slopes)
@@ -106,10 +111,9 @@ def evaluate_values(problem: Problem, start: Weights, z: Float[np.ndarray, " d"]
     if problem.loops is not None:
         none = jax.tree.map(lambda matrix: np.zeros((*matrix.shape, 0)), matrices)
         looked = problem.loops.look(matrices, none)[0]
-    certified = _worst(problem, start, z)
-    outcome = Outcome(
-        metrics, looked.peaks, use, looked.late, None if certified is None else certified[0]
-    )
+    worst = _worst(problem, start, z)
+    certified = None if worst is None else worst[0]
+    outcome = Outcome(metrics, looked.peaks, use, looked.late, certified, looked.count_noise)
     judged = jax.device_get(_judged_alone(lone, outcome))
     finite = all(np.isfinite(number).all() for number in judged[:2])
     none = Judged(*(np.zeros((*number.shape, 0)) for number in judged))

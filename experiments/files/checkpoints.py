@@ -24,6 +24,7 @@ from tuning.tune import TuneState
 STATE = "state.npz"
 # stored leaf by leaf; every other field of the state is one number or one array
 _TREES = ("history", "descent")
+ALONE = ("late", "count_noise")  # of the loops of an outcome: one array each
 # its structure
 _DESCENT = begin(np.zeros(1), Model(*(np.zeros((1,) * axes) for axes in (2, 1, 3, 2))))
 
@@ -46,8 +47,9 @@ def save_state(folder: Path, state: TuneState) -> Path:
         arrays[f"loops_{name}"] = np.asarray([getattr(row.outcome.loops, name) for row in rows])
     for name in LimitUse._fields if rows and rows[0].outcome.use is not None else ():
         arrays[f"use_{name}"] = np.asarray([getattr(row.outcome.use, name) for row in rows])
-    if rows and rows[0].outcome.late is not None:
-        arrays["late"] = np.asarray([row.outcome.late for row in rows])
+    for name in ALONE:
+        if rows and getattr(rows[0].outcome, name) is not None:
+            arrays[name] = np.asarray([getattr(row.outcome, name) for row in rows])
     certified = rows and rows[0].outcome.certified is not None
     for name in PeakValues._fields if certified else ():
         values = [getattr(row.outcome.certified, name) for row in rows]
@@ -108,8 +110,8 @@ def _history(arrays: dict[str, np.ndarray]) -> list[Evaluated]:
                 Metrics(**{name: values[k] for name, values in metrics.items()}),
                 LoopPeaks(*(values[k] for values in loops)) if looked else None,
                 LimitUse(*(values[k] for values in use)) if limited else None,
-                arrays["late"][k] if "late" in arrays else None,
-                PeakValues(*(values[k] for values in certified)) if proven else None,
+                certified=PeakValues(*(values[k] for values in certified)) if proven else None,
+                **{name: arrays[name][k] for name in ALONE if name in arrays},
             ),
             bool(columns["diverged"][k]),
         )

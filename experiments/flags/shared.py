@@ -90,6 +90,9 @@ class Limited(Controlled):
     1.4 is very robust, 2 usual, 3 the most that should run a machine."""
     min_delay_margin: int = 0  # the family has the machine's unknown delay already
     """Samples of delay beyond its own that every loop of every plant of the family has to bear."""
+    max_count_noise: float | None = 0.01  # a calm control; more of it buys parts of a count
+    """Limit on the RMS control that the rounding of encoders to counts causes, as a part of the
+    machine's control limit; None for no limit."""
     max_tracking_error_um: float | None = None
     """Limit on the RMS tracking error [um]."""
     max_peak_tracking_error_um: float | None = None

@@ -16,7 +16,7 @@ from experiments.files.results.tuned_result import (
     rms_error,
 )
 from experiments.reports.tables import digits, peak_line, plain_table, position, say
-from tuning.objectives import LATE, RATIO
+from tuning.objectives import COUNT_NOISE, LATE, RATIO
 
 SEEN, HELD_OUT = "training", "held out"
 STEP = 1.1  # of a limit, whose worth is told
@@ -197,7 +197,7 @@ def sentence(result: TunedResult) -> str:
 def limit_lines(result: TunedResult) -> list[str]:
     """What stops further improvement, and what one more step of it would buy."""
     if not result.active:
-        return ["No limit stops it."]
+        return ["No limit stops it."] if result.usable else []
     lines = []
     for one in result.active:
         if one.name == LATE:  # samples are whole: a tenth of one means nothing
@@ -217,6 +217,8 @@ def limit_words(name: str, bound: float) -> str:
         return "delay margin of every plant"
     if name == RATIO:
         return f"error of every training contour <= {bound:.6g} of its start"
+    if name == COUNT_NOISE:
+        return f"rms control by encoder counts <= {bound:.6g}"
     if name.endswith("_use"):
         return f"{name.removesuffix('_use')} within {100 * bound:.3g} % of the machine's"
     limited = name.replace("_", " ")

@@ -168,3 +168,11 @@ def test_certified_errors_and_controls_need_disturbances():
     for judge in (certified_error, limits):
         with pytest.raises(ValueError, match="certified.*: needs a problem that states its"):
             judge(Outcome(metrics()))
+
+
+def test_the_noise_of_counts_is_limited_for_every_probe_and_plant():
+    limits, noise = AtMost(count_noise=0.1), jnp.asarray([[0.1, 0.05]])
+    found = limits(Outcome(metrics(), count_noise=noise))
+    np.testing.assert_allclose(found, [0.0, -np.log(2.0)], atol=1e-12)
+    with pytest.raises(ValueError, match="count_noise: needs a problem that looks at the noise"):
+        limits(Outcome(metrics()))

@@ -13,7 +13,7 @@ from experiments.files.results.tuned_result import (
     rms_error,
 )
 from experiments.runs.tuning.problem import LIMITS
-from tuning.objectives import LATE, RATIO, USE_LIMITS
+from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
 from tuning.tune import Price, Tuned
 
@@ -161,6 +161,11 @@ def _what_helps(tuned: Tuned, limit: str) -> list[str]:
         ]
     if limit == LATE:
         return ["a loop does not bear the delay that --min-delay-margin asks for; ask for less"]
+    if limit == COUNT_NOISE:
+        return [
+            "the rounding of the encoders moves the control more than that; "
+            "--max-count-noise allows more, finer encoders need less"
+        ]
     if limit == RATIO:
         return ["a training contour stays worse than was asked for; --max-error-ratio allows more"]
     if limit in FLAGS:

@@ -34,6 +34,7 @@ from tuning.effort import Effort
 from tuning.loops import ProbedLoops
 from tuning.objectives import (
     CERTIFIED_USE,
+    COUNT_NOISE,
     RATIO,
     AtMost,
     Before,
@@ -158,13 +159,14 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     kept = [] if design.keeps_limits else _named(stated)
     if machine.doubt is not None:
         limits["response_doubt"] = BORNE
+    limits |= _noise_limit(flags, machine, design)
     limits |= asked | {f"{name}_use": RESERVED for name in kept}
     if flags.objective == "certified" and stated.control is not None:
         limits[CERTIFIED_USE] = RESERVED
     problem = replace(
         problem,
         limits=AtMost(_before(flags, before, problem), **limits),
-        loops=probed_loops(flags, problem, machine.doubt),
+        loops=probed_loops(flags, problem, machine.doubt, counted(limits, machine)),
         axis_limits=stated if _named(stated) else None,
         disturbed=_disturbed(flags, machine, bounds, design, runs[0]),
     )
@@ -291,13 +293,45 @@ def _disturbed(
     return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
 
 
-def probed_loops(flags: Limited, problem: Problem, doubt: Doubt | None) -> ProbedLoops | None:
-    """The frozen loops that the limits look at; None where none does."""
-    if not loop_limits(flags) and doubt is None:
+def probed_loops(
+    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | None
+) -> ProbedLoops | None:
+    """The frozen loops that the limits look at; None where none does.
+
+    Args:
+        flags: of the run.
+        problem: whose loops they are.
+        doubt: how far off the response may be.
+        count: of the encoders [m], where the noise of counts is limited.
+    """
+    if not loop_limits(flags) and doubt is None and count is None:
         return None
     return ProbedLoops.of(
-        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt
+        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt, count
     )
+
+
+def _noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, float]:
+    """Bound on the RMS control by encoder counts, as a part of the machine's largest control.
+
+    None where nothing is counted, or the machine states no limit of its control.
+
+    Raises:
+        ValueError: the flag is not above zero.
+    """
+    part, largest = flags.max_count_noise, machine.limits.control
+    if part is not None and not (np.isfinite(part) and part > 0):
+        raise ValueError(
+            f"max-count-noise: a limit needs to be finite and above zero, received {part}"
+        )
+    if part is None or largest is None or design.fed == "state" or machine.resolution is None:
+        return {}
+    return {COUNT_NOISE: part * float(np.min(largest))}
+
+
+def counted(limits: dict[str, float], machine: Machine) -> float | None:
+    """A count of the encoders [m] where its noise is limited."""
+    return machine.resolution if COUNT_NOISE in limits else None
 
 
 def _ratio_limit(flags: Tune) -> dict[str, float]:

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from experiments.files import run_folder
-from experiments.runs.tuning.problem import OBJECTIVES, TuningRun, probed_loops
+from experiments.runs.tuning.problem import OBJECTIVES, TuningRun, counted, probed_loops
 from tuning.objectives import AtMost, Regret
 from tuning.problem import Problem
 from tuning.tune import TuneState, tune
@@ -48,4 +48,5 @@ def _alone(run: TuningRun, index: int) -> Problem:
     if isinstance(limits, AtMost):
         limits = limits.of_contour(index)
     alone = replace(problem, references=references, objective=objective, limits=limits)
-    return replace(alone, loops=probed_loops(run.flags, alone, run.machine.doubt))
+    count = counted(run.limits, run.machine)
+    return replace(alone, loops=probed_loops(run.flags, alone, run.machine.doubt, count))

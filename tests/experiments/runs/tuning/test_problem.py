@@ -156,6 +156,27 @@ def test_a_delay_margin_limits_loops_with_that_much_more_delay(
 
 
 @pytest.mark.slow
+def test_the_noise_of_counts_is_limited_to_a_part_of_the_control(machine_file, part_file, tmp_path):
+    """Of the same loop twice the count is twice the noise; the limits need no margin beside it."""
+    fields = json.loads(machine_file.read_text()) | {"limits": {"control": 8.0}}
+    path = tmp_path / "counting.json"
+    path.write_text(json.dumps(fields))
+    flags = Tune(parts=(str(part_file),), plant=str(path), preview=4, max_sensitivity=None)
+    run = tuning_run(flags)
+    assert run.limits["count_noise"] == pytest.approx(0.08)
+    z = np.asarray(Chart(run.problem.space, run.start).coordinates())
+    once = evaluate_values(run.problem, run.start, z).outcome.count_noise
+    loops = run.problem.loops
+    twice = replace(run.problem, loops=replace(loops, count=2 * loops.count))
+    assert np.all(np.isfinite(once)) and np.all(once > 0)
+    found = evaluate_values(twice, run.start, z).outcome.count_noise
+    np.testing.assert_allclose(found, 2 * once, rtol=1e-12)
+    assert "count_noise" not in tuning_run(replace(flags, max_count_noise=None)).limits
+    with pytest.raises(ValueError, match="max-count-noise: a limit needs to be finite and above"):
+        tuning_run(replace(flags, max_count_noise=0.0))
+
+
+@pytest.mark.slow
 def test_what_is_not_known_of_the_response_limits_the_loops(machine_file, part_file, tmp_path):
     fields = json.loads(machine_file.read_text())
     fields["uncertainty"]["response"] = {"hertz": [1, 100], "relative": [[0.01, 2.0]] * 2}
@@ -239,10 +260,13 @@ def test_points_keep_their_certified_errors(tmp_path):
     ones = {name: np.ones((1, 2)) for name in Metrics.__dataclass_fields__}
     ones["diverged"] = np.zeros((1, 2), bool)
     proven = PeakValues(np.array([[1e-6, 2e-6]]), np.array([[0.5, 0.25]]))
-    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, Outcome(Metrics(**ones), certified=proven), False)
+    outcome = Outcome(Metrics(**ones), certified=proven, count_noise=np.array([[0.1, 0.2]]))
+    row = Evaluated(0, np.zeros(2), 1e-6, -0.1, outcome, False)
     save_state(tmp_path, TuneState(history=[row]))
     found = load_state(tmp_path).history[0].outcome
     np.testing.assert_array_equal(found.certified, proven)
+    np.testing.assert_array_equal(found.count_noise, outcome.count_noise)
+    assert found.late is None
     assert found.loops is None
 
 
