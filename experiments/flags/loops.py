@@ -230,7 +230,7 @@ class Export(Common):
     """One file of plain NumPy that does the same."""
     along: str | None = None
     """Contour of the run that the plan is made for; its first one when not given."""
-    single: bool = False  # positions in metres need double
+    single: bool = False  # double is exact
     """Numbers in single precision, for drives without double."""
     out: Path | None = None
     """Run folder; runs/export-<time> when not given. It must not hold another run."""

@@ -17,9 +17,11 @@ def show_exported(found: ExportedResult, console: Console) -> None:
         f"It remembers {found.states} numbers, and has {sets} along the path.",
         f"Its equations give the controls of `simulate` within {found.difference:.1e} "
         f"{found.control_unit}; the largest is {found.largest_control:.3g}.",
+        f"Off its plan, numbers in {found.precision} precision change the controls by up to "
+        f"{found.rounding:.1e} {found.control_unit}.",
         *(
-            f"Checked: {one.compiler}: no warning, controls within {one.difference:.1e}, "
-            f"{one.nanoseconds:.0f} ns a step"
+            f"Checked: {one.compiler}: no warning, controls off the plan within "
+            f"{one.difference:.1e} {found.control_unit}, {one.nanoseconds:.0f} ns a step"
             for one in found.compiled
         ),
     )

@@ -28,8 +28,8 @@ def c_header(law: DriveLaw, plan: DrivePlan, notes: Sequence[str], precision: Pr
     terms = [
         _member("feedback", plan.F, "F, row by row: inputs x memory"),
         _member("direct", plan.D, "D, row by row: inputs x measured"),
-        "    const real *control; /* f: fed forward */",
-        _member("memory", plan.w, "w: fed forward into the memory"),
+        "    const real *control; /* f: controls of the planned run */",
+        "    const real *measured; /* r: measurements of the planned run */",
     ]
     return _HEADER.substitute(
         notes=_comment(notes),
@@ -46,8 +46,7 @@ def c_header(law: DriveLaw, plan: DrivePlan, notes: Sequence[str], precision: Pr
 
 def c_source(law: DriveLaw, plan: DrivePlan, precision: Precision) -> str:
     """Text of `controller.c`: `drive_init` and `drive_step`."""
-    start = np.zeros(1) if law.states == 0 else law.start
-    constants = [("START", start, "memory before the first sample")]
+    constants = []
     if law.correction is not None:
         constants.append(("L", law.correction.L, "observer gain: memory x measured"))
         constants.append(("C", law.correction.C, "measured part of the memory"))
@@ -62,25 +61,24 @@ def c_source(law: DriveLaw, plan: DrivePlan, precision: Precision) -> str:
         if matrix is not None
     ]
     tables = "\n\n".join(_constant(*one, precision) for one in constants)
-    body = [*_correction(law), *_control(law, plan), *_prediction(law, plan)]
+    body = [*_departure(law), *_correction(law), *_control(law, plan), *_prediction(law)]
     text = "\n".join(f"    {line}".rstrip() for line in body)
     helpers = "\n".join(code for name, code in _HELPERS.items() if f"{name}(" in text)
-    return _SOURCE.substitute(tables=tables, helpers=helpers, body=text)
+    parts = [part for part in (tables, helpers) if part]
+    return _SOURCE.substitute(parts="\n\n".join(parts), body=text)
 
 
 def c_plan(plan: DrivePlan, name: str, precision: Precision) -> str:
     """Text of `plan.c`: the plan of one path as constant tables."""
-    rows = plan.f.shape[1]
-    tables = [_constant("CONTROL", plan.f, "f, a row for every sample", precision)]
-    members = [f"    sample.control = &CONTROL[{rows} * k];"]
+    tables, members = [], []
+    for word, rows, told in (("CONTROL", plan.f, "f"), ("MEASURED", plan.r, "r")):
+        tables.append(_constant(word, rows, f"{told}, a row for every sample", precision))
+        members.append(f"    sample.{word.lower()} = &{word}[{rows.shape[1]} * k];")
     for word, sets, told in (("FEEDBACK", plan.F, "F"), ("DIRECT", plan.D, "D")):
         if sets is not None:
             tables.append(_constant(word, sets, f"{told}, {len(sets)} set(s)", precision))
             size = sets[0].size
             members.append(f"    sample.{word.lower()} = &{word}[{size} * {_set(plan)}];")
-    if plan.w is not None:
-        tables.append(_constant("MEMORY", plan.w, "w, a row for every sample", precision))
-        members.append(f"    sample.memory = &MEMORY[{plan.w.shape[1]} * k];")
     if _set(plan) == "USED[k]":
         used = whole_numbers(plan.used)
         head = "/* gain set of every sample */\nstatic const unsigned short USED[]"
@@ -99,47 +97,63 @@ def _set(plan: DrivePlan) -> str:
     return "k" if sets == plan.steps else "USED[k]"
 
 
+def _departure(law: DriveLaw) -> list[str]:
+    return [
+        "/* departure from the planned run: z = y - r */",
+        "real z[DRIVE_MEASURED];",
+        "for (int i = 0; i < DRIVE_MEASURED; i++) {",
+        "    z[i] = y[i] - plan->measured[i];",
+        "}",
+        "",
+    ]
+
+
 def _correction(law: DriveLaw) -> list[str]:
     if law.correction is None:
         return []
     return [
-        "/* correction: x += L (y - C x) */",
+        "/* correction: e += L (z - C e) */",
         "real miss[DRIVE_MEASURED];",
-        "copy(DRIVE_MEASURED, y, miss);",
-        "subtract(DRIVE_MEASURED, DRIVE_MEMORY, C, x, miss);",
-        "add(DRIVE_MEMORY, DRIVE_MEASURED, L, miss, x);",
+        "copy(DRIVE_MEASURED, z, miss);",
+        "subtract(DRIVE_MEASURED, DRIVE_MEMORY, C, e, miss);",
+        "add(DRIVE_MEMORY, DRIVE_MEASURED, L, miss, e);",
         "",
     ]
 
 
 def _control(law: DriveLaw, plan: DrivePlan) -> list[str]:
-    lines = ["/* control: u = f - F x - D y */", "copy(DRIVE_INPUTS, plan->control, u);"]
+    lines = ["/* control: u = f - F e - D z */", "copy(DRIVE_INPUTS, plan->control, u);"]
     if plan.F is not None:
-        lines.append("subtract(DRIVE_INPUTS, DRIVE_MEMORY, plan->feedback, x, u);")
+        lines.append("subtract(DRIVE_INPUTS, DRIVE_MEMORY, plan->feedback, e, u);")
     if plan.D is not None:
-        lines.append("subtract(DRIVE_INPUTS, DRIVE_MEASURED, plan->direct, y, u);")
+        lines.append("subtract(DRIVE_INPUTS, DRIVE_MEASURED, plan->direct, z, u);")
     if np.isfinite(law.limit).any():
         lines.append("limit(DRIVE_INPUTS, LIMIT, u);")
     return [*lines, ""]
 
 
-def _prediction(law: DriveLaw, plan: DrivePlan) -> list[str]:
+def _prediction(law: DriveLaw) -> list[str]:
     if law.states == 0:
-        return ["(void)x; /* this controller remembers nothing */"]
-    lines = [
-        "/* memory of the next sample: A x + B u + E y + w, as far as they are there */",
-        "real next[DRIVE_MEMORY] = {0};",
-    ]
-    if plan.w is not None:
-        lines.append("copy(DRIVE_MEMORY, plan->memory, next);")
+        return ["(void)e; /* this controller remembers nothing */"]
+    lines = ["/* memory of the next sample: A e + B (u - f) + E z, as far as they are there */"]
+    if law.B is not None:
+        lines += ["real change[DRIVE_INPUTS];", "copy(DRIVE_INPUTS, plan->control, change);"]
+        if np.isfinite(law.limit).any():
+            lines.append("limit(DRIVE_INPUTS, LIMIT, change);")
+        lines += [
+            "for (int i = 0; i < DRIVE_INPUTS; i++) {",
+            "    change[i] = u[i] - change[i];",
+            "}",
+        ]
+    lines.append("real next[DRIVE_MEMORY] = {0};")
     for name, matrix, size, signal in (
-        ("A", law.A, "DRIVE_MEMORY", "x"),
-        ("B", law.B, "DRIVE_INPUTS", "u"),
-        ("E", law.E, "DRIVE_MEASURED", "y"),
+        ("A", law.A, "DRIVE_MEMORY", "e"),
+        ("B", law.B, "DRIVE_INPUTS", "change"),
+        ("E", law.E, "DRIVE_MEASURED", "z"),
     ):
         if matrix is not None:
             lines.append(f"add(DRIVE_MEMORY, {size}, {name}, {signal}, next);")
-    return [*lines, "copy(DRIVE_MEMORY, next, x);"]
+    return [*lines, "copy(DRIVE_MEMORY, next, e);"]
 
 
 def _member(name: str, matrix: np.ndarray | None, words: str) -> str:
@@ -178,7 +192,7 @@ enum {
     DRIVE_STEPS = $steps /* samples of the plan */
 };
 
-/*
+/* What is remembered, each less its value on the planned run:
 $entries
  */
 typedef struct {
@@ -190,7 +204,7 @@ typedef struct {
 $sample
 } drive_sample;
 
-/* Memory before the first sample: the axes where the path begins, the load unknown. */
+/* Memory before the first sample: the axes where the path begins, as planned. */
 void drive_init(drive_controller *controller);
 
 /* Sample 0 <= k < DRIVE_STEPS of the plan. */
@@ -250,17 +264,17 @@ static void limit(int count, const real *most, real *values)
 _SOURCE = Template("""\
 #include "controller.h"
 
-$tables
-
-$helpers
+$parts
 void drive_init(drive_controller *controller)
 {
-    copy(DRIVE_MEMORY, START, controller->memory);
+    for (int i = 0; i < DRIVE_MEMORY; i++) {
+        controller->memory[i] = 0;
+    }
 }
 
 void drive_step(drive_controller *controller, const drive_sample *plan, const real *y, real *u)
 {
-    real *x = controller->memory;
+    real *e = controller->memory;
 
 $body
 }

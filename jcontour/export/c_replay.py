@@ -19,13 +19,15 @@ def numbers_file(names: Sequence[str], columns: Float[np.ndarray, "T c"]) -> str
     return "\n".join([",".join(names), *lines]) + "\n"
 
 
-def plan_file(plan: DrivePlan) -> str:
-    """Text of `plan.csv`: a line for every sample, f, w, F row by row, D row by row."""
-    parts = [("f", plan.f), ("w", plan.w)]
+def plan_file(plan: DrivePlan, dt: float) -> str:
+    """Text of `plan.csv`: a line for every sample, k, t [s], f, r, F row by row, D row by row."""
+    parts = [("f", plan.f), ("r", plan.r)]
     parts += [(name, _rows(plan, sets)) for name, sets in (("F", plan.F), ("D", plan.D))]
     there = [(name, part) for name, part in parts if part is not None]
     names = [f"{name}{k + 1}" for name, part in there for k in range(part.shape[1])]
-    return numbers_file(names, np.concatenate([part for _, part in there], axis=1))
+    rows = numbers_file(names, np.concatenate([part for _, part in there], axis=1)).splitlines()
+    lines = [f"{k},{literal(k * dt)},{row}" for k, row in enumerate(rows[1:])]
+    return "\n".join([f"k,t_s,{rows[0]}", *lines]) + "\n"
 
 
 def _rows(plan: DrivePlan, sets: np.ndarray | None) -> np.ndarray | None:
@@ -33,7 +35,7 @@ def _rows(plan: DrivePlan, sets: np.ndarray | None) -> np.ndarray | None:
 
 
 def replay_file(y: Float[np.ndarray, "T q"], u: Float[np.ndarray, "T p"]) -> str:
-    """Text of `replay.csv`: what a run measured, and its controls."""
+    """Text of `replay.csv`: measurements of a run, and their controls."""
     names = [f"y{k + 1}" for k in range(y.shape[1])] + [f"u{k + 1}" for k in range(u.shape[1])]
     return numbers_file(names, np.concatenate([y, u], axis=1))
 
@@ -45,10 +47,10 @@ def c_replay() -> str:
 
 def c_plan_reader(plan: DrivePlan) -> str:
     """Text of `plan.c` for a plan too long for tables: it reads `plan.csv` line by line."""
-    offset, members = 0, []
+    offset, members = 2, []  # after k and t
     for name, size in (
         ("control", plan.f.shape[1]),
-        ("memory", 0 if plan.w is None else plan.w.shape[1]),
+        ("measured", plan.r.shape[1]),
         ("feedback", 0 if plan.F is None else plan.F[0].size),
         ("direct", 0 if plan.D is None else plan.D[0].size),
     ):

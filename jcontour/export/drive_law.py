@@ -1,10 +1,13 @@
-"""A linear controller as a drive computes it: matrices, and a plan with a row for every sample.
+"""A linear controller as a drive computes it: what it does about a departure from a planned run.
 
-    x  <- x + L (y - C x)                  correction, where there is an observer
-    u   = f_k - F_k x - D_k y,             kept to its limit
-    x  <- A x + B u + E y + w_k            memory of the next sample
-The plan holds what changes along the path: F, D, f and w. A matrix without an entry but zero is
-None, and its term is left out.
+    z   = y - r_k                           measurement, from that of the planned run
+    e  <- e + L (z - C e)                   correction, where there is an observer
+    u   = f_k - F_k e - D_k z,              kept to its limit
+    e  <- A e + B (u - f_k) + E z           memory of the next sample; f_k is kept to the limit too
+The memory e begins at zero: it is the controller's own memory less that of the planned run. All
+sums are of small numbers, so they keep their digits in single precision. The plan holds what
+changes along the path: F, D, f and r. A matrix without an entry but zero is None, and its term is
+left out.
 """
 
 from dataclasses import dataclass
@@ -27,7 +30,6 @@ class DriveLaw:
 
     Attributes:
         dt: sample period [s].
-        start: memory x before the first sample.
         names: of the entries of the memory.
         measured: entries q of the measurement.
         inputs: controls p.
@@ -37,7 +39,6 @@ class DriveLaw:
     """
 
     dt: float
-    start: Float[np.ndarray, " n"]
     names: tuple[str, ...]
     measured: int
     inputs: int
@@ -50,7 +51,7 @@ class DriveLaw:
     @property
     def states(self) -> int:
         """Entries of the memory."""
-        return self.start.size
+        return len(self.names)
 
 
 @dataclass(frozen=True)
@@ -61,15 +62,15 @@ class DrivePlan:
         used: which of the gain sets every sample has.
         F: gain sets of the memory.
         D: gain sets of the measurement.
-        f: control that is fed forward.
-        w: likewise, of the memory.
+        f: controls of the planned run, before any limit.
+        r: measurements of the planned run.
     """
 
     used: Int[np.ndarray, " T"]
     F: Float[np.ndarray, "sets p n"] | None
     D: Float[np.ndarray, "sets p q"] | None
     f: Float[np.ndarray, "T p"]
-    w: Float[np.ndarray, "T n"] | None
+    r: Float[np.ndarray, "T q"]
 
     @property
     def steps(self) -> int:
@@ -79,7 +80,7 @@ class DrivePlan:
     @property
     def numbers(self) -> int:
         """Numbers in the tables."""
-        tables = (self.used, self.F, self.D, self.f, self.w)
+        tables = (self.used, self.F, self.D, self.f, self.r)
         return sum(table.size for table in tables if table is not None)
 
 
@@ -92,12 +93,12 @@ def drive_plan(
     F: Float[np.ndarray, "T p n"],
     D: Float[np.ndarray, "T p q"],
     f: Float[np.ndarray, "T p"],
-    w: Float[np.ndarray, "T n"],
+    r: Float[np.ndarray, "T q"],
 ) -> DrivePlan:
     """Plan with equal gains stored once; no bit is lost.
 
     >>> same = np.ones((5, 1, 2))
-    >>> plan = drive_plan(same, np.zeros((5, 1, 1)), np.zeros((5, 1)), np.zeros((5, 2)))
+    >>> plan = drive_plan(same, np.zeros((5, 1, 1)), np.zeros((5, 1)), np.zeros((5, 1)))
     >>> plan.F.shape, plan.D, plan.used.tolist()
     ((1, 1, 2), None, [0, 0, 0, 0, 0])
     """
@@ -110,29 +111,49 @@ def drive_plan(
     rank[order] = np.arange(order.size)
     sets = both[first[order]]
     used = rank[used.reshape(-1)]
-    return DrivePlan(used, some(sets[:, :, :n]), some(sets[:, :, n:]), f, some(w))
+    return DrivePlan(used, some(sets[:, :, :n]), some(sets[:, :, n:]), f, r)
 
 
 def replayed(
-    law: DriveLaw, plan: DrivePlan, measurement: Float[np.ndarray, "T q"]
+    law: DriveLaw,
+    plan: DrivePlan,
+    measurement: Float[np.ndarray, "T q"],
+    kind: type[np.floating] = np.float64,
 ) -> Float[np.ndarray, "T p"]:
     """Controls that the law gives for recorded measurements, by matrix products.
 
     The written code adds in another order: controls agree up to rounding.
+
+    Args:
+        law: what does not change along the path.
+        plan: what does.
+        measurement: a row for every sample.
+        kind: of every number, np.float32 for single precision.
     """
-    x, controls = law.start.copy(), []
-    for k, y in enumerate(measurement):
-        if law.correction is not None:
-            x = x + law.correction.L @ (y - law.correction.C @ x)
-        u = plan.f[k].copy()
-        for sets, signal in ((plan.F, x), (plan.D, y)):
+
+    def rounded(matrix):
+        return None if matrix is None else matrix.astype(kind)
+
+    A, B, E, limit = (rounded(one) for one in (law.A, law.B, law.E, law.limit))
+    F, D, f, r = (rounded(one) for one in (plan.F, plan.D, plan.f, plan.r))
+    L, C = (None, None) if law.correction is None else map(rounded, _both(law.correction))
+    e, controls = np.zeros(law.states, kind), []
+    for k, z in enumerate(rounded(measurement) - r):
+        if L is not None:
+            e = e + L @ (z - C @ e)
+        u = f[k].copy()
+        for sets, signal in ((F, e), (D, z)):
             if sets is not None:
                 u = u - sets[plan.used[k]] @ signal
-        u = np.clip(u, -law.limit, law.limit)
-        after = np.zeros_like(x) if plan.w is None else plan.w[k]
-        for matrix, signal in ((law.A, x), (law.B, u), (law.E, y)):
+        u = np.clip(u, -limit, limit)
+        change, after = u - np.clip(f[k], -limit, limit), np.zeros_like(e)
+        for matrix, signal in ((A, e), (B, change), (E, z)):
             if matrix is not None:
                 after = after + matrix @ signal
-        x = after
+        e = after
         controls.append(u)
-    return np.array(controls).reshape(len(measurement), law.inputs)
+    return np.array(controls, kind).reshape(len(measurement), law.inputs)
+
+
+def _both(correction: Correction) -> tuple[np.ndarray, np.ndarray]:
+    return correction.L, correction.C

@@ -25,7 +25,8 @@ from jcontour.controllers.observers.kalman import (
     PredictorObserver,
     with_disturbance,
 )
-from jcontour.export.drive_law import Correction, DriveLaw, DrivePlan, drive_plan, some
+from jcontour.export.affine_law import AffineLaw
+from jcontour.export.drive_law import Correction, DriveLaw, some
 from jcontour.guarantees.affine import NotAffine
 from jcontour.guarantees.disturbed_loop import check_linear_controller, check_planless
 from jcontour.linear.plant import LinearPlant
@@ -50,8 +51,8 @@ class _Steps(NamedTuple):
 
 def linear_form(
     controller: Controller, reference: Reference, run: Rollout, limit: Float[np.ndarray, " p"]
-) -> tuple[DriveLaw, DrivePlan]:
-    """Law and plan of a controller along a reference.
+) -> AffineLaw:
+    """Law of a controller along a reference.
 
     Args:
         controller: as `simulate` takes it.
@@ -77,7 +78,6 @@ def linear_form(
     q, p = steps.D.shape[2], steps.f.shape[1]
     law = DriveLaw(
         dt=reference.dt,
-        start=start,
         names=tuple(f"memory {k + 1}" for k in range(start.size)),
         measured=q,
         inputs=p,
@@ -87,10 +87,10 @@ def linear_form(
         E=some(steps.E[0]),
         limit=np.broadcast_to(np.asarray(limit, float), p),
     )
-    return law, drive_plan(steps.F, steps.D, steps.f, steps.w)
+    return AffineLaw(law, start, steps.F, steps.D, steps.f, steps.w)
 
 
-def _observed(controller: Observer, reference: Reference, plan: Plan) -> tuple[DriveLaw, DrivePlan]:
+def _observed(controller: Observer, reference: Reference, plan: Plan) -> AffineLaw:
     """An observer, and what it feeds; the predictor's correction comes after its control."""
     memory = controller.initial_memory(reference)
     model, gain = controller.model, np.asarray(controller.gain, float)
@@ -111,7 +111,6 @@ def _observed(controller: Observer, reference: Reference, plan: Plan) -> tuple[D
         A, E, correction = A - A @ gain @ C, A @ gain, None
     law = DriveLaw(
         dt=reference.dt,
-        start=start,
         names=tuple(names),
         measured=q,
         inputs=p,
@@ -121,8 +120,8 @@ def _observed(controller: Observer, reference: Reference, plan: Plan) -> tuple[D
         E=E,
         limit=np.broadcast_to(limit, p),
     )
-    nothing = np.zeros((reference.steps, p, q)), np.zeros((reference.steps, start.size))
-    return law, drive_plan(F, nothing[0], steps.f, nothing[1])
+    D, w = np.zeros((reference.steps, p, q)), np.zeros((reference.steps, start.size))
+    return AffineLaw(law, start, F, D, steps.f, w)
 
 
 def _measured(controller: Observer) -> Array:

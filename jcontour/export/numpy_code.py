@@ -11,7 +11,7 @@ from jcontour.export.drive_law import DriveLaw, DrivePlan
 
 def numpy_source(law: DriveLaw, plan: DrivePlan, notes: Sequence[str]) -> str:
     """Text of `controller.py`; it reads `plan.csv`, and replays `replay.csv` when it is run."""
-    matrices = [("START", law.start)]
+    matrices = []
     if law.correction is not None:
         matrices += [("L", law.correction.L), ("C", law.correction.C)]
     matrices += [(name, getattr(law, name)) for name in ("A", "B", "E")]
@@ -23,6 +23,7 @@ def numpy_source(law: DriveLaw, plan: DrivePlan, notes: Sequence[str]) -> str:
         period=literal(law.dt),
         measured=law.measured,
         tables="\n".join(_constant(name, one) for name, one in matrices if one is not None),
+        memory=law.states,
         sizes=_sizes(law, plan),
         body="\n".join(f"    {line}".rstrip() for line in _body(law, plan, bool(limited))),
     )
@@ -31,9 +32,7 @@ def numpy_source(law: DriveLaw, plan: DrivePlan, notes: Sequence[str]) -> str:
 def _sizes(law: DriveLaw, plan: DrivePlan) -> str:
     """Shapes of the parts of a line of the plan, in its order."""
     n, p, q = law.states, law.inputs, law.measured
-    there: dict[str, tuple[int, ...]] = {"f": (p,)}
-    if plan.w is not None:
-        there["w"] = (n,)
+    there: dict[str, tuple[int, ...]] = {"f": (p,), "r": (q,)}
     if plan.F is not None:
         there["F"] = (p, n)
     if plan.D is not None:
@@ -42,19 +41,22 @@ def _sizes(law: DriveLaw, plan: DrivePlan) -> str:
 
 
 def _body(law: DriveLaw, plan: DrivePlan, limited: bool) -> list[str]:
-    lines = []
+    lines = ["# departure from the planned run", 'z = y - plan["r"]']
     if law.correction is not None:
         lines += [
-            "# correction: x += L (y - C x)",
-            "x = added(x, L, added(y, -C, x))",
+            "# correction: e += L (z - C e)",
+            "e = added(e, L, added(z, -C, e))",
         ]
-    lines += ["# control: u = f - F x - D y", 'u = plan["f"]']
-    lines += ['u = added(u, -plan["F"], x)'] if plan.F is not None else []
-    lines += ['u = added(u, -plan["D"], y)'] if plan.D is not None else []
+    lines += ["# control: u = f - F e - D z", 'u = plan["f"]']
+    lines += ['u = added(u, -plan["F"], e)'] if plan.F is not None else []
+    lines += ['u = added(u, -plan["D"], z)'] if plan.D is not None else []
     lines += ["u = np.clip(u, -LIMIT, LIMIT)"] if limited else []
     lines += ["# memory of the next sample"]
-    lines += ['after = plan["w"]' if plan.w is not None else "after = np.zeros(len(x))"]
-    for name, signal in (("A", "x"), ("B", "u"), ("E", "y")):
+    if law.B is not None:
+        planned = 'np.clip(plan["f"], -LIMIT, LIMIT)' if limited else 'plan["f"]'
+        lines += [f"change = u - {planned}"]
+    lines += ["after = np.zeros(MEMORY)"]
+    for name, signal in (("A", "e"), ("B", "change"), ("E", "z")):
         if getattr(law, name) is not None:
             lines.append(f"after = added(after, {name}, {signal})")
     return [*lines, "return after, u"]
@@ -85,8 +87,9 @@ import numpy as np
 
 PERIOD = $period  # s between two samples
 MEASURED = $measured  # numbers in y
+MEMORY = $memory  # numbers that are remembered
 $tables
-PLAN = $sizes  # a line of plan.csv
+PLAN = $sizes  # a line of plan.csv, after k and t
 
 
 def added(total, matrix, vector):
@@ -98,7 +101,7 @@ def added(total, matrix, vector):
 
 def step(memory, plan, y):
     """Memory of the next sample, and the controls of this one."""
-    x = memory
+    e = memory
 $body
 
 
@@ -106,7 +109,7 @@ def read_plan(path):
     """The plan: a dict of arrays for every sample."""
     rows = []
     for line in np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2):
-        row, first = {}, 0
+        row, first = {}, 2
         for name, shape in PLAN.items():
             last = first + int(np.prod(shape))
             row[name], first = line[first:last].reshape(shape), last
@@ -116,7 +119,7 @@ def read_plan(path):
 
 def replay(plan, measurements):
     """Controls of a whole run."""
-    memory, controls = START, []
+    memory, controls = np.zeros(MEMORY), []
     for row, y in zip(plan, measurements):
         memory, u = step(memory, row, y)
         controls.append(u)

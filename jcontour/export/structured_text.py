@@ -22,15 +22,15 @@ def structured_text(
     n, p, q, kind = law.states, law.inputs, law.measured, TYPES[precision]
     inputs = [
         _variable("planned", p, kind, words="f of the plan"),
+        _variable("expected", q, kind, words="r of the plan"),
         _variable("feedback", p * n, kind, words="F of the plan, row by row")
         if _there(plan.F)
         else "",
         _variable("direct", p * q, kind, words="D of the plan, row by row")
         if _there(plan.D)
         else "",
-        _variable("ahead", n, kind, words="w of the plan") if _there(plan.w) else "",
     ]
-    constants = [("START", law.start if n else None)]
+    constants = []
     if law.correction is not None:
         constants += [("L", law.correction.L), ("C", law.correction.C)]
     constants += [("A", law.A), ("B", law.B), ("E", law.E)]
@@ -45,9 +45,7 @@ def structured_text(
         n=max(n, 1),
         inputs="\n".join(line for line in inputs if line),
         constants=_constants([(name, one) for name, one in constants if one is not None], kind),
-        body="\n".join(
-            [*_start(law), *_correction(law), *_control(law, plan), *_memory(law, plan)]
-        ),
+        body="\n".join([*_start(law), *_correction(law), *_control(law, plan), *_memory(law)]),
     )
 
 
@@ -75,16 +73,18 @@ def _variable(
 
 
 def _start(law: DriveLaw) -> list[str]:
-    if law.states == 0:
-        return []
-    return [
-        "IF restart THEN",
-        f"    FOR i := 1 TO {law.states} DO",
-        "        x[i] := START[i];",
-    ] + [
-        "    END_FOR;",
-        "END_IF;",
-    ]
+    q, n = law.measured, law.states
+    lines = []
+    if n:
+        lines = ["IF restart THEN", *_each(n, "    ", "e[i] := 0.0;"), "END_IF;"]
+    told = "(* departure from the planned run: z := y - r *)"
+    return [*lines, told, *_each(q, "", "z[i] := measured[i] - expected[i];")]
+
+
+def _each(count: int, indent: str, statement: str) -> list[str]:
+    """A statement for every i."""
+    lines = (f"FOR i := 1 TO {count} DO", f"    {statement}", "END_FOR;")
+    return [f"{indent}{line}" for line in lines]
 
 
 def _correction(law: DriveLaw) -> list[str]:
@@ -92,42 +92,45 @@ def _correction(law: DriveLaw) -> list[str]:
         return []
     n, q = law.states, law.measured
     return [
-        "(* correction: x := x + L (y - C x) *)",
-        *_sum(q, "miss", "measured[i]", [("-", "C", n, "x")]),
-        *_sum(n, "x", "x[i]", [("+", "L", q, "miss")]),
+        "(* correction: e := e + L (z - C e) *)",
+        *_sum(q, "miss", "z[i]", [("-", "C", n, "e")]),
+        *_sum(n, "e", "e[i]", [("+", "L", q, "miss")]),
     ]
 
 
 def _control(law: DriveLaw, plan: DrivePlan) -> list[str]:
     n, p, q = law.states, law.inputs, law.measured
-    terms = [("-", "feedback", n, "x")] if _there(plan.F) else []
-    terms += [("-", "direct", q, "measured")] if _there(plan.D) else []
-    lines = ["(* control: u := f - F x - D y *)", *_sum(p, "control", "planned[i]", terms)]
+    terms = [("-", "feedback", n, "e")] if _there(plan.F) else []
+    terms += [("-", "direct", q, "z")] if _there(plan.D) else []
+    lines = ["(* control: u := f - F e - D z *)", *_sum(p, "control", "planned[i]", terms)]
     if np.isfinite(law.limit).any():
-        lines += [
-            f"FOR i := 1 TO {p} DO",
-            "    control[i] := LIMIT(-MOST[i], control[i], MOST[i]);",
-            "END_FOR;",
-        ]
+        lines += _each(p, "", f"control[i] := {_kept(law, 'control[i]')};")
     return lines
 
 
-def _memory(law: DriveLaw, plan: DrivePlan) -> list[str]:
+def _kept(law: DriveLaw, signal: str) -> str:
+    """A control within its limit."""
+    return f"LIMIT(-MOST[i], {signal}, MOST[i])" if np.isfinite(law.limit).any() else signal
+
+
+def _memory(law: DriveLaw) -> list[str]:
     n = law.states
     if n == 0:
         return []
-    first = "ahead[i]" if _there(plan.w) else "0.0"
+    lines = ["(* memory of the next sample *)"]
+    if law.B is not None:
+        change = f"change[i] := control[i] - {_kept(law, 'planned[i]')};"
+        lines += _each(law.inputs, "", change)
     terms = [
         ("+", name, size, signal)
         for name, matrix, size, signal in (
-            ("A", law.A, n, "x"),
-            ("B", law.B, law.inputs, "control"),
-            ("E", law.E, law.measured, "measured"),
+            ("A", law.A, n, "e"),
+            ("B", law.B, law.inputs, "change"),
+            ("E", law.E, law.measured, "z"),
         )
         if matrix is not None
     ]
-    lines = ["(* memory of the next sample *)", *_sum(n, "after", first, terms)]
-    return [*lines, f"FOR i := 1 TO {n} DO", "    x[i] := after[i];", "END_FOR;"]
+    return [*lines, *_sum(n, "after", "0.0", terms), *_each(n, "", "e[i] := after[i];")]
 
 
 def _sum(rows: int, name: str, first: str, terms: Sequence[tuple[str, str, int, str]]) -> list[str]:
@@ -159,8 +162,10 @@ VAR_OUTPUT
     control : ARRAY[1..$p] OF $kind; (* u *)
 END_VAR
 ${constants}VAR
-    x : ARRAY[1..$n] OF $kind; (* memory *)
+    e : ARRAY[1..$n] OF $kind; (* memory, less that of the planned run *)
+    z : ARRAY[1..$q] OF $kind; (* measured, less that of the planned run *)
     after : ARRAY[1..$n] OF $kind;
+    change : ARRAY[1..$p] OF $kind;
     miss : ARRAY[1..$q] OF $kind;
     total : $kind;
     i : INT;

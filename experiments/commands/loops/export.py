@@ -13,12 +13,14 @@ from experiments.flags.loops import Export
 from experiments.jobs.job import Task
 from experiments.reports.exported_tables import show_exported
 from experiments.runs.checks.compiled_code import compiled_checks
+from experiments.runs.checks.replayed_code import off_the_plan, rounding
 from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished
+from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
 from jcontour.export.c_replay import c_plan_reader, c_replay, plan_file, replay_file
 from jcontour.export.code_text import Precision
-from jcontour.export.drive_law import DriveLaw, DrivePlan, replayed
+from jcontour.export.drive_law import DriveLaw, DrivePlan
 from jcontour.export.linear_form import linear_form
 from jcontour.export.numpy_code import numpy_source
 from jcontour.export.structured_text import structured_text
@@ -27,6 +29,7 @@ from jcontour.sensors import row
 from jcontour.simulation.closed_loop import simulate
 
 ALIKE = 1e-8  # of the largest control: sums in another order differ by less, a limit by more
+ROUNDED = 1e-3  # of the largest control: rounding that is told as a warning
 IN_TABLES = 200_000  # numbers of a plan that are compiled in: about 5 MB of text
 
 
@@ -44,20 +47,25 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     """
     loop = stored_loop(flags.run)
     job = _job(loop, flags.along)
-    law, plan, y, u = _recorded(loop, job)
+    affine, y, u = _recorded(loop, job)
     largest = float(np.abs(u).max())
-    apart = float(np.abs(replayed(law, plan, y) - u).max())
+    apart = float(np.abs(affine.run(y)[1] - u).max())
     if not apart <= ALIKE * largest:
         raise ValueError(
             f"export: on {job.name} {loop.name} is not its linear form: the controls differ by "
             f"{apart:.3g}; does a limit act? Another --along or a lower feed stays within it"
         )
+    law, plan = affine.law, affine.plan_along(y)
+    tried = off_the_plan(law, plan, u)
+    rounded = rounding(affine, plan, tried, _precision(flags))
     margins, warnings = _margins(flags.run)
+    warnings += _lost(rounded, largest, loop.machine.control_unit)
     notes = [*_notes(flags, loop, job), *margins, *warnings]
     in_tables = plan.numbers <= IN_TABLES
     texts = _texts(flags, law, plan, notes, job.name, in_tables)
-    texts["plan.csv"] = plan_file(plan), "the plan, a line for every sample"
-    texts["replay.csv"] = replay_file(y, u), "what the run measured, and its controls"
+    texts["plan.csv"] = plan_file(plan, law.dt), "the plan, a line for every sample"
+    told = "the run with a wave on what it measures, and the controls in double"
+    texts["replay.csv"] = replay_file(tried, affine.run(tried)[1]), told
     folder = created(flags, "export")
     for name, (text, _) in texts.items():
         run_folder.write(folder / name, lambda path, text=text: path.write_text(text))
@@ -72,6 +80,7 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
         in_tables=in_tables,
         control_unit=loop.machine.control_unit,
         difference=apart,
+        rounding=rounded,
         largest_control=largest,
         precision=_precision(flags),
         files={name: words for name, (_, words) in texts.items()},
@@ -92,23 +101,32 @@ def _job(loop: StoredLoop, name: str | None) -> Task:
     raise ValueError(f"along: the run has {known}; received {name!r}")
 
 
-def _recorded(loop: StoredLoop, job: Task) -> tuple[DriveLaw, DrivePlan, np.ndarray, np.ndarray]:
-    """Law and plan, and measurements and controls of a run on the nominal machine as it is."""
+def _lost(rounded: float, largest: float, unit: str) -> list[str]:
+    """What rounding costs, where it is more than a thousandth of the largest control."""
+    if rounded <= ROUNDED * largest:
+        return []
+    return [
+        f"rounding changes the controls by up to {rounded:.2g} {unit}, "
+        f"{100 * rounded / largest:.2g} % of the largest: leave out --single"
+    ]
+
+
+def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.ndarray]:
+    """Law, and measurements and controls of a run on the nominal machine as it is."""
     machine, controller = loop.machine, loop.controller
     reference = job.reference(machine.model.dt, controller.preview)
     found = simulate(machine.true_family(loop.fed)[0], controller, reference)
     y, u = np.asarray(jax.vmap(row)(found.measurement)), np.asarray(found.control)
     limit = np.inf if machine.limits.control is None else machine.limits.control
     try:
-        law, plan = linear_form(
-            controller, reference, found, np.broadcast_to(limit, u.shape[1]).astype(float)
-        )
+        limits = np.broadcast_to(limit, u.shape[1]).astype(float)
+        affine = linear_form(controller, reference, found, limits)
     except NotAffine as error:
         raise ValueError(
             f"export: {loop.name} has no linear form: {error}; `jcontour tune --controller` with "
             "another one, as contouring-lq, preview-lq or a cascade, has one"
         ) from None
-    return law, plan, y, u
+    return affine, y, u
 
 
 def _precision(flags: Export) -> Precision:

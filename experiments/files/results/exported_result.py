@@ -9,7 +9,7 @@ class Compiled:
 
     Attributes:
         compiler: and its flags.
-        difference: largest, of the controls to those of the recorded run [control unit].
+        difference: largest, of the controls to those of `replay.csv` [control unit].
         nanoseconds: of one step.
     """
 
@@ -33,6 +33,7 @@ class ExportedResult:
         in_tables: the plan is compiled in; else the drive reads it, line by line.
         control_unit: unit of the controls.
         difference: largest of the law's controls to those of `simulate` [control unit].
+        rounding: largest difference that the precision makes in `replay.csv` [control unit].
         largest_control: of the run [control unit].
         precision: of the numbers, double or single.
         files: name and meaning of every file.
@@ -50,6 +51,7 @@ class ExportedResult:
     in_tables: bool
     control_unit: str
     difference: float
+    rounding: float
     largest_control: float
     precision: str
     files: dict[str, str]

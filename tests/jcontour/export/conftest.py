@@ -17,7 +17,6 @@ def random_law(seed, n, q, p, full, sets=2):
     correction = Correction(0.1 * matrix(n, q), matrix(q, n)) if full else None
     law = DriveLaw(
         dt=1e-3,
-        start=matrix(n),
         names=tuple(f"state {k}" for k in range(n)),
         measured=q,
         inputs=p,
@@ -29,8 +28,7 @@ def random_law(seed, n, q, p, full, sets=2):
     )
     F, D = matrix(sets, p, n), matrix(sets, p, q) if full or not n else np.zeros((sets, p, q))
     used = np.array([0, 1, 0, 0] * 10) if sets == 2 else np.arange(40)
-    w = matrix(40, n) if full else np.zeros((40, n))
-    return law, drive_plan(F[used], D[used], matrix(40, p), w)
+    return law, drive_plan(F[used], D[used], matrix(40, p), matrix(40, q))
 
 
 LAWS = {

@@ -25,7 +25,7 @@ def written(folder, law, plan, recorded, precision="double", tables=True):
         "plan.c": code,
         "replay.c": c_replay(),
         "controller.py": numpy_source(law, plan, NOTES),
-        "plan.csv": plan_file(plan),
+        "plan.csv": plan_file(plan, law.dt),
         "replay.csv": replay_file(*recorded),
     }
     for name, text in texts.items():

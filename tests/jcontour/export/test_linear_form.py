@@ -60,8 +60,10 @@ def controllers(machine):
 def test_the_law_gives_the_controls_of_simulate(machine, reference, name):
     controller = controllers(machine)[name]
     run = simulate(Encoders(machine), controller, reference)
-    law, plan = linear_form(controller, reference, run, np.full(2, np.inf))
+    affine = linear_form(controller, reference, run, np.full(2, np.inf))
     y, u = np.asarray(jax.vmap(row)(run.measurement)), np.asarray(run.control)
+    assert np.abs(affine.run(y)[1] - u).max() < 1e-11 * np.abs(u).max()
+    law, plan = affine.law, affine.plan_along(y)
     assert np.abs(replayed(law, plan, y) - u).max() < 1e-11 * np.abs(u).max()
     assert (np.abs(u).max() == 0.5) == (name == "limited")  # the limit acts there
     assert law.states == {"filter": 4, "predictor": 4, "cascade": 4}.get(name, 6)

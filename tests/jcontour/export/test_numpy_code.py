@@ -12,7 +12,7 @@ def test_the_file_replays_itself_without_this_library(law_and_plan, recorded, tm
     source = numpy_source(law, plan, ['a """ \\ b'])
     assert "jcontour" not in source and "jax" not in source
     (tmp_path / "controller.py").write_text(source)
-    (tmp_path / "plan.csv").write_text(plan_file(plan))
+    (tmp_path / "plan.csv").write_text(plan_file(plan, law.dt))
     (tmp_path / "replay.csv").write_text(replay_file(*recorded))
     words = [sys.executable, str(tmp_path / "controller.py")]
     told = subprocess.run(words, text=True, capture_output=True, check=True).stdout

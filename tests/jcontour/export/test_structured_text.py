@@ -50,8 +50,9 @@ def test_the_block_gives_the_controls_of_the_law(law_and_plan, recorded):
     assert "VAR CONSTANT\nEND_VAR" not in text  # no compiler takes a part without variables
     code, names = as_python(text)
     one = np.zeros(1)
-    names |= {"x": np.zeros(law.states + 1), "after": np.zeros(law.states + 1)}
+    names |= {"e": np.full(law.states + 1, 9.0), "after": np.zeros(law.states + 1)}
     names |= {"miss": np.zeros(law.measured + 1), "control": np.zeros(law.inputs + 1)}
+    names |= {"z": np.zeros(law.measured + 1), "change": np.zeros(law.inputs + 1)}
     names["LIMIT"] = lambda least, value, most: min(max(value, least), most)
     program = compile(code, "controller.st", "exec")
     for k in range(plan.steps):
@@ -59,8 +60,7 @@ def test_the_block_gives_the_controls_of_the_law(law_and_plan, recorded):
         for name, matrix in sets.items():
             if matrix is not None:
                 names[name] = np.concatenate([one, matrix[plan.used[k]].ravel()])
-        if plan.w is not None:
-            names["ahead"] = np.concatenate([one, plan.w[k]])
+        names["expected"] = np.concatenate([one, plan.r[k]])
         names |= {"measured": np.concatenate([one, y[k]]), "restart": k == 0}
         names["planned"] = np.concatenate([one, plan.f[k]])
         exec(program, names)
