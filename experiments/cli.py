@@ -112,6 +112,7 @@ def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
         import_module("experiments.catalogue.known_names").check_flags(flags)
+        _check_out(flags)
         if not isinstance(flags, shared.Spreading):
             return run(flags)
         with import_module("experiments.runs.spread.spreading").prepared(flags) as flags:
@@ -132,6 +133,14 @@ def _answered(arguments: list[str]) -> int:
             raise
         print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _check_out(flags: Any) -> None:
+    """Tell a run folder that is taken before the work begins."""
+    out = getattr(flags, "out", None)
+    if out is not None and not isinstance(flags, (machines.Machine, others.Report)):  # files
+        resumable = isinstance(flags, shared.Spreading)
+        import_module("experiments.files.run_folder").check_free(out, resumable)
 
 
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:

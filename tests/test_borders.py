@@ -39,7 +39,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("simulation", "riccati", "qp"),
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
-        ("geometry", "native", "plant", "sensors", "tracing", "devices", "compiled"),
+        ("geometry", "native", "plant", "sensors", "tracing", "devices", "compiled", "told_values"),
     ),
     "experiments": (
         ("cli", "examples"),

@@ -83,7 +83,7 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
 def _run(module: Any, name: str, flags: Any) -> int:
     from experiments.files import run_folder
     from experiments.files.results.stored import write_result
-    from experiments.papers.verdicts import tally
+    from experiments.papers.verdicts import missed, tally
     from experiments.reports import tables
     from experiments.runs.lifecycle import finished
 
@@ -97,7 +97,8 @@ def _run(module: Any, name: str, flags: Any) -> int:
         tables.say(console, str(module.SOURCE))
         module.show(result, console)
 
-    return finished(folder, result, flags, show, [tally(result.claims, flags.settings.quick)])
+    last = [*missed(result.claims), tally(result.claims, flags.settings.quick)]
+    return finished(folder, result, flags, show, last)
 
 
 def command(flags: Any) -> int:

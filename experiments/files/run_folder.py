@@ -37,6 +37,20 @@ def default_folder(command: str) -> Path:
     )
 
 
+def check_free(folder: Path, resumable: bool) -> None:
+    """Tell a folder that cannot become a run's before the work is done.
+
+    Raises:
+        RunError: there is a file of that name, or a folder that is not empty.
+    """
+    if folder.is_symlink() or folder.exists():
+        if not folder.is_dir():
+            raise RunError(f"{folder}: is a file; a run needs a folder; give another --out")
+        if any(folder.iterdir()):
+            more = ", or --resume it" if resumable else ""
+            raise RunError(f"{folder}: already holds something; give another --out{more}")
+
+
 def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
     """Make a run folder with its settings and copies of the files it read, or nothing at all.
 
@@ -60,10 +74,7 @@ def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:
         made.rename(folder)
     except OSError as error:
         shutil.rmtree(made, ignore_errors=True)
-        if folder.exists():
-            raise RunError(
-                f"{folder}: already holds another run; give another --out, or --resume it"
-            ) from None
+        check_free(folder, resumable=False)
         raise RunError(f"{folder}: cannot be made ({error.strerror})") from None
     return folder
 

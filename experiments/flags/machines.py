@@ -114,6 +114,10 @@ class Machine(Common):
     """Most samples of delay beyond those given."""
     encoder_um: float = 1.0  # usual for a linear encoder
     """Resolution of the encoders [um]."""
+    counts_per_turn: float | None = None
+    """Instead of --encoder-um: counts of a rotary encoder per turn of the screw, all edges."""
+    pitch_mm: float | None = None
+    """Travel per turn of the screw [mm], with --counts-per-turn."""
     name: str = "machine"
     """Name of the machine."""
     out: Path | None = None

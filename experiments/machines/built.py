@@ -73,9 +73,26 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "limits": limits,
         "known_delay": shared,
         "uncertainty": {"gain": flags.gain_uncertainty, "delay": flags.delay_uncertainty},
-        "encoder_resolution": flags.encoder_um * METRES["um"] / metre,
+        "encoder_resolution": _resolution(flags) / metre,
     }
     return BuiltMachine(fields, words, warnings)
+
+
+def _resolution(flags: Machine) -> float:
+    """Way per count of the encoders [m]."""
+    turn = {"counts-per-turn": flags.counts_per_turn, "pitch-mm": flags.pitch_mm}
+    given = [name for name, value in turn.items() if value is not None]
+    if not given:
+        return flags.encoder_um * METRES["um"]
+    if flags.encoder_um != Machine.encoder_um:
+        raise ValueError(f"encoder-um: the screw says it; leave it out, or --{given[0]}")
+    for name, value in turn.items():
+        if value is None:
+            raise ValueError(f"{name}: missing; --counts-per-turn and --pitch-mm go together")
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name}: needs to be above zero, received {value:g}")
+    assert flags.pitch_mm is not None and flags.counts_per_turn is not None
+    return flags.pitch_mm * METRES["mm"] / flags.counts_per_turn
 
 
 def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
@@ -83,6 +100,9 @@ def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
     count, numbers = len(flags.axes), {}
     for name in PER_AXIS:
         numbers[name] = _each(name, getattr(flags, name), count)
+        for value in numbers[name] or ():
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{_flag(name)}: needs to be at least zero, received {value:g}")
     needed = {"speed": ("gain",), "position": ("gain", "time_constant_ms")}
     for name in needed.get(flags.takes, ("gain", "mass_kg")):
         if numbers[name] is None:

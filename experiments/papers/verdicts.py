@@ -17,6 +17,7 @@ class Verdict(StrEnum):
 
     REPRODUCED = "reproduced"
     SAME_ORDERING = "same ordering"
+    IN_PART = "in part"
     EXPERIMENTAL = "experimental: shown, not matched"
     NOT_REPRODUCED = "not reproduced"
     UNDECIDED = "undecided: quick run"  # the full run may turn it round
@@ -40,10 +41,10 @@ class Claim:
 
 
 def verdict(holds: bool, partly: bool = False) -> Verdict:
-    """Verdict on a statement that holds, holds in part (same ordering), or does not hold."""
+    """Verdict on a statement that holds, holds in part, or does not hold."""
     if holds:
         return Verdict.REPRODUCED
-    return Verdict.SAME_ORDERING if partly else Verdict.NOT_REPRODUCED
+    return Verdict.IN_PART if partly else Verdict.NOT_REPRODUCED
 
 
 def rounds_to(value: float, printed: str) -> bool:
@@ -70,6 +71,17 @@ def claims_table(claims: Sequence[Claim], title: str = "Statements") -> Table:
     """Table of the statements, one row each."""
     rows = [(row.item, row.claim, row.finding, row.verdict.value) for row in claims]
     return worded_table(title, HEADINGS, rows)
+
+
+def missed(claims: Sequence[Claim]) -> list[str]:
+    """Statements that do not hold, or hold in part: a line each with what was found instead."""
+    lines = [
+        f"  {row.verdict.value}: {row.item}: {row.claim}: here {row.finding}"
+        for one in (Verdict.NOT_REPRODUCED, Verdict.IN_PART)
+        for row in claims
+        if row.verdict is one
+    ]
+    return ["Not reproduced to the full:", *lines] if lines else []
 
 
 def tally(claims: Sequence[Claim], quick: bool = False) -> str:

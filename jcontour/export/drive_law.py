@@ -130,16 +130,13 @@ def replayed(
         measurement: a row for every sample.
         kind: of every number, np.float32 for single precision.
     """
-
-    def rounded(matrix):
-        return None if matrix is None else matrix.astype(kind)
-
-    A, B, E, limit = (rounded(one) for one in (law.A, law.B, law.E, law.limit))
-    F, D, f, r = (rounded(one) for one in (plan.F, plan.D, plan.f, plan.r))
-    L, C = (None, None) if law.correction is None else map(rounded, _both(law.correction))
+    A, B, E, F, D = (_rounded(one, kind) for one in (law.A, law.B, law.E, plan.F, plan.D))
+    limit, f, r = law.limit.astype(kind), plan.f.astype(kind), plan.r.astype(kind)
+    L = _rounded(law.correction and law.correction.L, kind)
+    C = _rounded(law.correction and law.correction.C, kind)
     e, controls = np.zeros(law.states, kind), []
-    for k, z in enumerate(rounded(measurement) - r):
-        if L is not None:
+    for k, z in enumerate(measurement.astype(kind) - r):
+        if L is not None and C is not None:
             e = e + L @ (z - C @ e)
         u = f[k].copy()
         for sets, signal in ((F, e), (D, z)):
@@ -155,5 +152,5 @@ def replayed(
     return np.array(controls, kind).reshape(len(measurement), law.inputs)
 
 
-def _both(correction: Correction) -> tuple[np.ndarray, np.ndarray]:
-    return correction.L, correction.C
+def _rounded(matrix: np.ndarray | None, kind: type[np.floating]) -> np.ndarray | None:
+    return None if matrix is None else matrix.astype(kind)

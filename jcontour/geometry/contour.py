@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jcontour.geometry.pieces import Piece
+from jcontour.told_values import told
 
 
 class Contour(eqx.Module):
@@ -48,6 +49,11 @@ class Contour(eqx.Module):
     fit_error: Float[Array, "*stack"]
     newton_steps: int = eqx.field(static=True, default=0)
     turns: bool = eqx.field(static=True, default=True)
+
+    def __repr__(self) -> str:
+        pieces = told(self.mask.sum(axis=-1)) if hasattr(self.mask, "sum") else "its"
+        length = told(self.extent.sum(axis=-1), "mm", 1e3) if hasattr(self.extent, "sum") else "?"
+        return f"Contour({pieces} pieces, {length} long)"
 
     @property
     def axes(self) -> int:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
+from jcontour.told_values import shape, told
 
 # times (S,) [s], none negative -> arc lengths (S,) [m]
 TimeLaw = Callable[[np.ndarray], np.ndarray]
@@ -46,6 +47,11 @@ class Reference(eqx.Module):
     contour: Contour
     dt: float = eqx.field(static=True)
     steps: int = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        samples = f"{self.steps} steps of {told(self.dt, 'ms', 1e3)}"
+        ahead = f"{shape(self.position)} [m] with what is previewed"
+        return f"Reference({samples}, position {ahead}, {self.contour})"
 
     @property
     def preview(self) -> int:

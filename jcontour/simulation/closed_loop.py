@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from jcontour.controller import Controller, Plan, Sampled, check_preview
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
+from jcontour.told_values import shape, told
 
 
 class Rollout(eqx.Module):
@@ -25,19 +26,23 @@ class Rollout(eqx.Module):
     final_state: Any
     final_memory: Any
 
+    def __repr__(self) -> str:
+        control = f"control {shape(self.control)} from {told(self.control)}"
+        return f"Rollout(output {shape(self.output)} [m], {control})"
+
 
 def start_state(plant: Plant, reference: Reference) -> State:
     """State in which a run begins: at rest on the first sample, or in steady motion through it."""
     return plant.initial_state(reference.position[0], reference.start_increment)
 
 
-@eqx.filter_jit
 def simulate(
     plant: Plant, controller: Controller, reference: Reference, state: State | None = None
 ) -> Rollout:
     """Run `controller` on `plant` along `reference` for its T steps.
 
-    The run starts in `state`, or as the reference begins when none is given.
+    The run starts in `state`, or as the reference begins when none is given. Nothing is raised for
+    a loop that is unstable: its numbers grow, to NaN at last, and `score` tells it as `diverged`.
 
     >>> from jcontour import contours, feed_laws, references
     >>> from jcontour.controllers import ContouringLQ, LQWeights
@@ -53,8 +58,17 @@ def simulate(
     Raises:
         ValueError: the reference has fewer preview samples than the controller needs, or their
             sample periods differ.
+        TypeError: the arguments are swapped, or of another kind.
     """
+    _check_kinds(plant, controller, reference)
     check_run(plant, controller, reference)
+    return _simulated(plant, controller, reference, state)
+
+
+@eqx.filter_jit
+def _simulated(
+    plant: Plant, controller: Controller, reference: Reference, state: State | None
+) -> Rollout:
     return follow(plant, controller, controller.prepare(reference), reference, state)
 
 
@@ -99,3 +113,14 @@ def check_run(plant: Plant, controller: Sampled, reference: Reference) -> None:
         raise ValueError(
             f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s"
         )
+
+
+def _check_kinds(plant: Plant, controller: Sampled, reference: Reference) -> None:
+    """Raise TypeError for arguments in another order."""
+    given = {"plant": (plant, Plant), "controller": (controller, Controller)}
+    for name, (one, kind) in {**given, "reference": (reference, Reference)}.items():
+        if not isinstance(one, kind):
+            raise TypeError(
+                f"simulate(plant, controller, reference): the {name} needs to be a "
+                f"{kind.__name__}, received {type(one).__name__}"
+            )

@@ -8,14 +8,18 @@ On one axis the path is the travel: the projected error is zero, and the contour
 beyond the ends of the travel.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Shaped
 
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
+from jcontour.told_values import told
 
 # tracking errors: the nearest point lies within a chord of 2 |e|, on an arc of up to half a circle
 SEARCH_REACH = np.pi
@@ -41,6 +45,34 @@ class Metrics(eqx.Module):
     peak_increment: Float[Array | np.ndarray, "*runs"]
     duration: Float[Array | np.ndarray, "*runs"]
     diverged: Bool[Array | np.ndarray, "*runs"]
+
+    def __repr__(self) -> str:
+        lines = {
+            "contour error": _norms(self.rms_contour_error, self.peak_contour_error, "um", 1e6),
+            "projected error": _norms(
+                self.rms_projected_error, self.peak_projected_error, "um", 1e6
+            ),
+            "tracking error": _norms(self.rms_tracking_error, self.peak_tracking_error, "um", 1e6),
+            "control": _norms(self.rms_control, self.peak_control),
+            "increment": _norms(self.rms_increment, self.peak_increment),
+            "duration": told(self.duration, "s"),
+            "diverged": _whether(self.diverged),
+        }
+        return "\n".join(["Metrics", *(f"    {name:<16} {line}" for name, line in lines.items())])
+
+
+def _norms(rms: Any, peak: Any, unit: str = "", scale: float = 1.0) -> str:
+    return f"rms {told(rms, unit, scale)}, peak {told(peak, unit, scale)}"
+
+
+def _whether(diverged: Any) -> str:
+    """Yes or no for one run, a count for several."""
+    if isinstance(diverged, Tracer) or not hasattr(diverged, "shape"):
+        return told(diverged)
+    lost = np.asarray(diverged)
+    if lost.ndim:
+        return f"{int(lost.sum())} of {lost.size} runs"
+    return "yes: its numbers mean nothing" if lost else "no"
 
 
 def tracking_error(
@@ -78,7 +110,6 @@ def contour_error(
     return output - reference.contour.position(nearest)
 
 
-@eqx.filter_jit
 def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None = None) -> Metrics:
     """Metrics of a run over samples a..b-1 of `window`, all T steps when not given.
 
@@ -93,10 +124,22 @@ def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None
     >>> bool(metrics.diverged), bool(metrics.rms_contour_error < metrics.peak_contour_error)
     (False, True)
 
+    A run that leaves its contour by more than its size is `diverged`; its other numbers mean
+    nothing, and may be NaN with a NaN derivative. So look at `diverged` before them.
+
     Raises:
         ValueError: the window is empty or reaches beyond the run.
+        TypeError: the arguments are swapped, or of another kind.
     """
-    return score_signals(rollout.output, rollout.control, reference, window)
+    if isinstance(rollout, Reference) or not isinstance(reference, Reference):
+        kinds = f"{type(rollout).__name__}, {type(reference).__name__}"
+        raise TypeError(f"score(rollout, reference): needs a run and its Reference, got {kinds}")
+    return _scored(rollout.output, rollout.control, reference, window)
+
+
+@eqx.filter_jit
+def _scored(output, control, reference: Reference, window: tuple[int, int] | None) -> Metrics:
+    return score_signals(output, control, reference, window)
 
 
 def score_signals(

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import warnings
+from importlib import import_module
 
 import pytest
 
@@ -137,13 +138,25 @@ def test_no_stabilising_solution(capsys, tmp_path, part_file, machine_fields):
     )
 
 
-@pytest.mark.slow
-def test_folder_of_another_run(capsys, tmp_path, machine_file, part_file):
-    taken = tmp_path / "run"
+def test_a_taken_run_folder_is_told_before_the_work(capsys, tmp_path, monkeypatch):
+    """No command is loaded: it would begin its work."""
+    taken, file = tmp_path / "run", tmp_path / "file"
     taken.mkdir()
     (taken / "settings.json").write_text("{}")
-    flags = ["tune", str(part_file), "--plant", str(machine_file), "--out", str(taken)]
-    refused(capsys, tmp_path, flags, "already holds another run")
+    file.write_text("")
+
+    def loaded(name):
+        assert not name.startswith("experiments.commands"), name
+        return import_module(name)
+
+    monkeypatch.setattr(cli, "import_module", loaded)
+    for command, folder, words in (
+        ("tune", taken, "already holds something; give another --out, or --resume it\n"),
+        ("simulate", taken, "already holds something; give another --out\n"),
+        ("simulate", file, "is a file; a run needs a folder"),
+    ):
+        assert cli.main([command, "circle", "--out", str(folder)]) == 2
+        assert words in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,14 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.papers.alter_tsao.result import Line, Result
+from experiments.papers.alter_tsao.runs import NEAR
 from experiments.papers.verdicts import Verdict, claims_table
 from experiments.reports.tables import plain_table
 
 LINES = ("line", "m", "Np", "N", "l1 cost", "H-inf. cost", "print", "ours", "", "drive")
 COSTS = ("m", "Np", "N", "J_1\nprint", "J_1\nours", "limit\nprint", "limit\nours", "attained")
 LOOPS = ("loop", "m", "Np", "N", "max error m", "from filter m", "slowest pole")
-MARKS = {Verdict.REPRODUCED: "=", Verdict.SAME_ORDERING: "~"}
+MARKS = {Verdict.REPRODUCED: "=", Verdict.IN_PART: "~"}
 
 
 def show(result: Result, console: Console) -> None:
@@ -26,7 +27,10 @@ def _table_1(result: Result, name: str) -> Table:
     words = {"max": "largest error", "rms": "RMS error"}[name]
     title = (
         f"Table 1, {words} in m: simulated in print and here, and measured on the drive\n"
-        "= rounds to the print, ~ near, x neither"
+        f"= rounds to the print, ~ within {1e9 * NEAR:g} nm, by a digit less or with the printed "
+        "zero, x neither\n"
+        "m: order of the reference model, Np: preview [samples], N: difference of the reference "
+        "that is bounded"
     )
     rows = [_cells(line, name) for line in result.table_1]
     return plain_table(title, LINES, rows, text_columns=0)

@@ -17,7 +17,7 @@ class Flags:
 def test_a_run_folder_is_made_once(tmp_path):
     folder = run_folder.create(tmp_path / "run", "tune", Flags(), [])
     assert run_folder.opened(folder, "tune")["flags"] == {"seed": 3}
-    with pytest.raises(run_folder.RunError, match="already holds another run"):
+    with pytest.raises(run_folder.RunError, match="already holds something"):
         run_folder.create(folder, "tune", Flags(), [])
     assert list(tmp_path.iterdir()) == [folder]
 

@@ -45,6 +45,11 @@ def test_three_axes_in_metres():
     assert machine.model.A[2, 2] == pytest.approx(np.exp(-0.2))
 
 
+def test_a_screw_and_its_encoder_give_the_resolution():
+    machine = loaded(replace(MILL, counts_per_turn=4000.0, pitch_mm=5.0))
+    assert machine.resolution == pytest.approx(1.25e-6)  # [m]
+
+
 def test_bad_flags_are_told():
     for change, words in (
         ({"axes": ("X",)}, "axes: needs two or three different names, received X"),
@@ -52,6 +57,10 @@ def test_bad_flags_are_told():
         ({"gain": ()}, "gain: missing; a drive that takes a speed needs it"),
         ({"gain": (1.0, 2.0, 3.0)}, "gain: needs one number or 2, received 3"),
         ({"gain": (0.0,)}, "gain: needs to be above zero"),
+        ({"gain": (-5.0,)}, "gain: needs to be at least zero, received -5$"),
+        ({"pitch_mm": 5.0}, "counts-per-turn: missing"),
+        ({"pitch_mm": 5.0, "counts_per_turn": 0.0}, "counts-per-turn: needs to be above zero"),
+        ({"pitch_mm": 5.0, "encoder_um": 2.0}, "encoder-um: the screw says it"),
         ({"takes": "force"}, "mass-kg: missing"),
         ({"period_ms": 0.0}, "period-ms: needs to be above zero"),
         ({"resonance_hz": (600.0,)}, "resonance of X at 599.7 Hz needs more than two samples"),

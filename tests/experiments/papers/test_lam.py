@@ -39,7 +39,7 @@ def test_trade_off_on_the_friction_machine(progress):
     np.testing.assert_allclose([found.rms_percent, found.time_s], [percent, time], rtol=5e-3)
 
 
-YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 TIMES = (2.0, 3.0, 4.0)  # [s] of the made-up runs
 
 

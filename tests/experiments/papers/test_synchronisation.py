@@ -15,7 +15,7 @@ from experiments.papers.synchronisation.result import CONTINUOUS, Result
 from experiments.papers.synchronisation.runs import NOMINAL, UNEQUAL, WEAK, turns
 from experiments.papers.verdicts import Verdict
 
-YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 DATA = Path(__file__).parents[2] / "data" / "adaptive" / "synchronisation.json"
 REFERENCE = json.loads(DATA.read_text())
 NAMES = {NOMINAL: "sync_nominal", WEAK: "sync_low_kc"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.papers.verdicts import Claim, Verdict, rounds_to, tally, undecided, verdict
+from experiments.papers.verdicts import Claim, Verdict, missed, rounds_to, tally, undecided, verdict
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_what_is_no_number_is_refused(printed):
 
 def test_a_verdict_holds_in_full_in_part_or_not():
     assert verdict(True) is verdict(True, partly=True) is Verdict.REPRODUCED
-    assert verdict(False, partly=True) is Verdict.SAME_ORDERING
+    assert verdict(False, partly=True) is Verdict.IN_PART
     assert verdict(False) is Verdict.NOT_REPRODUCED
 
 
@@ -44,3 +44,16 @@ def test_a_quick_run_takes_the_verdicts_back():
     assert tally(rows) == (
         "Verdicts on 2 statements: 1 reproduced; 1 experimental: shown, not matched."
     )
+
+
+def test_what_is_missed_ends_in_a_line_each_the_worst_first():
+    rows = (
+        Claim("1", "a", "b", Verdict.REPRODUCED),
+        Claim("Table 2", "20 numbers", "12 of 20", Verdict.IN_PART),
+        Claim("Fig. 3", "it falls", "it rises", Verdict.NOT_REPRODUCED),
+    )
+    assert missed(rows)[1:] == [
+        "  not reproduced: Fig. 3: it falls: here it rises",
+        "  in part: Table 2: 20 numbers: here 12 of 20",
+    ]
+    assert missed(rows[:1]) == []

@@ -48,7 +48,7 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 from jcontour.simulation.closed_loop import Rollout
 
 SPENT = 2e-3  # [s] processor time of a step of `Counting`, at least
-YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.SAME_ORDERING, Verdict.NOT_REPRODUCED
+YES, PARTLY, NO = Verdict.REPRODUCED, Verdict.IN_PART, Verdict.NOT_REPRODUCED
 
 
 def row(name: str, models: str, promised: float, **others) -> LoopRow:

@@ -1,3 +1,5 @@
+import inspect
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -79,3 +81,21 @@ def test_a_plan_can_be_shared(two_axes, controller):
     wanted = simulate(two_axes, controller, reference)
     for found, row in zip(jax.tree.leaves(shared), jax.tree.leaves(wanted), strict=True):
         np.testing.assert_allclose(found, row, rtol=1e-11, atol=1e-15)
+
+
+def test_swapped_arguments_are_told(two_axes, controller):
+    reference = reference_of()
+    for given, words in (
+        ((controller, two_axes, reference), "the plant needs to be a Plant, received ContouringLQ"),
+        ((two_axes, reference, controller), "the controller needs to be a Controller, received Re"),
+        ((two_axes, controller, None), "the reference needs to be a Reference, received NoneType"),
+    ):
+        with pytest.raises(TypeError, match=words):
+            simulate(*given)
+
+
+def test_help_and_print_tell_what_they_are(two_axes, controller):
+    rollout = simulate(two_axes, controller, reference_of())
+    assert inspect.isfunction(simulate) and "Run `controller`" in str(inspect.getdoc(simulate))
+    assert repr(rollout).startswith("Rollout(output (8, 2) [m], control (8, 2) from ")
+    assert "8 steps of 1 ms" in repr(reference_of()) and "6.283 mm long" in repr(reference_of())

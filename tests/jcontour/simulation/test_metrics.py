@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along, pad
+from jcontour.simulation import metrics as metrics_of_runs
 from jcontour.simulation.metrics import score_signals
 
 T, STEP, RADIUS = 12, 1e-4, 1e-3
@@ -200,3 +201,26 @@ def test_many_runs_at_once_are_each_scored(bent):
         alone = score(output[:, k], control[:, k], bent, (1, 9))
         for found, wanted in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
             np.testing.assert_allclose(found[k], wanted, rtol=1e-14)
+
+
+def test_metrics_are_printed_with_their_units(straight):
+    """5 um ahead on a straight: no contour error, and 5 um of tracking error."""
+    ahead = desired(straight) + 5e-6 * np.array([0.6, 0.8])
+    told = repr(score(ahead, np.full((T, 2), 3.0), straight))
+    assert "tracking error   rms 5 um, peak 5 um" in told and "rms 4.243" in told
+    assert "duration         0.012 s" in told and "diverged         no" in told
+    lost = repr(score(1e3 + ahead, NO_CONTROL, straight))
+    assert "diverged         yes: its numbers mean nothing" in lost
+    both = repr(score(np.stack([ahead, 1e3 + ahead], 1), np.zeros((T, 2, 2)), straight))
+    assert "diverged         1 of 2 runs" in both
+
+
+def test_metrics_are_printed_while_they_are_traced(straight):
+    told = []
+    jax.jit(lambda y: told.append(repr(score_signals(y, NO_CONTROL, straight))))(desired(straight))
+    assert "contour error    rms f64[], peak f64[]" in told[0] and "bool[]" in told[0]
+
+
+def test_swapped_arguments_are_told(straight):
+    with pytest.raises(TypeError, match="needs a run and its Reference, got Reference, Reference"):
+        metrics_of_runs.score(straight, straight)
