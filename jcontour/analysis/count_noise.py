@@ -10,7 +10,7 @@ Its slope is that of both equations together, by the adjoint Q = M' Q M + C' C.
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,11 +26,11 @@ FORGOTTEN = 1e-16  # of the sum: less is rounding
 class _Signals(NamedTuple):
     """Signals of a loop as rows over (x, w, noise one sample before, noise now)."""
 
-    x: np.ndarray
-    w: np.ndarray
-    y: np.ndarray
-    u: np.ndarray
-    after: np.ndarray  # (x, w, noise) one sample later
+    x: Any
+    w: Any
+    y: Any
+    u: Any
+    after: Any  # (x, w, noise) one sample later
 
 
 def count_noise(
@@ -95,7 +95,7 @@ def _slope(loop: FrozenLoop, signals: _Signals, Q, spread) -> FrozenLoop:
     )
 
 
-def _kept(matrices: Iterable[np.ndarray], stable: Bool[np.ndarray, "*loops"]) -> list[np.ndarray]:
+def _kept(matrices: Iterable[Any], stable: Bool[np.ndarray, "*loops"]) -> list[np.ndarray]:
     """The same matrices, zero where a loop is not stable."""
     if stable.all():
         return [*matrices]
@@ -103,7 +103,7 @@ def _kept(matrices: Iterable[np.ndarray], stable: Bool[np.ndarray, "*loops"]) ->
 
 
 def _stable(M: Float[np.ndarray, "*loops N N"]) -> Bool[np.ndarray, "*loops"]:
-    finite = np.isfinite(M).all(axis=(-2, -1))
+    finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))
     return finite & (np.abs(values).max(axis=-1) < 1)
 

@@ -138,7 +138,8 @@ def loop_radii(
     Raises:
         ValueError: the problem does not look at its loops.
     """
-    (peaks, _), (slopes, _) = looked_at(problem, start, z)
+    looked, moved = looked_at(problem, start, z)
+    peaks, slopes = looked.peaks, moved.peaks
     if peaks is None or slopes is None:
         raise ValueError("loops: this problem does not look at its frozen loops")
     radii = np.maximum(np.ravel(peaks.spectral_radius), LEAST)
