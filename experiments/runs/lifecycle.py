@@ -9,10 +9,11 @@ from typing import Any, TypeVar
 
 from rich.console import Console
 
+from experiments.catalogue.choices import machine_named
 from experiments.catalogue.own_classes import own_name
 from experiments.files import run_folder
 from experiments.files.results.stored import to_json
-from experiments.flags.shared import MachineFlags, Spreading
+from experiments.flags.shared import Controlled, MachineFlags, Spreading
 from experiments.reports import tables
 from experiments.reports.page.html_page import FILE, write_page
 from experiments.reports.page.page_data import COMMANDS
@@ -60,13 +61,50 @@ def same_task(folder: Path, command: str) -> str:
     return task_words(flags["parts"], flags)
 
 
-def task_words(parts: Sequence[str], flags: Mapping[str, Any]) -> str:
-    """Parts, machine and pace as words of a command line, with a space before."""
+def task_words(
+    parts: Sequence[str], flags: Mapping[str, Any], kind: type[MachineFlags] = MachineFlags
+) -> str:
+    """Parts and flags as words of a command line, with a space before.
+
+    Args:
+        parts: toolpaths or names.
+        flags: values by name.
+        kind: the flags that are told: machine and pace, or `Controlled` for the controller as well.
+    """
     words = [*parts]
-    for one in fields(MachineFlags):
+    for one in fields(kind):
         value = flags.get(one.name, one.default)
-        if one.name != "json" and value != one.default:
-            words += [f"--{one.name.replace('_', '-')}", str(value)]
+        if one.name == "json" or value == one.default or value == []:
+            continue
+        several = isinstance(value, (tuple, list))
+        words += [f"--{one.name.replace('_', '-')}", *map(str, value if several else [value])]
+    return words_of(words)
+
+
+def tuning_words(parts: Sequence[str], flags: Mapping[str, Any]) -> str:
+    """The words with which `jcontour tune` tunes the controller of another command.
+
+    A preview of all samples of the run is left out: it is not for tuning.
+    """
+    known = {name: value for name, value in flags.items() if (name, value) != ("preview", "path")}
+    return task_words(parts, known, Controlled)
+
+
+def ranked_words(folder: Path) -> str:
+    """The words with which `jcontour rank` ranks controllers on the task of a tuned run.
+
+    A controller of the user's own is ranked beside the usual one of the machine.
+    """
+    flags = run_folder.opened(folder, "tune")["flags"]
+    task, controller = task_words(flags["parts"], flags), flags.get("controller")
+    if controller is None or own_name(controller) is None:
+        return task
+    usual = machine_named(flags["plant"]).usual.controller
+    return task + words_of(["--controllers", usual, controller])
+
+
+def words_of(words: Sequence[str]) -> str:
+    """Words of a command line as a shell reads them, each with a space before."""
     return "".join(f" {shlex.quote(word)}" for word in words)
 
 

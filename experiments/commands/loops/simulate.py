@@ -25,7 +25,7 @@ from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.forecast import forecast
-from experiments.runs.lifecycle import created, finished, task_words
+from experiments.runs.lifecycle import created, finished, tuning_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning.results import machine_summary
@@ -119,8 +119,8 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
 
 def next_steps(flags: Simulate) -> list[str]:
     """What to do after a simulation."""
-    part = [flags.contour] if flags.contour and Path(flags.contour).suffix else []
-    return [f"Next: jcontour tune{task_words(part, vars(flags))}"]
+    part = [] if flags.contour is None else [flags.contour]
+    return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]
 
 
 def film_of(scenarios: Scenarios, found: Replay, title: str) -> Film:

@@ -4,6 +4,7 @@ Here the flexible axis from the data of its commissioning; `identify_linear` and
 rest. The file that it writes is read by the other commands.
 """
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -311,5 +312,5 @@ def _next_steps(result: IdentifyResult, folder: Path) -> list[str]:
         return ["No axis file: the model has an end effector, the data do not"]
     return [
         f"Axis file: {folder / result.model}",
-        f"Next: jcontour tune --plant {folder / result.model}",
+        f"Next: jcontour tune --plant {shlex.quote(str(folder / result.model))}",
     ]

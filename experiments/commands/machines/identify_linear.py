@@ -1,5 +1,6 @@
 """`jcontour identify log.csv --machine linear`: a machine file from a log of any program."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,9 +58,10 @@ def command(flags: Identify) -> int:
     result = _result(flags, log, source, found)
     write_result(folder, result)
     path = folder / MODEL
+    quoted = shlex.quote(str(path))
     then = [
         f"Machine file: {path}",
-        f"Next: jcontour machine {path}, then jcontour tune --plant {path}",
+        f"Next: jcontour machine {quoted}, then jcontour tune --plant {quoted}",
     ]
     return finished(folder, result, flags, show, then)
 

@@ -1,5 +1,6 @@
 """`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
 
+import shlex
 from pathlib import Path
 
 from rich.console import Console
@@ -130,5 +131,5 @@ def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
     return [
         f"Drawn: {found.figure}",
         *([f"Written: {path}"] if built else ["The file is sound."]),
-        f"Next: jcontour tune --plant {name}",
+        f"Next: jcontour tune --plant {shlex.quote(str(name))}",
     ]

@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.designs.design import with_values
+from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
 from experiments.files.results.front_result import BudgetPoint, FrontResult, dataset_of
 from experiments.files.results.stored import write_result
@@ -14,7 +15,7 @@ from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.figures.tuning.front import front
 from experiments.reports.rollouts import save_rollouts
-from experiments.runs.lifecycle import finished, opened
+from experiments.runs.lifecycle import finished, opened, tuning_words
 from experiments.runs.tuning.trade_off import Search, search_of, traced
 
 NAMES = {"increment": "the control increment", "sensitivity": "the peak sensitivity Ms"}
@@ -27,7 +28,12 @@ def command(flags: Front) -> int:
         result = traced(search, folder, tables.console_of(quiet=flags.json))
         _store_runs(result, search, folder)
         _store(result, search.run.design.units(), folder)
-    return finished(folder, result, flags, show, next_steps(result))
+    return finished(folder, result, flags, show, next_steps(result, _task(folder)))
+
+
+def _task(folder: Path) -> str:
+    stored = run_folder.opened(folder, "front")["flags"]
+    return tuning_words(stored["parts"], stored)
 
 
 def _store(result: FrontResult, weight_units: dict[str, str], folder: Path) -> None:
@@ -79,8 +85,8 @@ def _weights(point: BudgetPoint, result: FrontResult) -> list[str]:
     return [*map(tables.digits, [point.budget, *weights])]
 
 
-def next_steps(result: FrontResult) -> list[str]:
-    """Lines that say which budgets are slack, and what to do next."""
+def next_steps(result: FrontResult, task: str) -> list[str]:
+    """Lines that say which budgets are slack, and what to do next with the same task."""
     lines = []
     if result.tracking_cap is not None:
         lines.append(
@@ -99,7 +105,7 @@ def next_steps(result: FrontResult) -> list[str]:
         budget = tables.digits(tight[0].budget)
         lines.append(
             "Next: choose a budget and tune for it, as "
-            f"jcontour tune {TUNED_BY[result.against]} {budget} with the same parts and machine."
+            f"jcontour tune{task} {TUNED_BY[result.against]} {budget}"
         )
     else:
         lines.append("Next: no budget is met and used up; give larger or smaller ones.")

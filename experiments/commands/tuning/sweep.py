@@ -26,7 +26,7 @@ from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figures
 from experiments.reports.figures.tuning.sweep import sweep_figure, worst_errors
-from experiments.runs.lifecycle import finished, opened
+from experiments.runs.lifecycle import finished, opened, tuning_words
 from experiments.runs.spread.spreading import batching_of
 from experiments.runs.spread.varied_weights import listed_values, sampled_designs
 from jcontour.simulation.devices import Spread
@@ -326,8 +326,11 @@ def _next_steps(asked: Swept, result: SweepResult) -> list[str]:
     if not result.best:
         return ["Next: every design diverges; sweep smaller weights with --vary."]
     best = min(result.best, key=lambda row: row.worst_um)
-    weights = " ".join(f"{name}={value:.6g}" for name, value in best.weights.items())
-    return [
-        "Next: tune from the best point with "
-        f"jcontour tune --plant {asked.flags.plant} --preview {best.preview} --weights {weights}"
-    ]
+    given = dict(words.split("=", 1) for words in asked.flags.weights)
+    weights = given | {name: f"{value:.6g}" for name, value in best.weights.items()}
+    flags = vars(asked.flags) | {name: None for name in weights if name in vars(asked.flags)}
+    flags |= {"weights": [f"{name}={value}" for name, value in weights.items()]}
+    if len(asked.flags.previews) > 1 or asked.design(best.preview).settings().get("terminal"):
+        flags |= {"preview": best.preview}
+    words = tuning_words(asked.flags.parts, flags)
+    return [f"Next: tune from the best point with jcontour tune{words}"]

@@ -26,7 +26,7 @@ from experiments.reports.sensitivity_curves import save_sensitivity
 from experiments.reports.tuned_tables import limit_words, show_tuned
 from experiments.runs.checks.certified_bound import certified_bound
 from experiments.runs.contour_summary import contour_read
-from experiments.runs.lifecycle import finished, opened, same_task
+from experiments.runs.lifecycle import finished, opened, ranked_words
 from experiments.runs.runs_drawn import contour_runs
 from experiments.runs.tuning.problem import PLENTY, TuningRun, tuning_run
 from experiments.runs.tuning.regret import with_regret
@@ -193,7 +193,7 @@ def next_steps(found: TunedResult, folder: Path) -> list[str]:
         steps.append(f"jcontour verify {folder}    (the same weights under the machine's limits)")
     if found.terminal is not None:
         steps.append(f"jcontour certify {folder}    (the largest error it can have, proven)")
-    task = same_task(folder, "tune")
+    task = ranked_words(folder)
     steps.append(f"jcontour rank{task}    (every controller that suits, as P-PI, tuned alike)")
     load = [f"Load: {name}: {words}" for name, words in found.files.items()]
     return [*load, f"Next: {steps[0]}", *(f"      {step}" for step in steps[1:])]

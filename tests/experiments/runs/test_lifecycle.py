@@ -1,11 +1,15 @@
 """First and last lines of every command."""
 
+import shlex
 from pathlib import Path
 
 import pytest
 
+from experiments.cli import _chosen
+from experiments.commands.loops.simulate import next_steps
+from experiments.flags.loops import Simulate
 from experiments.flags.tuning import Rank, Tune
-from experiments.runs.lifecycle import created, same_task
+from experiments.runs.lifecycle import created, ranked_words, same_task, tuning_words
 
 
 @pytest.mark.parametrize(
@@ -30,3 +34,47 @@ def test_names_with_spaces_are_quoted(tmp_path):
     part.write_text("0,0\n1,0\n")
     folder = created(Tune(parts=(str(part),), out=tmp_path / "run"), "tune")
     assert same_task(folder, "tune") == f" '{Path(part)}'"
+
+
+OWN = "mine.py:Proportional"
+
+
+def parsed(line):
+    """The flags that the command reads of a printed line."""
+    command = line[line.index("jcontour ") :]
+    return _chosen(shlex.split(command)[1:])[0]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"contour": "circle", "controller": OWN, "weights": ("gain=9000", "feedforward=-35")},
+        {"contour": "my part.ngc", "plant": "gantry", "controller": "cascade", "preview": 20},
+        {"alpha": 3.0, "beta": 1e9, "terminal": "riccati", "model_delay": 1, "feed_law": "jerk"},
+    ],
+)
+def test_a_simulation_goes_on_with_its_part_machine_and_controller(given):
+    [line] = next_steps(Simulate(**given))
+    contour = given.pop("contour", None)
+    assert parsed(line) == Tune(parts=() if contour is None else (contour,), **given)
+
+
+def test_all_samples_of_a_run_are_not_a_preview_for_tuning():
+    [line] = next_steps(Simulate(preview="path"))  # pyright: ignore[reportArgumentType]
+    assert parsed(line) == Tune()
+
+
+def test_words_of_a_stored_run_are_read_as_its_flags():
+    stored = vars(Tune(controller=OWN)) | {"weights": ["gain=2"]}  # JSON has no tuples
+    found = parsed("jcontour tune" + tuning_words(["circle", "cam"], stored))
+    assert found == Tune(parts=("circle", "cam"), controller=OWN, weights=("gain=2",))
+
+
+def test_a_controller_of_ones_own_is_ranked_beside_the_usual_one(tmp_path):
+    (tmp_path / "mine.py").write_text("")
+    own = f"{tmp_path / 'mine.py'}:Proportional"
+    folder = created(Tune(parts=("circle",), controller=own, out=tmp_path / "run"), "tune")
+    found = parsed("jcontour rank" + ranked_words(folder))
+    assert found == Rank(parts=("circle",), controllers=("contouring-lq", own))
+    of_ours = created(Tune(controller="preview-lq", out=tmp_path / "other"), "tune")
+    assert parsed("jcontour rank" + ranked_words(of_ours)) == Rank()

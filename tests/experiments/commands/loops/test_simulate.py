@@ -60,7 +60,8 @@ def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     flags = Simulate(contour="my part.ngc", plant="mill.json", feed_law="trapezoidal", json=True)
     [line] = next_steps(flags)
     assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
-    assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune"]
+    assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune circle"]
+    assert next_steps(Simulate()) == ["Next: jcontour tune"]
 
 
 @pytest.mark.slow

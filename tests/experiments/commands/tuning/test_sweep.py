@@ -1,16 +1,24 @@
 """`sweep`: what it makes of its flags, and a small one from the command line."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
 
 from experiments.catalogue.choices import design_for, machine_named
-from experiments.cli import main
-from experiments.commands.tuning.sweep import SweepResult, horizons, sampled_values
+from experiments.cli import _chosen, main
+from experiments.commands.tuning.sweep import (
+    BestDesign,
+    SweepResult,
+    Swept,
+    _next_steps,
+    horizons,
+    sampled_values,
+)
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result
-from experiments.flags.tuning import Sweep
+from experiments.flags.tuning import Sweep, Tune
 
 NAMES = ("alpha", "beta")
 
@@ -70,6 +78,27 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
     assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
 
 
+OWN = """
+import jax.numpy as jnp
+from jcontour.controller import Controller
+
+
+class Proportional(Controller):
+    gain: float = 1.0
+    feedforward: float = 1.0
+    preview: int = 0
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, self.gain * (plan - measurement) + 0 * self.feedforward
+"""
+
+
 @pytest.mark.slow
 def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept, capsys):
     assert main(["sweep", "--resume", str(swept)]) == 0
@@ -77,8 +106,27 @@ def test_a_finished_sweep_says_what_it_drew_what_diverged_and_what_is_next(swept
     assert "4 points, 2 diverged." in printed
     assert "Diverged: preview 4, alpha 2e+06, beta 0.5\n" in printed
     assert "Drawn: sweep.png" in printed
-    assert "Next: tune from the best point with jcontour tune --plant" in printed
+    assert "Next: tune from the best point with jcontour tune " in printed
     assert f"Run folder: {swept}" in printed
+
+
+def test_what_is_tuned_next_is_the_controller_that_was_swept(tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    flags = Sweep(
+        parts=("circle",),
+        controller=f"{tmp_path / 'mine.py'}:Proportional",
+        weights=("feedforward=2",),
+        previews=(0,),
+    )
+    asked = Swept(flags, machine_named(flags.plant), [], {})
+    best = BestDesign(preview=0, weights={"gain": 15000.0}, worst_um=1.0, nominal_um=1.0)
+    [line] = _next_steps(asked, SweepResult(points=1, diverged=0, best=[best]))
+    words = line[line.index("jcontour ") :]
+    assert _chosen(shlex.split(words)[1:])[0] == Tune(
+        parts=("circle",),
+        controller=flags.controller,
+        weights=("feedforward=2", "gain=15000"),
+    )
 
 
 @pytest.mark.slow
