@@ -4,8 +4,9 @@ Each axis by itself: structure by `order_search`, numbers and intervals on the w
 friction where it is seen (`friction`). Then what the record cannot answer, in words, and the
 family: every gain within the largest of what the intervals say, what two halves of the record
 disagree by, and what drives repeat to; and one sample of delay more where the data do not tell two
-delays apart. The intervals of the response hold the richer models too that the record makes
-likelier without showing them clearly; the gain does not, as it is one number for all frequencies.
+delays apart. The intervals of the response hold the models of all delays that are not told
+apart, each fitted by itself, and the richer models that the record makes likelier without showing
+them clearly; the gain does not, as it is one number for all frequencies.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -232,7 +233,9 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         name=name,
         fit=fit,
         estimate=estimate,
-        response=evidence.widened(response, [one.fit.model for one in choice.richer]),
+        response=evidence.widened(
+            response, [*found.equals, *(one.fit.model for one in choice.richer)]
+        ),
         choice=choice,
         rivals=rivals,
         held_out=output,
@@ -299,6 +302,7 @@ def _notes(axis: LinearAxis) -> list[str]:
     if axis.delays:
         found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))
         family = f"; the family holds {found} and {found + 1}" if axis.late else ""
+        family += ", the intervals of the response hold the models with all of these"
         notes.append(
             f"{name}: the motion is too smooth to tell {found} from {others} samples of delay"
             f"{family}"

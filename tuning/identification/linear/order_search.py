@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
+from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.evidence import WINDOW
 from tuning.identification.linear.hidden_modes import hidden_modes
 from tuning.identification.linear.noise_model import (
@@ -154,10 +155,12 @@ class Settled:
     Attributes:
         fit: the model.
         rivals: by how much the logarithm of the likelihood is less with another delay, by delay.
+        equals: models of the other delays that the data do not tell from it.
     """
 
     fit: AxisFit
     rivals: dict[int, float]
+    equals: tuple[AxisModel, ...] = ()  # a lively record tells all others apart
 
     def less_likely(self, other: "Settled") -> float:
         """By how much the logarithm of the likelihood is less than another's."""
@@ -181,7 +184,8 @@ def settled(record: AxisRecord, start: AxisFit, most_delay: int) -> Settled:
             found[d] = _alternated(record, replace(beside, model=replace(beside.model, delay=d)))
     best = min(_equal(found), key=lambda d: float(np.linalg.norm(found[d].model.numerator)))
     least = _likelihood(found[best])
-    return Settled(found[best], {d: _likelihood(v) - least for d, v in found.items() if d != best})
+    rivals = {d: _likelihood(v) - least for d, v in found.items() if d != best}
+    return Settled(found[best], rivals, tuple(found[d].model for d in rivals if rivals[d] < TELLS))
 
 
 def _equal(found: dict[int, AxisFit]) -> list[int]:

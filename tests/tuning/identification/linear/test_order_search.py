@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from jcontour.linear.continuous_axes import (
     position_axis,
@@ -8,7 +9,7 @@ from jcontour.linear.continuous_axes import (
     with_resonance,
 )
 from tuning.identification.linear.noise_model import whitening
-from tuning.identification.linear.order_search import Candidate, Choice, chosen, settled
+from tuning.identification.linear.order_search import TELLS, Candidate, Choice, chosen, settled
 from tuning.identification.linear.output_error import (
     AxisRecord,
     Structure,
@@ -72,3 +73,17 @@ def test_a_richer_model_that_the_record_makes_likelier_is_kept_in_mind():
     plain, rich = found
     assert Choice(plain, found).richer == [rich]
     assert Choice(rich, found).richer == []
+
+
+def test_models_of_the_delays_that_are_not_told_apart_are_kept():
+    """A smooth motion hides the delay; each other one comes with a model fitted to it."""
+    random = np.random.default_rng(3)
+    u = np.sin(2 * np.pi * 0.8 * 1e-3 * np.arange(4000))
+    y = np.asarray(lfilter([0, 0, 0, 0.1], [1.0, -0.9], u)) + 1e-3 * random.standard_normal(4000)
+    record = AxisRecord(1e-3, u, y)
+    found = settled(record, fitted(record, Structure(1, 1, 0, 2)), 5)
+    near = {d for d, value in found.rivals.items() if value < TELLS}
+    assert near and {one.delay for one in found.equals} == near
+    at = np.array([2 * np.pi * 0.8])
+    for one in found.equals:  # all say the same where the motion was
+        assert np.abs(one.response(at) / found.fit.model.response(at) - 1) < 0.01

@@ -55,7 +55,7 @@ def test_the_delay_behind_a_resonance_that_slow_motion_hides():
 class Richer(Settled):
     """What `settled` would say of a larger structure, and by how much it is less likely."""
 
-    behind: float
+    behind: float = 0.0
 
     def less_likely(self, other):
         return self.behind
@@ -80,30 +80,33 @@ def model(delay, poles, gain=1.0):
     ("richer", "wanted"),
     [
         # 9 % off in gain adds nothing; 20 % off, its delay and its rivals count
-        ([Richer(model(0, 3, 1.09), {3: 0.0}, 0.0)], {1: 6.0, 4: 9.0}),
-        ([Richer(model(2, 3, 1.2), {3: 1.5, 4: 2.0}, 0.5)], {1: 6.0, 2: 0.5, 3: 2.0, 4: 2.5}),
+        ([Richer(model(0, 3, 1.09), {3: 0.0}, behind=0.0)], {1: 6.0, 4: 9.0}),
+        (
+            [Richer(model(2, 3, 1.2), {3: 1.5, 4: 2.0}, behind=0.5)],
+            {1: 6.0, 2: 0.5, 3: 2.0, 4: 2.5},
+        ),
         # a likelier one is a rival without a doubt, not more than that
-        ([Richer(model(1, 3, 1.2), {4: 2.0}, -30.0)], {1: 0.0, 4: 2.0}),
+        ([Richer(model(1, 3, 1.2), {4: 2.0}, behind=-30.0)], {1: 0.0, 4: 2.0}),
         # smaller doubts of the model's own stay, and its own delay is no rival
-        ([Richer(model(1, 3, 1.2), {0: 1.0, 4: 1.0}, 20.0)], {1: 6.0, 4: 9.0}),
+        ([Richer(model(1, 3, 1.2), {0: 1.0, 4: 1.0}, behind=20.0)], {1: 6.0, 4: 9.0}),
         # another delay alone answers otherwise as well
-        ([Richer(model(3, 3), {}, 1.0)], {1: 6.0, 3: 1.0, 4: 9.0}),
+        ([Richer(model(3, 3), {}, behind=1.0)], {1: 6.0, 3: 1.0, 4: 9.0}),
         # two starts of one structure, each with what it excludes; a third is not asked
         (
             [
-                Richer(model(3, 3, 1.2), {}, 1.0),
-                Richer(model(4, 3, 1.2), {3: 0.25}, 0.0),
-                Richer(model(2, 3, 1.2), {}, 0.0),
+                Richer(model(3, 3, 1.2), {}, behind=1.0),
+                Richer(model(4, 3, 1.2), {3: 0.25}, behind=0.0),
+                Richer(model(2, 3, 1.2), {}, behind=0.0),
             ],
             {1: 6.0, 3: 0.25, 4: 0.0},
         ),
         # no more poles than the model has
-        ([Richer(model(3, 1, 1.2), {}, 0.0)], {1: 6.0, 4: 9.0}),
+        ([Richer(model(3, 1, 1.2), {}, behind=0.0)], {1: 6.0, 4: 9.0}),
     ],
 )
 def test_what_a_richer_model_adds(richer, wanted, monkeypatch):
     """The model has no delay and two rivals; what is wanted was counted by hand."""
-    found = Richer(model(0, 1), {1: 6.0, 4: 9.0}, 0.0)
+    found = Richer(model(0, 1), {1: 6.0, 4: 9.0}, behind=0.0)
     waiting = iter(richer)
     monkeypatch.setattr(rivals, "settled", lambda *_: next(waiting))
     best, *largest = (Candidate(one.fit, np.zeros(1)) for one in (found, *richer))
