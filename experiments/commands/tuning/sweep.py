@@ -1,6 +1,6 @@
 """`jcontour sweep`: metrics over weights x preview x contours x plants, on the true machines."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -109,7 +109,8 @@ def command(flags: Sweep) -> int:
         save_figures(figures, dataset, folder)
         result = summary_of(dataset, names, error)
         write_result(folder, result)
-    then = [*_diverged_lines(dataset, names, error), *_next_steps(asked, result)]
+    lost = _diverged_lines(dataset, names, error)
+    then = [*lost, *_edge_of(asked, result), *_next_steps(asked, result)]
     return finished(folder, result, flags, _shown(names, error), then)
 
 
@@ -334,3 +335,20 @@ def _next_steps(asked: Swept, result: SweepResult) -> list[str]:
         flags |= {"preview": best.preview}
     words = tuning_words(asked.flags.parts, flags)
     return [f"Next: tune from the best point with jcontour tune{words}"]
+
+
+def _edge_of(asked: Swept, result: SweepResult) -> list[str]:
+    if asked.flags.samples or not result.best:  # a random sample has no edge
+        return []
+    best = min(result.best, key=lambda row: row.worst_um)
+    return edge_lines(best.weights, asked.values)
+
+
+def edge_lines(best: Mapping[str, float], values: Mapping[str, Float[Array, " D"]]) -> list[str]:
+    """A line for every weight whose best value is the first or the last of its grid."""
+    ends = {name: (grid.min(), grid.max()) for name, grid in values.items() if np.ptp(grid) > 0}
+    return [
+        f"The best {name}, {best[name]:.6g}, lies on the edge of the grid: widen --vary there."
+        for name, places in ends.items()
+        if best[name] in places
+    ]

@@ -15,6 +15,8 @@ from experiments.reports.figures.shared.axes import legend_below
 LOST, BEST = "tab:red", "white"
 COLUMNS = 3  # panels side by side
 TICKS = 8  # values of a weight that are all written at the axis
+LETTERS = 20  # of labels that fit side by side under a panel
+LEVELS = 5  # errors written at the colours
 MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
 
 
@@ -75,7 +77,8 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     finite = worst[np.isfinite(worst)]
     ends = (finite.min(), finite.max()) if finite.size else (1.0, 10.0)
-    norm = LogNorm(ends[0], max(ends[1], 1.01 * ends[0]))
+    ends = (float(ends[0]), float(max(ends[1], 1.01 * ends[0])))
+    norm = LogNorm(*ends)
     shown = None
     for k, preview in enumerate(dataset.preview.values):
         shown = _map(panels[k], dataset, names, worst[k], norm)
@@ -84,8 +87,9 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
         unused.set_axis_off()
     if shown is not None:
         label = f"worst RMS {error} error [um]"
-        bar = figure.colorbar(shown, ax=list(panels), label=label, format="{x:.3g}")
-        bar.ax.yaxis.set_minor_formatter("{x:.3g}")
+        ticks = np.geomspace(*ends, LEVELS)  # those of a decade would collide
+        bar = figure.colorbar(shown, ax=list(panels), label=label, ticks=ticks, format="{x:.3g}")
+        bar.ax.yaxis.set_ticks([], minor=True)
     figure.suptitle("Star: best; red cross: diverged", fontsize=10)
     return figure
 
@@ -135,8 +139,11 @@ def scaled(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
     for values, axis in ((x, axes.xaxis), (y, axes.yaxis)):
         ticks = np.unique(values)
         if ticks.size <= TICKS:
-            axis.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+            labels = [f"{tick:g}" for tick in ticks]
+            axis.set_ticks(ticks, labels=labels)
             axis.set_ticks([], minor=True)
+            if axis is axes.xaxis and sum(map(len, labels)) > LETTERS:
+                axis.set_tick_params(rotation=45)
 
 
 def _counted(lost: np.ndarray) -> str:
@@ -146,4 +153,4 @@ def _counted(lost: np.ndarray) -> str:
 def named(dataset: xr.Dataset, name: str) -> str:
     """Name of a coordinate with its unit."""
     unit = dataset[name].attrs.get("units", "1")
-    return name if unit == "1" else f"{name} [{unit}]"
+    return name if unit in ("", "1") else f"{name} [{unit}]"

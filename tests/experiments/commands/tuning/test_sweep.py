@@ -3,6 +3,7 @@
 import json
 import shlex
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from experiments.commands.tuning.sweep import (
     SweepResult,
     Swept,
     _next_steps,
+    edge_lines,
     horizons,
     sampled_values,
 )
@@ -189,3 +191,11 @@ def test_what_varies_can_be_named():
         (2, 5),
         (2, 20),
     ]
+
+
+def test_a_best_point_on_the_edge_of_its_grid_is_told():
+    grid = {"alpha": jnp.array([1.0, 2.0, 3.0]), "beta": jnp.array([4.0, 5.0, 4.0])}
+    grid["rho"] = jnp.full(3, 7.0)  # one value has no edge
+    (line,) = edge_lines({"alpha": 2.0, "beta": 5.0, "rho": 7.0}, grid)
+    assert line.startswith("The best beta, 5, lies on the edge of the grid")
+    assert edge_lines({"alpha": 2.0, "beta": 4.5, "rho": 7.0}, grid) == []
