@@ -217,7 +217,7 @@ def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Li
 
 def _written_out(qp: StagedQP) -> Callable | None:
     """The same in machine code of our own, where there is one for a problem of this size."""
-    if not 0 < qp.D.shape[0] <= MOST_WRITTEN - qp.D.shape[1]:
+    if not 0 < qp.D.shape[0] <= MOST_WRITTEN - qp.D.shape[1] or 0 in qp.B.shape:
         return None
     if suits_gpu_code(qp):
         from jcontour.qp.lanes.on_gpu import found

@@ -160,7 +160,8 @@ def _again(
     bends: Bool[np.ndarray, " stretches"],
 ) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    time, ends = shares(motion, mesh.cell_time(motion.limits), bends)
+    tick = max(mesh.cell_time(motion.limits), motion.duration / mesh.MOST_CELLS)
+    time, ends = shares(motion, tick, bends)
     splines = through(time, motion.at(time).arc, ends)
     if splines is None:
         return None

@@ -63,3 +63,11 @@ def test_one_model_for_all(problems):
     for k in range(3):
         alone = solve(one._replace(x0=problems.x0[k])).trajectory.stages
         np.testing.assert_allclose(shared[k], alone, atol=1e-13)
+
+
+def test_a_problem_without_states_is_not_written_out(staged_problems):
+    """Its members could not be counted by them: the answer would be whatever memory holds."""
+    qp = jax.tree.map(lambda leaf: leaf[0], staged_problems(5, 1, **SIZES))
+    assert interior_point._written_out(qp) is not None
+    none = qp._replace(A=qp.A[:0, :0], B=qp.B[:0], x0=qp.x0[:0], D=qp.D[:, 4:])
+    assert interior_point._written_out(none) is None

@@ -54,7 +54,6 @@ REFUSED = {
     870: "boring from behind",
     950: "a feed per turn of a spindle",
 }
-MOTION_LETTERS = frozenset("XYZIJKR@^")
 LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
