@@ -63,6 +63,9 @@ class Front(Aimed):
     most: Annotated[float | None, arg(aliases=["--most-increment"])] = None
     """Largest budget, likewise.
     When not given, the increment of the best weights without a budget, or Ms = 3."""
+    max_count_noise: float | None = None  # the budgets limit the control
+    """Limit on the RMS control that the rounding of encoders to counts causes, as a part of the
+    machine's control limit; None for no limit."""
 
 
 @dataclass(frozen=True)

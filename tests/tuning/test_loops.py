@@ -29,9 +29,9 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
         return loops.matrices(controller(z), family)
 
     z = jnp.log(jnp.array([3.0, 5.0, 0.01]))
-    (found, late), (slopes, late_slopes) = loops.look(
-        *jax.device_get((matrices(z), jax.jacfwd(matrices)(z)))
-    )
+    looked, moved = loops.look(*jax.device_get((matrices(z), jax.jacfwd(matrices)(z))))
+    found, late, slopes, late_slopes = looked.peaks, looked.late, moved.peaks, moved.late
+    assert looked.count_noise is None
 
     def wanted(z):
         return loop_peaks(controller(z), family, loops.windows)
