@@ -14,11 +14,9 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.coordinates import Numbers
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.phase_plane import sweep
 from jcontour.motion.rests import Rests, rest_of_pieces
 
 MOST_SAMPLES = 20_000_000  # 160 MB for the arc length alone
@@ -217,6 +215,8 @@ def _steps(contour: Contour) -> _Steps:
 
 def _frame(pieces: Piece, piece: Int[np.ndarray, "..."], s: Float[np.ndarray, "..."]):
     """Unit tangent and curvature vector [1/m]."""
+    from jcontour.geometry.along_pieces import jet  # loads Numba
+
     _, velocity, bend, _ = jet(pieces, piece, s)
     square = np.sum(velocity**2, axis=-1, keepdims=True)
     across = bend - np.sum(bend * velocity, axis=-1, keepdims=True) / square * velocity
@@ -286,6 +286,8 @@ def _quickest(
         gain = np.where(rows.along > 0, doubled * rows.limit / rows.along, np.inf)
         loss = np.where(rows.along > 0, doubled * rows.across / rows.along, 0.0)
     nodes = most.copy()
+    from jcontour.motion.phase_plane import sweep  # loads Numba
+
     sweep(np.stack([per_end, at_rest, gain, loss]), nodes)
     return nodes
 

@@ -55,7 +55,9 @@ from jcontour.qp.path import (
     MOST,
     NEAR,
     ROOM,
+    SOLVED,
     SPOILT,
+    rounding,
 )
 from jcontour.qp.staged import (
     StagedQP,
@@ -69,7 +71,6 @@ from jcontour.qp.staged import (
     step_of,
 )
 
-SOLVED = 1e-6  # largest scaled residual of an answer that counts as solved
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
 SOFTENED = 1e-6
 # states, controls and rows of a stage that our machine code takes: it is written out number by
@@ -348,13 +349,23 @@ def _checked(qp: StagedQP, point: Point, limits: Limits, iterations) -> Answer:
 
 
 def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
-    """Largest slope of the Lagrangian with a control, over the largest term in it."""
+    """Largest slope of the Lagrangian with a control, over the largest term in it.
+
+    The slopes H v and h cancel where the machine rests where it should: what their rounding leaves
+    is no slope (`rounding`).
+    """
     n = qp.x0.size
     cost, pulled = slopes(qp, at), _pulled(qp, multipliers)
     behind = costates(qp, _summed(cost, pulled))
     terms = cost.stages[:, n:], pulled.stages[:, n:], behind @ qp.B
+    apart = qp.h[:, n:], costates(qp, Trajectory(qp.h, qp.h_end)) @ qp.B
+    scale = _largest(terms), rounding(multipliers.dtype) * _largest(apart)
     tiny = jnp.finfo(multipliers.dtype).tiny ** 0.5
-    return jnp.max(jnp.abs(sum(terms))) / jnp.maximum(jnp.max(jnp.abs(jnp.stack(terms))), tiny)
+    return jnp.max(jnp.abs(sum(terms))) / jnp.maximum(jnp.maximum(*scale), tiny)
+
+
+def _largest(terms) -> Float[Array, ""]:
+    return jnp.max(jnp.abs(jnp.stack(terms)))
 
 
 def _stated(qp: StagedQP):

@@ -20,6 +20,7 @@ from jaxtyping import Array
 from jcontour.devices import on_gpu
 from jcontour.kernels.gpu.lanes import WARP, Batch, Operand, vectors
 from jcontour.qp.lanes.kernel import Kernel, Sizes
+from jcontour.qp.path import rounding
 
 ROOM = 48 * 1024  # bytes that a program has in the memory beside its processor
 IN_REGISTERS = 128 * 4  # bytes of D that a lane takes there: half of its registers
@@ -52,6 +53,7 @@ class Columns(SimpleNamespace):
     def __init__(self, dtype: Any, columns: Mapping[str, Column]):
         super().__init__(**columns)
         self.dtype, self.tiny = dtype, float(jnp.finfo(dtype).tiny ** 0.5)
+        self.rounding = rounding(dtype)
 
     def loop(self, count: int, body: Callable, begun: Sequence) -> list:
         """Carry numbers through the stages: `body(j, carried)`."""

@@ -24,7 +24,7 @@ from jcontour.qp.lanes.found import NAMES, RESULTS, Found, problem_rows, rows_of
 from jcontour.qp.lanes.iteration import ITERATION
 from jcontour.qp.lanes.kernel import Kernel, Sizes
 from jcontour.qp.lanes.start import START
-from jcontour.qp.path import MOST
+from jcontour.qp.path import MOST, rounding
 from jcontour.qp.staged import StagedQP
 
 SQUARES = "H", "H_end"  # symmetric: their lower triangles are kept
@@ -97,6 +97,7 @@ class Columns(SimpleNamespace):
     """Columns of eight problems by name, and loops over their stages."""
 
     tiny = float(np.finfo(float).tiny ** 0.5)
+    rounding = rounding(float)
 
     def __init__(self, builder, memory, places: dict[str, int]):
         self.builder = builder

@@ -147,6 +147,8 @@ def forward(sizes: Sizes, at, visit: Callable, begun: Sequence) -> tuple[list, l
 def costates(sizes: Sizes, at, end: Sequence, slopes: Callable) -> Any:
     """Largest slope of the Lagrangian with a control that is left, over its largest term.
 
+    The scale is `jcontour.qp.path.rounding` of the slope h, and of what its costates add, at least.
+
     Args:
         sizes: sizes.
         at: the lanes.
@@ -156,18 +158,24 @@ def costates(sizes: Sizes, at, end: Sequence, slopes: Callable) -> Any:
     n, v = sizes.n, sizes.v
 
     def back(j, carried):
-        costate, (left, largest) = carried[:n], carried[n:]
+        costate, apart, (left, largest, whole) = carried[:n], carried[n : 2 * n], carried[2 * n :]
         own, limited = slopes(j)
+        h = stages(at.h, j, v)
         moved = [before(sizes, at, costate, k) for k in range(v)]
-        whole = [sum(terms) for terms in zip(own, limited, moved, strict=True)]
+        moved_apart = [before(sizes, at, apart, k) for k in range(v)]
+        total = [sum(terms) for terms in zip(own, limited, moved, strict=True)]
         for k in range(n, v):
-            left = larger(left, abs(whole[k]))
+            left = larger(left, abs(total[k]))
             for term in (own[k], limited[k], moved[k]):
                 largest = larger(largest, abs(term))
-        return [*whole[:n], left, largest]
+            for term in (h[k], moved_apart[k]):
+                whole = larger(whole, abs(term))
+        linear = [one + other for one, other in zip(h, moved_apart, strict=True)]
+        return [*total[:n], *linear[:n], left, largest, whole]
 
-    left, largest = at.backwards(sizes.N, back, [*end, 0.0, 0.0])[n:]
-    return left / larger(largest, at.tiny)
+    begun = [*end, *stages(at.h_end, 0, n), 0.0, 0.0, 0.0]
+    left, largest, whole = at.backwards(sizes.N, back, begun)[2 * n :]
+    return left / larger(larger(largest, at.rounding * whole), at.tiny)
 
 
 def _factor(sizes: Sizes, at, j) -> list[list]:

@@ -14,9 +14,10 @@ from jcontour.controllers.lq.contouring_lq import (
     RiccatiTerminal,
 )
 from jcontour.controllers.observers.kalman import OffsetFreeTold, offset_free_gain
-from jcontour.geometry.contours import circle, lemniscate, polygon
+from jcontour.geometry.contours import circle, lemniscate, line, polygon
 from jcontour.host.loop import reported_loop
 from jcontour.host.observed import OffsetFreeHost
+from jcontour.linear.plant import LinearPlant
 from jcontour.motion.references import along
 from jcontour.mpc.tracking import constrained_lq
 from jcontour.mpc.tracking.constrained_lq import ConstrainedLQ
@@ -216,3 +217,28 @@ def test_the_start_is_within_the_limits_and_bad_ones_are_told(two_axes):
     assert np.abs(memory.control).max() <= 1e-3
     with pytest.raises(ValueError, match="control: needs one bound or one per component"):
         ConstrainedLQ(two_axes, WEIGHTS, N, Limits.within(control=np.ones(3)))
+
+
+def test_a_machine_at_rest_away_from_the_origin_is_no_unsolved_problem():
+    """There the slopes of tracking cancel to rounding; slack limits leave the law without limits.
+
+    Two axes of x'' = u begin at rest, 0.3 m from the origin, and then move.
+    """
+    dt = 1e-3
+    A = np.kron(np.eye(2), [[1.0, dt], [0.0, 1.0]])
+    B = np.kron(np.eye(2), [[dt**2 / 2], [dt]])
+    plant = LinearPlant(A, B, np.kron(np.eye(2), [[1.0, 0.0]]), dt)
+    path = line([0.123, 0.271], [0.223, 0.371])
+    reference = along(path, 2e-5 * np.maximum(np.arange(40) - 15, 0), dt, N, at_rest=True)
+
+    def controls(rho):
+        limited = ConstrainedLQ(plant, LQWeights(3.0, 5.0, rho), N, Limits.within(control=50.0))
+        rollout = simulate(plant, limited, reference)
+        return rollout.control, rollout.final_memory.failed
+
+    free = simulate(plant, ContouringLQ(plant, LQWeights(3.0, 5.0, 1e-7), N), reference).control
+    found, failed = jax.jit(controls)(1e-7)
+    assert int(failed) == 0
+    np.testing.assert_allclose(found, free, atol=1e-6 * float(jnp.abs(free).max()))
+    slope = jax.jit(jax.jacfwd(lambda rho: controls(rho)[0]))(1e-7)
+    assert jnp.isfinite(slope).all()
