@@ -105,7 +105,7 @@ def _kept(matrices: Iterable[Any], stable: Bool[np.ndarray, "*loops"]) -> list[n
 def _stable(M: Float[np.ndarray, "*loops N N"]) -> Bool[np.ndarray, "*loops"]:
     finite = np.asarray(np.isfinite(M).all(axis=(-2, -1)))
     values = np.linalg.eigvals(np.where(finite[..., None, None], M, 0.0))
-    return finite & (np.abs(values).max(axis=-1) < 1)
+    return np.asarray(finite & (np.abs(values).max(axis=-1) < 1))
 
 
 def _summed(

@@ -228,4 +228,4 @@ def test_ramps_over_a_stretch_of_no_length_take_no_time():
     """Two ramps of 0.1 mm at half a metre a second, 0.8 mm at one."""
     motion = ramped(np.array([0.0, 1e-3, 1e-3]), np.full(2, 1e-4))
     assert motion.time[-1] == pytest.approx(2 * 2e-4 + 0.8e-3)
-    assert motion.at(motion.time[-1]).arc == pytest.approx(1e-3)
+    assert motion.at(motion.time[-1:]).arc == pytest.approx(1e-3)
