@@ -22,6 +22,7 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "jcontour/native/gpu_operations.py": "jcontour/native/test_gpu_code.py",
     "jcontour/qp/lanes": "jcontour/qp/test_lanes.py",
     "jcontour/qp/path.py": "jcontour/qp/test_interior_point.py",
+    "jcontour/qp/limit_rows.py": "jcontour/qp/test_interior_point.py",
     # the parts of a planned motion
     "jcontour/motion/jerk_limited": "jcontour/motion/jerk_limited/test_planning.py",
     "jcontour/geometry/csv_points.py": "jcontour/geometry/test_toolpaths.py",

@@ -27,6 +27,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from jcontour.devices import suits_gpu_code, suits_native
+from jcontour.qp.limit_rows import gram, one_sided_limits, pulled, rows
 from jcontour.qp.one_sided import (
     Changes,
     Limits,
@@ -41,7 +42,6 @@ from jcontour.qp.one_sided import (
     possible,
     products,
     pushes,
-    sides,
     softened_slack,
 )
 from jcontour.qp.path import (
@@ -69,6 +69,7 @@ from jcontour.qp.staged import (
     rollout,
     slopes,
     step_of,
+    summed,
 )
 
 # of a limit's width: so much larger are slacks in derivatives; with less, rounding hides H behind W
@@ -174,20 +175,20 @@ def _zero_tangent(leaf: Array):
 def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) -> Trajectory:
     """Change of the trajectory with the numbers of the problem: linear in it."""
     at, multipliers = answer.trajectory, answer.multipliers
-    behind = costates(qp, _summed(slopes(qp, at), _pulled(qp, multipliers)))
+    behind = costates(qp, summed(slopes(qp, at), pulled(qp, multipliers)))
 
     def equations(qp: StagedQP):
         model = jnp.concatenate([qp.A, qp.B], axis=1)
-        slope = _summed(slopes(qp, at), _pulled(qp, multipliers))
+        slope = summed(slopes(qp, at), pulled(qp, multipliers))
         slope = Trajectory(slope.stages + behind @ model, slope.end)
-        moved = _one_sided(qp)
-        value = jnp.where(limits.there, _rows(qp, at), 0.0) - moved.bound
+        moved = one_sided_limits(qp)
+        value = jnp.where(limits.there, rows(qp, at), 0.0) - moved.bound
         return slope, at.stages @ model.T + qp.c, value, moved.price, qp.x0
 
     _, (slope, added, value, price, start) = jax.jvp(equations, (qp,), (dqp,))
     weight, share, paid = _softened(point, limits)
     pulls = weight * value + paid * price
-    H = qp.H + _gram(qp, weight)
+    H = qp.H + gram(qp, weight)
     x, end = drifted(qp, start, added)
     free = jnp.concatenate([x, jnp.zeros((x.shape[0], qp.B.shape[1]), x.dtype)], axis=1)
     h, h_end = slope.stages + jnp.einsum("jab,jb->ja", H, free), slope.end + qp.H_end @ end
@@ -196,16 +197,16 @@ def _tangent(qp: StagedQP, answer: Answer, point: Point, limits: Limits, dqp) ->
     def nearer(_, found):
         _, change = found  # of the multipliers
         pushed = pulls + share * change
-        step = another_step(qp, factors, h + _pulled(qp, pushed).stages, h_end)
-        step = _summed(step, Trajectory(free, end))
-        return step, pushed + weight * jnp.where(limits.there, _rows(qp, step), 0.0)
+        step = another_step(qp, factors, h + pulled(qp, pushed).stages, h_end)
+        step = summed(step, Trajectory(free, end))
+        return step, pushed + weight * jnp.where(limits.there, rows(qp, step), 0.0)
 
     nothing = Trajectory(jnp.zeros_like(free), jnp.zeros_like(end)), jnp.zeros_like(value)
     return lax.fori_loop(0, PASSES, nearer, nothing)[0]
 
 
 def _solved(qp: StagedQP, guess: Float[Array, "N p"]) -> tuple[Answer, Point, Limits]:
-    limits = _one_sided(qp)
+    limits = one_sided_limits(qp)
     found = _written_out(qp)
     if found is not None:
         last = found(qp, guess)
@@ -274,10 +275,10 @@ def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
     gain = -0.5 * (jnp.sum(slope.stages * free.stages) + slope.end @ free.end)
     tiny = jnp.finfo(gain.dtype).tiny ** 0.5
     mu = jnp.maximum(FIRST * gain / count, tiny)
-    slack = limits.bound - _rows(qp, at)
+    slack = limits.bound - rows(qp, at)
     first = first_point(at, slack, mu, limits, ROOM)
     without = Trajectory(at.stages + free.stages, at.end + free.end)
-    room = limits.bound - _rows(qp, without)
+    room = limits.bound - rows(qp, without)
     within = jnp.all(jnp.where(limits.there, room > 0, True))
     nothing = jnp.zeros_like(room)
     answer = Point(without, jnp.where(limits.there, room, 1.0), nothing, nothing, limits.price)
@@ -287,19 +288,19 @@ def _start(qp: StagedQP, guess, limits: Limits, count) -> tuple[Point, Array]:
 def _iterated(qp: StagedQP, point: Point, limits: Limits, count, largest) -> Point:
     """Predictor, corrector, and the step that both share the matrix of."""
     at = point.at
-    slope, here = slopes(qp, at), newton(point, limits, _rows(qp, at))
+    slope, here = slopes(qp, at), newton(point, limits, rows(qp, at))
     mu = _total(point) / count
 
     def right(pushed):
-        return _summed(slope, _pulled(qp, point.l + here.weight * pushed))
+        return summed(slope, pulled(qp, point.l + here.weight * pushed))
 
     def steps(step: Trajectory, pushed, aims):
-        moved = jnp.where(limits.there, _rows(qp, step), 0.0) + pushed
+        moved = jnp.where(limits.there, rows(qp, step), 0.0) + pushed
         return changes(here, point, limits, moved, *aims)
 
     aims = products(point, limits)
     pushed = pushes(here, point, limits, *aims)
-    factors = factorised(qp, qp.H + _gram(qp, here.weight), *right(pushed))
+    factors = factorised(qp, qp.H + gram(qp, here.weight), *right(pushed))
     first = steps(step_of(qp, factors), pushed, aims)
     far = _longest(point, first, limits)
     ahead = _total(moved_on(point, at, first, far))
@@ -327,7 +328,7 @@ def _total(point: Point):
 
 def _progress(qp: StagedQP, point: Point, limits: Limits, count):
     """The path's mu, and the largest miss of an equation of a limit, over the limit's width."""
-    missed = missed_by(point, limits, _rows(qp, point.at))
+    missed = missed_by(point, limits, rows(qp, point.at))
     return _total(point) / count, jnp.max(jnp.abs(missed) / limits.width, initial=0.0)
 
 
@@ -335,7 +336,7 @@ def _checked(qp: StagedQP, point: Point, limits: Limits, iterations) -> Answer:
     """The answer, with its residuals found anew."""
     n, l = qp.x0.size, point.l  # noqa: E741
     at = rollout(qp, point.at.stages[:, n:])
-    over = jnp.where(limits.there, _rows(qp, at) - limits.bound, 0.0)
+    over = jnp.where(limits.there, rows(qp, at) - limits.bound, 0.0)
     beyond, left = jnp.maximum(over, 0.0), jnp.maximum(-over, 0.0)
     hard = jnp.max(jnp.where(limits.gives, 0.0, beyond / limits.width), initial=0.0)
     gives = jnp.where(limits.gives, beyond, 0.0)
@@ -355,9 +356,9 @@ def _slope_left(qp: StagedQP, at: Trajectory, multipliers) -> Float[Array, ""]:
     is no slope (`rounding`).
     """
     n = qp.x0.size
-    cost, pulled = slopes(qp, at), _pulled(qp, multipliers)
-    behind = costates(qp, _summed(cost, pulled))
-    terms = cost.stages[:, n:], pulled.stages[:, n:], behind @ qp.B
+    cost, limited = slopes(qp, at), pulled(qp, multipliers)
+    behind = costates(qp, summed(cost, limited))
+    terms = cost.stages[:, n:], limited.stages[:, n:], behind @ qp.B
     apart = qp.h[:, n:], costates(qp, Trajectory(qp.h, qp.h_end)) @ qp.B
     scale = _largest(terms), rounding(multipliers.dtype) * _largest(apart)
     tiny = jnp.finfo(multipliers.dtype).tiny ** 0.5
@@ -382,32 +383,3 @@ def _softened(point: Point, limits: Limits):
     way = point.t * point.l
     paid = way / (point.g * (point.s + more) + way)  # W t / g, also where rounding leaves no g
     return jnp.where(there, point.l / slack, 0.0), jnp.where(there, more / slack, 0.0), paid
-
-
-def _one_sided(qp: StagedQP) -> Limits:
-    """Limits as one-sided ones, upper before lower (2, N, r)."""
-    pair = sides(qp.upper, qp.lower, jnp.broadcast_to(qp.penalty, qp.upper.shape))
-    return jax.tree.map(lambda *both: jnp.stack(both), *pair)
-
-
-def _rows(qp: StagedQP, at: Trajectory):
-    """Values g' v of the one-sided limits."""
-    value = at.stages @ qp.D.T
-    return jnp.stack([value, -value])
-
-
-def _pulled(qp: StagedQP, multipliers) -> Trajectory:
-    """Slope G' l of the limits; none reaches the last state."""
-    stages = (multipliers[0] - multipliers[1]) @ qp.D
-    return Trajectory(stages, jnp.zeros_like(qp.x0))
-
-
-def _gram(qp: StagedQP, weight):
-    """Sum of W d d' over the rows d of every stage."""
-    v = qp.D.shape[1]
-    squares = (qp.D[:, :, None] * qp.D[:, None, :]).reshape(-1, v * v)
-    return (jnp.sum(weight, axis=0) @ squares).reshape(-1, v, v)
-
-
-def _summed(one: Trajectory, other: Trajectory) -> Trajectory:
-    return Trajectory(one.stages + other.stages, one.end + other.end)

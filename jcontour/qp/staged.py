@@ -129,6 +129,11 @@ def slopes(qp: StagedQP, at: Trajectory) -> Trajectory:
     )
 
 
+def summed(one: Trajectory, other: Trajectory) -> Trajectory:
+    """Both trajectories, or slopes, added."""
+    return Trajectory(one.stages + other.stages, one.end + other.end)
+
+
 def costates(qp: StagedQP, slope: Trajectory) -> Float[Array, "N n"]:
     """Multipliers of the model's equations, of x_1 to x_N, at which no state moves the Lagrangian.
 
