@@ -19,7 +19,8 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Scenarios, replay
 from experiments.machines.flexible_axis import EFFORT, FlexibleMachine, thesis_machine
 from experiments.papers.yuan_tracking.result import FamilyRow, GapRow, Signals, TaskMetrics
-from experiments.runs.tuning.problem import start_metrics, tuning_run
+from experiments.runs.tuning.limits import start_metrics
+from experiments.runs.tuning.problem import tuning_run
 from jcontour.controller import Controller
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant

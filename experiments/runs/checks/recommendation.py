@@ -12,7 +12,7 @@ from experiments.files.results.tuned_result import (
     TunedContour,
     rms_error,
 )
-from experiments.runs.tuning.problem import LIMITS
+from experiments.runs.tuning.limits import LIMITS
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
 from tuning.tune import Price, Tuned

@@ -3,13 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
 from experiments.designs.design import Design
-from experiments.flags.shared import Limited
 from experiments.flags.tuning import Tune
 from experiments.jobs.held_out import held_out_like
 from experiments.jobs.job import Job, Pace, Task
@@ -18,24 +16,29 @@ from experiments.jobs.replays import Scenarios
 from experiments.jobs.representatives import representatives
 from experiments.machines.disturbance_bounds import Bounds, bounds_of, box_of, linear_machine
 from experiments.machines.linear import LinearMachine
-from experiments.machines.machine import Machine, Usual
+from experiments.machines.machine import Machine
 from experiments.runs.spread.spreading import batching_of
-from experiments.runs.tuning.family_loops import WINDOWS
-from jcontour.analysis.stability import DELAY_SEARCH
-from jcontour.analysis.uncertain_loops import BORNE, Doubt
+from experiments.runs.tuning.limits import (
+    counted,
+    effort_limit,
+    lag_limit,
+    loop_limits,
+    named_limits,
+    noise_limit,
+    probed_loops,
+    ratio_limit,
+    start_metrics,
+)
+from jcontour.analysis.uncertain_loops import BORNE
 from jcontour.controller import Controller
 from jcontour.guarantees.disturbed_family import DisturbedFamily
 from jcontour.guarantees.disturbed_loop import check_linear
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants, stack_references
 from jcontour.simulation.limit_use import AxisLimits
-from jcontour.simulation.metrics import Metrics
 from tuning.effort import Effort
-from tuning.loops import ProbedLoops
 from tuning.objectives import (
     CERTIFIED_USE,
-    COUNT_NOISE,
-    RATIO,
     AtMost,
     Before,
     Objective,
@@ -60,17 +63,7 @@ OBJECTIVES: dict[tuple[str, str], Objective] = {  # flag, error that counts on t
     ("certified", "contour"): certified_error,
     ("certified", "tracking"): certified_error,
 }
-LIMITS = {  # flag -> metric, factor to SI
-    "max_tracking_error_um": ("rms_tracking_error", 1e-6),
-    "max_peak_tracking_error_um": ("peak_tracking_error", 1e-6),
-    "max_peak_contour_error_um": ("peak_contour_error", 1e-6),
-    "max_rms_control": ("rms_control", 1.0),
-    "max_peak_control": ("peak_control", 1.0),
-    "max_rms_increment": ("rms_increment", 1.0),
-    "max_peak_increment": ("peak_increment", 1.0),
-}
 PLENTY = 10_000  # training samples beyond which a run will not end within a minute
-LATE_RADIUS = 0.999  # of a loop at its delay margin: a ring has decayed after a few 1000 samples
 RESERVED = 0.97  # of a limit that the machine states: contours not trained may need more
 
 
@@ -127,7 +120,7 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
     Raises:
         ValueError: a flag, a file or their combination is wrong.
     """
-    asked = _ratio_limit(flags) | loop_limits(flags)
+    asked = ratio_limit(flags) | loop_limits(flags)
     machine = machine_named(flags.plant) if made is None else made.machine
     bounds = _bounds(flags, machine)
     settings, pace, usual = tuner_settings(flags), Pace.of(flags, machine), machine.usual
@@ -153,13 +146,13 @@ def tuning_run(flags: Tune, made: Design | None = None) -> TuningRun:
         design.space,
         batching=batching_of(flags),
     )
-    limits = _lag_limit(machine, design, references) | named_limits(flags)
-    limits |= _effort_limit(flags, usual, problem, design.start)
+    limits = lag_limit(machine, design, references) | named_limits(flags)
+    limits |= effort_limit(flags, usual, problem, design.start)
     stated = _stated_limits(machine)
     kept = [] if design.keeps_limits else _named(stated)
     if machine.doubt is not None:
         limits["response_doubt"] = BORNE
-    limits |= _noise_limit(flags, machine, design)
+    limits |= noise_limit(flags, machine, design)
     limits |= asked | {f"{name}_use": RESERVED for name in kept}
     if flags.objective == "certified" and stated.control is not None:
         limits[CERTIFIED_USE] = RESERVED
@@ -204,50 +197,10 @@ def tuner_settings(flags: Any) -> Effort:
     )
 
 
-def named_limits(flags: Limited) -> dict[str, float]:
-    """Metric and bound in SI of every limit that the flags name.
-
-    Raises:
-        ValueError: a limit is not above zero.
-    """
-    given = {name: getattr(flags, name) for name in LIMITS if getattr(flags, name) is not None}
-    for name, value in given.items():
-        if not (np.isfinite(value) and value > 0):
-            flag = name.replace("_", "-")
-            raise ValueError(f"{flag}: a limit needs to be finite and above zero, received {value}")
-    return {LIMITS[name][0]: value * LIMITS[name][1] for name, value in given.items()}
-
-
 def _objective(flags: Tune, machine: Machine) -> Objective:
     """Objective of the flags; `regret` begins as `typical`, see `runs.regret`."""
     name = "typical" if flags.objective == "regret" else flags.objective
     return OBJECTIVES[name, machine.error]
-
-
-def _lag_limit(machine: Machine, design: Design, references: Reference) -> dict[str, float]:
-    """Bound on the RMS tracking error along contours: some samples of travel at the fastest feed.
-
-    Contour error alone is also small for a tool that lags, or hardly moves.
-    """
-    if machine.error != "contour":
-        return {}
-    steps = jnp.linalg.norm(jnp.diff(references.position, axis=1), axis=-1)
-    return {"rms_tracking_error": design.lag * float(jnp.max(steps))}
-
-
-def loop_limits(flags: Limited) -> dict[str, float]:
-    """Bounds on the peak sensitivity, and on the radius with more delay, where flags ask for them.
-
-    Raises:
-        ValueError: the bound is not above 1, which no loop keeps; or the delay is not one.
-    """
-    bound, more = flags.max_sensitivity, flags.min_delay_margin
-    if bound is not None and not bound > 1:
-        raise ValueError(f"max-sensitivity: no loop keeps 1 or less, received {bound}")
-    if not 0 <= more <= DELAY_SEARCH:
-        raise ValueError(f"min-delay-margin: needs 0 to {DELAY_SEARCH} samples, received {more}")
-    late = {"late_radius": LATE_RADIUS} if more else {}
-    return late if bound is None else {"peak_sensitivity": bound, **late}
 
 
 def _stated_limits(machine: Machine) -> AxisLimits:
@@ -293,63 +246,6 @@ def _disturbed(
     return DisturbedFamily(stack_plants(family), box.force, box.noise, limit)
 
 
-def probed_loops(
-    flags: Limited, problem: Problem, doubt: Doubt | None, count: float | None
-) -> ProbedLoops | None:
-    """The frozen loops that the limits look at; None where none does.
-
-    Args:
-        flags: of the run.
-        problem: whose loops they are.
-        doubt: how far off the response may be.
-        count: of the encoders [m], where the noise of counts is limited.
-    """
-    if not loop_limits(flags) and doubt is None and count is None:
-        return None
-    return ProbedLoops.of(
-        problem.plants, problem.references, WINDOWS, flags.min_delay_margin, doubt, count
-    )
-
-
-def _noise_limit(flags: Limited, machine: Machine, design: Design) -> dict[str, float]:
-    """Bound on the RMS control by encoder counts, as a part of the machine's largest control.
-
-    None where nothing is counted, or the machine states no limit of its control.
-
-    Raises:
-        ValueError: the flag is not above zero.
-    """
-    part, largest = flags.max_count_noise, machine.limits.control
-    if part is not None and not (np.isfinite(part) and part > 0):
-        raise ValueError(
-            f"max-count-noise: a limit needs to be finite and above zero, received {part}"
-        )
-    if part is None or largest is None or design.fed == "state" or machine.resolution is None:
-        return {}
-    return {COUNT_NOISE: part * float(np.min(largest))}
-
-
-def counted(limits: dict[str, float], machine: Machine) -> float | None:
-    """A count of the encoders [m] where its noise is limited."""
-    return machine.resolution if COUNT_NOISE in limits else None
-
-
-def _ratio_limit(flags: Tune) -> dict[str, float]:
-    """Bound on the errors over those of the start, where the flags ask for it.
-
-    Raises:
-        ValueError: it is not finite and above zero.
-    """
-    ratio = flags.max_error_ratio
-    if ratio is None:
-        return {}
-    if not (np.isfinite(ratio) and ratio > 0):
-        raise ValueError(
-            f"max-error-ratio: a limit needs to be finite and above zero, received {ratio}"
-        )
-    return {RATIO: ratio}
-
-
 def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:
     """The family's worst error of every contour under the start weights, where a limit asks.
 
@@ -362,36 +258,6 @@ def _before(flags: Tune, before: Design, problem: Problem) -> Before | None:
     worst = np.max(getattr(metrics, f"rms_{error}_error"), axis=1)
     lost = np.any(metrics.diverged, axis=1)
     return Before(jnp.asarray(np.where(lost, np.inf, worst)), error)
-
-
-def start_metrics(problem: Problem, start: Weights) -> Metrics:
-    """Metrics (contour, plant) of the first weights on the smooth machines."""
-    return eqx.filter_jit(lambda problem, weights: problem.metrics(weights))(problem, start)
-
-
-def _effort_limit(
-    flags: Limited, usual: Usual, problem: Problem, start: Weights
-) -> dict[str, float]:
-    """Bound on the RMS control, as a multiple of what the start needs.
-
-    None where the RMS control is bounded otherwise, or neither flags nor machine ask for it.
-
-    Raises:
-        ValueError: the flag is not above zero, or both kinds of bound are given.
-    """
-    effort = flags.max_effort
-    if effort is not None and flags.max_rms_control is not None:
-        raise ValueError(
-            "max-effort, max-rms-control: both limit the RMS control; give one of them"
-        )
-    if effort is not None and not (np.isfinite(effort) and effort > 0):
-        raise ValueError(
-            f"max-effort: a limit needs to be finite and above zero, received {effort}"
-        )
-    effort = effort or usual.effort
-    if effort is None or flags.max_rms_control is not None:
-        return {}
-    return {"rms_control": effort * float(np.max(start_metrics(problem, start).rms_control))}
 
 
 def _distinct(jobs: list[Task]) -> list[Task]:

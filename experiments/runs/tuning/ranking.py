@@ -26,7 +26,8 @@ from experiments.jobs.job import Pace
 from experiments.jobs.replays import Replay, replay
 from experiments.machines.machine import Machine
 from experiments.reports.progress import progress_of
-from experiments.runs.tuning.problem import TuningRun, loop_limits, tuning_run
+from experiments.runs.tuning.limits import loop_limits
+from experiments.runs.tuning.problem import TuningRun, tuning_run
 from experiments.runs.tuning.regret import with_regret
 from experiments.runs.tuning.results import machine_summary
 from tuning.effort import QUICK

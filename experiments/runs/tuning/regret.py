@@ -9,7 +9,8 @@ import jax
 import numpy as np
 
 from experiments.files import run_folder
-from experiments.runs.tuning.problem import OBJECTIVES, TuningRun, counted, probed_loops
+from experiments.runs.tuning.limits import counted, probed_loops
+from experiments.runs.tuning.problem import OBJECTIVES, TuningRun
 from tuning.objectives import AtMost, Regret
 from tuning.problem import Problem
 from tuning.tune import TuneState, tune
