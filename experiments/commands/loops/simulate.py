@@ -24,7 +24,7 @@ from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.contour_summary import contour_read, peak_place
-from experiments.runs.forecast import forecast
+from experiments.runs.forecast import check_memory, forecast
 from experiments.runs.lifecycle import created, finished, tuning_words
 from experiments.runs.motion_summary import motion_summary
 from experiments.runs.runs_drawn import contour_runs
@@ -71,6 +71,7 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
     job = job_named(flags.contour or machine.usual.simulated, Pace.of(flags, machine))
     flags = seeing_all(flags, job)
     design = design_for(machine, flags)
+    check_memory(job, len(machine.family_names))
     for line in forecast(job, machine.model.dt, len(machine.family_names)):
         tables.say(status.console, line)
     status.update(f"running {job.samples:,} samples")

@@ -1,8 +1,13 @@
 """What is said of a long run before it begins."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs.job import Pace, from_file
-from experiments.runs.forecast import forecast
+from experiments.runs.forecast import BEGUN, check_memory, forecast
 
 
 def test_a_long_run_is_told_with_its_samples(tmp_path):
@@ -20,3 +25,13 @@ def test_nothing_is_said_of_a_short_run(tmp_path):
     path.write_text("G21 G1 X10 F600\n")
     machine = MACHINES["bridgeport"]()
     assert forecast(from_file(path, Pace(machine, None, None)), machine.model.dt, 5) == []
+
+
+def test_a_run_that_the_memory_does_not_hold_is_refused():
+    job = cast(Any, SimpleNamespace(name="slow", samples=19_265_239))
+    with pytest.raises(ValueError, match=r"slow: 19,265,239 samples .* this computer has 24: give"):
+        check_memory(job, 5, there=24e9)
+    check_memory(job, 5, there=32e9)
+    check_memory(cast(Any, SimpleNamespace(name="quick", samples=1000)), 5)  # asks the computer
+    with pytest.raises(ValueError, match="GB of memory"):
+        check_memory(cast(Any, SimpleNamespace(name="none", samples=0)), 5, there=BEGUN - 1)
