@@ -40,13 +40,10 @@ class FrontState:
     Attributes:
         histories: one for every budget that is finished.
         run: the run in progress.
-        begin: coordinates at which the run in progress began; None before its first step, and where
-            it begins at the weights given.
     """
 
     histories: list[list[Evaluated]] = field(default_factory=list)
     run: TuneState = field(default_factory=TuneState)
-    begin: np.ndarray | None = None
 
 
 def trade_off_front(
@@ -84,16 +81,14 @@ def advance_front(
     problems: Sequence[Problem], start: Weights, effort: Effort, state: FrontState
 ) -> FrontState:
     """One step of the budget in progress, or the move to the next one."""
-    problem = problems[len(state.histories)]
-    if state.run.done:
-        return FrontState([*state.histories, state.run.history])
-    if state.begin is None and state.histories:  # once a budget: it reads all histories
+    problem, run = problems[len(state.histories)], state.run
+    if run.done:
+        return FrontState([*state.histories, run.history])
+    if run.start < 0 and state.histories:  # once a budget: it reads all histories
         best = _best(problem, [row for history in state.histories for row in history])
-        state = replace(state, begin=None if best is None else best.z)
-    weights = start
-    if state.begin is not None:
-        weights = Chart(problem.space, start).weights(jnp.asarray(state.begin))
-    return replace(state, run=advance(problem, weights, effort, state.run))
+        run = run if best is None else replace(run, begin=best.z)
+    # the weights given stay the middle of the box that every budget searches
+    return replace(state, run=advance(problem, start, effort, run))
 
 
 def front_points(

@@ -1,6 +1,8 @@
 import pickle
 from dataclasses import replace
+from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from tuning import pareto
 from tuning.effort import THOROUGH
 from tuning.objectives import AtMost
+from tuning.parameters import Positive
 from tuning.pareto import FrontState, advance_front, done, front_points, trade_off_front
 
 START = {"x": jnp.asarray(0.3), "y": jnp.asarray(0.3)}
@@ -56,7 +59,7 @@ def test_interrupted_it_goes_on_with_the_same_bits(problems, states):
     for k in (0, len(seen) // 2, len(seen) - 2):
         again = advance_front(problems, START, SETTINGS, pickle.loads(pickle.dumps(seen[k])))
         leaves = [
-            jax.tree.leaves((s.histories, s.run.history, s.run.descent, s.run.prices, s.begin))
+            jax.tree.leaves((s.histories, s.run.history, s.run.descent, s.run.prices, s.run.begin))
             for s in (again, seen[k + 1])
         ]
         assert len(leaves[0]) == len(leaves[1])
@@ -67,10 +70,31 @@ def test_interrupted_it_goes_on_with_the_same_bits(problems, states):
 def test_a_history_is_read_once_a_budget(problems, states, monkeypatch):
     """Every later step of the budget begins where the first one did, without looking again."""
     begun = next(s for s in states[0] if len(s.histories) == 1 and s.run.history)
-    assert begun.begin is not None
+    assert begun.run.begin.size
     monkeypatch.setattr(pareto, "_best", lambda *_: pytest.fail("the history is read again"))
     after = advance_front(problems, START, SETTINGS, begun)
-    np.testing.assert_array_equal(after.begin, begun.begin)
+    np.testing.assert_array_equal(after.run.begin, begun.run.begin)
+
+
+def test_every_budget_searches_the_same_box(proportional_problem):
+    """Half a unit of ln(weight) from the first weights, however many budgets are searched."""
+
+    class Near(Positive):
+        reach: ClassVar[float] = 0.5
+
+    problems = [
+        eqx.tree_at(
+            lambda one: one.space,
+            proportional_problem(AtMost(rms_increment=budget)),
+            {"x": Near(), "y": Near()},
+            is_leaf=lambda one: isinstance(one, dict),
+        )
+        for budget in (1.0, 2.0, 3.0, 4.0)  # none bites: the least error is far outside of the box
+    ]
+    start = {"x": jnp.asarray(0.05), "y": jnp.asarray(0.05)}
+    for point in trade_off_front(problems, start, replace(SETTINGS, starts=1, scatter=0)):
+        for name, first in start.items():
+            assert abs(np.log(point.weights[name] / first)) == pytest.approx(0.5, abs=1e-9)
 
 
 def test_no_budget_is_refused():

@@ -1,9 +1,12 @@
 """Search of a front: the least error for every budget of the control increment, or of Ms.
 
 All other limits hold at every point. The search is `tuning.pareto`. Where no largest budget of the
-increment is given, it first tunes without one: the increment that those weights need is the largest
-budget that can bite. Every search has a folder of its own inside the run folder, with the state of
-its tuner, so that an interrupted front goes on where it was.
+increment is given, it first tunes within the increment of the first weights, a calm loop, and goes
+on from there without a budget: the increment that those weights need is the largest budget that can
+bite. (A search that begins without a budget ends in rough weights more often than in good ones.)
+Where no smallest is given, it is the increment of the first weights. Every search has a folder of
+its own inside the run folder, with the state of its tuner, so that an interrupted front goes on
+where it was.
 
 A machine that stands still at the start of its contour has no contour error. So the tracking error
 is limited too, as in `jcontour tune`: as the flags say, or to a few samples of travel.
@@ -32,17 +35,19 @@ from jcontour.analysis.probes import probe_windows
 from jcontour.simulation.metrics import Metrics
 from tuning.effort import QUICK
 from tuning.objectives import AtMost
+from tuning.parameters import Chart
 from tuning.pareto import FrontPoint, FrontState, advance_front, done, front_points
+from tuning.point import evaluate_values
 from tuning.problem import Problem
 from tuning.tune import TuneState
 
 # a budget begins where the one before ended, which may be a local optimum: several others help
 EFFORT = replace(QUICK, starts=4, scatter=16, steps=40, tolerance=1e-4, every_start=True)
 NO_BUDGET = 1e30  # control units: the search without a budget is the same program as with one
-LEAST = 3 / 4  # smallest budget over the largest, where none is given
+LEAST = 3 / 4  # smallest budget over the largest, at most, where none is given
 SENSITIVITIES = (1.4, 3.0)  # smallest and largest: very robust, and the most that should run
 SLACK = 0.99  # part of a budget below which it is not used up
-WITHOUT_BUDGET, BUDGETS = "without-budget", "budgets.json"
+CALM, FREE, BUDGETS = "first-weights", "without-budget", "budgets.json"
 
 
 @dataclass(frozen=True)
@@ -105,17 +110,21 @@ def traced(search: Search, folder: Path, console: Console) -> FrontResult:
     flags, run = search.flags, search.run
     problems: list[Problem] = []
     places: list[Path] = []
-    needed = None
+    calm, needed = None, None
     with progress_of(console, run.settings, run.machine.error) as show_progress:
         if flags.objective == "regret":
             run = with_regret(run, folder, show_progress)
             search = replace(search, run=run)
         if _optimum_needed(flags, folder):
-            problems, places = [search.within(NO_BUDGET)], [folder / WITHOUT_BUDGET]
+            calm = _calm(search)
+            if calm is not None:
+                problems, places = [search.within(calm)], [folder / CALM]
+            problems, places = [*problems, search.within(NO_BUDGET)], [*places, folder / FREE]
             state = _searched(problems, places, run, show_progress)
-            (optimum,) = front_points(problems, run.start, state)
-            needed = _worst(optimum.outcome.metrics, "increment")
-        budgets = _budgets(flags, needed, folder)
+            needed = _worst(
+                front_points(problems, run.start, state)[-1].outcome.metrics, "increment"
+            )
+        budgets = _budgets(flags, calm, needed, folder)
         problems += [search.within(budget) for budget in budgets]
         places += [folder / f"budget-{k}" for k in range(len(budgets))]
         state = _searched(problems, places, run, show_progress)
@@ -163,21 +172,34 @@ def _load(places: Sequence[Path]) -> FrontState:
 
 def _optimum_needed(flags: Front, folder: Path) -> bool:
     """Whether the largest budget comes from a search without one; older runs have none."""
-    chosen_before = (folder / BUDGETS).exists() and not (folder / WITHOUT_BUDGET).exists()
+    chosen_before = (folder / BUDGETS).exists() and not (folder / FREE).exists()
     return flags.against == "increment" and flags.most is None and not chosen_before
 
 
-def _budgets(flags: Front, needed: float | None, folder: Path) -> list[float]:
+def _calm(search: Search) -> float | None:
+    """RMS increment of the first weights; None where they diverge."""
+    problem, start = search.run.problem, search.run.start
+    point = evaluate_values(problem, start, Chart(problem.space, start).coordinates())
+    return None if point.diverged else _worst(point.outcome.metrics, "increment")
+
+
+def _budgets(flags: Front, calm: float | None, needed: float | None, folder: Path) -> list[float]:
     """Budgets from the smallest to the largest, even in the logarithm.
 
     They are kept in the run folder once they are chosen.
+
+    Args:
+        flags: may give the smallest and the largest.
+        calm: increment of the first weights.
+        needed: increment of the best weights without a budget.
+        folder: of the run.
 
     Raises:
         ValueError: the smallest is above the largest.
     """
     path = folder / BUDGETS
     if not path.exists():
-        least, most = _ends(flags, needed)
+        least, most = _ends(flags, calm, needed)
         if least > most:
             raise ValueError(
                 f"least: {least:.4g} is above the largest budget, {most:.4g}"
@@ -188,12 +210,12 @@ def _budgets(flags: Front, needed: float | None, folder: Path) -> list[float]:
     return json.loads(path.read_text())["budgets"]
 
 
-def _ends(flags: Front, needed: float | None) -> tuple[float, float]:
+def _ends(flags: Front, calm: float | None, needed: float | None) -> tuple[float, float]:
     if flags.against == "sensitivity":
         return flags.least or SENSITIVITIES[0], flags.most or SENSITIVITIES[1]
     most = flags.most or needed
     assert most is not None
-    return flags.least or LEAST * most, most
+    return flags.least or min(LEAST * most, calm or np.inf), most
 
 
 def _worst(metrics: Metrics, name: str) -> float:

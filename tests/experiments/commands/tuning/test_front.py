@@ -13,7 +13,6 @@ from experiments.files.results.front_result import BudgetPoint, FrontResult, Mac
 from experiments.files.results.stored import from_json, read_result, to_json
 from experiments.reports.page.page_data import page_data
 from experiments.reports.tables import console_of
-from experiments.runs.tuning import trade_off
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +34,7 @@ def flags(machine_file, part_file):
 @pytest.fixture(scope="module")
 def traced(tmp_path_factory, flags):
     folder = tmp_path_factory.mktemp("front") / "run"
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(trade_off, "EFFORT", replace(trade_off.EFFORT, starts=2, scatter=4))
-        assert main(["front", *flags, "--out", str(folder)]) == 0
+    assert main(["front", *flags, "--out", str(folder)]) == 0
     return folder
 
 
@@ -47,6 +44,7 @@ def test_every_file_is_there(traced):
         "settings.json",
         "inputs",
         "budgets.json",
+        "first-weights",
         "without-budget",
         "budget-0",
         "budget-1",
@@ -69,25 +67,17 @@ def test_a_point_of_the_page_has_the_runs_of_its_budget(traced):
 
 @pytest.mark.slow
 def test_default_budgets_bite(traced):
-    """The largest is what the best weights need; a smaller one costs error."""
+    """From a calm loop, which costs error, to what the best weights need."""
     result = read_result(traced, FrontResult)
     tight, loose = result.points
-    assert tight.budget == pytest.approx(loose.budget * 3 / 4)
+    assert tight.budget <= 3 / 4 * loose.budget
+    assert tight.rms_increment > 0.99 * tight.budget
     for point in result.points:
-        # the valley is flat here, 0.2 % of error: what is left of a budget is little, and told
-        assert point.rms_increment > 0.95 * point.budget
         assert point.slack == (point.rms_increment < 0.99 * point.budget)
         assert point.feasible
         assert point.rms_increment <= point.budget * (1 + 1e-6)
-    assert tight.rms_contour_error > loose.rms_contour_error
-    assert result.slack == [point.budget for point in result.points if point.slack]
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="here the valley is flat: the last quarter buys 0.2 %")
-def test_a_smaller_default_budget_costs_a_twentieth(traced):
-    tight, loose = read_result(traced, FrontResult).points
     assert tight.rms_contour_error > 1.05 * loose.rms_contour_error
+    assert result.slack == [point.budget for point in result.points if point.slack]
 
 
 @pytest.mark.slow
