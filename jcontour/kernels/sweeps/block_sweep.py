@@ -95,8 +95,9 @@ def _by_eight_jvp(pattern: Pattern, preview: int, remembering: bool, primals, ta
         return _swept(pattern, preview, *arguments.values())
 
     point, push = ([values[k] for k in moving] for values in (primals, tangents))
-    K, change = jax.jvp(moved, point, push)
-    product = _by_eight(pattern, preview, remembering, *primals)[1]
+    _, change = jax.jvp(moved, point, push)
+    # the value from the same call as without a derivative: JAX batches both as one
+    K, product = _by_eight(pattern, preview, remembering, *primals)
     return (K, product), (change, jnp.zeros_like(product))
 
 

@@ -1,5 +1,7 @@
 """Blocks in packed form against the readable sweep of all blocks."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -41,3 +43,20 @@ def test_equals_the_readable_blocks_with_its_derivative(
         )
     )
     problems.close(found, wanted, 1e-9)
+
+
+def test_windows_side_by_side_have_the_derivative_of_each(problems):
+    """As the margins of a loop are differentiated: forward, within a program, over many windows."""
+    plant, preview = problems.machine((2,), 1, 1), 3
+    Q, y_d, _, R, end = problems.data(plant, 7, preview)
+    ends = CostToGo(*(rows[:3] for rows in end))
+    many = jnp.stack([y_d, 2 * y_d])
+
+    def gains(scale, y_d):
+        plan = blockwise_plan(plant, scale * Q, y_d, R, ends, preview)
+        return plan.F, plan.f
+
+    side_by_side = jax.jacfwd(jax.jit(lambda scale: jax.vmap(partial(gains, scale))(many)))
+    alone = [problems.quick(jax.jacfwd(gains))(1.5, y_d) for y_d in many]
+    stacked = [jnp.stack(rows) for rows in zip(*alone, strict=True)]
+    problems.close(list(problems.quick(side_by_side)(1.5)), stacked, 1e-12)
