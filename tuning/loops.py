@@ -1,6 +1,7 @@
 """Frozen loops as the tuner looks at them: matrices in a program, their peaks on the host."""
 
 import abc
+from hashlib import blake2b
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -97,7 +98,16 @@ class ProbedLoops(Loops):
         return frozen_family(controller, plants, self.windows)
 
     def look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
-        """Peaks of the sensitivities, the radius with more delay, and the noise of the counts."""
+        """Peaks of the sensitivities, the radius with more delay, and the noise of the counts.
+
+        Probes whose loops are the same, as those of a controller that never changes, are looked at
+        once.
+        """
+        once, alike = _different(matrices, slopes)
+        looked = self._look(*_probes((matrices, slopes), once))
+        return _probes(looked, alike)
+
+    def _look(self, matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[Looked, Looked]:
         values, gradients = loop_measures(matrices, self.encoding, self.doubt)
         change = _along(gradients, slopes, "...mij,...ijd->...md")
         found = [LoopPeaks(*np.moveaxis(values, -1, 0)), None, None]
@@ -110,6 +120,29 @@ class ProbedLoops(Loops):
             found[2], gradient = count_noise(matrices, self.encoding, deviation)
             moved[2] = _along(gradient, slopes, "...ij,...ijd->...d")
         return Looked(*found), Looked(*moved)
+
+
+def _different(matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[list[int], list[int]]:
+    """Probes that differ, and for every probe the place of its like among them."""
+    leaves = jax.tree.leaves((matrices, slopes))
+    seen: dict[bytes, int] = {}
+    once, alike = [], []
+    for probe in range(len(leaves[0])):
+        digest = blake2b()
+        for leaf in leaves:
+            digest.update(np.ascontiguousarray(leaf[probe]))
+        place = seen.setdefault(digest.digest(), len(seen))
+        if place == len(once):
+            once.append(probe)
+        alike.append(place)
+    return once, alike
+
+
+def _probes(tree: Any, places: list[int]) -> Any:
+    """Some probes, in this order; a copy only where that is not all of them."""
+    return jax.tree.map(
+        lambda leaf: leaf if places == list(range(len(leaf))) else leaf[places], tree
+    )
 
 
 def _along(gradients: FrozenLoop, slopes: FrozenLoop, letters: str) -> np.ndarray:

@@ -11,7 +11,7 @@ from jcontour.motion.references import along
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.evaluation import stack_plants, stack_references
-from tuning.loops import ProbedLoops
+from tuning.loops import ProbedLoops, _different
 
 
 @pytest.mark.slow
@@ -49,3 +49,30 @@ def test_peaks_and_slopes_are_those_of_loop_peaks(two_axes):
 
     np.testing.assert_allclose(late, wanted_late(z), rtol=1e-9)
     np.testing.assert_allclose(late_slopes, jax.jacrev(wanted_late)(z), rtol=1e-6, atol=1e-9)
+
+
+def test_probes_that_are_alike_count_as_each_alone(two_axes):
+    family = stack_plants([Encoders(two_axes)])
+    run = along(circle(1e-3), 3e-4 * np.arange(12), 1e-3, 3, at_rest=False)
+    loops = ProbedLoops.of(family, stack_references([run]), 3, more=1, count=1e-6)
+
+    def matrices(z):
+        inner = ContouringLQ(two_axes, LQWeights(*jnp.exp(z), 1e-6), 3)
+        return loops.matrices(FilterObserver(inner, two_axes, gain), family)
+
+    gain = kalman_gain(two_axes, 0.01, 1e-6)
+    z = jnp.log(jnp.array([3.0, 5.0]))
+    both = jax.device_get((matrices(z), jax.jacfwd(matrices)(z)))
+    assert _different(*both) == ([0, 1, 2], [0, 1, 2])  # the contour turns
+    mixed = [1, 0, 1, 1, 2, 0]
+    repeated = [jax.tree.map(lambda leaf: leaf[mixed], one) for one in both]
+    assert _different(*repeated) == ([0, 1, 4], [0, 1, 0, 0, 2, 1])
+    alone = [
+        loops.look(*(jax.tree.map(lambda leaf, k=k: leaf[k : k + 1], one) for one in both))
+        for k in mixed
+    ]
+    wanted = jax.tree.map(lambda *rows: np.concatenate(rows), *alone)
+    for one, other in zip(
+        jax.tree.leaves(loops.look(*repeated)), jax.tree.leaves(wanted), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-14)
