@@ -43,7 +43,7 @@ def digits(value: float | None) -> str:
 def plain_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1
 ) -> Table:
-    """A table whose first columns are text and the others numbers."""
+    """A table whose first columns are text and wrap, and the others numbers."""
     table = Table(
         title=title, title_justify="left", title_style="bold", pad_edge=False, box=SIMPLE_HEAD
     )
@@ -51,7 +51,7 @@ def plain_table(
         table.add_column(
             name,
             justify="left" if k < text_columns else "right",
-            no_wrap=k == 0 or k >= text_columns,
+            no_wrap=k >= text_columns,
         )
     for row in rows:
         table.add_row(*row)

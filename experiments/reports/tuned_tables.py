@@ -119,7 +119,11 @@ def values_block(result: TunedResult) -> list[str]:
     """The block "use these values", or why not."""
     margins = result.margins
     probes = f"up to {margins.probes_per_contour} points of each training contour"
-    lines = ["", *verdict(result), *(f"  {line}" for line in result.weight_lines)]
+    lines = [
+        "",
+        *verdict(result.usable, result.reasons),
+        *(f"  {line}" for line in result.weight_lines),
+    ]
     lines.append(f"Margins of the loop, its gains frozen at {probes}")
     for name, value, before in margin_rows(margins, result.start_margins):
         lines.append(f"  {name:<23}  {value:<24} start: {before}")
@@ -137,11 +141,11 @@ def values_block(result: TunedResult) -> list[str]:
     return [*lines, *(f"WARNING: {line}" for line in result.warnings)]
 
 
-def verdict(result: TunedResult) -> list[str]:
+def verdict(usable: bool, reasons: Sequence[str]) -> list[str]:
     """Whether to load the values, and every reason against it."""
-    if result.usable:
+    if usable:
         return ["USE THESE VALUES"]
-    return ["DO NOT USE THESE VALUES", *(f"  because: {line}" for line in result.reasons)]
+    return ["DO NOT USE THESE VALUES", *(f"  because: {line}" for line in reasons)]
 
 
 def robust_lines(result: TunedResult) -> list[str]:

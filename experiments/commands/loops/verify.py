@@ -11,11 +11,13 @@ from experiments.designs.design import with_values
 from experiments.files import run_folder
 from experiments.files.netcdf import save_dataset
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.files.results.stored import Weight, write_result
+from experiments.files.results.stored import Weight, read_result, write_result
+from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.loops import Verify
 from experiments.flags.tuning import Tune
 from experiments.machines.machine import Machine
 from experiments.reports import tables
+from experiments.reports.tuned_tables import verdict
 from experiments.runs.lifecycle import created, finished, resumed
 from experiments.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.host.controller import HostController
@@ -35,17 +37,13 @@ FLAGS = {  # limit -> flag, factor to SI
     "speed": ("max_speed_mm_s", 1e-3),
 }
 HEADINGS = (
-    "contour",
-    "plant",
-    "limit in\nplan %",
-    "limit\nacts %",
-    "contour\nas tuned",
-    "um RMS\nlimited",
-    "tracking\nas tuned",
-    "um RMS\nlimited",
-    "worst\nresidual",
-    "fall-\nbacks",
-    "stopped\nat step",
+    "contour, plant",
+    "limit\nin\nplan %",
+    "\nacts\n%",
+    "RMS um\ncontour\ntuned",
+    "\nwith\nlimits",
+    "RMS um\ntrack\ntuned",
+    "\nwith\nlimits",
 )
 
 
@@ -71,12 +69,15 @@ class Verified:
 
     Attributes:
         tuned: folder of the tuned run.
+        usable, reasons: whether `tune` said to load its weights, and its reasons against it.
         weights: its weights by name.
         limits: lower and upper bounds by the name of the signal, None where there are none.
         gaps: one row per contour and plant.
     """
 
     tuned: str
+    usable: bool
+    reasons: list[str]
     weights: dict[str, Weight]
     solver: str
     limits: dict[str, list | None]
@@ -86,15 +87,19 @@ class Verified:
 def command(flags: Verify) -> int:
     """The whole command: replay, print, exit code 1 where a run stopped."""
     folder, tune = resumed(Tune(resume=flags.run), "tune")
-    named = run_folder.read_json(folder, run_folder.RESULT)["weights"]
+    found = read_result(folder, TunedResult)
     run, solver = tuning_run(tune), solver_named(flags.solver)
     limits = limits_of(flags, run.machine)
-    weights = with_values(run.start, {name: w for name, w in named.items() if w is not None})
+    weights = with_values(
+        run.start, {name: w for name, w in found.weights.items() if w is not None}
+    )
     constrained = _constrained(run, weights, limits, solver)
     out = created(flags, "verify")
     rows = _replayed(run, weights, constrained, limits, flags, out)
     bounds = {name: _listed(pair) for name, pair in limits._asdict().items()}
-    result = Verified(str(folder), named, solver.name, bounds, rows)
+    result = Verified(
+        str(folder), found.usable, found.reasons, found.weights, solver.name, bounds, rows
+    )
     write_result(out, result)
     finished(out, result, flags, show, _next(rows))
     return 1 if any(row.failure for row in rows) else 0
@@ -225,19 +230,35 @@ def _save(gap: Gap, number: int, machine: Machine, folder: Path) -> None:
 
 
 def show(result: Verified, console: Console) -> None:
-    """The gap table, then what stopped."""
+    """The verdict of `tune` where it was against the weights, the gap table, what stopped."""
+    if not result.usable:
+        tables.say(console, f"`tune` said of {result.tuned}:", *verdict(False, result.reasons), "")
     names = ", ".join(name for name, bounds in result.limits.items() if bounds is not None)
     title = f"Tuned weights under limits on {names} ({result.solver})"
-    rows = [_cells(gap) for gap in result.gaps]
-    console.print(tables.plain_table(title, HEADINGS, rows, text_columns=2))
+    console.print(tables.plain_table(title, HEADINGS, _table_rows(result.gaps)))
     tables.say(
         console,
-        "limit in plan: steps whose horizon touches a limit; "
+        "limit in plan: steps whose horizon touches a limit",
         "limit acts: steps whose own control, or its change, is at one",
     )
     for gap in result.gaps:
         if gap.failure:
             tables.say(console, f"STOPPED: {gap.contour}, {gap.plant}: {gap.failure}")
+        if gap.fallbacks:
+            steps = f"{gap.fallbacks} step{'s' if gap.fallbacks > 1 else ''}"
+            tables.say(console, f"FALLBACK at {steps}: {gap.contour}, {gap.plant}")
+    residuals = [gap.residual for gap in result.gaps if np.isfinite(gap.residual)]
+    if residuals:
+        tables.say(console, f"Largest scaled residual of a QP: {max(residuals):.1e}")
+
+
+def _table_rows(gaps: list[GapRow]) -> list[list[str]]:
+    """The plants below the name of their contour."""
+    rows = []
+    for contour in dict.fromkeys(gap.contour for gap in gaps):
+        rows.append([contour])
+        rows += [_cells(gap) for gap in gaps if gap.contour == contour]
+    return rows
 
 
 def _cells(gap: GapRow) -> list[str]:
@@ -246,9 +267,7 @@ def _cells(gap: GapRow) -> list[str]:
     for name in ("rms_contour_error", "rms_tracking_error"):
         for metrics in (gap.without, gap.within):
             errors.append("-" if metrics is None else tables.digits(1e6 * getattr(metrics, name)))
-    stopped = "" if gap.stopped is None else str(gap.stopped)
-    solving = [f"{gap.residual:.1e}", str(gap.fallbacks), stopped]
-    return [gap.contour, gap.plant, *limited, *errors, *solving]
+    return [f"  {gap.plant}", *limited, *errors]
 
 
 def _next(rows: list[GapRow]) -> list[str]:

@@ -2,13 +2,15 @@
 
 import json
 from dataclasses import replace
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.verify import GapRow, Verified, _next, limits_of
+from experiments.commands.loops.verify import GapRow, Verified, _next, limits_of, show
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.stored import read_result
@@ -80,3 +82,24 @@ def test_the_last_sentence_says_what_was_found():
     assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
     stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)])
     assert stopped[0].startswith("1 of 2 runs stopped")
+
+
+def printed(result):
+    text = StringIO()
+    show(result, Console(file=text, width=80))
+    return text.getvalue()
+
+
+def test_the_verdict_of_tune_comes_first_and_no_name_is_cut_on_80_columns():
+    plant = "gains 1.1, 0.9, delay 1"
+    late = replace(row(123.4e-6, 234.5e-6), plant=plant, fallbacks=2)
+    bounds = {"control": [[-1.0], [1.0]], "speed": None}
+    bad = Verified("runs/a", False, ["acceleration of X EXCEEDS"], {}, "daqp", bounds, [late])
+    text = printed(bad)
+    lines = text.splitlines()
+    assert lines[:2] == ["`tune` said of runs/a:", "DO NOT USE THESE VALUES"]
+    assert lines[2] == "  because: acceleration of X EXCEEDS"
+    assert any(f" {plant} " in line and "234.5" in line for line in lines)
+    assert f"FALLBACK at 2 steps: circle, {plant}" in text
+    assert max(map(len, lines)) <= 80
+    assert "THESE VALUES" not in printed(replace(bad, usable=True, reasons=[]))
