@@ -13,6 +13,7 @@ from experiments.files.results.tuned_result import TunedContour, TunedResult
 from experiments.flags.others import Compare
 from experiments.reports import tables
 from experiments.reports.tables import COLUMNS, columns_of, digits
+from experiments.reports.tuned_tables import verdict
 
 UNCOMPARED = ("json", "out", "resume", "rollouts")
 SAME = 1e-3  # relative: a smaller difference is called none
@@ -47,7 +48,9 @@ class ComparedResult:
         machines: their names.
         settings, versions: those that differ.
         weights: None where a run has no such weight.
-        margins: largest spectral radius and delay margin.
+        usable, reasons: whether `tune` said to load the weights, and its reasons against it.
+        control_unit: of both machines, where it is the same; else empty.
+        margins: largest spectral radius, delay margin, peak sensitivity; None where it is unknown.
         better: number of metrics in which either is better, or both are the same.
     """
 
@@ -56,7 +59,10 @@ class ComparedResult:
     settings: dict[str, Any]
     versions: dict[str, Any]
     weights: dict[str, list[Weight]]
-    margins: dict[str, list[float]] = stored_as("safety")
+    usable: list[bool]
+    reasons: list[list[str]]
+    control_unit: str
+    margins: dict[str, list[float | None]] = stored_as("safety")
     metrics: list[ComparedMetric]
     better: dict[str, int]
 
@@ -88,16 +94,24 @@ def run(first: Path, second: Path) -> ComparedResult:
         settings=_changed([one["flags"] for one in settings], without=UNCOMPARED),
         versions=_changed([one.get("versions", {}) for one in settings]),
         weights={name: [a.weights.get(name), b.weights.get(name)] for name in names},
+        usable=[a.usable, b.usable],
+        reasons=[a.reasons, b.reasons],
+        control_unit=_shared(a.machine.control_unit, b.machine.control_unit),
         margins={
             "largest_frozen_spectral_radius": [
                 a.margins.spectral_radius,
                 b.margins.spectral_radius,
             ],
             "delay_samples": [a.margins.delay_samples, b.margins.delay_samples],
+            "peak_sensitivity": [a.margins.sensitivity, b.margins.sensitivity],
         },
         metrics=rows,
         better={side: sum(row.better == side for row in rows) for side in SIDES},
     )
+
+
+def _shared(first: str, second: str) -> str:
+    return first if first == second else ""
 
 
 def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dict[str, list[Any]]:
@@ -139,7 +153,11 @@ def _better(first: float, second: float) -> str:
 
 
 def show(found: ComparedResult, console: Console) -> None:
-    """Two tables and one sentence."""
+    """Verdict of each run, two tables, and which is better for what."""
+    for side, folder, usable, reasons in zip(
+        SIDES, found.runs, found.usable, found.reasons, strict=False
+    ):
+        tables.say(console, f"{side}: {folder}", *verdict(usable, reasons))
     changes = [
         [key, str(a), str(b)]
         for part in (found.settings, found.versions, found.weights)
@@ -148,12 +166,13 @@ def show(found: ComparedResult, console: Console) -> None:
     ]
     for name, pair in found.margins.items():
         changes.append([name.replace("_", " "), *map(digits, pair)])
-    console.print(tables.plain_table("What changed", ["", *found.runs], changes))
+    table = tables.plain_table("What changed", ["", "first", "second"], changes, 3)
+    console.print(table)
     headings = ["contour", "plant", "metric", "first", "second", "better"]
     rows = [_cells(row) for row in found.metrics]
-    title = "Tuned weights of both, smaller is better"
+    title = f"Tuned weights of both, smaller is better; controls in {found.control_unit or '-'}"
     console.print(tables.plain_table(title, headings, rows, 3))
-    tables.say(console, *warnings(found), sentence(found))
+    tables.say(console, *warnings(found), *better_for(found), recommendation(found))
 
 
 def _cells(row: ComparedMetric) -> list[str]:
@@ -178,18 +197,45 @@ def warnings(found: ComparedResult) -> list[str]:
     return lines
 
 
-def sentence(found: ComparedResult) -> str:
-    """Which run is better, in words."""
+def better_for(found: ComparedResult) -> list[str]:
+    """One line each for error, control effort and robustness: what either run has."""
+    lines = []
+    for metric, words, unit in (
+        ("rms_contour_error", "RMS contour error", "um"),
+        ("rms_tracking_error", "RMS tracking error", "um"),
+        ("rms_increment", "RMS change of the control", f"{found.control_unit} per sample"),
+    ):
+        rows = [row for row in found.metrics if (row.metric, row.plant) == (metric, "worst")]
+        if rows:
+            a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
+            lines.append(_line(f"{words}, worst contour and plant", a, b, unit))
+    a, b = found.margins["peak_sensitivity"]
+    if a is not None and b is not None:
+        lines.append(_line("Peak sensitivity over the family", a, b, ""))
+    return lines
+
+
+def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
+    values = [getattr(row, side) for row in rows]
+    lost = any(value != value for value in values)
+    return float("nan") if lost else max(values)
+
+
+def _line(words: str, a: float, b: float, unit: str) -> str:
+    side = _better(a, b)
+    which = "the same" if side == "same" else f"the {side} is better"
+    shown = ("diverged" if value != value else digits(value) for value in (a, b))
+    return f"{words}: {' against '.join(shown)} {unit}".rstrip() + f": {which}."
+
+
+def recommendation(found: ComparedResult) -> str:
+    """Which weights may be loaded; what `tune` advised against is never recommended."""
+    first, second = found.usable
+    if not (first or second):
+        return "Load neither: `tune` said DO NOT USE of both."
+    if first != second:
+        side, other = ("first", "second") if first else ("second", "first")
+        return f"Only the {side} may be loaded: `tune` said DO NOT USE of the {other}."
     if not found.metrics:
         return "The runs have no contour in common: there is nothing to compare."
-    counts, total = found.better, len(found.metrics)
-    if counts["first"] == counts["second"]:
-        verdict = "Neither run is better"
-    else:
-        side = max(("first", "second"), key=lambda side: counts[side])
-        name = found.runs[0] if side == "first" else found.runs[1]
-        verdict = f"The {side} run, {name}, is better more often"
-    return (
-        f"{verdict}: of {total} numbers the first is smaller in {counts['first']}, the second in "
-        f"{counts['second']}, and {counts['same']} are the same within 0.1 %."
-    )
+    return "Both may be loaded: the lines above say which is better for what."

@@ -52,6 +52,7 @@ def plain_table(
             name,
             justify="left" if k < text_columns else "right",
             no_wrap=k >= text_columns,
+            overflow="fold",  # a name is never cut
         )
     for row in rows:
         table.add_row(*row)

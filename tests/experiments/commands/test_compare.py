@@ -1,7 +1,7 @@
 """Two tuned runs side by side."""
 
 import json
-from dataclasses import fields
+from dataclasses import fields, replace
 from io import StringIO
 
 import pytest
@@ -68,9 +68,9 @@ def stored(folder, alpha, value, command="tune", **others):
     return folder
 
 
-def said(found):
+def said(found, width=200):
     text = StringIO()
-    show(found, Console(file=text, width=200))
+    show(found, Console(file=text, width=width))
     return text.getvalue()
 
 
@@ -79,14 +79,32 @@ def test_what_changed_and_which_is_better(tmp_path):
     assert found.settings == {"seed": [1, 2]} and found.weights["alpha"] == [1.0, 2.0]
     assert found.better == {"first": 2 * len(COLUMNS), "second": 0, "same": 0}
     text = said(found)
-    assert f"The first run, {tmp_path / 'a'}, is better more often: of 12 numbers" in text
+    line = "RMS contour error, worst contour and plant: 1 against 2 um: the first is better."
+    assert line in text and "Both may be loaded" in text
     assert "WARNING" not in text
 
 
 def test_equal_runs(tmp_path):
     found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 1.0, 1e-6))
     assert found.settings == {} and found.better["same"] == 2 * len(COLUMNS)
-    assert "Neither run is better" in said(found)
+    assert "worst contour and plant: 1 against 1 um: the same." in said(found)
+
+
+def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    write_result(a, replace(made(1.0, 1e-6), usable=False, reasons=["speed of X EXCEEDS"]))
+    b = stored(tmp_path / "b", 2.0, 2e-6)
+    text = said(run(a, b))
+    assert "DO NOT USE THESE VALUES\n  because: speed of X EXCEEDS\nsecond:" in text
+    assert text.endswith("Only the second may be loaded: `tune` said DO NOT USE of the first.\n")
+    assert said(run(a, a)).endswith("Load neither: `tune` said DO NOT USE of both.\n")
+
+
+def test_no_name_is_cut_on_80_columns(tmp_path):
+    name = "a-bracket-with-a-very-long-name-of-its-own"
+    a = stored(tmp_path / "a", 1.0, 1e-6, contour=name)
+    text = said(run(a, stored(tmp_path / "b", 2.0, 2e-6, contour=name)), width=80)
+    assert "\u2026" not in text
 
 
 def test_a_run_that_diverged_is_never_better(tmp_path):
