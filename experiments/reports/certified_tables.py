@@ -15,6 +15,12 @@ HEADINGS = (
     "largest\ncontrol",
 )
 
+BOUNDS = (
+    "--force and --encoder-um set these bounds. Not given, they are the control noise of the "
+    "machine (5 % of its control limit where its file states none), and half a count. Such a "
+    "default measures neither friction nor cutting: give your own."
+)
+
 
 def show_certified(result: CertifiedResult, console: Console) -> None:
     """The table, what it is proven for, and where the largest bound is."""
@@ -39,6 +45,7 @@ def sentences(result: CertifiedResult) -> list[str]:
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
         f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
         _plants(result.gain),
+        BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
         f"{controls}.",

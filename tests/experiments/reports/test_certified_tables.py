@@ -35,6 +35,7 @@ def test_assumptions_attack_place_and_controls_are_said():
     text = "\n".join(sentences(RESULT))
     assert "force of up to 0.1 A on each control" in text
     assert "encoder error of up to 0.4 um" in text
+    assert "--force and --encoder-um set these bounds" in text
     assert "An attack reaches 75 % of the largest bound" in text
     assert "largest contour error 8 um at X 1, Y 2 mm" in text
     assert "No control exceeds 2.5 A, within the machine's 3." in text
