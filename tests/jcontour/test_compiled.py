@@ -15,10 +15,10 @@ def test_compiles():
 def test_without_a_place_for_the_cache_it_still_compiles(monkeypatch):
     plain = numba.njit
 
-    def nowhere(*arguments, cache=False):
+    def nowhere(*arguments, cache=False, **options):
         if cache:
             raise RuntimeError("cannot cache function: no locator available")
-        return plain(*arguments)
+        return plain(*arguments, **options)
 
     monkeypatch.setattr(numba, "njit", nowhere)
     assert compiled(doubled)(21) == 42
