@@ -12,6 +12,7 @@ from experiments.files.results.tuned_result import (
     TunedContour,
     rms_error,
 )
+from experiments.flags.shared import Limited
 from experiments.runs.tuning.limits import LIMITS
 from tuning.objectives import COUNT_NOISE, LATE, RATIO, USE_LIMITS
 from tuning.problem import Problem
@@ -22,7 +23,12 @@ ASKED = {"increment": "change of its control"}  # limit that is called otherwise
 FLAGS = {  # limit on metrics: flag that allows more
     metric: f"--{name.replace('_', '-')}" for name, (metric, _) in LIMITS.items()
 }
+FACTORS = dict(LIMITS.values())  # limit on metrics: from the unit of its flag to SI
 RESTLESS = 5.0  # times the change of the control from sample to sample at the start
+TRY_LESS = (  # a loop overshoots: the number that is enough is found by trying
+    "try 10 % less feed or acceleration, --feed-mm-per-min or --acceleration, and again until "
+    "this reason is gone"
+)
 CHEAP = 1e-3  # price below which a limit does not stop anything
 
 
@@ -36,6 +42,7 @@ def reasons_against(
     delay: int = 0,
     finest: float = 0.0,
     limit: str = "",
+    allowing: str = "",
     feed_law: str = "jerk",
 ) -> list[str]:
     """Reasons against loading the weights, the gravest first; none where they may be loaded.
@@ -50,12 +57,13 @@ def reasons_against(
         delay: margin that is asked for [samples].
         finest: difference of errors that the encoders can tell [m].
         limit: name of the one that the weights exceed most; empty where they exceed none.
+        allowing: flag and value that allow what the weights reach, see `flag_allowing`.
         feed_law: of the motions.
     """
     return [
         *_unstable(contours, margins, robust),
         *_late(margins, delay),
-        *_infeasible(tuned, limit),
+        *_infeasible(tuned, limit, allowing),
         *exceeded,
         *(_calmer(feed_law) if exceeded else []),
         *(_worse(contours, error, finest) if tuned.feasible else []),
@@ -69,6 +77,38 @@ def exceeded_most(problem: Problem, tuned: Tuned) -> str:
         return ""
     entries = problem.limit_entries(tuned.outcome)
     return entries[int(np.argmax(problem.limits(tuned.outcome)))].name
+
+
+def flag_allowing(limit: str, violation: float, flags: Limited, limits: Mapping[str, float]) -> str:
+    """Flag and value that allow what weights beyond a limit reach; empty where no flag does.
+
+    The value is (bound) exp(violation), rounded up to three digits.
+
+    Args:
+        limit: name of the one that is exceeded most.
+        violation: ln(value / bound).
+        flags: of the run.
+        limits: bounds by name, SI units.
+    """
+    bound, flag = limits.get(limit), FLAGS.get(limit)
+    if bound is None or not np.isfinite(violation):
+        return ""
+    if limit == "rms_control" and flags.max_effort is not None:
+        flag, bound = "--max-effort", flags.max_effort
+    elif flag is not None:
+        bound /= FACTORS[limit]
+    elif limit == COUNT_NOISE:
+        assert flags.max_count_noise is not None  # or there was no such limit
+        flag, bound = "--max-count-noise", flags.max_count_noise
+    else:
+        flag = {RATIO: "--max-error-ratio", "peak_sensitivity": "--max-sensitivity"}.get(limit)
+    return "" if flag is None else f"{flag} {_up(bound * np.exp(violation))}"
+
+
+def _up(value: float) -> str:
+    """Three digits, none less than the value."""
+    place = 10.0 ** (2 - np.floor(np.log10(value)))
+    return f"{np.ceil(value * place * (1 - 1e-12)) / place:.6g}"
 
 
 def hardly_worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:
@@ -134,26 +174,22 @@ def _late(margins: PathMargins, delay: int) -> list[str]:
     ]
 
 
-def _infeasible(tuned: Tuned, limit: str) -> list[str]:
+def _infeasible(tuned: Tuned, limit: str, allowing: str) -> list[str]:
     if tuned.feasible:
         return []
     excess = 100 * np.expm1(tuned.violation)
     name = limit.removesuffix("_use").replace("_", " ")
     what = f"no weights were found within every limit; these exceed that on the {name}"
-    return [f"{what} by {excess:.3g} %", *_what_helps(tuned, limit)]
+    return [f"{what} by {excess:.3g} %", *_what_helps(limit, allowing)]
 
 
-def _what_helps(tuned: Tuned, limit: str) -> list[str]:
+def _what_helps(limit: str, allowing: str) -> list[str]:
     """What may be done about a limit that no weights keep."""
     if limit in USE_LIMITS:
         words = limit.removesuffix("_use")
         return [
-            f"the motion asks for more {ASKED.get(words, words)} than the machine has; lower the "
-            "feed or the acceleration: --feed-mm-per-min, --acceleration"
+            f"the motion asks for more {ASKED.get(words, words)} than the machine has; {TRY_LESS}"
         ]
-    if limit == "peak_sensitivity" and tuned.outcome.loops is not None:
-        least = float(np.max(tuned.outcome.loops.sensitivity))
-        return [f"their peak sensitivity is {least:.4g}; --max-sensitivity allows more"]
     if limit == "response_doubt":
         return [
             "the machine's response is not known well enough for any loop that was tried; record "
@@ -164,19 +200,21 @@ def _what_helps(tuned: Tuned, limit: str) -> list[str]:
     if limit == COUNT_NOISE:
         return [
             "the rounding of the encoders moves the control more than that; "
-            "--max-count-noise allows more, finer encoders need less"
+            f"{allowing} allows these weights, finer encoders need less"
         ]
+    if not allowing:
+        return []
+    if limit == "peak_sensitivity":
+        return [f"less margin allows these weights: {allowing}"]
     if limit == RATIO:
-        return ["a training contour stays worse than was asked for; --max-error-ratio allows more"]
-    if limit in FLAGS:
-        return [f"lower the feed, or allow more: {FLAGS[limit]}"]
-    return []
+        return [f"a training contour stays worse than was asked for; {allowing} allows it"]
+    return [f"lower the feed, or allow these weights: {allowing}"]
 
 
 def _calmer(feed_law: str) -> list[str]:
     """What helps where a run exceeds a limit of the machine."""
-    lower = "a motion that asks for less keeps the limit: --acceleration, --feed-mm-per-min"
-    return [lower if feed_law == "jerk" else f"{lower}, or with a toolpath file --feed-law jerk"]
+    lower = f"a motion that asks for less keeps the limit; {TRY_LESS}"
+    return [lower if feed_law == "jerk" else f"{lower}; or with a toolpath file --feed-law jerk"]
 
 
 def _worse(contours: Sequence[TunedContour], error: str, finest: float) -> list[str]:

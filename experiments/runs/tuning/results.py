@@ -27,6 +27,7 @@ from experiments.runs.checks.path_margins import path_margins
 from experiments.runs.checks.recommendation import (
     active_limits,
     exceeded_most,
+    flag_allowing,
     hardly_worse,
     reasons_against,
 )
@@ -124,9 +125,10 @@ def tuned_result(
     delay = run.flags.min_delay_margin
     finest = (run.machine.resolution or 0.0) / np.sqrt(12)  # noise of a rounded position
     limit = exceeded_most(run.problem, tuned)
+    allowing = flag_allowing(limit, tuned.violation, run.flags, run.limits)
     law = run.flags.feed_law
     reasons = reasons_against(
-        tuned, contours, margins, robust, exceeded, error, delay, finest, limit, law
+        tuned, contours, margins, robust, exceeded, error, delay, finest, limit, allowing, law
     )
     warnings = run_warnings(run, tuned, margins, replays) + hardly_worse(contours, error, finest)
     weights = plain_weights(tuned.weights)

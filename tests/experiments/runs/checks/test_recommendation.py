@@ -9,14 +9,16 @@ import pytest
 
 from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
 from experiments.files.results.tuned_result import PathMargins, RobustTest, TunedContour
+from experiments.flags.tuning import Tune
 from experiments.runs.checks.recommendation import (
     active_limits,
     exceeded_most,
+    flag_allowing,
     hardly_worse,
     reasons_against,
 )
 from jcontour.simulation.limit_use import LimitUse
-from tuning.objectives import AtMost
+from tuning.objectives import COUNT_NOISE, AtMost
 from tuning.outcome import LoopPeaks, Outcome
 from tuning.tune import Price, Tuned
 
@@ -144,25 +146,46 @@ def test_a_restless_control_needs_a_gain_that_the_encoders_can_tell():
 
 
 def test_a_limit_that_is_not_kept_is_told_with_the_peak_that_was_found():
-    first, second = reasons(tuned=found(False, math.log(1.3), 2.6), limit="peak_sensitivity")
-    assert "peak sensitivity by 30 %" in first
-    assert "2.6" in second and "--max-sensitivity" in second
+    limit, violation = "peak_sensitivity", math.log(1.3)
+    allowing = flag_allowing(limit, violation, Tune(), {limit: 2.0})
+    first, second = reasons(tuned=found(False, violation, 2.6), limit=limit, allowing=allowing)
+    assert "peak sensitivity by 30 %" in first and second.endswith("--max-sensitivity 2.6")
+
+
+@pytest.mark.parametrize(
+    ("limit", "flags", "bound", "flag"),
+    [
+        ("rms_control", Tune(), 0.5, "--max-rms-control 1"),
+        ("rms_control", Tune(max_effort=1.2), 0.5, "--max-effort 2.4"),
+        (COUNT_NOISE, Tune(max_count_noise=0.01), 0.1, "--max-count-noise 0.02"),
+        ("peak_increment", Tune(), 0.0617264, "--max-peak-increment 0.124"),
+        ("late_radius", Tune(), 0.999, ""),
+    ],
+)
+def test_the_flag_that_allows_twice_the_bound(limit, flags, bound, flag):
+    assert flag_allowing(limit, math.log(2), flags, {limit: bound}) == flag
+    assert flag_allowing(limit, math.inf, flags, {limit: bound}) == ""
 
 
 @pytest.mark.parametrize(
     "limit, flag",
     [
-        ("acceleration_use", "more acceleration than the machine has; lower the feed"),
+        ("acceleration_use", "more acceleration than the machine has; try 10 % less feed"),
         ("increment_use", "more change of its control than the machine has"),
         ("late_radius", "--min-delay-margin"),
-        ("error_ratio", "--max-error-ratio"),
-        ("rms_tracking_error", "--max-tracking-error-um"),
+        ("error_ratio", "--max-error-ratio 1.3"),
+        ("rms_tracking_error", "--max-tracking-error-um 130"),
     ],
 )
 def test_only_the_limit_that_is_exceeded_is_spoken_of(limit, flag):
     """Neither the sensitivity, nor contours that weights beyond a limit make worse."""
     worse = [*GOOD, contour("cam", True, 1e-6, 9e-6)]
-    lines = reasons(tuned=found(False, math.log(1.3), 1.08), contours=worse, limit=limit)
+    tuned, bounds = (
+        found(False, math.log(1.3), 1.08),
+        {"error_ratio": 1, "rms_tracking_error": 1e-4},
+    )
+    allowing = flag_allowing(limit, tuned.violation, Tune(), bounds)
+    lines = reasons(tuned=tuned, contours=worse, limit=limit, allowing=allowing)
     assert len(lines) == 2 and flag in lines[1]
     assert "max-sensitivity" not in " ".join(lines) and "--objective" not in " ".join(lines)
 
