@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath
+from jcontour.motion.feed_laws import SharpTurnError
 from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
@@ -70,13 +71,17 @@ def cornered(
 
     Raises:
         ValueError: as `smooth_path` and `jerk_limited`.
+        SharpTurnError: as `jerk_limited`, with the number of the piece of the contour.
     """
     rest = rest_of_pieces(rest, feed.size)
 
     def planned(passed: Bool[np.ndarray, " joints"]) -> Planned:
         around = smooth_path(contour, tolerance, passed, alike)
         stopping = around.joint(np.flatnonzero(~passed))
-        motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
+        try:
+            motion = jerk_limited(around.path, around.feed(feed), limits, stopping)
+        except SharpTurnError as error:  # told of the piece of the contour
+            raise SharpTurnError(int(around.piece[error.piece]), error.steps) from None
         return Planned(around, motion, _rests(around, motion, rest))
 
     passed = np.isnan(rest[:-1])

@@ -35,10 +35,11 @@ class SharpTurnError(ValueError):
 
     Attributes:
         piece: number of the piece that needs most steps.
+        steps: how many the whole contour needs.
     """
 
     def __init__(self, piece: int, steps: float):
-        self.piece = piece
+        self.piece, self.steps = piece, steps
         super().__init__(
             f"contour: a curve turns too sharply for its length: it needs {steps:.2g} steps, "
             f"more than {MOST_STEPS:,}"

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import blended
 from jcontour.motion.cornering import cornered
+from jcontour.motion.feed_laws import SharpTurnError
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import jerk_limited
 
@@ -68,3 +70,16 @@ def test_lines_in_parts_are_stopped_in_as_whole_ones_are():
     stopped = jerk_limited(contours.polyline(SHARP), 0.01, LIMITS)
     assert planned.motion.stops.size == 3 and planned.around.deviation == 0.0
     np.testing.assert_allclose(planned.motion.duration, stopped.duration, rtol=1e-9)
+
+
+def test_a_curve_that_turns_without_end_is_told_by_its_number_on_the_contour():
+    """Behind three corners: the path with blends has more pieces before it."""
+    polynomial = np.zeros((5, 6, 2))
+    polynomial[:4, 0] = 1e-3 * np.array([[0, 0], [10, 0], [10, 10], [20, 10]])
+    polynomial[:4, 1] = [[1, 0], [0, 1], [1, 0], [0, 1]]
+    polynomial[4, :3] = [[20e-3, 20e-3], [0, 1], [1e9, 0]]  # its bend is 2e9 / m
+    flat, none = np.zeros((5, 2)), np.zeros(5)
+    path = contours.from_pieces(Piece(polynomial, flat, flat, none, none, np.full(5, 10e-3)))
+    with pytest.raises(SharpTurnError) as told:
+        cornered(path, np.full(5, 0.05), LIMITS, 2e-6, np.array([np.nan] * 3 + [0.0, np.nan]))
+    assert told.value.piece == 4
