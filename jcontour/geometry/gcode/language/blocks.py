@@ -13,6 +13,7 @@ from jcontour.geometry.gcode.language.expressions import (
     NAME,
     Cursor,
     Expression,
+    evaluated,
     read_bracket,
     read_key,
     read_value,
@@ -194,4 +195,4 @@ def _read_label(cursor: Cursor) -> Callable[[Parameters], str]:
     if not (cursor.starts("[") or cursor.starts("#")):
         raise ToolpathError(f"an O-word needs a number or a name before {shown(cursor.rest)}")
     value = read_value(cursor)
-    return lambda parameters: str(whole(value(parameters), "the number of an O-word"))
+    return lambda parameters: str(whole(evaluated(value, parameters), "the number of an O-word"))

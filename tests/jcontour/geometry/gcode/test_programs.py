@@ -151,6 +151,7 @@ def test_files_beside_the_program(tmp_path):
         ("#6000 = 1", r"line 1: parameter #6000: the number needs to be 1 to 5601"),
         ("#1.5 = 1", r"line 1: the number of a parameter needs to be whole"),
         ("#1 = [1 / 0]", r"line 1: a division by zero"),
+        ("O[1 / 0] call", r"line 1: a division by zero"),
         ("#1 = sqrt[-1]", r"line 1: a function has no value"),
         ("#1 = [-8 ** 0.5]", r"line 1: a negative number to a power"),
         ("#1 = [9 ** 999]", r"line 1: a result is too large"),
