@@ -35,6 +35,7 @@ TITLE = 0.5  # inches: height of a panel's title
 TITLES = 0.9  # inches: height of the figure's title and legend
 FLAT = 0.3  # height to width of a contour: below it panels lie above each other
 FLATTEST_AND_TALLEST = (0.08, 1.2)  # height to width of one contour's panel
+NARROWEST = 0.7  # width to height of what a panel shows: a title of 45 letters fits above
 
 
 def figures_of(runs: ContourRuns) -> dict[str, Figure]:
@@ -65,6 +66,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
         _draw_panel(place, runs, run, row, colours[run.label])
         place.label_outer(remove_inner_ticks=True)
+    _widen(places[0, 0])
     how = "coloured by its error" if detailed(runs) else "contour error magnified"
     figure.suptitle(f"{short(runs.name)}: contour and tool, {how}")
     legend_below(figure, columns=4)
@@ -76,6 +78,14 @@ def _height_to_width(runs: ContourRuns) -> float:
     contour = runs.shown(runs.reference)[:, :2]
     width, height = np.nanmax(contour, axis=0) - np.nanmin(contour, axis=0)
     return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
+
+
+def _widen(axes: Axes) -> None:
+    """Room beside a tall contour, so that titles of panels side by side stay apart."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    missing = NARROWEST * (high - low) - (right - left)
+    if missing > 0:
+        axes.set_xlim(left - missing / 2, right + missing / 2)
 
 
 def _draw_panel(

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
+ROUNDING = 1e-12  # of the largest coordinate: an error below it is none
 
 
 def draw_magnified(
@@ -37,7 +38,7 @@ def magnification(desired: np.ndarray, error: np.ndarray) -> float:
     size = float(np.nanmax(np.nanmax(desired, axis=0) - np.nanmin(desired, axis=0)))
     finite = np.abs(error[np.isfinite(error)])
     largest = float(finite.max()) if finite.size else 0.0
-    if not 0 < largest < size:
+    if not ROUNDING * float(np.nanmax(np.abs(desired))) < largest < size:
         return 1.0
     factor = MAGNIFIED * size / largest
     if factor < 1:

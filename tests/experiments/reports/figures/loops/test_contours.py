@@ -40,6 +40,27 @@ def test_a_flat_contour_has_flat_panels_above_each_other(runs, squeezed, shape, 
     np.testing.assert_allclose(panel / (width / across), shape, rtol=0.02)
 
 
+def test_titles_above_a_tall_contour_stay_apart(runs):
+    thin = np.array([0.02, 1.0])
+    rows = tuple(
+        tuple(
+            replace(
+                run,
+                label="contouring-lq",
+                plant="worst plant (gains 1.1, 0.9)",
+                output=run.output * thin,
+                contour_error=run.contour_error * thin,
+            )
+            for run in row[:1]
+        )
+        for row in runs.rows
+    )
+    figure = contour_figure(replace(runs, reference=runs.reference * thin, rows=rows))
+    figure.draw_without_rendering()
+    boxes = [panel.title.get_window_extent() for panel in figure.axes]
+    assert not any(one.overlaps(other) for one, other in zip(boxes, boxes[1:], strict=False))
+
+
 def test_the_legend_names_every_curve_once(runs):
     """The black dot is not a curve of the start weights."""
     (legend,) = contour_figure(runs).legends
