@@ -13,6 +13,8 @@ from experiments.files import run_folder
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import TunedResult
 from experiments.flags.tuning import Tune
+from experiments.jobs.job import Job
+from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import NO_EFFECTS
 from experiments.reports import tables
 from experiments.reports.figures.loops.contours import figures_of
@@ -111,11 +113,10 @@ def describe(run: TuningRun, console: Console) -> None:
     training = [
         f"{job.name} ({job.samples} samples, {job.feed_law})" for job in scenarios.jobs_seen(True)
     ]
-    held_out = [f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)]
     headings = machine.description() | {
         "Family": "; ".join(scenarios.plants) + alone,
         "Training": _named(training),
-        "Held out": _named(held_out),
+        "Held out": held_out_words(flags, scenarios),
         **run.design.description(),
         "Objective": f"{objective}; limits: {', '.join(bounds) or 'none'}",
     }
@@ -142,6 +143,17 @@ def describe(run: TuningRun, console: Console) -> None:
     if run.training_samples > PLENTY:
         lines.append(f"{run.training_samples} training samples: this takes longer than a minute.")
     tables.say(console, *lines)
+
+
+def held_out_words(flags: Tune, scenarios: Scenarios) -> str:
+    """Contours that the tuner never sees, and whether they are sized like the parts."""
+    named = _named([f"{job.name} ({job.samples} samples)" for job in scenarios.jobs_seen(False)])
+    own = bool(flags.parts) and flags.contours is None
+    if own and any(isinstance(job, Job) for job in scenarios.jobs_seen(True)):
+        return (
+            f"{named}; made in the size, place and feed of the parts, not as `jcontour list` says"
+        )
+    return named
 
 
 def _named(jobs: list[str]) -> str:

@@ -2,16 +2,22 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.tuning.tune import next_steps
+from experiments.commands.tuning.tune import held_out_words, next_steps
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result, to_json
 from experiments.files.results.tuned_result import TunedResult
+from experiments.flags.tuning import Tune
+from experiments.jobs.contours import BUILT_IN
+from experiments.jobs.pace import Pace
 
+PACE = Pace(machine_named("bridgeport"), None, None)
 FILES = {
     "result.json", "settings.json", "history.json", "state.npz", "rollouts.nc", "gains.csv",
     "observer.json", "history.png", "trade_off.png", "contour-part.png", "errors-part.png",
@@ -113,3 +119,15 @@ def test_files_that_a_drive_loads_are_there_and_named(tuned, result):
     assert [line.split(": ")[1] for line in lines[:2]] == list(result.files)
     assert any("jcontour rank" in line for line in lines)
     assert next_steps(replace(result, usable=False), tuned) == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "resized"),
+    [(Tune(parts=("circle",)), True), (Tune(), False), (Tune(("circle",), contours="9"), False)],
+)
+def test_held_out_contours_that_are_sized_like_the_parts_are_told(flags, resized):
+    jobs = {seen: [BUILT_IN[name](PACE)] for seen, name in ((True, "circle"), (False, "square"))}
+    scenarios = SimpleNamespace(jobs_seen=jobs.__getitem__)
+    words = held_out_words(flags, scenarios)
+    assert words.startswith(f"square ({jobs[False][0].samples} samples)")
+    assert ("the size, place and feed of the parts" in words) is resized
