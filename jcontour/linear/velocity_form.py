@@ -8,8 +8,6 @@ A constant force changes x, but not how dx moves on: it cancels.
 """
 
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
 
 from jcontour.linear.plant import LinearPlant
 
@@ -28,13 +26,3 @@ def velocity_form(plant: LinearPlant) -> LinearPlant:
     B = jnp.zeros((N, p), dtype).at[controls].set(jnp.eye(p, dtype=dtype))
     C = jnp.zeros((m, N), dtype).at[:, outputs].set(jnp.eye(m, dtype=dtype))
     return LinearPlant(A, B, C, plant.dt)
-
-
-def velocity_state(
-    state: Float[Array | np.ndarray, " n"],
-    before: Float[Array | np.ndarray, " n"],
-    control_change: Float[Array | np.ndarray, " p"],
-    output: Float[Array | np.ndarray, " m"],
-) -> Float[Array, " n+p+m"]:
-    """State of the velocity form: [x_k - x_{k-1}, u_{k-1} - u_{k-2}, y_k]."""
-    return jnp.concatenate([state - before, control_change, output])

@@ -11,7 +11,6 @@ Alter & Tsao, eq. 3: the norm is the largest ratio of RMS error to RMS reference
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from jaxtyping import Complex, Float
 from numpy.polynomial import polynomial
 from scipy.signal import lfilter
@@ -73,17 +72,6 @@ def hinf_optimum(problem: ModelMatching) -> HinfOptimum:
     top, below = cost * np.real(top / phase), np.real(below / phase)
     top, below = _all_pass(cost, *_without_shared_roots(top, below))
     return HinfOptimum(top / below[0], below / below[0], cost, float(eigenvalues[0]))
-
-
-def pick_norm(problem: ModelMatching) -> float:
-    """Square root of the largest eigenvalue of A^-1 B, Pick's matrices of distinct zeros.
-
-    A_ij = 1 / (1 - z_i z_j*),   B_ij = M(z_i) M(z_j)* A_ij
-    """
-    z, w = problem.zeros, problem.values
-    A = 1 / (1 - z[:, None] * z.conj())
-    B = w[:, None] * w.conj() * A
-    return float(np.sqrt(scipy.linalg.eigh(B, A, eigvals_only=True)[-1]))
 
 
 def _basis_polynomials(zeros: Zeros) -> Complex[np.ndarray, "n n"]:

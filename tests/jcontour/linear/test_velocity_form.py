@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jcontour.linear.velocity_form import velocity_form, velocity_state
+from jcontour.linear.velocity_form import velocity_form
 from jcontour.plants.bridgeport import bridgeport
 from jcontour.plants.xy_table import xy_table
 
@@ -35,7 +35,7 @@ def test_predicts_the_plant_whose_control_is_one_sample_late_even_under_a_consta
             A @ x[-1] + B @ controls[k] + load
         )  # control k acts during [k, k + 1): the model calls it u(k - 1)
     model = velocity_form(plant)
-    state = velocity_state(x[1], x[0], controls[1] - controls[0], C @ x[1])
+    state = np.concatenate([x[1] - x[0], controls[1] - controls[0], C @ x[1]])
     for k in range(1, 39):
         np.testing.assert_allclose(model.output(state), C @ x[k], rtol=1e-9, atol=1e-9)
         state = np.asarray(model.step(state, controls[k + 1] - controls[k]))

@@ -2,11 +2,23 @@
 
 import numpy as np
 import pytest
+import scipy.linalg
 
-from jcontour.controllers.feedforward.hinf import hinf_optimum, pick_norm
+from jcontour.controllers.feedforward.hinf import hinf_optimum
 from jcontour.controllers.feedforward.model_matching import ModelMatching
 
 CIRCLE = np.exp(1j * np.linspace(0, np.pi, 721))
+
+
+def pick_norm(problem: ModelMatching) -> float:
+    """Square root of the largest eigenvalue of A^-1 B, Pick's matrices of distinct zeros.
+
+    A_ij = 1 / (1 - z_i z_j*),   B_ij = M(z_i) M(z_j)* A_ij
+    """
+    z, w = problem.zeros, problem.values
+    A = 1 / (1 - z[:, None] * z.conj())
+    B = w[:, None] * w.conj() * A
+    return float(np.sqrt(scipy.linalg.eigh(B, A, eigvals_only=True)[-1]))
 
 
 def test_general_zeros_are_the_reference(general_problems):
