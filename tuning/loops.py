@@ -130,7 +130,7 @@ def _different(matrices: FrozenLoop, slopes: FrozenLoop) -> tuple[list[int], lis
     for probe in range(len(leaves[0])):
         digest = blake2b()
         for leaf in leaves:
-            digest.update(np.ascontiguousarray(leaf[probe]))
+            digest.update(np.asarray(leaf[probe]).tobytes())
         place = seen.setdefault(digest.digest(), len(seen))
         if place == len(once):
             once.append(probe)

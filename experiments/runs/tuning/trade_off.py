@@ -179,7 +179,7 @@ def _optimum_needed(flags: Front, folder: Path) -> bool:
 def _calm(search: Search) -> float | None:
     """RMS increment of the first weights; None where they diverge."""
     problem, start = search.run.problem, search.run.start
-    point = evaluate_values(problem, start, Chart(problem.space, start).coordinates())
+    point = evaluate_values(problem, start, np.asarray(Chart(problem.space, start).coordinates()))
     return None if point.diverged else _worst(point.outcome.metrics, "increment")
 
 
