@@ -10,8 +10,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.jobs.memory import room
 from experiments.jobs.motion_laws import Aside, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
+from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
@@ -22,7 +24,6 @@ from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
-MOST_SAMPLES = 20_000_000  # of a run: each has hundreds of bytes
 ROUNDING = 1e-12  # of a contour's length
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
@@ -34,13 +35,13 @@ class TooLongError(ValueError):
         piece: number of the piece that takes longest.
     """
 
-    def __init__(self, piece: int, seconds: float, dwells: float, dt: float):
+    def __init__(self, piece: int, seconds: float, dwells: float, dt: float, most: int):
         self.piece = piece
         of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
         super().__init__(
             f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
-            f"{MOST_SAMPLES:,} samples of {dt:g} s: give a higher feed"
-            f"{' or shorter dwells' if dwells else ''}"
+            f"the {most:,} samples of {dt:g} s that this computer's memory holds: give a higher "
+            f"feed{', shorter dwells' if dwells else ''} or a part of the program"
         )
 
 
@@ -248,7 +249,7 @@ def _read(path: Path, pace: Pace) -> Job:
     speeds = np.where(rapid, rapid_speed, feed)
     moving = np.asarray(contour.extent) / speeds
     try:
-        _check_duration(moving, np.nan_to_num(rest), machine.model.dt)
+        _check_duration(moving, np.nan_to_num(rest), machine)
         run = along_path(contour, speeds, rapid, pace, rest)
     except (TooLongError, SharpTurnError) as error:
         raise _in_line(program, error.piece, error) from None
@@ -264,11 +265,12 @@ def _toolpath(path: Path, pace: Pace) -> Toolpath:
     return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
 
 
-def _check_duration(moving: np.ndarray, resting: np.ndarray, dt: float) -> None:
+def _check_duration(moving: np.ndarray, resting: np.ndarray, machine: Machine) -> None:
     """Refuse what takes so long [s] that its samples do not fit in memory."""
     whole, dwells = float(np.sum(moving) + np.sum(resting)), float(np.sum(resting))
-    if whole / dt > MOST_SAMPLES:
-        raise TooLongError(int(np.argmax(moving + resting)), whole, dwells, dt)
+    dt, most = machine.model.dt, room(len(machine.family_names))
+    if whole / dt > most:
+        raise TooLongError(int(np.argmax(moving + resting)), whole, dwells, dt, most)
 
 
 def _in_line(program: Program | None, piece: int, error: ValueError) -> ToolpathError:

@@ -7,7 +7,8 @@ import pytest
 
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs.job import Pace, from_file
-from experiments.runs.forecast import BEGUN, check_memory, forecast
+from experiments.jobs.memory import BEGUN
+from experiments.runs.forecast import check_memory, forecast
 
 
 def test_a_long_run_is_told_with_its_samples(tmp_path):
