@@ -13,6 +13,7 @@ from jcontour.native.lanes import WIDTH, fma, load, most, part, root, size_of, s
 
 STEPS = 12  # of a cell: the limits are checked at their ends
 MARGIN = 2e-4  # of every limit: what may pass between two of them
+THIRD = 1 / (9 * 3**0.5)  # most of |t (t - 1) (t - 2)| / 6 between two samples
 
 
 def slower(
@@ -57,24 +58,31 @@ def _warped(cells, at, x):
 
 @part
 def _seen(seen, curve, value, x):
-    """Take a value of a curve: its last two, its largest, and its largest second difference."""
+    """Take a value of a curve: its last three, and the peak of what it has been.
+
+    A cubic through four samples exceeds the largest by an eighth of the second difference d and by
+    max |t (t - 1) (t - 2)| / 6 of the third at most:
+
+        peak <= max |f| + max |d2 f| / 8 + |d3 f| / (9 sqrt 3)
+    """
     at = 4 * curve
-    last, before = load(seen, at), load(seen, at + 1)
+    last, before, oldest = load(seen, at), load(seen, at + 1), load(seen, at + 2)
     store(seen, at, value)
     store(seen, at + 1, last)
-    store(seen, at + 2, most(load(seen, at + 2), size_of(value)))
-    if x > 1:
-        bend = size_of(value - spread(2.0) * last + before)
-        store(seen, at + 3, most(load(seen, at + 3), bend))
+    store(seen, at + 2, before)
+    if x > 2:
+        bend = value - spread(2.0) * last + before
+        earlier = last - spread(2.0) * before + oldest
+        largest = most(most(size_of(value), size_of(last)), most(size_of(before), size_of(oldest)))
+        peak = fma(spread(0.125), most(size_of(bend), size_of(earlier)), largest)
+        peak = fma(spread(THIRD), size_of(bend - earlier), peak)
+        store(seen, at + 3, most(load(seen, at + 3), peak))
 
 
 @part
 def _peak(seen, curve):
-    """Greatest magnitude of a curve, that between the samples included.
-
-    A parabola through three samples exceeds them by an eighth of their second difference.
-    """
-    return fma(spread(0.125), load(seen, 4 * curve + 3), load(seen, 4 * curve + 2))
+    """Greatest magnitude of a curve, that between the samples included."""
+    return load(seen, 4 * curve + 3)
 
 
 @compiled
