@@ -51,7 +51,7 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
     left = motion.gap / motion.cycle_time
     if left > TOLD:
         rows.insert(1, ["NOT THE QUICKEST, by about", f"{100 * left:.1f} %"])
-    return plain_table("motion that is asked for (motion.png)", ["", ""], rows)
+    return plain_table("Motion that the machine is asked for (motion.png)", ["", ""], rows)
 
 
 def plant_table(result: SimulatedResult) -> Table:

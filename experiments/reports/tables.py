@@ -43,9 +43,17 @@ def digits(value: float | None) -> str:
 def plain_table(
     title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], text_columns: int = 1
 ) -> Table:
-    """A table whose first columns are text and wrap, and the others numbers."""
+    """A table whose first columns are text and wrap, and the others numbers.
+
+    Where no column has a name there is no line of them.
+    """
     table = Table(
-        title=title, title_justify="left", title_style="bold", pad_edge=False, box=SIMPLE_HEAD
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        pad_edge=False,
+        box=SIMPLE_HEAD,
+        show_header=any(columns),
     )
     for k, name in enumerate(columns):
         table.add_column(

@@ -30,6 +30,7 @@ class Flags:
     """Less of
     everything."""
     names: tuple[str, ...] = ()
+    rest: str = ""
     inner: Annotated[Inner, tyro.conf.OmitArgPrefixes] = field(default_factory=Inner)
 
 
@@ -72,5 +73,6 @@ def test_help_names_the_value_and_no_default_of_nothing(capsys):
     said = helped(capsys)
     assert "--speed FLOAT How fast [m/s]. As the part says when not given. --place PATH" in said
     assert "--count INT (default: 2)" in said and "--word STR (default: none)" in said
+    assert said.count("default:") == 3  # of words, of whole numbers, and of the inner flags
     assert "--quick, --no-quick Less of everything. --names" in said and "None" not in said
     assert "--depth INT How deep. (default: 3)" in said

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from experiments.files.results.run_metrics import ContourRead
-from experiments.reports.tables import read_line
+from experiments.reports.tables import console_of, plain_table, read_line
 
 
 def test_what_rounding_leaves_of_zero_is_zero():
@@ -21,3 +21,12 @@ def test_what_rounding_leaves_of_zero_is_zero():
     assert stopped.split("\n")[1:] == ["1 stop: M3 at line 4"]
     asked = read_line("task", replace(read, doubts=("line 3: a dwell of 500 s",)), ("X", "Y"))
     assert asked == f"{line}\nline 3: a dwell of 500 s"
+
+
+def test_a_table_without_names_of_columns_has_no_line_of_them(capsys):
+    console_of().print(plain_table("Title", ["", ""], [["one", "1"]]))
+    assert [line.split() for line in capsys.readouterr().out.splitlines()][:3] == [
+        ["Title"],
+        [],
+        ["one", "1"],
+    ]
