@@ -1,7 +1,7 @@
 """Records of a machine: commands and positions of its axes over time, from a log.
 
 Columns are found by their names, x_command and x_position for the axis X beside `time` [s], or by
-flags that name them. A name may end in its unit: time_ms, x_position_um, Time [ms].
+flags that name them. A name may end in its unit: time_ms, x_command_V, x_position_um, Time [ms].
 """
 
 import re
@@ -17,6 +17,7 @@ from experiments.files.clock import EvenPart, longest_even_part
 from experiments.files.log_table import Table, read_table
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+COMMAND_UNITS = ("v", "a", "n", "nm", "mm/s", "mm_per_s")  # in lower case
 COMMAND_WORDS = ("command", "control", "u", "cmd", "torque", "velocity_command", "speed_command")
 POSITION_WORDS = ("position", "pos", "y", "q", "actual", "measured")
 TIME_WORDS = ("time", "t", "timestamp")
@@ -69,7 +70,7 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     """
     table = read_table(path)
     time_name = columns.time or _first(table, TIME_WORDS, tuple(SECONDS))
-    commands = _named(path, table, columns.command, axes, COMMAND_WORDS, "command", ())
+    commands = _named(path, table, columns.command, axes, COMMAND_WORDS, "command", COMMAND_UNITS)
     positions = _named(path, table, columns.position, axes, POSITION_WORDS, "position", METRES)
     command = np.stack([_column(path, table, one) for one in commands], axis=1)
     metre = [METRES[_unit(one, METRES) or columns.length_unit] for one in positions]

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from experiments.files.run_folder import write
+from jcontour.export.code_text import heading
 from jcontour.linear.plant import AffinePlan
 
 LEVEL = 1  # of compression: the signals shrink little beyond it
@@ -38,11 +39,15 @@ def load_dataset(path: Path) -> xr.Dataset:
         return dataset.load()
 
 
-def save_gains(plan: AffinePlan, steps: int, dt: float, path: Path) -> Path:
-    """Gain schedule u = f - F xf of every sample as CSV, 17 digits: k, t_s, F row by row, f."""
+def save_gains(plan: AffinePlan, steps: int, dt: float, control_unit: str, path: Path) -> Path:
+    """Gain schedule u = f - F xf of every sample as CSV, 17 digits: k, t_s, F row by row, f.
+
+    Names end in their units; a gain is one per unit of its state.
+    """
     F, f = np.asarray(plan.F)[:steps], np.asarray(plan.f)[:steps]
-    names = [f"F_u{i + 1}_x{j + 1}" for i in range(F.shape[1]) for j in range(F.shape[2])] + [
-        f"f_u{i + 1}" for i in range(f.shape[1])
+    inputs, states = (range(1, size + 1) for size in F.shape[1:])
+    names = [heading(f"F_u{i}_x{j}", control_unit, per=f"x{j}") for i in inputs for j in states] + [
+        heading(f"f_u{i}", control_unit) for i in inputs
     ]
     k = np.arange(len(F))
     rows = np.column_stack([k, k * dt, F.reshape(len(F), -1), f])
@@ -50,6 +55,12 @@ def save_gains(plan: AffinePlan, steps: int, dt: float, path: Path) -> Path:
     return write(
         path,
         lambda temporary: np.savetxt(
-            temporary, rows, formats, ",", header=",".join(["k", "t_s", *names]), comments=""
+            temporary,
+            rows,
+            formats,
+            ",",
+            header=",".join(["k", "t_s", *names]),
+            comments="",
+            encoding="utf-8",
         ),
     )

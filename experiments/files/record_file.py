@@ -1,7 +1,7 @@
 """Commissioning data: what a drive recorded, as a CSV file.
 
 One row for every sample, SI units, a header line with these names in any order, `.` in numbers and
-`,` between them:
+`,` between them; each may end in its unit as `time_s` and `current_q_A`:
 
     test             name of the test that the row belongs to; one test when there is no such column
     time             [s], at a constant rate within a test
@@ -32,6 +32,14 @@ SIGNALS = {
     "tool_position": "tool",
     "voltage_q": "voltage",
     "current_d": "current_d",
+}
+UNITS = {  # that the names of a written file end in
+    "time": "s",
+    "motor_position": "m",
+    "current_q": "A",
+    "tool_position": "m",
+    "voltage_q": "V",
+    "current_d": "A",
 }
 REQUIRED = ("time", "motor_position", "current_q")
 COLUMNS = ("test", "time", *SIGNALS)
@@ -72,7 +80,7 @@ def save_records(records: Sequence[Record], path: Path) -> Path:
     def fill(temporary: Path) -> None:
         with temporary.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow(COLUMNS)
+            writer.writerow(["test", *(f"{name}_{unit}" for name, unit in UNITS.items())])
             for record in records:
                 signals = [getattr(record, field) for field in SIGNALS.values()]
                 for k in range(record.rows):
@@ -84,7 +92,9 @@ def save_records(records: Sequence[Record], path: Path) -> Path:
 
 def _columns(rows) -> dict[str, list[str]]:
     """Cells by column, the one of the tests among them."""
-    header = [name.strip() for name in next(rows, [])]
+    named = {f"{name}_{unit}": name for name, unit in UNITS.items()}
+    received: list[str] = [name.strip() for name in next(rows, [])]
+    header = [named.get(name, name) for name in received]
     missing = [name for name in REQUIRED if name not in header]
     unknown = [name for name in header if name not in COLUMNS]
     if missing:

@@ -50,6 +50,12 @@ class MotorMeasuredMachine(Machine):
     stiffness_known_to: ClassVar[float] = 0.2
     mass_known_to: ClassVar[float] = 0.2
 
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """Positions of the motors, then their speeds."""
+        motors = self.model.inputs
+        return ("m",) * motors + ("m/s",) * motors
+
     @abc.abstractmethod
     def true_plant(self, member: Member, fed: Fed = "outputs") -> Plant:
         """A member with what has no derivative.

@@ -79,6 +79,11 @@ class LinearMachine(Machine):
         return self.encoder_resolution
 
     @property
+    def sensed(self) -> tuple[str, ...]:
+        """Positions of the axes."""
+        return ("m",) * len(self.axes)
+
+    @property
     def usual(self) -> Usual:
         """Contouring on short parts."""
         return self.contours

@@ -114,6 +114,11 @@ class Machine(abc.ABC):
         return None
 
     @property
+    def sensed(self) -> tuple[str, ...]:
+        """Units of what the sensors give, in their order; empty where only the plant knows."""
+        return ()
+
+    @property
     def doubt(self) -> Doubt | None:
         """How far off the response may be, beside the family; None where nothing is said."""
         return None

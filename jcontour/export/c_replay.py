@@ -5,12 +5,20 @@ Both are for a computer with files, to try the law; the drive needs neither.
 
 from collections.abc import Sequence
 from string import Template
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from jcontour.export.code_text import literal
-from jcontour.export.drive_law import DrivePlan
+from jcontour.export.code_text import heading, literal
+from jcontour.export.drive_law import DriveLaw, DrivePlan
+
+
+class Units(NamedTuple):
+    """Units of what a law gives and takes: of every control, and of each measurement."""
+
+    control: str
+    measured: tuple[str, ...]
 
 
 def numbers_file(names: Sequence[str], columns: Float[np.ndarray, "T c"]) -> str:
@@ -19,25 +27,31 @@ def numbers_file(names: Sequence[str], columns: Float[np.ndarray, "T c"]) -> str
     return "\n".join([",".join(names), *lines]) + "\n"
 
 
-def plan_file(plan: DrivePlan, dt: float) -> str:
-    """Text of `plan.csv`: a line for every sample, k, t [s], f, r, F row by row, D row by row."""
-    parts = [("f", plan.f), ("r", plan.r)]
-    parts += [(name, _rows(plan, sets)) for name, sets in (("F", plan.F), ("D", plan.D))]
-    there = [(name, part) for name, part in parts if part is not None]
-    names = [f"{name}{k + 1}" for name, part in there for k in range(part.shape[1])]
-    rows = numbers_file(names, np.concatenate([part for _, part in there], axis=1)).splitlines()
-    lines = [f"{k},{literal(k * dt)},{row}" for k, row in enumerate(rows[1:])]
+def plan_file(law: DriveLaw, plan: DrivePlan, units: Units) -> str:
+    """Text of `plan.csv`: a line for every sample, k, t [s], f, r, F row by row, D row by row.
+
+    Names end in their units. A gain F is one per unit of what it remembers, as the law names that.
+    """
+    parts = [plan.f, plan.r]
+    names = _named("f", law.inputs * (units.control,)) + _named("r", units.measured)
+    for name, sets, signals in (("F", plan.F, law.names), ("D", plan.D, units.measured)):
+        if sets is not None:
+            parts.append(sets[plan.used].reshape(plan.steps, -1))
+            columns = enumerate(law.inputs * signals, start=1)
+            names += [heading(f"{name}{k}", units.control, per=one) for k, one in columns]
+    rows = numbers_file(names, np.concatenate(parts, axis=1)).splitlines()
+    lines = [f"{k},{literal(k * law.dt)},{row}" for k, row in enumerate(rows[1:])]
     return "\n".join([f"k,t_s,{rows[0]}", *lines]) + "\n"
 
 
-def _rows(plan: DrivePlan, sets: np.ndarray | None) -> np.ndarray | None:
-    return None if sets is None else sets[plan.used].reshape(plan.steps, -1)
-
-
-def replay_file(y: Float[np.ndarray, "T q"], u: Float[np.ndarray, "T p"]) -> str:
-    """Text of `replay.csv`: measurements of a run, and their controls."""
-    names = [f"y{k + 1}" for k in range(y.shape[1])] + [f"u{k + 1}" for k in range(u.shape[1])]
+def replay_file(y: Float[np.ndarray, "T q"], u: Float[np.ndarray, "T p"], units: Units) -> str:
+    """Text of `replay.csv`: measurements of a run, and their controls; names end in units."""
+    names = _named("y", units.measured) + _named("u", u.shape[1] * (units.control,))
     return numbers_file(names, np.concatenate([y, u], axis=1))
+
+
+def _named(letter: str, units: Sequence[str]) -> list[str]:
+    return [heading(f"{letter}{k}", unit) for k, unit in enumerate(units, start=1)]
 
 
 def c_replay() -> str:

@@ -1,5 +1,6 @@
 """Numbers, tables and comments as the text of a program."""
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, SupportsInt
 
@@ -47,6 +48,16 @@ def _row(words: Sequence[str]) -> str:
             line = "   "
         line += f" {word}"
     return "\n".join([*lines, line])
+
+
+def heading(name: str, unit: str, per: str | None = None) -> str:
+    """Name of a CSV column that ends in its unit.
+
+    >>> heading("f1", "N/kg"), heading("F1", "control unit", per="state 1")
+    ('f1_N_per_kg', 'F1_control_unit_per_state_1')
+    """
+    text = unit if per is None else f"{unit}/{per}"
+    return f"{name}_" + re.sub(r"[^\w%]+", "_", text.replace("/", "_per_"))
 
 
 def plain(line: str) -> str:

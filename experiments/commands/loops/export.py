@@ -18,7 +18,7 @@ from experiments.runs.checks.stored_loops import StoredLoop, stored_loop
 from experiments.runs.lifecycle import created, finished
 from jcontour.export.affine_law import AffineLaw
 from jcontour.export.c_code import c_header, c_plan, c_source
-from jcontour.export.c_replay import c_plan_reader, c_replay, plan_file, replay_file
+from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
 from jcontour.export.code_text import Precision
 from jcontour.export.drive_law import DriveLaw, DrivePlan
 from jcontour.export.linear_form import linear_form
@@ -63,9 +63,10 @@ def run(flags: Export) -> tuple[ExportedResult, Path]:
     notes = [*_notes(flags, loop, job), *margins, *warnings]
     in_tables = plan.numbers <= IN_TABLES
     texts = _texts(flags, law, plan, notes, job.name, in_tables)
-    texts["plan.csv"] = plan_file(plan, law.dt), "the plan, a line for every sample"
+    units = _units(loop, law.measured)
+    texts["plan.csv"] = plan_file(law, plan, units), "the plan, a line for every sample"
     told = "the run with a wave on what it measures, and the controls in double"
-    texts["replay.csv"] = replay_file(tried, affine.run(tried)[1]), told
+    texts["replay.csv"] = replay_file(tried, affine.run(tried)[1], units), told
     folder = created(flags, "export")
     for name, (text, _) in texts.items():
         run_folder.write(folder / name, lambda path, text=text: path.write_text(text))
@@ -127,6 +128,12 @@ def _recorded(loop: StoredLoop, job: Task) -> tuple[AffineLaw, np.ndarray, np.nd
             "another one, as contouring-lq, preview-lq or a cascade, has one"
         ) from None
     return affine, y, u
+
+
+def _units(loop: StoredLoop, measured: int) -> Units:
+    """Units of the controls and of what is measured; of a state it is known that they are SI."""
+    known = loop.machine.sensed if loop.fed == "outputs" else ()
+    return Units(loop.machine.control_unit, known or ("SI",) * measured)
 
 
 def _precision(flags: Export) -> Precision:

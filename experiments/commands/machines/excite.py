@@ -72,7 +72,7 @@ def _read(path: Path) -> object:
 
 def _write_csv(limits: Excited, positions: np.ndarray, path: Path) -> None:
     time = limits.dt * np.arange(len(positions))
-    head = ",".join(["time", *(f"{name.lower()}_mm" for name in limits.axes)])
+    head = ",".join(["time_s", *(f"{name.lower()}_mm" for name in limits.axes)])
     rows = np.column_stack([time, 1e3 * positions])
     run_folder.write(
         path,

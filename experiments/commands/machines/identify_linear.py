@@ -17,6 +17,7 @@ from experiments.machines.identified import axis_result, largest, machine_fields
 from experiments.machines.machine_behaviour import GRAVITY
 from experiments.reports.identified_tables import show
 from experiments.runs.lifecycle import finished
+from jcontour.export.code_text import heading
 from jcontour.linear.continuous_axes import speed_axis
 from tuning.identification.linear.hidden_modes import hidden_modes
 from tuning.identification.linear.machine import (
@@ -197,7 +198,8 @@ def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, fold
     run_folder.write(folder / MODEL, lambda temporary: temporary.write_text(text))
     if flags.demo:
         time = log.dt * np.arange(len(log.command))
-        heads = ["time", *(f"{a.lower()}_command" for a in flags.axes)]
+        heads = ["time_s"]
+        heads += [heading(f"{a.lower()}_command", flags.control_unit) for a in flags.axes]
         heads += [f"{a.lower()}_position_m" for a in flags.axes]
         rows = np.column_stack([time, log.command, log.position])
         run_folder.write(

@@ -229,7 +229,8 @@ class LQDesign(Design):
             if trained:
                 plan = prepared(controller, member(scenarios.references, k))
                 file = "gains.csv" if k == 0 else f"gains-{job.name}.csv"
-                save_gains(plan, job.samples, self.machine.model.dt, folder / file)
+                machine = self.machine
+                save_gains(plan, job.samples, machine.model.dt, machine.control_unit, folder / file)
         if isinstance(controller, FilterObserver | PredictorObserver | OffsetFreeObserver):
             run_folder.write_json(folder / "observer.json", self.observer_file(controller.gain))
 

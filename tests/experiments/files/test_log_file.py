@@ -30,6 +30,12 @@ def test_columns_by_their_names(tmp_path):
     )
 
 
+def test_commands_may_say_their_unit(tmp_path):
+    heads = ("time_s", "x_command_V", "Y_Command [V]", *HEADS[3:])
+    path, signals = written(tmp_path, heads=heads)
+    assert np.allclose(read_log(path, ("X", "Y"), LogColumns()).command, signals[:, :2])
+
+
 def test_units_in_names_and_names_by_flags(tmp_path):
     heads = ("t_ms", "ux", "uy", "qx_um", "qy_m")
     path, signals = written(tmp_path, 1e3 * TIME, heads)

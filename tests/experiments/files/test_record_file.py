@@ -33,7 +33,10 @@ def written(folder, content):
 
 
 def test_round_trip(tmp_path):
-    again = load_records(save_records(TESTS, tmp_path / "data.csv"))
+    path = save_records(TESTS, tmp_path / "data.csv")
+    head = "test,time_s,motor_position_m,current_q_A,tool_position_m,voltage_q_V,current_d_A"
+    assert path.read_text().partition("\n")[0] == head
+    again = load_records(path)
     for one, other in zip(TESTS, again, strict=True):
         assert other.name == one.name and other.dt == pytest.approx(one.dt, rel=1e-6)
         for a, b in zip(one[2:], other[2:], strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jcontour.export.c_code import c_header, c_plan, c_source
-from jcontour.export.c_replay import c_plan_reader, c_replay, plan_file, replay_file
+from jcontour.export.c_replay import Units, c_plan_reader, c_replay, plan_file, replay_file
 from jcontour.export.numpy_code import numpy_source
 
 STRICT = "-std=c99 -Wall -Wextra -pedantic -Werror -O2 -ffp-contract=off".split()
@@ -19,14 +19,15 @@ needs_compiler = pytest.mark.skipif(not COMPILERS, reason="no C compiler here")
 
 def written(folder, law, plan, recorded, precision="double", tables=True):
     code = c_plan(plan, "part", precision) if tables else c_plan_reader(plan)
+    units = Units("control unit", ("m",) * law.measured)
     texts = {
         "controller.h": c_header(law, plan, NOTES, precision),
         "controller.c": c_source(law, plan, precision),
         "plan.c": code,
         "replay.c": c_replay(),
         "controller.py": numpy_source(law, plan, NOTES),
-        "plan.csv": plan_file(plan, law.dt),
-        "replay.csv": replay_file(*recorded),
+        "plan.csv": plan_file(law, plan, units),
+        "replay.csv": replay_file(*recorded, units),
     }
     for name, text in texts.items():
         (folder / name).write_text(text)

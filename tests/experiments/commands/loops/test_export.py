@@ -33,6 +33,9 @@ def test_a_simulated_run_becomes_code_that_gives_its_controls(
     ]
     assert all(one.difference < 1e-12 * found.largest_control for one in found.compiled)
     assert {path.name for path in out.iterdir()} == {*found.files, "result.json", "settings.json"}
+    plan = (out / "plan.csv").read_text().partition("\n")[0]
+    unit = "control_unit"
+    assert plan.startswith(f"k,t_s,f1_{unit},f2_{unit},r1_m,r2_m,F1_{unit}_per_state_1,")
     head = (out / "controller.h").read_text()
     assert "Family: nominal; gains 1.1, 0.9;" in head and "Margins: not known" in head
     assert "LREAL" in (out / "controller.st").read_text()

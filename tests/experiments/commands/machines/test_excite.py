@@ -15,6 +15,7 @@ def test_both_programs_are_written(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "with nothing in the way" in printed and "x_command y_command" in printed
     rows = np.loadtxt(folder / "excite.csv", delimiter=",", skiprows=1)
+    assert (folder / "excite.csv").read_text().startswith("time_s,x_mm,y_mm\n")
     assert rows.shape[1] == 3 and np.allclose(np.diff(rows[:, 0]), 0.002)
     assert (folder / "excite.ngc").read_text().strip().endswith("M2")
 

@@ -39,6 +39,8 @@ def test_the_demonstration(demo):
         "bode.png",
         "residuals.png",
     }
+    head = "time_s,x_command_V,y_command_V,x_position_m,y_position_m\n"
+    assert (demo / "data.csv").read_text().startswith(head)
     result = read_result(demo, LinearMachineResult)
     for one, (gain, constant, delay) in zip(
         result.axes, identify_linear.DEMO.values(), strict=True

@@ -119,12 +119,12 @@ def test_rollouts_round_trip(job, tmp_path):
 def test_gains_round_trip(job, tmp_path):
     plan = job.controller(job.start).prepare(member(job.scenarios.references, 0))
     steps = job.scenarios.jobs[0].arc.size
-    path = save_gains(plan, steps, job.machine.model.dt, tmp_path / "gains.csv")
+    path = save_gains(plan, steps, job.machine.model.dt, "N/kg", tmp_path / "gains.csv")
     names = path.read_text().split("\n")[0].split(",")
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert (
-        names[:3] == ["k", "t_s", "F_u1_x1"]
-        and names[-1] == "f_u2"
+        names[:3] == ["k", "t_s", "F_u1_x1_N_per_kg_per_x1"]
+        and names[-1] == "f_u2_N_per_kg"
         and rows.shape == (steps, len(names))
     )
     np.testing.assert_array_equal(rows[:, 2:-2], np.asarray(plan.F)[:steps].reshape(steps, -1))
