@@ -6,6 +6,7 @@ Contours with many details, as letters or pockets, have no room for a magnified 
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Int
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
@@ -13,7 +14,7 @@ from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 
 DETAILED = 0.35  # mean diameter of the curves, of the contour's size: below it there are many
 STANDSTILL = 1e-9  # m in a sample: no direction below it
-MOST = 20_000  # pieces of a colour
+MOST = 20_000  # pieces of a colour, beside those that end where a rapid move begins or ends
 COLOURS = "viridis_r"  # dark where the error is large
 
 
@@ -33,7 +34,7 @@ def draw_coloured(
 ) -> str:
     """Draw the tool; the largest error in words, ringed in `colour`. A row has one scale."""
     place, error = 1e3 * runs.shown(run.output)[:, :2], _error(runs, run)
-    starts = np.arange(0, len(error), -(-len(error) // MOST))
+    starts = _starts(runs.scored)
     place, largest = place[starts], np.fmax.reduceat(error, starts)
     pieces = np.stack([place[:-1], place[1:]], axis=1)
     drawn = np.isfinite(pieces).all(axis=(1, 2))
@@ -53,6 +54,17 @@ def draw_coloured(
     ring = {"markersize": 9, "mfc": "none", "mec": colour, "linestyle": "none"}
     axes.plot(*1e3 * run.output[worst, :2], "o", label=f"largest, {run.label}", **ring)
     return f"largest error {error[worst]:.3g} um"
+
+
+def _starts(scored: Bool[np.ndarray, " T"]) -> Int[np.ndarray, " K"]:
+    """Samples where pieces begin: at equal distances, and on both sides of every border of a cut.
+
+    A piece over a border would lose the end of a cut, or draw a short rapid move as one.
+    """
+    count = len(scored)
+    before = np.flatnonzero(np.diff(scored))
+    even = np.arange(0, count, -(-count // MOST))
+    return np.unique(np.concatenate([even, before, before + 1, [count - 1]]))
 
 
 def _error(runs: ContourRuns, run: DrawnRun) -> np.ndarray:

@@ -76,3 +76,20 @@ def test_a_peak_of_one_sample_is_kept_in_a_long_run():
     (peak,) = np.flatnonzero(np.asarray(lines.get_array()) > 5)
     begin, end = pieces[peak][:, 0]
     assert begin <= ring[0] <= end and np.isclose(ring[0], 1e3 * place[12_346, 0])
+
+
+@pytest.mark.parametrize("first", [50_000, 50_001, 50_003])
+@pytest.mark.parametrize("long", [1, 3, 8])
+def test_a_short_rapid_of_a_long_run_is_no_cut(first, long):
+    """Pieces cover the cuts, to their last sample, and nothing between them."""
+    count = 5 * MOST + 3
+    along = np.arange(count) * 1e-6  # [m], 1 um in every sample
+    place = np.stack([along, np.zeros(count)], axis=1)
+    scored = np.ones(count, bool)
+    scored[first : first + long] = False
+    pieces, *_ = drawn(runs_along(place, 1e-6, scored))
+    ends = np.rint(1e3 * np.sort(pieces[:, :, 0], axis=0)).astype(int)  # samples
+    assert ends[0, 0] == 0 and ends[-1, 1] == count - 1
+    gaps = ends[1:, 0] - ends[:-1, 1]
+    (border,) = np.flatnonzero(gaps)
+    assert ends[border, 1] == first - 1 and gaps[border] == long + 1
