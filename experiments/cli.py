@@ -14,7 +14,7 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from experiments.flags import loops, machines, others, rules, shared, tuning
+from experiments.flags import fitted_help, loops, machines, others, shared, tuning
 
 COMMANDS: dict[type, tuple[str, str]] = {  # flags -> command, module whose `command(flags)` runs it
     tuning.Tune: ("tune", "experiments.commands.tuning.tune"),
@@ -146,13 +146,7 @@ def _check_out(flags: Any) -> None:
 def _chosen(arguments: list[str]) -> tuple[Any, Callable[[Any], int]]:
     if arguments[:1] == ["reproduce"] and len(arguments) > 1 and not arguments[1].startswith("-"):
         return import_module("experiments.commands.reproduce").chosen(arguments[1], arguments[2:])
-    flags = tyro.cli(
-        _any_command(),
-        prog="jcontour",
-        description=_DESCRIPTION,
-        args=arguments,
-        registry=rules.RULES,
-    )
+    flags = fitted_help.read(_any_command(), arguments, "jcontour", _DESCRIPTION)
     _, module = COMMANDS[type(flags)]
     return flags, lambda flags: import_module(module).command(flags)  # devices are set up first
 

@@ -17,7 +17,7 @@ from typing import Any
 import tyro
 
 from experiments import papers
-from experiments.flags.rules import RULES
+from experiments.flags.fitted_help import read
 
 NEEDED = {"SOURCE", "PUBLISHED", "Settings", "run", "draw", "show"}
 
@@ -70,13 +70,7 @@ def chosen(name: str, arguments: Sequence[str]) -> tuple[Any, Callable[[Any], in
         json: bool = False
         """Print the result as JSON on stdout, and nothing else there."""
 
-    flags = tyro.cli(
-        Flags,
-        prog=f"jcontour reproduce {name}",
-        description=known[name],
-        args=list(arguments),
-        registry=RULES,
-    )
+    flags = read(Flags, arguments, f"jcontour reproduce {name}", known[name])
     return flags, lambda flags: _run(module, name, flags)
 
 
