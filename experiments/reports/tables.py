@@ -1,5 +1,7 @@
 """Tables and lines of text for people."""
 
+import re
+import textwrap
 from collections.abc import Iterable, Sequence
 
 from rich.box import SIMPLE_HEAD
@@ -22,6 +24,9 @@ COLUMNS = (  # metric, heading, factor from SI
 # columns of `worded_table` that wrap
 WORDS = ("where", "the paper", "the simulation", "case", "weights", "verdict")
 WIDE = 110  # columns where the output is not a terminal
+COMMAND = re.compile(r"(?<!`)\bjcontour(?: |$)")  # where one begins that is copied from the screen
+QUOTED = re.compile(r"'[^']*'")
+BLANK = "\0"  # in the place of one that is part of a word
 
 
 def console_of(stderr: bool = False, quiet: bool = False) -> Console:
@@ -31,8 +36,42 @@ def console_of(stderr: bool = False, quiet: bool = False) -> Console:
 
 
 def say(console: Console, *lines: str) -> None:
-    """Print lines as they are."""
-    console.print(*lines, sep="\n", markup=False, highlight=False, soft_wrap=True)
+    """Print lines as they are; on a terminal they are broken between words."""
+    texts = [line for text in lines for line in text.split("\n")]
+    if console.is_terminal:
+        texts = [broken(line, console.width) for line in texts]
+    console.print(*texts, sep="\n", markup=False, highlight=False, soft_wrap=True)
+
+
+def broken(line: str, width: int) -> str:
+    r"""A line broken between words; a command goes on behind a backslash, as a shell reads it.
+
+    A word that is wider stays whole.
+
+    >>> print(broken("Next: jcontour tune 'my part.ngc' --steps 30", 26))
+    Next: jcontour tune \
+    'my part.ngc' --steps 30
+    """
+    if len(line) <= width:
+        return line
+    begin = COMMAND.search(line)
+    whole = line if begin is None else _words_kept(line, begin.start())
+    pieces = textwrap.wrap(
+        whole,
+        width if begin is None else width - 2,
+        break_long_words=False,
+        break_on_hyphens=False,
+        subsequent_indent=" " * (len(line) - len(line.lstrip())),
+    )
+    text = pieces[0]
+    for piece in pieces[1:]:
+        text += f" \\\n{piece}" if COMMAND.search(text) else f"\n{piece}"
+    return text.replace(BLANK, " ")
+
+
+def _words_kept(line: str, begin: int) -> str:
+    """The line with the quoted words of its command in one piece."""
+    return line[:begin] + QUOTED.sub(lambda one: one[0].replace(" ", BLANK), line[begin:])
 
 
 def digits(value: float | None) -> str:

@@ -1,9 +1,14 @@
 """Lines that several commands print."""
 
+import io
+import shlex
 from dataclasses import replace
 
+import pytest
+from rich.console import Console
+
 from experiments.files.results.run_metrics import ContourRead
-from experiments.reports.tables import console_of, plain_table, read_line
+from experiments.reports.tables import broken, console_of, plain_table, read_line, say
 
 
 def test_what_rounding_leaves_of_zero_is_zero():
@@ -30,3 +35,39 @@ def test_a_table_without_names_of_columns_has_no_line_of_them(capsys):
         [],
         ["one", "1"],
     ]
+
+
+def said(width, *lines, terminal=True):
+    out = io.StringIO()
+    say(Console(file=out, force_terminal=terminal, color_system=None, width=width), *lines)
+    return out.getvalue()
+
+
+PROSE = "Of 1,000 machines at random, 3 are unstable: [see] the worst of them, which is late."
+
+
+@pytest.mark.parametrize("width", [20, 40, 79])
+def test_a_terminal_gets_lines_of_its_width_and_whole_words(width):
+    printed = said(width, "short", PROSE, "two\nlines")
+    assert max(len(line) for line in printed.splitlines()) <= width
+    assert printed.split() == f"short {PROSE} two lines".split()
+    assert said(width, PROSE, terminal=False) == f"{PROSE}\n"
+
+
+def test_a_word_wider_than_the_terminal_stays_whole():
+    folder = "runs/" + "long-name/" * 5
+    assert said(20, f"Run folder: {folder}") == f"Run folder:\n{folder}\n"
+
+
+@pytest.mark.parametrize("width", [30, 44, 60])
+def test_a_command_can_be_copied_from_a_narrow_terminal(width):
+    words = ["tune", "my own part.ngc", "--plant", "machine.json", "--weights", "alpha=1.2"]
+    printed = said(width, f"   then: jcontour {shlex.join(words)}")
+    assert max(len(line) for line in printed.splitlines()) <= width
+    assert printed.count("\n") > 1
+    assert shlex.split(printed.partition("jcontour")[2].replace("\\\n", "")) == words
+
+
+def test_a_command_that_is_named_in_prose_is_prose():
+    first, second = "Next: slower --overrides, or `jcontour", "tune` for this part first."
+    assert broken(f"{first} {second}", 40) == f"{first}\n{second}"
