@@ -17,7 +17,8 @@ from experiments.reports.tuned_tables import verdict
 
 UNCOMPARED = ("json", "out", "resume", "rollouts")
 SAME = 1e-3  # relative: a smaller difference is called none
-SIDES = ("first", "second", "same")
+NEITHER = "neither"  # is better: the smaller number is of a run that `tune` said DO NOT USE of
+SIDES = ("first", "second", "same", NEITHER)
 HEADINGS = {name: heading.replace("\n", " ") for name, heading, _ in COLUMNS}
 FACTORS = {name: factor for name, _, factor in COLUMNS}
 
@@ -28,7 +29,7 @@ class ComparedMetric:
 
     Attributes:
         training: whether the contour is for training, in either run.
-        better: "first", "second" or "same".
+        better: one of `SIDES`.
     """
 
     contour: str
@@ -51,7 +52,8 @@ class ComparedResult:
         usable, reasons: whether `tune` said to load the weights, and its reasons against it.
         control_unit: of both machines, where it is the same; else empty.
         margins: largest spectral radius, delay margin, peak sensitivity; None where it is unknown.
-        better: number of metrics in which either is better, or both are the same.
+        better: number of metrics in which either is better, both are the same, or neither is
+            better as the one with the smaller number must not be used.
     """
 
     runs: list[str]
@@ -126,8 +128,9 @@ def _rows(first: TunedResult, second: TunedResult) -> list[ComparedMetric]:
     others = {contour.name: contour for contour in second.contours}
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
+    usable = (first.usable, second.usable)
     return [
-        _row(contour, others[contour.name], plant, metric)
+        _row(contour, others[contour.name], plant, metric, usable)
         for contour in first.contours
         if contour.name in others
         for plant in ("nominal", "worst")
@@ -135,14 +138,26 @@ def _rows(first: TunedResult, second: TunedResult) -> list[ComparedMetric]:
     ]
 
 
-def _row(first: TunedContour, second: TunedContour, plant: str, metric: str) -> ComparedMetric:
+def _row(
+    first: TunedContour,
+    second: TunedContour,
+    plant: str,
+    metric: str,
+    usable: Sequence[bool],
+) -> ComparedMetric:
     both = (first, second)
     a, b = (getattr(getattr(one.metrics["tuned"], plant), metric) for one in both)
     training = (first.training, second.training)
-    return ComparedMetric(first.name, plant, metric, a, b, training, _better(a, b))
+    return ComparedMetric(first.name, plant, metric, a, b, training, _better(a, b, usable))
 
 
-def _better(first: float, second: float) -> str:
+def _better(first: float, second: float, usable: Sequence[bool]) -> str:
+    """Side with the smaller number, if its weights may be used."""
+    side = _smaller(first, second)
+    return side if side == "same" or usable[SIDES.index(side)] else NEITHER
+
+
+def _smaller(first: float, second: float) -> str:
     """Side with the smaller number; NaN is a run that diverged."""
     lost = [value != value for value in (first, second)]
     if any(lost):
@@ -199,7 +214,7 @@ def warnings(found: ComparedResult) -> list[str]:
 
 def better_for(found: ComparedResult) -> list[str]:
     """One line each for error, control effort and robustness: what either run has."""
-    lines = []
+    lines, usable = [], found.usable
     for metric, words, unit in (
         ("rms_contour_error", "RMS contour error", "um"),
         ("rms_tracking_error", "RMS tracking error", "um"),
@@ -208,10 +223,10 @@ def better_for(found: ComparedResult) -> list[str]:
         rows = [row for row in found.metrics if (row.metric, row.plant) == (metric, "worst")]
         if rows:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
-            lines.append(_line(f"{words}, worst contour and plant", a, b, unit))
+            lines.append(_line(f"{words}, worst contour and plant", a, b, unit, usable))
     a, b = found.margins["peak_sensitivity"]
     if a is not None and b is not None:
-        lines.append(_line("Peak sensitivity over the family", a, b, ""))
+        lines.append(_line("Peak sensitivity over the family", a, b, "", usable))
     return lines
 
 
@@ -221,9 +236,12 @@ def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
     return float("nan") if lost else max(values)
 
 
-def _line(words: str, a: float, b: float, unit: str) -> str:
-    side = _better(a, b)
-    which = "the same" if side == "same" else f"the {side} is better"
+def _line(words: str, a: float, b: float, unit: str, usable: Sequence[bool]) -> str:
+    side = _better(a, b, usable)
+    which = {
+        "same": "the same",
+        NEITHER: f"less in the {_smaller(a, b)}, which must not be used",
+    }.get(side, f"the {side} is better")
     shown = ("diverged" if value != value else digits(value) for value in (a, b))
     return f"{words}: {' against '.join(shown)} {unit}".rstrip() + f": {which}."
 

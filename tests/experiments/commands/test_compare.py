@@ -77,7 +77,7 @@ def said(found, width=200):
 def test_what_changed_and_which_is_better(tmp_path):
     found = run(stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6))
     assert found.settings == {"seed": [1, 2]} and found.weights["alpha"] == [1.0, 2.0]
-    assert found.better == {"first": 2 * len(COLUMNS), "second": 0, "same": 0}
+    assert found.better == {"first": 2 * len(COLUMNS), "second": 0, "same": 0, "neither": 0}
     text = said(found)
     line = "RMS contour error, worst contour and plant: 1 against 2 um: the first is better."
     assert line in text and "Both may be loaded" in text
@@ -100,6 +100,22 @@ def test_a_run_that_must_not_be_used_is_never_recommended(tmp_path):
     assert said(run(a, a)).endswith("Load neither: `tune` said DO NOT USE of both.\n")
 
 
+def test_a_run_that_must_not_be_used_is_nowhere_called_better(tmp_path):
+    a = stored(tmp_path / "a", 1.0, 1e-6)
+    write_result(a, replace(made(1.0, 1e-6), usable=False, reasons=["speed of X EXCEEDS"]))
+    b = stored(tmp_path / "b", 2.0, 2e-6)
+    for first, second, smaller in ((a, b, "first"), (b, a, "second")):
+        found = run(first, second)
+        assert found.better == {"first": 0, "second": 0, "same": 0, "neither": 2 * len(COLUMNS)}
+        text = said(found)
+        assert f"um: less in the {smaller}, which must not be used." in text
+        assert not [line for line in text.splitlines() if "is better." in line]
+    worse = stored(tmp_path / "c", 1.0, 3e-6)
+    write_result(worse, replace(made(1.0, 3e-6), usable=False))
+    found = run(b, worse)  # the other one may be better
+    assert found.better["first"] == 2 * len(COLUMNS) and "the first is better." in said(found)
+
+
 def test_no_name_is_cut_on_80_columns(tmp_path):
     name = "a-bracket-with-a-very-long-name-of-its-own"
     a = stored(tmp_path / "a", 1.0, 1e-6, contour=name)
@@ -109,7 +125,7 @@ def test_no_name_is_cut_on_80_columns(tmp_path):
 
 def test_a_run_that_diverged_is_never_better(tmp_path):
     found = run(stored(tmp_path / "a", 1.0, float("nan")), stored(tmp_path / "b", 1.0, 1.0))
-    assert found.better == {"first": 0, "second": 2 * len(COLUMNS), "same": 0}
+    assert found.better == {"first": 0, "second": 2 * len(COLUMNS), "same": 0, "neither": 0}
 
 
 def test_a_single_axis_has_no_contour_error(tmp_path):
@@ -118,7 +134,7 @@ def test_a_single_axis_has_no_contour_error(tmp_path):
     found = run(a, b)
     names = [name for name, _, _ in COLUMNS if "contour" not in name]
     assert [row.metric for row in found.metrics] == 2 * names
-    assert found.better == {"first": 8, "second": 0, "same": 0}
+    assert found.better == {"first": 8, "second": 0, "same": 0, "neither": 0}
 
 
 def test_runs_of_different_machines_are_told(tmp_path):
