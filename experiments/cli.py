@@ -112,6 +112,7 @@ def _answered(arguments: list[str]) -> int:
     try:
         flags, run = _chosen(arguments)
         import_module("experiments.catalogue.known_names").check_flags(flags)
+        _check_runs(flags)
         _check_out(flags)
         if not isinstance(flags, shared.Spreading):
             return run(flags)
@@ -133,6 +134,20 @@ def _answered(arguments: list[str]) -> int:
             raise
         print(f"jcontour: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _check_runs(flags: Any) -> None:
+    """Tell that a run folder is needed before the work begins."""
+    if isinstance(flags, others.Report):
+        named = flags.runs
+    elif isinstance(flags, others.Compare):
+        named = (flags.first, flags.second)
+    elif isinstance(flags, (loops.Verify, loops.Certify, loops.Export)):
+        named = (flags.run,)
+    else:
+        return
+    command, _ = COMMANDS[type(flags)]
+    import_module("experiments.files.run_folder").check_named(command, named)
 
 
 def _check_out(flags: Any) -> None:

@@ -12,10 +12,8 @@ def command(flags: Report) -> int:
     """The whole command: write the page, exit code.
 
     Raises:
-        ValueError: no run is named, or one of them has no page.
+        ValueError: one of the runs has no page.
     """
-    if not flags.runs:
-        raise ValueError("report: needs a run folder, as in `jcontour report runs/tune-...`")
     page = write_page(flags.runs, flags.out or flags.runs[0] / FILE)
     if flags.json:
         print(run_folder.json_text({"page": str(page), "bytes": page.stat().st_size}))

@@ -7,7 +7,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -49,6 +49,18 @@ def check_free(folder: Path, resumable: bool) -> None:
         if any(folder.iterdir()):
             more = ", or --resume it" if resumable else ""
             raise RunError(f"{folder}: already holds something; give another --out{more}")
+
+
+def check_named(command: str, folders: Sequence[Path]) -> None:
+    """Tell that a command needs run folders, where none is named and this folder is none.
+
+    Raises:
+        RunError: one is missing.
+    """
+    if folders and all(folder != Path() or (folder / SETTINGS).exists() for folder in folders):
+        return
+    needed = "two run folders" if len(folders) == 2 else "a run folder"
+    raise RunError(f"{command}: needs {needed}; `jcontour tune PART` makes one and prints its name")
 
 
 def create(folder: Path, command: str, flags: Any, inputs: list[Path]) -> Path:

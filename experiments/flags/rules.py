@@ -66,7 +66,7 @@ def _flags(kind: StructTypeInfo) -> StructConstructorSpec | None:
     for field in fields(kind.type):
         default = _default(field, kind.default)
         shown: Any = types[field.name]
-        if default is None or default is False or default in ((), ""):
+        if default is None or default is False or default in ((), "", Path()):
             shown = Annotated[shown, NOTHING_SAID]
         found.append(StructFieldSpec(field.name, shown, default, texts.get(field.name)))
     return StructConstructorSpec(kind.type, tuple(found))

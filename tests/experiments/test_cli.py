@@ -168,6 +168,23 @@ def test_unknown_name(capsys, tmp_path, monkeypatch, arguments):
     refused(capsys, tmp_path, arguments, arguments[-1])
 
 
+@pytest.mark.parametrize("name", ["verify", "certify", "export", "report", "compare"])
+def test_a_missing_run_folder_is_told_with_what_makes_one(capsys, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    needed = "two run folders" if name == "compare" else "a run folder"
+    told = f"{name}: needs {needed}; `jcontour tune PART` makes one and prints its name\n"
+    refused(capsys, tmp_path, [name], told)
+
+
+def test_the_second_run_folder_may_be_missing_and_this_folder_may_be_one(
+    capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    refused(capsys, tmp_path, ["compare", "runs/first"], "compare: needs two run folders")
+    (tmp_path / "settings.json").write_text('{"command": "front", "flags": {}}')
+    refused(capsys, tmp_path, ["verify"], "holds a run of 'front', not of 'tune'")
+
+
 def test_traceback_on_request(monkeypatch):
     """A ValueError may be a fault of the program: then one has to see where it comes from."""
     monkeypatch.setenv("JCONTOUR_TRACEBACK", "1")
