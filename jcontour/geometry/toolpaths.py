@@ -25,9 +25,9 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
                tools have no length; lines of grbl that begin with $
     ends       M2, M30, M99 in the program itself, the second %
-    layout     (comments), ; comments, N line numbers; case and white space mean nothing; a line
-               that begins with / is skipped, as with the block-delete switch on; (ABORT, ...) and
-               a comment inside a comment are errors
+    layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
+               nothing; a line that begins with / is skipped, as with the block-delete switch on;
+               (ABORT, ...) is an error
 
 Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
 splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,

@@ -1,7 +1,8 @@
 """A line of a program as a control reads it: words, settings of parameters, or an O-word.
 
 White space outside comments means nothing, nor does the case of letters. A line that begins with /
-is skipped, as with the block-delete switch on. Comments are (in brackets) or ; to the end.
+is skipped, as with the block-delete switch on. Comments are (in brackets), up to (three (deep)), or ;
+to the end.
 """
 
 import re
@@ -22,7 +23,9 @@ from jcontour.geometry.gcode.language.expressions import (
 from jcontour.geometry.gcode.language.parameters import Parameters
 from jcontour.geometry.toolpath_rules import NUMBER, ToolpathError, shown
 
-COMMENT = re.compile(r"\([^)]*\)|;.*")
+INNERMOST = r"\([^()]*\)"
+NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
+COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|;.*")
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
@@ -111,7 +114,7 @@ def read_block(line: str) -> Block:
 def _check_brackets(stripped: str, line: str) -> None:
     """Raise ToolpathError where brackets are left after the comments were taken out."""
     if ")" in stripped and "(" in line:
-        raise ToolpathError(f"a comment inside a comment, or a ) too many: {shown(line.strip())}")
+        raise ToolpathError(f"a ) too many: {shown(line.strip())}")
     if "(" in stripped:
         raise ToolpathError(f"a comment without its ): {shown(line.strip())}")
 
