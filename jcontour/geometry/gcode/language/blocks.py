@@ -1,8 +1,8 @@
 """A line of a program as a control reads it: words, settings of parameters, or an O-word.
 
 White space outside comments means nothing, nor does the case of letters. A line that begins with /
-is skipped, as with the block-delete switch on. Comments are (in brackets), up to (three (deep)), or ;
-to the end.
+is skipped, as with the block-delete switch on. Comments are (in brackets), up to (three (deep)), or
+; to the end.
 """
 
 import re
