@@ -11,6 +11,7 @@ from jcontour.geometry.gcode.language.expressions import evaluated, whole
 from jcontour.geometry.gcode.language.flow import Structure, structure
 from jcontour.geometry.gcode.language.parameters import Locals, Parameters
 from jcontour.geometry.gcode.language.repetition import Repetition
+from jcontour.geometry.gcode.language.sender_lines import sender_word
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.gcode.machine_values import machine_values
 from jcontour.geometry.gcode.moves.modes import Modes
@@ -23,7 +24,6 @@ MOST_STANDING = 100_000  # of them without a move
 DEEPEST_CALL = 10  # of subprograms in subprograms, as LinuxCNC allows
 MOST_ARGUMENTS = 30
 FILE_NAME = re.compile(r"[a-z0-9_-]+")
-SENDER_WORD = 20  # letters of a line of grbl that are told
 MOST_REPEATS = 1_000_000
 
 ProgramFiles = Callable[
@@ -185,8 +185,9 @@ class Program:
         if "%" in line and line.lstrip().startswith("%"):
             self._percent(line)
             return NOTHING
-        if "$" in line and line.lstrip().startswith("$"):
-            self._tell_sender_line(line)
+        word = sender_word(line)
+        if word is not None:
+            self.machine.ignored.add(word)
             return NOTHING
         return read_block(line)
 
@@ -195,13 +196,6 @@ class Program:
         if self.begun or self.marked:
             self.machine.ended = True
         self.marked = True
-
-    def _tell_sender_line(self, line: str) -> None:
-        """A line for grbl itself, as $H or $32=1: it is told, but a jog would move the machine."""
-        word = "".join(line.split()).upper()
-        if word.startswith("$J"):
-            raise ToolpathError(f"{shown(line)} is a jog of grbl, which is not simulated")
-        self.machine.ignored.add(word.split("=")[0][:SENDER_WORD])
 
     def _execute(self, frame: Frame, block: Block) -> None:
         parameters = self.parameters

@@ -76,8 +76,8 @@ def test_dwells_of_minutes_are_asked_about():
 
 
 def test_lines_for_the_sender_are_told(traced):
-    toolpath = parse_gcode("$H\n $32 = 1\nG21 G90 F600\nG1 X3\n$H\nG1 X5")
-    assert toolpath.ignored == ("$32", "$H")
+    toolpath = parse_gcode("$H\n $32 = 1\n?\nG21 G90 F600\n ? ; where is it?\nG1 X3\n$H\n~\nG1 X5")
+    assert toolpath.ignored == ("$32", "$H", "?", "~")
     np.testing.assert_allclose(traced.lengths(toolpath), [3, 2])
     with pytest.raises(ToolpathError, match=r"line 2: .* is a jog of grbl"):
         parse_gcode("G1 X1 F600\n$J=G91 X5 F100")
@@ -291,6 +291,7 @@ def test_many_moves_stay_fast(any_type):
         ("G1 X1.2.3 F100", r"line 1: cannot read '.3 F100'"),
         ("G1 X-- F100", r"line 1: cannot read 'X-- F100'"),
         ("G1 X F100", r"line 1: cannot read 'X F100'"),
+        ("? G1 X1 F100", r"line 1: cannot read '\? G1"),
         ("G1 Xnan F100", r"line 1: cannot read"),
         ("G1 X1e3 F100", r"line 1: cannot read|line 1: unknown word"),
         ("G1 X1 F100 (open", r"line 1: a comment without its \): 'G1 X1 F100 \(open'"),
