@@ -6,6 +6,10 @@ from pathlib import Path
 
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
+# control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
+MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
+WITHOUT_MARKS = str.maketrans("", "", MARKS)
+BLANK = " \t\r\n\f\v"
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
 
 
@@ -27,16 +31,29 @@ def read_text(path: str | PathLike[str]) -> str:
 def read_program(path: str | PathLike[str]) -> str:
     """Text of a program, in UTF-8 or else in one byte a letter (Latin-1), as old posts write it.
 
-    Words are ASCII, so that the two differ in comments only.
+    Words are ASCII, so that the two differ in comments only. Control characters around the program
+    are left out.
 
     Raises:
         ToolpathError: the file is missing or larger than 64 MiB.
     """
     content = _content(Path(path))
     try:
-        return content.decode("utf-8-sig")
+        return _without_marks(content.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        return _without_marks(content.decode("latin-1"))
+
+
+def _without_marks(text: str) -> str:
+    r"""Text without control characters before its first and after its last printed one.
+
+    >>> _without_marks("\x00\n\x12%\nG0 X1\n%\n\x14\x1a")
+    '\n%\nG0 X1\n%\n'
+    """
+    begun = text.lstrip(MARKS + BLANK)
+    body = begun.rstrip(MARKS + BLANK)
+    before, after = text[: len(text) - len(begun)], begun[len(body) :]
+    return before.translate(WITHOUT_MARKS) + body + after.translate(WITHOUT_MARKS)
 
 
 def _content(path: Path) -> bytes:

@@ -80,6 +80,17 @@ def test_files_that_cannot_be_read(traced, tmp_path):
     traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
 
 
+def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):
+    path = tmp_path / "tape.ngc"
+    path.write_bytes(b"\0\0\r\n\x12%\r\nG1 X1 F100\r\n%\r\n\x14\0\x1a\x1a")
+    toolpath = read_gcode(path)
+    np.testing.assert_allclose(traced.lengths(toolpath), [1])
+    assert toolpath.line.tolist() == [3]
+    path.write_bytes(b"G1 X1 F100\nX\x1a2\nX3\x1a")
+    with pytest.raises(ToolpathError, match=r"line 2: cannot read 'X\\x1a2'"):
+        read_gcode(path)
+
+
 def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr("jcontour.geometry.gcode.moves.tracer.MOST_MOVES", 3)
     with pytest.raises(ToolpathError, match="line 4: more than 3 moves"):
