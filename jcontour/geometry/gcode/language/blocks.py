@@ -27,6 +27,7 @@ INNERMOST = r"\([^()]*\)"
 NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
 COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|;.*")
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
+DISPLAYED = re.compile(r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78])(?![0-9.])")  # text for a screen follows
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
@@ -89,6 +90,9 @@ def read_block(line: str) -> Block:
     Raises:
         ToolpathError: it is no line of a program.
     """
+    displayed = DISPLAYED.match(line)
+    if displayed:
+        return Block(words=(("M", float(displayed[1])),))
     if "(" in line or ";" in line:
         stripped = COMMENT.sub(" ", line)
         text = "".join(stripped.split())
