@@ -10,12 +10,12 @@ import numpy as np
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
+from jcontour.geometry.gcode.moves.doubts import doubts_of
 from jcontour.geometry.gcode.moves.move import Move, Stop
 from jcontour.geometry.gcode.moves.stops import (
     DWELL,
     EXACT,
     ignored_words,
-    long_dwells,
     stops_in_cuts,
     told_stops,
 )
@@ -62,7 +62,8 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
         yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
-    yield from filter(None, [told_stops(stops), _left_out(stops, run), long_dwells(stops)])
+    yield from filter(None, [told_stops(stops), _left_out(stops, run)])
+    yield from doubts_of(machine.assumed_at, stops)
 
 
 def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:

@@ -31,7 +31,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
 
 Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
 splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,
-absolute, XY plane, with neither a feed nor a motion mode.
+absolute, XY plane, without a feed; a first move that no motion code leads is a rapid one.
 """
 
 from os import PathLike
@@ -45,13 +45,9 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
+from jcontour.geometry.gcode.moves.doubts import doubts_of
 from jcontour.geometry.gcode.moves.move import Move, Stop
-from jcontour.geometry.gcode.moves.stops import (
-    ignored_words,
-    long_dwells,
-    stops_in_cuts,
-    told_stops,
-)
+from jcontour.geometry.gcode.moves.stops import ignored_words, stops_in_cuts, told_stops
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
@@ -148,7 +144,7 @@ def parse_gcode(
     path = _toolpath(traced, len(axes), feed, ignored_words(interpreter.ignored, stops))
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
-        doubts=tuple(filter(None, [long_dwells(stops)])),
+        doubts=doubts_of(interpreter.assumed_at, stops),
         stops=told_stops(stops),
     )
 

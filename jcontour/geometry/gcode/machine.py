@@ -38,6 +38,8 @@ class Machine:
     modes: Modes = field(default_factory=Modes)
     offsets: Offsets = field(default_factory=Offsets)
     motion: int | None = None  # code in force, in tenths
+    begun: bool = False  # whether the program has said what is in force
+    assumed_at: int = 0  # line of a first move without a motion code; 0 where there is none
     homes: dict[int, Point] = field(default_factory=lambda: {280: ZERO, 300: ZERO})
     tool: int = 0  # in the spindle
     next_tool: int = 0
@@ -124,6 +126,7 @@ class Machine:
         if "motion" in switched:
             code = switched["motion"]
             self.motion = None if code == codes.NO_MOTION else code
+            self.begun = True
             if code not in codes.CYCLES:
                 self.level_before_cycles = None
                 self.sticky = {}
@@ -224,22 +227,28 @@ class Machine:
         return lengths
 
     def _move(self, values: dict[str, float], on_machine: bool) -> None:
-        if self.motion is None:
-            raise ToolpathError(
-                "axis words without a motion mode (G0, G1, G2 or G3, a cycle) before them"
-            )
+        motion = self._assumed(values) if self.motion is None else self.motion
         if on_machine:
             self._move_on_machine(values)
-        elif self.motion in codes.CYCLES:
+        elif motion in codes.CYCLES:
             self._drill(values)
-        elif self.motion > 10:
+        elif motion > 10:
             self._arc(values)
         else:
             if not values.keys().isdisjoint("IJKR"):
                 raise ToolpathError(
-                    f"I, J, K and R belong to arcs (G2, G3), not to G{self.motion // 10}"
+                    f"I, J, K and R belong to arcs (G2, G3), not to G{motion // 10}"
                 )
-            self._trace_line(self._on_machine(self._target(values)), self.motion == 0, values)
+            self._trace_line(self._on_machine(self._target(values)), motion == 0, values)
+
+    def _assumed(self, values: dict[str, float]) -> int:
+        """Begin in G0 as grbl and Mach3 do; after G80 nothing is in force."""
+        if self.begun or AXES.keys().isdisjoint(values):
+            raise ToolpathError(
+                "axis words without a motion mode (G0, G1, G2 or G3, a cycle) before them"
+            )
+        self.motion, self.assumed_at = 0, self.tracer.line
+        return self.motion
 
     def _move_on_machine(self, values: dict[str, float]) -> None:
         if self.motion not in (0, 10):

@@ -75,6 +75,15 @@ def test_dwells_of_minutes_are_asked_about():
     assert parse_gcode(HEAD + "G1 X4\nG4 P60").doubts == ()
 
 
+def test_a_first_move_without_a_motion_code_is_rapid(traced):
+    toolpath = parse_gcode("G21 F600 G91\nZ5\nX2\nG1 Y1\nG0 X3\nG1 Y1")
+    np.testing.assert_allclose(traced.points(toolpath, [0.0])[0], [[2, 0]], atol=1e-12)
+    assert toolpath.rapid.tolist() == [False, True, False]
+    (doubt,) = toolpath.doubts
+    assert doubt.startswith("line 2: a move before any of G0 to G3 is read as G0")
+    assert parse_gcode("G53 Z0 F600\nG1 X1").doubts == (doubt.replace("line 2", "line 1"),)
+
+
 def test_lines_for_the_sender_are_told(traced):
     toolpath = parse_gcode("$H\n $32 = 1\n?\nG21 G90 F600\n ? ; where is it?\nG1 X3\n$H\n~\nG1 X5")
     assert toolpath.ignored == ("$32", "$H", "?", "~")
@@ -318,7 +327,9 @@ def test_many_moves_stay_fast(any_type):
         ("N-1 G1 X1 F1", r"line 1: 'N-1': N needs a number that is not negative"),
         ("G0 G1 X1 F100", r"line 1: 'G1' and another G code of its kind"),
         ("G1 X1 X2 F100", r"line 1: X is given twice"),
-        ("X1 F100", r"line 1: axis words without a motion mode"),
+        ("G80 X1 F100", r"line 1: axis words without a motion mode"),
+        ("R1 F100", r"line 1: axis words without a motion mode"),
+        ("X1 F100", r"the program has no cutting move"),
         ("G1 X1 F100\nG80\nX2", r"line 3: axis words without a motion mode"),
         ("G1 X1", r"line 1: a cutting move without a feed"),
         ("G0 X1\nG2 X3 I1", r"line 2: a cutting move without a feed"),

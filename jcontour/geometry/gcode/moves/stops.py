@@ -5,7 +5,6 @@ from collections.abc import Iterable, Sequence
 
 from jcontour.geometry.gcode.moves.move import Move, Stop
 
-LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 MOST_TOLD = 6  # reasons to stop that are told
 DWELL, UP_OR_DOWN = "G4", "Z"  # why
 EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
@@ -20,22 +19,6 @@ def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
     leaves = (cuts[-1] + 1, UP_OR_DOWN)
     left = (k for k, stop in enumerate(found) if (stop.after, stop.why) == leaves)
     return found[: next(left, len(found))]
-
-
-def long_dwells(stops: Sequence[Stop]) -> str | None:
-    """Question about dwells so long that milliseconds may be meant; None where there are none.
-
-    >>> long_dwells([Stop(1, (0.0, 0.0, 0.0), 500.0, 12, "G4")])
-    'line 12: a dwell of 500 s; P is in seconds here, some controls mean milliseconds'
-    """
-    long = [stop for stop in stops if stop.lasting > LONG_DWELL]
-    if not long:
-        return None
-    more = f" and {len(long) - 1} more" if len(long) > 1 else ""
-    return (
-        f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds here, "
-        "some controls mean milliseconds"
-    )
 
 
 def told_stops(stops: Sequence[Stop]) -> str:

@@ -32,7 +32,7 @@ MOVES = {
     "inverse_time": "10,0,0 10,30,0 30,30,0 0,30,0",
     "safe_start": "r0,0,15 r1.5,-.5,15 1.5,-.5,-1 1.5,2,-1 3,2,-1",
     "polar": "0,10,0 -10,0,0 -15,0,0 0,15,0",
-    "by_hand": "r5,5,0 20,5,0 5,5.5,0",
+    "by_hand": "r0,0,10 r5,5,10 20,5,10 5,5.5,10",
 }
 ANGLES = {  # turned [quarter turns], counter-clockwise around the plane's normal
     "arcs": [0, 1, 1, -4, -4, -4, 2, -4],

@@ -1,0 +1,42 @@
+"""Questions about a program: what of it may be meant otherwise."""
+
+from collections.abc import Sequence
+
+from jcontour.geometry.gcode.moves.move import Stop
+
+LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
+
+
+def doubts_of(assumed_at: int, stops: Sequence[Stop]) -> tuple[str, ...]:
+    """Questions about the stops of a program, and about a first move that no motion code leads.
+
+    >>> doubts_of(3, ())
+    ('line 3: a move before any of G0 to G3 is read as G0; LinuxCNC refuses it',)
+
+    Args:
+        assumed_at: line of that move; 0 where there is none.
+        stops: of the program.
+    """
+    return tuple(filter(None, (_assumed_rapid(assumed_at), long_dwells(stops))))
+
+
+def long_dwells(stops: Sequence[Stop]) -> str | None:
+    """Question about dwells so long that milliseconds may be meant; None where there are none.
+
+    >>> long_dwells([Stop(1, (0.0, 0.0, 0.0), 500.0, 12, "G4")])
+    'line 12: a dwell of 500 s; P is in seconds here, some controls mean milliseconds'
+    """
+    long = [stop for stop in stops if stop.lasting > LONG_DWELL]
+    if not long:
+        return None
+    more = f" and {len(long) - 1} more" if len(long) > 1 else ""
+    return (
+        f"line {long[0].line}: a dwell of {long[0].lasting:.6g} s{more}; P is in seconds here, "
+        "some controls mean milliseconds"
+    )
+
+
+def _assumed_rapid(line: int) -> str | None:
+    if not line:
+        return None
+    return f"line {line}: a move before any of G0 to G3 is read as G0; LinuxCNC refuses it"
