@@ -10,12 +10,13 @@ from jcontour.geometry.gcode.language.expressions import whole
 from jcontour.geometry.gcode.language.line_words import LineWords, sorted_words
 from jcontour.geometry.gcode.moves import cycles
 from jcontour.geometry.gcode.moves.arc_words import MOST_TURNS, Arcs, arcs_of
+from jcontour.geometry.gcode.moves.feeds import feed_per_minute, inverse_time_feed
 from jcontour.geometry.gcode.moves.modes import PLANES, Modes
 from jcontour.geometry.gcode.moves.move import Move, Point
 from jcontour.geometry.gcode.moves.offsets import SYSTEMS, ZERO, Offsets, replaced
 from jcontour.geometry.gcode.moves.targets import target
 from jcontour.geometry.gcode.moves.tracer import Tracer, check_near
-from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, SLOWEST, ToolpathError
+from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
 
 AXES = {"X": 0, "Y": 1, "Z": 2}
 MOVING = frozenset("XYZIJKR@^")
@@ -158,12 +159,7 @@ class Machine:
             if not word > 0:
                 raise ToolpathError(f"G93 needs F above 0, received F{word:g}")
             return
-        feed = word * self.modes.unit / 60.0
-        if not (feed == 0 or SLOWEST <= feed <= FASTEST):
-            raise ToolpathError(
-                f"the feed needs to be above 0, {SLOWEST:g} to {FASTEST:g} m/s, received F{word:g}"
-            )
-        self.modes.feed = feed
+        self.modes.feed = feed_per_minute(word, self.modes.unit, self.first_feed)
 
     def _do_once(self, code: int, values: dict[str, float]) -> None:
         if code == 40:
@@ -349,17 +345,13 @@ class Machine:
                     "a cutting move without a feed (F) before it; --feed-mm-per-min gives one"
                 )
             if not feed > 0:
-                raise ToolpathError("a cutting move at a feed of 0: it needs to be above 0")
+                raise ToolpathError(
+                    "a cutting move at a feed of 0; --feed-mm-per-min gives another"
+                )
             return feed
         if "F" not in values:
             raise ToolpathError("a cutting move in inverse time (G93) needs F in its line")
-        feed = length * values["F"] / 60.0
-        if length >= SHORTEST and not SLOWEST <= feed <= FASTEST:
-            raise ToolpathError(
-                f"the feed needs to be {SLOWEST:g} to {FASTEST:g} m/s; "
-                f"F{values['F']:g} in inverse time makes it {feed:.3g}"
-            )
-        return feed
+        return inverse_time_feed(values["F"], length)
 
     def _trace_line(self, end: Point, rapid: bool, values: dict[str, float] | None = None) -> None:
         feed = math.nan if rapid else self._feed(math.dist(self.tracer.at, end), values or {})

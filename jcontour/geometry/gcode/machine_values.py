@@ -1,9 +1,10 @@
 """Parameters that the machine sets: its position, its offsets and its modes."""
 
 from jcontour.geometry.gcode.machine import Machine
-from jcontour.geometry.toolpath_rules import INCH, MM
+from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 
 AXES = 3
+PLASMA_FEED = "_hal[plasmac.cut-feed-rate]"  # of the material, on plasma tables of LinuxCNC
 VERSION, RELEASE = 2.0, 9.0  # of LinuxCNC, whose language this is
 
 
@@ -11,9 +12,14 @@ def machine_values(machine: Machine, key: int | str, call_level: int) -> float |
     """Value of a parameter that the machine sets; None for all others.
 
     Lengths are in the unit in force, those that a control keeps (5161 to 5390) in millimetres.
+
+    Raises:
+        ToolpathError: the feed that a plasma table keeps, where none is given.
     """
     if isinstance(key, int):
         return _numbered(machine, key)
+    if key == PLASMA_FEED:
+        return _plasma_feed(machine)
     if key.startswith("_"):
         return _named(machine, key, call_level)
     return None
@@ -40,6 +46,12 @@ def _numbered(machine: Machine, key: int) -> float | None:
     if 0 <= system < len(offsets.origins) and axis < AXES:
         return offsets.origins[system][axis] / MM
     return None
+
+
+def _plasma_feed(machine: Machine) -> float:
+    if machine.first_feed is None:
+        raise ToolpathError("the feed is in the plasma table's list; --feed-mm-per-min gives one")
+    return machine.first_feed * 60.0 / machine.modes.unit
 
 
 def _named(machine: Machine, key: str, call_level: int) -> float | None:

@@ -232,6 +232,15 @@ def test_given_feed_replaces_the_programmed_one():
     np.testing.assert_array_equal(toolpath.feed, [0.02, np.nan, 0.02])
 
 
+@pytest.mark.parametrize("word", ["F0", "F999999999", "F#<_hal[plasmac.cut-feed-rate]>"])
+def test_a_given_feed_replaces_what_no_machine_can_run(word):
+    """Programs without a feed, at full speed, or for a plasma table, which keeps its own."""
+    program = f"G20 {word} G1 X1\nG0 X2\nG1 X3"
+    assert np.nanmax(np.abs(parse_gcode(program, feed=0.02).feed - 0.02)) < 1e-15
+    with pytest.raises(ToolpathError, match="line 1: .*--feed-mm-per-min gives"):
+        parse_gcode(program)
+
+
 def test_moves_without_length_are_dropped(traced):
     np.testing.assert_allclose(
         traced.lengths(parse_gcode(HEAD + "G1 X1\nX1 Y0\nG0 X1\nG1 X2")), [1, 1]
