@@ -21,7 +21,7 @@ from jcontour.geometry.toolpath_rules import SHORTEST, ToolpathError
 AXES = {"X": 0, "Y": 1, "Z": 2}
 MOVING = frozenset("XYZIJKR@^")
 LENGTHS = frozenset("XYZIJKR@Q")
-TOLD = frozenset("ABCDEHSTUVW")  # letters without meaning for the path
+TOLD = frozenset("ABCDEHSTUVW$")  # letters without meaning for the path
 TOLD_WITH_CODES = frozenset("LPQ")  # of codes without meaning for it
 
 

@@ -75,6 +75,12 @@ def test_dwells_of_minutes_are_asked_about():
     assert parse_gcode(HEAD + "G1 X4\nG4 P60").doubts == ()
 
 
+def test_the_number_of_a_spindle_is_told():
+    toolpath = parse_gcode("F600 M3 $0 S1\nG1 X1\nM5 $-1\nG97 $1 S500\nG1 X2")
+    assert toolpath.ignored == ("$", "G97", "M3", "S")
+    assert toolpath.stops == "1 stop: M5 at line 3"
+
+
 def test_a_first_move_without_a_motion_code_is_rapid(traced):
     toolpath = parse_gcode("G21 F600 G91\nZ5\nX2\nG1 Y1\nG0 X3\nG1 Y1")
     np.testing.assert_allclose(traced.points(toolpath, [0.0])[0], [[2, 0]], atol=1e-12)

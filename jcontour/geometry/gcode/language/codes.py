@@ -61,8 +61,9 @@ LETTERS = {  # that belong to a code, besides those of motion
     100: "LPR",
     430: "H",
     640: "PQ",
-    960: "D",
-    **dict.fromkeys(CYCLES, "LPQR"),
+    960: "D$",
+    970: "$",
+    **dict.fromkeys(CYCLES, "LPQR$"),
 }
 END = frozenset({2, 30})  # M codes that end the program
 CALL, RETURN = 98, 99  # M codes of subprograms

@@ -12,9 +12,9 @@ from jcontour.geometry.gcode.language.codes import (
 from jcontour.geometry.toolpath_rules import ToolpathError, shown
 
 LARGEST = 1e9  # of any number in a program
-KNOWN = frozenset("DEFHIJKLNPQRSTXYZ@^")
+KNOWN = frozenset("DEFHIJKLNPQRSTXYZ@^$")
 OTHER_AXES = frozenset("ABCUVW")
-NEED_A_CODE = frozenset("LPQ")
+NEED_A_CODE = frozenset("LPQ$")
 NOT_NEGATIVE = frozenset("NST")
 
 
@@ -101,7 +101,7 @@ def _add_code(codes: dict[str, int], code: int) -> None:
 
 
 def _check_letters(found: LineWords, motion: int | None) -> None:
-    """L, P and Q need a code that they belong to; M codes of a machine may have any."""
+    """L, P, Q and $ (a spindle) need a code; M codes of a machine may have any."""
     if found.m_codes:
         return
     allowed = "".join(
