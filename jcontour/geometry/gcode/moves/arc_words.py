@@ -6,11 +6,11 @@ from jcontour.geometry.arcs import ARC_SLACK, ARC_SLACK_INCH, arcs_between, cent
 from jcontour.geometry.gcode.language.expressions import whole
 from jcontour.geometry.gcode.moves.modes import PLANES, Modes
 from jcontour.geometry.gcode.moves.move import Point
-from jcontour.geometry.gcode.moves.tracer import check_near
 from jcontour.geometry.toolpath_rules import INCH, ToolpathError
 
 Arcs = list[tuple[complex, complex, float]]  # end, centre [m] and angle [rad] of one after another
 CENTRES = "IJK"
+FARTHEST_CENTRE = 1e4  # [m]: CAM systems write arcs that bend by less than a micrometre
 MOST_TURNS = 10_000  # of an arc, and holes of a cycle
 
 
@@ -30,7 +30,7 @@ def arcs_of(
     start, end = complex(here[first], here[second]), complex(there[first], there[second])
     if "R" in values:
         radius = values["R"] * modes.unit
-        check_near([radius])
+        _check_centre(radius)
         centre = centre_from_radius(start, end, radius, counter_clockwise)
     else:
         centre = _centre(values, start, modes)
@@ -80,5 +80,11 @@ def _centre(values: dict[str, float], start: complex, modes: Modes) -> complex:
     if modes.absolute_centres and not values.keys() >= set(letters):
         raise ToolpathError(f"a centre under G90.1 needs {' and '.join(letters)}")
     offset = complex(*(values.get(letter, 0.0) * modes.unit for letter in letters))
-    check_near([offset.real, offset.imag])
+    _check_centre(offset.real, offset.imag)
     return offset if modes.absolute_centres else start + offset
+
+
+def _check_centre(*lengths: float) -> None:
+    for length in lengths:
+        if not abs(length) <= FARTHEST_CENTRE:
+            raise ToolpathError(f"the centre of an arc is farther than {FARTHEST_CENTRE:g} m away")

@@ -8,6 +8,7 @@ import pytest
 from jcontour.geometry.gcode.moves.arc_words import arcs_of
 from jcontour.geometry.gcode.moves.modes import Modes
 from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpaths import parse_gcode
 
 HERE, THERE = (0.0, 0.0, 0.0), (4e-3, 2e-3, 0.0)  # [m]
 
@@ -38,6 +39,16 @@ def test_turns_come_first_and_absolute_centres_are_of_the_program():
     assert all(centre == pytest.approx(1e-3 + 1e-3j) for _, centre, _ in arcs)
 
 
+@pytest.mark.parametrize("radius", [134_575.7, 9.9e6])  # [mm]
+def test_an_arc_that_is_nearly_straight_bends_by_its_sagitta(traced, radius):
+    """Chord^2 / 8 R in the middle, three quarters of it at a quarter."""
+    toolpath = parse_gcode(f"F600 G0 X0\nG3 X10 Y0 R{radius}")
+    path = traced.points(toolpath, np.array([0.0, 0.25, 0.5, 1.0]))[0]  # [mm]
+    np.testing.assert_allclose(path[:, 0], [0, 2.5, 5, 10], atol=1e-6)
+    bend = 100 / (8 * radius)
+    np.testing.assert_allclose(path[:, 1], -bend * np.array([0, 0.75, 1, 0]), atol=1e-8)
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -47,6 +58,8 @@ def test_turns_come_first_and_absolute_centres_are_of_the_program():
         ({"I": 2.0, "J": 1.0, "P": 0.0}, "P of an arc needs to be 1 to"),
         ({"I": 2.0, "J": 1.0, "P": 1.5}, "P of an arc"),
         ({"R": 1.0}, "radius"),
+        ({"R": 1.1e7}, r"the centre of an arc is farther than 10000 m away"),
+        ({"I": 1.1e7}, r"the centre of an arc is farther than 10000 m away"),
     ],
 )
 def test_what_is_no_arc_is_refused(values, message):
