@@ -1,7 +1,7 @@
 """A machine control that carries out words line by line: modal state, and the moves it has made."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 
@@ -63,7 +63,7 @@ class Machine:
     def __post_init__(self) -> None:
         self.modes.feed = self.first_feed
 
-    def execute(self, words: Iterable[tuple[str, float]]) -> LineWords:
+    def execute(self, words: Sequence[tuple[str, float]]) -> LineWords:
         """Carry out the words of a line; return them sorted.
 
         Raises:
@@ -301,6 +301,10 @@ class Machine:
         unit, incremental = self.modes.unit, self.modes.incremental
         if self.modes.inverse_time:
             raise ToolpathError("a canned cycle in inverse time (G93)")
+        if not values.keys().isdisjoint("IJK"):
+            raise ToolpathError(
+                "I, J and K do not belong to a canned cycle; L is a number of holes"
+            )
         lengths = {letter: values[letter] * unit for letter in LENGTHS & values.keys()}
         check_near(lengths.values())
         depth_letter = "XYZ"[normal]

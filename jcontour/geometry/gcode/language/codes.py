@@ -28,8 +28,9 @@ TAKING_AXES = frozenset({100, 280, 300, 520, 920})
 SHIFTING = frozenset({520, 920, 921, 922, 923})
 # nothing of what they ask for moves this machine: cutter compensation off, spindle speed modes,
 # radii of lathes, and cancelling what could not be switched on (scaling, mirrors, rotation, polar
-# coordinates, plane tilt)
-IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 690, 960, 970})
+# coordinates, plane tilt); how controls look ahead and smooth (Fanuc's G8, Haas' G103 and G187)
+IGNORED = frozenset({80, 131, 150, 400, 401, 500, 501, 690, 960, 970, 1030, 1870})
+LOOK_AHEAD = frozenset({5.0, 5.1})  # of Fanuc, as G5 P10000 and G5.1 Q1
 REFUSED = {
     50: "a spline",
     51: "a spline",
@@ -58,11 +59,16 @@ LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
     40: "PXUS",
+    50: "P",
+    51: "Q",
+    80: "P",
     100: "LPR",
     430: "H",
     640: "PQ",
     960: "D$",
     970: "$",
+    1030: "P",
+    1870: "P",
     **dict.fromkeys(CYCLES, "LPQR$"),
 }
 END = frozenset({2, 30})  # M codes that end the program

@@ -1,11 +1,12 @@
 """Words of one line, sorted: what it switches, what M codes it has, what its letters say."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from jcontour.geometry.gcode.language.codes import (
     GROUP_OF,
     LETTERS,
+    LOOK_AHEAD,
     g_code,
     m_code,
 )
@@ -34,7 +35,7 @@ class LineWords(NamedTuple):
     values: dict[str, float]
 
 
-def sorted_words(words: Iterable[tuple[str, float]], motion: int | None) -> LineWords:
+def sorted_words(words: Sequence[tuple[str, float]], motion: int | None) -> LineWords:
     """Sort the words of a line.
 
     Args:
@@ -53,7 +54,7 @@ def sorted_words(words: Iterable[tuple[str, float]], motion: int | None) -> Line
         if not abs(value) <= LARGEST:
             raise ToolpathError(f"the number in {shown(f'{letter}{value:.6g}')} is too large")
         if letter == "G":
-            code = g_code(value)
+            code = _code(value, words)
             if code in GROUP_OF:
                 _add_code(codes, code)
             else:
@@ -78,6 +79,13 @@ def sorted_words(words: Iterable[tuple[str, float]], motion: int | None) -> Line
     if not NEED_A_CODE.isdisjoint(values):
         _check_letters(found, motion)
     return found
+
+
+def _code(value: float, words: Sequence[tuple[str, float]]) -> int:
+    """Ten times a G code; G5 and G5.1 without axes are Fanuc's look-ahead, with axes splines."""
+    if value in LOOK_AHEAD and not any(letter in "XYZIJ" for letter, _ in words):
+        return round(10 * value)
+    return g_code(value)
 
 
 def _check_sign(letter: str, value: float) -> None:

@@ -168,6 +168,10 @@ def test_files_beside_the_program(tmp_path):
         ("G83 X1 Z-1 R1 F1", r"line 1: G83 needs a depth Q above 0"),
         ("G83 X1 Z-1 R1 Q0.00001 F1", r"line 1: G83: more than 10000 pecks"),
         ("G81 X1 Z-1 R1 F1 L0", r"line 1: L of a cycle needs to be 1"),
+        ("G81 X1 Z-1 R1 F1 K3", r"line 1: I, J and K do not belong to a canned cycle"),
+        ("G5 X1 Y1 I1 J1 P1 Q1", r"line 1: 'G5' is not supported \(a spline"),
+        ("G5.1 X1 Y1 I1 J1", r"line 1: 'G5.1' is not supported \(a spline"),
+        ("G8 Q1", r"line 1: unknown word 'Q1'"),
         ("G93 G1 X1", r"line 1: a cutting move in inverse time \(G93\) needs F"),
         ("G93 G1 X1 F0.00001", r"line 1: the feed needs to be 1e-06"),
         ("F1 G90.1 G2 X2 I1", r"line 1: a centre under G90.1 needs I and J"),
@@ -206,6 +210,13 @@ def test_spindle_tool_coolant_and_pauses_stop():
 def test_the_users_own_codes_stop_and_those_of_printers_do_not():
     program = "F600 G1 X1\nM101\nX2\nM106 S99\nX3\nM52 P1\nX4\nM61 Q1\nX5 M53 P1\nM140 X6"
     assert stops_of(program) == [(2, 1, "M101"), (6, 3, "M52"), (8, 4, "M61")]
+
+
+def test_codes_of_look_ahead_are_told():
+    program = "F600 G1 X1\nG05 P10000\nX2\nG5.1 Q1 R5\nX3\nG8 P1\nG187 P2 E0.01\nG103 P1\nX4"
+    machine = interpreted(program.split("\n"), 3, None)
+    assert machine.ignored == {"G5", "G5.1", "G8", "G187", "G103", "E", "P", "Q", "R"}
+    assert [move.end[0] for move in machine.moves] == [1 * MM, 2 * MM, 3 * MM, 4 * MM]
 
 
 def test_changes_of_offsets_stop():
