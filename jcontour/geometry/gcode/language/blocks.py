@@ -28,6 +28,7 @@ NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
 COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|;.*")
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
 DISPLAYED = re.compile(r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78])(?![0-9.])")  # text for a screen follows
+HOMED = re.compile(r"(?:[Nn][0-9]+)?[Gg]28([XYZxyz]+)")  # axes without numbers
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
 WORD = re.compile(rf"([A-Za-z])({NUMBER})")
@@ -108,11 +109,22 @@ def read_block(line: str) -> Block:
     if PLAIN.fullmatch(text) and not ("o" in text or "O" in text or EXPONENT.search(stripped)):
         words = [(letter.upper(), float(number)) for letter, number in WORD.findall(text)]
         return said._replace(words=tuple(words))
+    homed = HOMED.fullmatch(text)
+    if homed:
+        return said._replace(
+            words=(("G", 28.0), *((axis, _here(axis)) for axis in homed[1].upper()))
+        )
     try:
         found = _read(Cursor(text), stripped)
     except RecursionError:
         raise ToolpathError("an expression is nested too deeply") from None
     return found._replace(abort=said.abort, message=said.message)
+
+
+def _here(axis: str) -> Expression:
+    """Number of an axis word that moves nowhere: `G28 X` of printers' firmware homes X at once."""
+    name = f"_{axis.lower()}"
+    return lambda parameters: 0.0 if parameters.value("_incremental") else parameters.value(name)
 
 
 def _check_brackets(stripped: str, line: str) -> None:

@@ -90,7 +90,7 @@ class Tracer:
         if abs(end[normal] - self.at[normal]) >= SHORTEST:
             raise ToolpathError(
                 f"a helix in the plane of G{plane // 10} needs a third axis: "
-                'read the program with axes "XYZ"'
+                'a --plant of three axes, or axes "XYZ"'
             )
         radius = math.hypot(self.at[first] - centre[first], self.at[second] - centre[second])
         before = math.atan2(self.at[second] - centre[second], self.at[first] - centre[first])

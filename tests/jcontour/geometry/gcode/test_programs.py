@@ -212,6 +212,17 @@ def test_the_users_own_codes_stop_and_those_of_printers_do_not():
     assert stops_of(program) == [(2, 1, "M101"), (6, 3, "M52"), (8, 4, "M61")]
 
 
+def test_homing_as_printers_write_it_moves_the_named_axes_alone():
+    """From (15, 25, 5) in a shifted system, absolute and incremental."""
+    for mode, place in (("G90", "X5 Y5 Z5"), ("G91", "X15 Y25 Z5")):
+        program = f"{mode} G21 G0 {place}\nG28 X\nN3 g28 z y (home)"
+        shifted = "G10 L2 P1 X10 Y20\n" + program if mode == "G90" else program
+        ends = [np.array(move.end) / MM for move in moves(shifted)]
+        np.testing.assert_allclose(ends, [[15, 25, 5], [0, 25, 5], [0, 0, 0]], atol=1e-9)
+    with pytest.raises(ToolpathError, match="line 1: cannot read 'X F3'"):
+        moves("G28 X F3")
+
+
 def test_codes_of_look_ahead_are_told():
     program = "F600 G1 X1\nG05 P10000\nX2\nG5.1 Q1 R5\nX3\nG8 P1\nG187 P2 E0.01\nG103 P1\nX4"
     machine = interpreted(program.split("\n"), 3, None)
