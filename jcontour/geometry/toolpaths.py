@@ -9,8 +9,8 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                radius R (R < 0: the long way round); P turns; G17 XY, G18 ZX, G19 YZ; motion along
                the normal makes a helix; I J K without an end point is a full circle
     cycles     G73 G74 G81 to G86 G88 G89 as moves, with G98 G99, R, Q and L
-    places     G28 (also G28 X, as printers write it) G30 G28.1 G30.1, G53, G54 to G59.3, G10 L2 L20,
-               G52, G92 and its kin, G43.1
+    places     G28 G30 G28.1 G30.1, G28 X as printers write it, G53, G54 to G59.3, G10 L2 L20, G52,
+               G92 and its kin, G43.1
     dwells     G4 P (seconds, as in LinuxCNC; some controls mean milliseconds), or X without P; P of
                the cycles that dwell
     stops      M0 M1 M3 to M9 M19 M52 M60 M61 M64 M65 M66 M68 M100 to M199 without those of
