@@ -7,7 +7,7 @@ import numpy as np
 from jcontour.native.lanes import WIDTH, fma, part, spread
 
 ROUNDING = 1e-15  # of a diagonal element: a smaller pivot is lost
-# numbers of an unknown's equation, side by side: the right side (then the step), the slope of T,
+# numbers of an unknown's equation, side by side: the pull g' / g of all rooms, the slope of T,
 # and the diagonals: the main one, the first above it, the second
 PER_UNKNOWN, SLOPE, MAIN, NEAR, FAR = 5, 1, 2, 3, 4
 
@@ -77,11 +77,11 @@ def scatter(sums, lane, first, equations):
 
 
 @part
-def solve_equations(equations, step):
+def solve_equations(equations, mu, step):
     """Solve Newton's equations by their factors L D L', which take the place of the diagonals.
 
-    The main diagonal becomes the inverse of D. An unknown whose pivot is lost to rounding stays
-    where it is.
+    On the right is mu times the pull, less the slope. The main diagonal becomes the inverse of D.
+    An unknown whose pivot is lost to rounding stays where it is.
     """
     # of the two unknowns before: inverse of D, right side, and what couples them
     over, over_before, right, right_before, near_before = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -91,7 +91,8 @@ def solve_equations(equations, step):
         far = off * over_before
         near = equations[at + NEAR] - far * near_before
         pivot = main - far * off - near * near * over
-        new = equations[at] - near * over * right - far * right_before
+        new = mu * equations[at] - equations[at + SLOPE]
+        new -= near * over * right + far * right_before
         right_before, right, near_before, over_before = right, new, near, over
         over = 1.0 / pivot if pivot > ROUNDING * main else 0.0
         step[i], equations[at + NEAR], equations[at + MAIN] = new, near, over

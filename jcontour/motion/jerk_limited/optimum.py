@@ -14,6 +14,7 @@ def quickest(
     start: Float[np.ndarray, " n"],
     stretch: Int[np.ndarray, " n"],
     wanted: Bool[np.ndarray, " stretches"],
+    near: float,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " stretches"]]:
     """Unknowns of the quickest warp, from unknowns that are within every condition.
 
@@ -24,6 +25,7 @@ def quickest(
         start: unknowns to begin with.
         stretch: number of the stretch of every cell.
         wanted: stretches that are solved; the others stay as they are.
+        near: share of its duration by which the warp may be longer than the quickest.
 
     Raises:
         ValueError: the start breaks a condition.
@@ -33,7 +35,7 @@ def quickest(
     gap = np.zeros(wanted.size)
     for k in np.flatnonzero(wanted):
         of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
-        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS)
+        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near)
     return c, gap
 
 

@@ -28,6 +28,7 @@ from jcontour.motion.jerk_limited.straight import straight_motions
 from jcontour.motion.jerk_limited.warp import Warp, ordinates
 
 ROOM = 0.02  # of every limit that is left at the start of a pass
+ROUGH, NEAR = 1e-3, 1e-4  # of the duration, what a pass leaves to gain: the first, the last
 TIGHTENINGS = 1  # of cells that exceed a limit between their points, in the last pass
 TIGHTER = 1.5  # power of the excess
 WORTH = 3e-3  # of the rate's square: what the whole may lose for one cell
@@ -130,7 +131,7 @@ def _quickest(
     every = np.ones(stretch[-1] + 1, bool)
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns, stretch)
     start = _fitted(parts, stretch, np.ones(stretch.size))
-    found, gap = quickest(parts, start, stretch, every)
+    found, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH)
     less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
@@ -138,7 +139,7 @@ def _quickest(
         again = exceeds[stretch]
         parts.tighten(np.where(again, 1 / less**TIGHTER, 1.0))
         start = np.where(again, _fitted(parts, stretch, found), found)
-        found, left = quickest(parts, start, stretch, exceeds)
+        found, left = quickest(parts, start, stretch, exceeds, NEAR)
         gap = np.where(exceeds, left, gap)
         less[again] = slower(
             task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(found)[again]
