@@ -24,7 +24,7 @@ from jcontour.geometry.drawings.svg_paths import path_strokes
 from jcontour.geometry.drawings.svg_tree import Element, svg_tree
 from jcontour.geometry.drawings.svg_words import PX, length, numbers, transform
 from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
-from jcontour.geometry.toolpath_text import read_text
+from jcontour.geometry.toolpath_text import read_program
 
 GROUPS = ("svg", "g", "a", "switch")
 LEFT_OUT = ("text", "image", "foreignObject")
@@ -44,7 +44,7 @@ def read_svg(path: str | PathLike[str], unit: float | None = None) -> Drawing:
         ToolpathError: "line 12: ..." for whatever cannot be read; a file without a unit where none
             is given.
     """
-    root = svg_tree(read_text(path))
+    root = svg_tree(read_program(path))  # in UTF-8 or one byte a letter: both hold its numbers
     box = _box(root)
     inner = (box[2], box[3]) if box else (math.nan, math.nan)
     size = _size(root, "width", inner[0]), _size(root, "height", inner[1])
