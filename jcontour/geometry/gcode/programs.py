@@ -221,7 +221,7 @@ class Program:
         if code == codes.CALL:
             self._call_numbered(values)
         elif code == codes.RETURN:
-            self._return_numbered(frame)
+            self._return_numbered(frame, values)
         elif code in (codes.SAVE, codes.SAVE_IN_SUBPROGRAM):
             frame.modes = self.machine.kept_modes()
             frame.restores = code == codes.SAVE_IN_SUBPROGRAM and len(self.frames) > 1
@@ -348,8 +348,10 @@ class Program:
         if laps:
             self._enter(Frame(source, begin + 1, begin=begin + 1, laps=laps, by_m98=True))
 
-    def _return_numbered(self, frame: Frame) -> None:
+    def _return_numbered(self, frame: Frame, values: dict[str, float]) -> None:
         """M99 ends a subprogram, or one lap of a program that would begin anew for ever."""
+        if "P" in values:
+            raise ToolpathError("M99 with P goes on at another line, which is not simulated")
         if len(self.frames) == 1:
             self.machine.ended = True
         elif frame.laps > 1:

@@ -55,6 +55,7 @@ REFUSED = {
     870: "boring from behind",
     950: "a feed per turn of a spindle",
 }
+REFUSED_M = {96: "a jump on a signal", 97: "a call of lines; M98 calls a subprogram"}  # of Haas
 LETTERS = {  # that belong to a code, besides those of motion
     20: "P",
     30: "P",
@@ -108,6 +109,7 @@ def m_code(value: float) -> int:
         ToolpathError: it is not whole, or no such code exists.
     """
     code = whole(value, "an M code")
-    if not 0 <= code <= MOST_M:
-        raise ToolpathError(f"'M{code}' is not supported")
+    if not 0 <= code <= MOST_M or code in REFUSED_M:
+        reason = f" ({REFUSED_M[code]})" if code in REFUSED_M else ""
+        raise ToolpathError(f"'M{code}' is not supported{reason}")
     return code
