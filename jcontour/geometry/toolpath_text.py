@@ -9,6 +9,7 @@ from jcontour.geometry.toolpath_rules import ToolpathError, shown
 # control characters that are no white space: tape marks, padding, the end of a DOS file (Ctrl-Z)
 MARKS = "".join(map(chr, (*range(9), *range(14, 32), 127)))
 WITHOUT_MARKS = str.maketrans("", "", MARKS)
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # with this mark ahead, as Windows' "Unicode" text has it
 BLANK = " \t\r\n\f\v"
 MOST_BYTES = 64 * 2**20  # of a file; longer than any program with as many moves as may be
 
@@ -29,19 +30,24 @@ def read_text(path: str | PathLike[str]) -> str:
 
 
 def read_program(path: str | PathLike[str]) -> str:
-    """Text of a program, in UTF-8 or else in one byte a letter (Latin-1), as old posts write it.
+    """Text of a program, in UTF-8, marked UTF-16, or else one byte a letter (Latin-1).
 
-    Words are ASCII, so that the two differ in comments only. Control characters around the program
-    are left out.
+    Words are ASCII, so that UTF-8 and Latin-1 differ in comments only. Control characters around
+    the program are left out.
 
     Raises:
         ToolpathError: the file is missing or larger than 64 MiB.
     """
-    content = _content(Path(path))
+    return _without_marks(_decoded(_content(Path(path))))
+
+
+def _decoded(content: bytes) -> str:
+    if content.startswith(UTF_16):
+        return content.decode("utf-16", "replace")
     try:
-        return _without_marks(content.decode("utf-8-sig"))
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return _without_marks(content.decode("latin-1"))
+        return content.decode("latin-1")
 
 
 def _without_marks(text: str) -> str:

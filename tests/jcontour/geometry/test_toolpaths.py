@@ -76,8 +76,9 @@ def test_files_that_cannot_be_read(traced, tmp_path):
     (tmp_path / "latin.csv").write_bytes(b"0,0\n1,\xe9\n")
     with pytest.raises(ToolpathError, match="line 2: byte 0xe9 is not UTF-8"):
         read_csv(tmp_path / "latin.csv")
-    (tmp_path / "mark.ngc").write_bytes(b"\xef\xbb\xbfG1 X1 F100\n")
-    traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
+    for encoding in ("utf-8-sig", "utf-16"):
+        (tmp_path / "mark.ngc").write_bytes("G1 X1 F100 (\u03bc)\r\n".encode(encoding))
+        traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
 
 
 def test_control_characters_around_a_program_mean_nothing(tmp_path, traced):
