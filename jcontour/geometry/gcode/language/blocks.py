@@ -162,7 +162,8 @@ def _read(cursor: Cursor, line: str) -> Block:
         before, letter = cursor.at, cursor.take(LETTER)
         exponent = letter and letter[0] in "eE" and EXPONENT.search(line)
         if letter is None or exponent or not VALUE.match(cursor.text, cursor.at):
-            raise ToolpathError(f"cannot read {shown(_written(line, before))}")
+            reason = ": controls know no exponents" if exponent else ""
+            raise ToolpathError(f"cannot read {shown(_written(line, before))}{reason}")
         words.append((letter[0].upper(), _read_number(cursor)))
     return Block(tuple(words), tuple(settings))
 
