@@ -93,6 +93,14 @@ class Design(abc.ABC):
         """
         return None
 
+    @property
+    def costs(self) -> frozenset[str]:
+        """Names of weights of a quadratic cost.
+
+        The speed of a loop grows with their roots: they vary over more decades than gains.
+        """
+        return frozenset()
+
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
         """Unit of every weight that is one number."""

@@ -124,16 +124,16 @@ def state_weights(machine: FlexibleMachine) -> dict[str, Gain]:
     An ampere weighs as much as 0.3 mm of the motor or the tool, or as 20 mm/s of the motor.
     """
     return {
-        "motor": Gain(1e7, "A^2/m^2"),
-        "motor_speed": Gain(2.5e3, "A^2 s^2/m^2"),
-        "tool": Gain(1e7, "A^2/m^2"),
-        "tool_speed": Gain(10.0, "A^2 s^2/m^2"),
+        "motor": Gain(1e7, "A^2/m^2", cost=True),
+        "motor_speed": Gain(2.5e3, "A^2 s^2/m^2", cost=True),
+        "tool": Gain(1e7, "A^2/m^2", cost=True),
+        "tool_speed": Gain(10.0, "A^2 s^2/m^2", cost=True),
     }
 
 
 def integrated(machine: FlexibleMachine) -> dict[str, Gain]:
     """Weight on the integral of the position error: as heavy after 20 ms as the error itself."""
-    return {"integral": Gain(2.5e10, "A^2/(m s)^2")}
+    return {"integral": Gain(2.5e10, "A^2/(m s)^2", cost=True)}
 
 
 def delayed(machine: FlexibleMachine) -> dict[str, Gain]:

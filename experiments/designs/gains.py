@@ -22,11 +22,12 @@ Gains = dict[str, Any]  # name -> number, or one for each axis
 
 
 class Gain(NamedTuple):
-    """Where a gain begins, its unit, and where it may go."""
+    """Where a gain begins, its unit, where it may go, and whether it is a weight of a cost."""
 
     start: Any
     unit: str
     parameter: Parameter = Positive()
+    cost: bool = False
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,11 @@ class GainDesign(Design):
     def build(self, weights: Gains) -> Controller:
         """The controller with these gains."""
         return self.make(self.machine, weights)
+
+    @property
+    def costs(self) -> frozenset[str]:
+        """Those among the gains that say so."""
+        return frozenset(name for name, gain in self.gains.items() if gain.cost)
 
     def units(self) -> dict[str, str]:
         """Those of the gains."""

@@ -60,8 +60,8 @@ def quadratic(machine: GantryMachine) -> dict[str, Gain]:
     as an ampere between the drives.
     """
     return {
-        "alpha": Gain(1e8, "A^2/m^2"),
-        "beta": Gain(1e9, "A^2/m^2"),
+        "alpha": Gain(1e8, "A^2/m^2", cost=True),
+        "beta": Gain(1e9, "A^2/m^2", cost=True),
         "difference": Gain(1.0, ""),
     }
 

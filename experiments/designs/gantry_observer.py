@@ -60,8 +60,8 @@ def _gains(machine: GantryMachine) -> dict[str, Gain]:
     noise = rounding(machine) / _gain(machine, BANDWIDTH)  # crosses over there by itself
     return {
         **quadratic(machine),
-        "alpha": Gain(ALPHA, "A^2/m^2"),
-        "beta": Gain(BETA, "A^2/m^2"),
+        "alpha": Gain(ALPHA, "A^2/m^2", cost=True),
+        "beta": Gain(BETA, "A^2/m^2", cost=True),
         "control_noise": Gain(STATES * noise, "A"),
         "drift": Gain(BANDWIDTH * noise, "A per sample", Drift()),
     }

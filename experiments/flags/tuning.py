@@ -104,7 +104,8 @@ class Sweep(Spreading):
     vary: tuple[str, ...] = ()
     """Weights by name, each as NAME=VALUE,VALUE,...: a grid, or the ranges of the random sample.
     When not given, the first two free weights that are one positive number equal on all axes.
-    These go from a tenth to ten times their start."""
+    Gains go from a tenth to ten times their start, weights of a cost from a hundredth to ten
+    thousand times."""
     previews: tuple[int, ...] = (5, 10, 20)  # half, once and twice the paper's
     """Horizons of an LQ controller or of predictive control [samples].
     A controller that has none is swept once."""

@@ -25,7 +25,13 @@ from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figures
-from experiments.reports.figures.tuning.sweep import sweep_figure, worst_errors
+from experiments.reports.figures.tuning.sweep import (
+    ALIKE,
+    best_design,
+    largest_increments,
+    sweep_figure,
+    worst_errors,
+)
 from experiments.runs.lifecycle import finished, opened, tuning_words
 from experiments.runs.spread.spreading import batching_of
 from experiments.runs.spread.varied_weights import listed_values, sampled_designs
@@ -36,6 +42,8 @@ from tuning.sweep import sweep
 CHUNKS = "parts"  # folder of the chunks inside a run folder
 DIMENSIONS = ("preview", "sample", "contour", "plant")
 FACTORS, VARIED = (0.1, 0.3, 1.0, 3.0, 10.0), 2  # of the first weights, where none are named
+# of weights of a cost: on the contours of bridgeport a tenth to a thousand times them are the best
+COST_FACTORS = (1e-2, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 STEPS_ON_CPU = 2_000_000  # of one core at once: a few seconds, which a kill costs at most
 BYTES_PER_STEP = 2_000  # of a run on an accelerator, with room to spare
 NAMED = 5  # diverged designs that are printed; all of them are in the figure and in the netCDF file
@@ -44,6 +52,8 @@ NAMED = 5  # diverged designs that are printed; all of them are in the figure an
 @dataclass(frozen=True)
 class BestDesign:
     """The best weights with one preview, by the worst error over contours and plants.
+
+    Of errors that are alike, those of the calmest control are the best.
 
     Attributes:
         preview: [samples].
@@ -110,7 +120,7 @@ def command(flags: Sweep) -> int:
         result = summary_of(dataset, names, error)
         write_result(folder, result)
     lost = _diverged_lines(dataset, names, error)
-    then = [*lost, *_edge_of(asked, result), *_next_steps(asked, result)]
+    then = [*lost, *_edge_of(asked, result, dataset), *_next_steps(asked, result)]
     return finished(folder, result, flags, _shown(names, error), then)
 
 
@@ -150,7 +160,7 @@ def sampled_values(flags: Sweep, design: Design) -> dict[str, Float[Array, " D"]
 
 
 def around_start(design: Design) -> dict[str, tuple[float, ...]]:
-    """A tenth to ten times the start of the first free weights.
+    """Factors around the start of the first free weights, more decades of weights of a cost.
 
     Only weights count that are one positive number, equal on all axes.
 
@@ -169,8 +179,11 @@ def around_start(design: Design) -> dict[str, tuple[float, ...]]:
             f"vary: {design.name} has no weight that is one positive number; "
             f"name some of {', '.join(starts)} with their values"
         )
-    chosen = list(single)[:VARIED]
-    return {name: tuple(factor * single[name] for factor in FACTORS) for name in chosen}
+    found = {}
+    for name in list(single)[:VARIED]:
+        factors = COST_FACTORS if name in design.costs else FACTORS
+        found[name] = tuple(factor * single[name] for factor in factors)
+    return found
 
 
 def horizons(flags: Sweep, machine: Machine) -> tuple[int, ...]:
@@ -278,11 +291,12 @@ def summary_of(dataset: xr.Dataset, names: Iterable[str], error: str) -> SweepRe
     """Counts, and the best weights for every preview."""
     worst, diverged = worst_errors(dataset, error)
     errors = 1e6 * dataset[f"rms_{error}_error"].values
+    increments = largest_increments(dataset)
     best = []
     for p, preview in enumerate(dataset.preview.values):
         if not np.isfinite(worst[p]).any():
             continue
-        i = int(np.argmin(worst[p]))
+        i = best_design(worst[p], increments[p])
         best.append(
             BestDesign(
                 preview=int(preview),
@@ -305,7 +319,11 @@ def _shown(names: list[str], error: str):
         title = "Best weights for every preview (worst over contours and plants)"
         columns = ["preview", *names, f"worst RMS {error} um", "nominal um"]
         console.print(tables.plain_table(title, columns, rows))
-        tables.say(console, f"{result.points} points, {result.diverged} diverged.")
+        tables.say(
+            console,
+            f"{result.points} points, {result.diverged} diverged. Of errors within "
+            f"{100 * ALIKE:g} % those of the calmest control are the best.",
+        )
 
     return show
 
@@ -337,18 +355,29 @@ def _next_steps(asked: Swept, result: SweepResult) -> list[str]:
     return [f"Next: tune from the best point with jcontour tune{words}"]
 
 
-def _edge_of(asked: Swept, result: SweepResult) -> list[str]:
+def _edge_of(asked: Swept, result: SweepResult, dataset: xr.Dataset) -> list[str]:
     if asked.flags.samples or not result.best:  # a random sample has no edge
         return []
     best = min(result.best, key=lambda row: row.worst_um)
-    return edge_lines(best.weights, asked.values)
+    worst, _ = worst_errors(dataset.sel(preview=[best.preview]), asked.machine.error)
+    return edge_lines(best.weights, asked.values, worst[0])
 
 
-def edge_lines(best: Mapping[str, float], values: Mapping[str, Float[Array, " D"]]) -> list[str]:
-    """A line for every weight whose best value is the first or the last of its grid."""
+def edge_lines(
+    best: Mapping[str, float],
+    values: Mapping[str, Float[Array, " D"]],
+    worst: Float[np.ndarray, " D"],
+) -> list[str]:
+    """A line for every weight that is best at the end of its grid, if none is as good inside."""
     ends = {name: (grid.min(), grid.max()) for name, grid in values.items() if np.ptp(grid) > 0}
+    inside = np.ones(len(worst), bool)
+    for name, (low, high) in ends.items():
+        inside &= np.asarray((values[name] > low) & (values[name] < high))
+    if worst[inside].min(initial=np.inf) <= (1 + ALIKE) * worst.min():
+        return []
     return [
-        f"The best {name}, {best[name]:.6g}, lies on the edge of the grid: widen --vary there."
+        f"The best {name}, {best[name]:.6g}, lies on the edge of the grid: "
+        f"try {'smaller' if best[name] == places[0] else 'larger'} ones with --vary."
         for name, places in ends.items()
         if best[name] in places
     ]

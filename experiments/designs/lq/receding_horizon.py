@@ -165,6 +165,11 @@ class LQDesign(Design):
         found = first_loop(self.machine, self.build, self.start, self.preview, self.fed)
         return replace(self, start=found._replace(**self.given), at_first_loop=True)
 
+    @property
+    def costs(self) -> frozenset[str]:
+        """Those of errors and of the control."""
+        return frozenset({"alpha", "beta", "rho"})
+
     def units(self) -> dict[str, str]:
         """Those of the weights that are one number."""
         unit = self.machine.control_unit

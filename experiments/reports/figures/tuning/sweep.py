@@ -16,6 +16,7 @@ LOST, BEST = "tab:red", "white"
 COLUMNS = 3  # panels side by side
 TICKS = 8  # values of a weight that are all written at the axis
 LETTERS = 20  # of labels that fit side by side under a panel
+ALIKE = 0.01  # of the least error: what counts of encoders and the places of a grid decide
 LEVELS = 5  # errors written at the colours
 MANY, CELLS = 5_000, 100  # designs, beyond which only the best of each cell of the map is drawn
 
@@ -32,6 +33,23 @@ def worst_errors(
     return np.where(diverged, np.inf, found), diverged
 
 
+def best_design(worst: Float[np.ndarray, " D"], increments: Float[np.ndarray, " D"]) -> int:
+    """The design with the calmest control of those whose error is as good as the least.
+
+    Beyond some weights an error hardly falls, and the controls grow.
+
+    >>> best_design(np.array([9.0, 5.04, 5.0, np.inf]), np.array([0.1, 0.5, 0.9, 0.2]))
+    1
+    """
+    alike = worst <= (1 + ALIKE) * worst.min()
+    return int(np.argmin(np.where(alike, increments, np.inf)))
+
+
+def largest_increments(dataset: xr.Dataset) -> Float[np.ndarray, "P D"]:
+    """Largest RMS change of the control over contours and plants of every preview and design."""
+    return dataset.rms_increment.values.max(axis=(2, 3))
+
+
 def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     """A map over the first two weights for each preview; a curve where one weight varies.
 
@@ -44,6 +62,7 @@ def sweep_figure(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figur
 
 def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
     worst, diverged = worst_errors(dataset, error)
+    increments = largest_increments(dataset)
     order = np.argsort(dataset[name].values)
     values = dataset[name].values[order]
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
@@ -53,7 +72,7 @@ def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
         label = f"preview {preview}: {_counted(lost)}"
         (line,) = axes.plot(values, np.where(lost, np.nan, height), ".-", label=label)
         if not lost.all():
-            best = int(np.argmin(height))
+            best = best_design(height, increments[k, order])
             axes.plot(values[best], height[best], "*", color=line.get_color(), markersize=14)
         if lost.any():  # at the upper edge, for they have no height
             edge = axes.get_xaxis_transform()
@@ -69,6 +88,7 @@ def _curves(dataset: xr.Dataset, name: str, error: str) -> Figure:
 
 def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     worst, diverged = worst_errors(dataset, error)
+    increments = largest_increments(dataset)
     count = len(dataset.preview)
     columns = min(count, COLUMNS)
     rows = -(-count // columns)
@@ -81,7 +101,7 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
     norm = LogNorm(*ends)
     shown = None
     for k, preview in enumerate(dataset.preview.values):
-        shown = _map(panels[k], dataset, names, worst[k], norm)
+        shown = _map(panels[k], dataset, names, worst[k], increments[k], norm)
         panels[k].set_title(f"preview {preview}: {_counted(diverged[k])}", fontsize=10)
     for unused in panels[count:]:
         unused.set_axis_off()
@@ -95,10 +115,17 @@ def _maps(dataset: xr.Dataset, names: Sequence[str], error: str) -> Figure:
 
 
 def _map(
-    axes: Axes, dataset: xr.Dataset, names: Sequence[str], worst: np.ndarray, norm: LogNorm
+    axes: Axes,
+    dataset: xr.Dataset,
+    names: Sequence[str],
+    worst: np.ndarray,
+    increments: np.ndarray,
+    norm: LogNorm,
 ) -> Collection:
     """One preview: every design a coloured mark, the best drawn over the others at its place."""
     x, y = (dataset[name].values for name in names[:2])
+    best = best_design(worst, increments)
+    star = x[best], y[best]
     kept = _best_of_cells(x, y, worst)
     x, y, worst = x[kept], y[kept], worst[kept]
     lost = ~np.isfinite(worst)
@@ -108,8 +135,7 @@ def _map(
     )
     axes.plot(x[lost], y[lost], "x", color=LOST, label="diverged")
     if not lost.all():
-        best = int(np.argmin(worst))
-        axes.plot(x[best], y[best], "*", color=BEST, mec="black", markersize=15, label="best")
+        axes.plot(*star, "*", color=BEST, mec="black", markersize=15, label="best")
     axes.set(xlabel=named(dataset, names[0]), ylabel=named(dataset, names[1]))
     scaled(axes, x, y)
     return marks

@@ -74,7 +74,9 @@ def test_the_summary_is_that_of_the_metrics(swept, dataset):
     assert (result.points, result.diverged) == (4, 2)
     (best,) = result.best
     errors = 1e6 * dataset.rms_contour_error.values[0]
-    i = int(np.argmin(np.where(lost, np.inf, errors.max(axis=(1, 2)))))
+    worst = np.where(lost, np.inf, errors.max(axis=(1, 2)))
+    alike = [k for k in range(4) if worst[k] <= 1.01 * worst.min()]
+    i = min(alike, key=lambda k: float(dataset.rms_increment.values[0, k].max()))
     assert best.preview == 4
     assert best.weights == {name: float(dataset[name][i]) for name in NAMES}
     assert best.worst_um == errors[i].max() and best.nominal_um == errors[i, :, 0].max()
@@ -159,25 +161,28 @@ def test_previews_that_differ_are_swept(plant, controller, found):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("plant", "controller", "middle"),
+    ("plant", "controller", "start", "ends", "count"),
     [
-        ("bridgeport", None, {"alpha": 1.2, "beta": 20.0}),
-        ("gantry", "contouring-lq", {"alpha": 1e8, "beta": 1e9}),
+        ("bridgeport", None, {"alpha": 1.2, "beta": 20.0}, (1e-2, 1e4), 49),
+        ("gantry", "contouring-lq", {"alpha": 1e8, "beta": 1e9}, (1e-2, 1e4), 49),
         (
             "gantry",
             "cascade",
             {"position": 30.0, "integral_time": 0.05},
+            (0.1, 10.0),
+            25,
         ),  # the velocity gain of X is not that of Y
     ],
 )
-def test_what_varies_lies_around_the_start(plant, controller, middle):
+def test_what_varies_lies_around_the_start(plant, controller, start, ends, count):
+    """Weights of a cost over six decades, gains over two."""
     flags = Sweep(plant=plant, controller=controller)
     values = sampled_values(flags, design_for(machine_named(plant), flags))
-    assert {name: float(np.median(column)) for name, column in values.items()} == middle
-    assert all(
-        column.size == 25 and column.max() == pytest.approx(100 * column.min())
-        for column in values.values()
-    )
+    assert list(values) == list(start)
+    for name, column in values.items():
+        assert column.size == count and start[name] in column
+        factors = float(column.min()) / start[name], float(column.max()) / start[name]
+        assert factors == pytest.approx(ends)
 
 
 def test_what_varies_can_be_named():
@@ -196,6 +201,18 @@ def test_what_varies_can_be_named():
 def test_a_best_point_on_the_edge_of_its_grid_is_told():
     grid = {"alpha": jnp.array([1.0, 2.0, 3.0]), "beta": jnp.array([4.0, 5.0, 4.0])}
     grid["rho"] = jnp.full(3, 7.0)  # one value has no edge
-    (line,) = edge_lines({"alpha": 2.0, "beta": 5.0, "rho": 7.0}, grid)
-    assert line.startswith("The best beta, 5, lies on the edge of the grid")
-    assert edge_lines({"alpha": 2.0, "beta": 4.5, "rho": 7.0}, grid) == []
+    worst = np.array([9.0, 5.0, 8.0])
+    (line,) = edge_lines({"alpha": 2.0, "beta": 5.0, "rho": 7.0}, grid, worst)
+    assert line.startswith("The best beta, 5, lies on the edge of the grid: try larger ones")
+    assert edge_lines({"alpha": 2.0, "beta": 4.5, "rho": 7.0}, grid, worst) == []
+    (line,) = edge_lines({"alpha": 1.0, "beta": 4.5, "rho": 7.0}, grid, np.array([5.0, 6.0, 9.0]))
+    assert "alpha, 1, lies on the edge of the grid: try smaller ones" in line
+
+
+def test_an_edge_that_is_no_better_than_the_inside_is_not_told():
+    """Where an error hardly falls any more, a wider grid brings nothing."""
+    grid, best = {"alpha": jnp.array([1.0, 2.0, 3.0])}, {"alpha": 3.0}
+    assert edge_lines(best, grid, np.array([9.0, 5.04, 5.0])) == []
+    assert len(edge_lines(best, grid, np.array([9.0, 5.06, 5.0]))) == 1
+    grid["beta"] = jnp.array([1.0, 1.0, 2.0])  # of alpha inside, and at an end of beta
+    assert len(edge_lines(best | {"beta": 2.0}, grid, np.array([9.0, 5.04, 5.0]))) == 2

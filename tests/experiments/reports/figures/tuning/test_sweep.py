@@ -15,6 +15,7 @@ def swept(errors_um, **weights):
     errors = 1e-6 * np.concatenate([0.1 * worst, worst], axis=-1)
     data = {
         "rms_contour_error": (DIMENSIONS, errors),
+        "rms_increment": (DIMENSIONS, np.ones_like(errors)),
         "diverged": (DIMENSIONS, np.isnan(errors).astype("i1")),
     }
     coordinates = {name: ("sample", np.asarray(row, float)) for name, row in weights.items()}
@@ -64,6 +65,16 @@ def test_one_weight_is_a_curve_for_every_preview():
     assert stars == [[[1, pytest.approx(2)]], [[3, pytest.approx(5)]]]
     (crosses,) = [line for line in axes.lines if line.get_marker() == "x"]
     assert crosses.get_xdata().tolist() == [2]
+
+
+@pytest.mark.parametrize(("error", "star"), [(2.01, [3, 2.01]), (2.03, [2, 2])])
+def test_of_errors_that_are_alike_the_calmest_design_is_the_best(error, star):
+    one = swept([[9, 2, error]], alpha=[1, 2, 3])
+    one["rms_increment"] = one.rms_increment * xr.DataArray([1.0, 5.0, 4.0], dims="sample")
+    one["rms_increment"] = one.rms_increment.transpose(*DIMENSIONS)
+    (axes,) = sweep_figure(one, ["alpha"], "contour").axes
+    (found,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "*"]
+    np.testing.assert_allclose(found, star)
 
 
 def test_of_very_many_designs_the_best_of_each_cell_is_drawn():
