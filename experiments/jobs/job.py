@@ -29,7 +29,7 @@ TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
 class TooLongError(ValueError):
-    """A motion whose samples do not fit in memory.
+    """A motion whose samples do not fit into the free memory.
 
     Attributes:
         piece: number of the piece that takes longest.
@@ -40,7 +40,7 @@ class TooLongError(ValueError):
         of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
         super().__init__(
             f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
-            f"the {most:,} samples of {dt:g} s that this computer's memory holds: give a higher "
+            f"the {most:,} samples of {dt:g} s that fit into the free memory: give a higher "
             f"feed{', shorter dwells' if dwells else ''} or a part of the program"
         )
 

@@ -1,6 +1,6 @@
-"""How long a run this computer's memory holds."""
+"""How long a run fits into the memory that is free on this computer."""
 
-import os
+import psutil
 
 # [bytes] of the program, and of a sample on one plant: 2.1 million samples of contouring-lq on five
 # plants of `bridgeport` took 3.7 GB at most, 4.4 million took 6.8 GB
@@ -17,15 +17,12 @@ def room(plants: int, there: float | None = None) -> int:
 
     Args:
         plants: how many plants it is run on.
-        there: memory [bytes]; None asks the computer.
+        there: free memory [bytes]; None asks the computer.
     """
-    there = memory() if there is None else there
+    there = free_memory() if there is None else there
     return max(int((there - BEGUN) // (BYTES * plants)), 0)
 
 
-def memory() -> float:
-    """Memory of this computer [bytes]; an exabyte where the system does not tell."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, ValueError, OSError):
-        return 1e18
+def free_memory() -> float:
+    """Memory that programs may still take [bytes], without driving others out."""
+    return float(psutil.virtual_memory().available)

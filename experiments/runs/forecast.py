@@ -1,7 +1,7 @@
 """Length of a long run, the time and the memory that it will take, told before it begins."""
 
 from experiments.jobs.job import Task
-from experiments.jobs.memory import memory, needed
+from experiments.jobs.memory import free_memory, needed
 
 LONG = 200_000  # samples: with less of them a run is at its end in seconds
 START = 9.0  # [s] to compile and to draw, whatever the length
@@ -34,17 +34,17 @@ def check_memory(job: Task, plants: int, there: float | None = None) -> None:
     Args:
         job: what is run.
         plants: how many plants it is run on.
-        there: memory [bytes]; None asks the computer.
+        there: free memory [bytes]; None asks the computer.
 
     Raises:
-        ValueError: it needs more memory than there is.
+        ValueError: it needs more memory than is free.
     """
-    there = memory() if there is None else there
+    there = free_memory() if there is None else there
     takes = needed(job.samples, plants)
     if takes > there:
         raise ValueError(
             f"{job.name}: {job.samples:,} samples on {plants} plants need about "
-            f"{1e-9 * takes:.0f} GB of memory, this computer has {1e-9 * there:.0f}: give a "
+            f"{1e-9 * takes:.0f} GB of memory, {1e-9 * there:.0f} are free: give a "
             "higher feed or a part of the program, or run it piece by piece in Python "
             "(jcontour.simulation.programs.run_program)"
         )

@@ -1,8 +1,11 @@
-"""Samples that a memory holds."""
+"""Samples that fit into the free memory."""
 
+from types import SimpleNamespace
+
+import psutil
 import pytest
 
-from experiments.jobs.memory import BEGUN, memory, needed, room
+from experiments.jobs.memory import BEGUN, free_memory, needed, room
 
 
 @pytest.mark.parametrize("plants", [1, 5])
@@ -15,9 +18,8 @@ def test_no_room_is_no_sample():
     assert room(5, there=BEGUN - 1) == 0
 
 
-def test_a_memory_that_the_system_does_not_tell_is_no_limit(monkeypatch):
-    def refuse(name):
-        raise ValueError(name)
-
-    monkeypatch.setattr("os.sysconf", refuse)
-    assert memory() > 1e15 and room(5) > 1e10
+def test_memory_that_others_have_taken_is_not_free(monkeypatch):
+    taken = SimpleNamespace(total=24e9, available=3e9)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: taken)
+    assert free_memory() == 3e9
+    assert needed(room(5), 5) <= 3e9

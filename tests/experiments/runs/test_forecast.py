@@ -30,7 +30,7 @@ def test_nothing_is_said_of_a_short_run(tmp_path):
 
 def test_a_run_that_the_memory_does_not_hold_is_refused():
     job = cast(Any, SimpleNamespace(name="slow", samples=19_265_239))
-    with pytest.raises(ValueError, match=r"slow: 19,265,239 samples .* this computer has 24: give"):
+    with pytest.raises(ValueError, match=r"slow: 19,265,239 samples .* 24 are free: give"):
         check_memory(job, 5, there=24e9)
     check_memory(job, 5, there=32e9)
     check_memory(cast(Any, SimpleNamespace(name="quick", samples=1000)), 5)  # asks the computer
