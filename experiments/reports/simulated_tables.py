@@ -21,13 +21,13 @@ TOLD = 0.01  # of the cycle time, that the planner may leave to gain without a w
 
 
 def show_simulated(result: SimulatedResult, console: Console) -> None:
-    """The table, what was read, and one sentence."""
+    """The table, what was read, one sentence, and warnings."""
     console.print(plant_table(result))
     if result.read is not None:
         say(console, f"Read {read_line(result.contour, result.read, result.machine.axes)}")
     if result.motion is not None:
         console.print(motion_table(result.motion, result.machine.axes))
-    say(console, sentence(result))
+    say(console, sentence(result), *(f"WARNING: {line}" for line in result.warnings))
 
 
 def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:

@@ -23,6 +23,7 @@ from experiments.reports.figures.loops.motion import draw_motion
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.checks.machine_limits import limits_met
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.forecast import check_memory, forecast
 from experiments.runs.lifecycle import created, finished, tuning_words
@@ -114,6 +115,7 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
         read=contour_read(scenarios, 0),
         peak=peak_place(scenarios, replayed, 0, machine.error),
+        warnings=limits_met(replayed, scenarios, machine),
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
     )
 

@@ -1,6 +1,6 @@
 """Result of `jcontour simulate`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import (
     ContourRead,
@@ -47,6 +47,7 @@ class SimulatedResult:
         read: what the contour is.
         peak: where the largest error is.
         motion: what is asked of the machine, where it is limited in jerk.
+        warnings: limits of the machine that are near or exceeded.
     """
 
     machine: MachineSummary
@@ -64,3 +65,4 @@ class SimulatedResult:
     peak: PeakPlace | None = None
     motion: MotionSummary | None = None
     video: VideoResult | None = None
+    warnings: list[str] = field(default_factory=list)

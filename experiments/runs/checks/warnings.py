@@ -1,42 +1,15 @@
 """Warnings of `jcontour tune`: what to know of a run before trusting its weights."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 
 from experiments.files.results.tuned_result import PathMargins
-from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
-from experiments.machines.machine import Machine
+from experiments.jobs.replays import Replay, Scenarios
+from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
 from experiments.runs.tuning.problem import TuningRun
 from tuning.tune import Tuned
 
-NEAR = 0.9  # of a limit, from which on there is a warning
 MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
 OPEN = "a control is at its limit, or has a gain of zero, and the loop is open"
-
-
-class Peak(NamedTuple):
-    """Largest value of a limited quantity, and where it occurred."""
-
-    name: str  # of the axis or input
-    quantity: str
-    unit: str
-    value: float
-    contour: str
-    plant: str
-    limit: float
-
-    @property
-    def is_near(self) -> bool:
-        """Within the limit, by less than a tenth."""
-        return NEAR * self.limit <= self.value <= self.limit
-
-    @property
-    def words(self) -> str:
-        """Value, limit and place."""
-        size = f"{self.value:.4g} of {self.limit:.4g} {self.unit}"
-        return f"{size} ({self.contour}, {self.plant})"
 
 
 def run_warnings(
@@ -52,6 +25,7 @@ def run_warnings(
         )
     lines += margin_warnings(margins, run.machine.unknown_delay)
     lines += limit_warnings(found, run.scenarios, run.machine)
+    lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
     if run.machine.error == "contour":  # the tracking error itself is tuned and shown otherwise
         lines += lag_warnings(replays, run.scenarios)
     return lines
@@ -99,18 +73,6 @@ def margin_warnings(margins: PathMargins, unknown_delay: int) -> list[str]:
     return lines
 
 
-def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run meets to within 10 %."""
-    near = [one for one in _peaks(replay, scenarios, machine) if one.is_near]
-    return [f"{one.quantity} of {one.name} is near its limit: {one.words}" for one in near]
-
-
-def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
-    """One line for every machine limit that a run exceeds."""
-    beyond = [one for one in _peaks(replay, scenarios, machine) if one.value > one.limit]
-    return [f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}" for one in beyond]
-
-
 def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:
     """Tell where the tuned tool lags far more than before.
 
@@ -126,33 +88,3 @@ def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:
         f"the tool lags {lag} (start: {before[worst]:.4g} um): contour error alone does not mind; "
         "limit it with --max-tracking-error-um"
     ]
-
-
-def _peaks(replay: Replay, scenarios: Scenarios, machine: Machine) -> Iterator[Peak]:
-    """Peak of every limited quantity of every axis, with contour and plant where it occurred."""
-    increment = np.diff(replay.control, axis=-2)
-    speed, acceleration = measured_speeds(replay.output, machine.model.dt)
-    unit, limits = machine.control_unit, machine.limits
-    inputs = [f"input {k + 1}" for k in range(machine.model.inputs)]
-    for limit, quantity, values, names, shown in (
-        (limits.speed, "speed", speed, machine.axes, "m/s"),
-        (limits.acceleration, "acceleration", acceleration, machine.axes, "m/s^2"),
-        (limits.control, "control", replay.control, inputs, unit),
-        (limits.increment, "control increment", increment, inputs, f"{unit} per sample"),
-    ):
-        if limit is None:
-            continue
-        counted = _whole(scored(scenarios), values.shape[2])
-        peaks = np.where(counted[:, None, :, None], np.abs(values), 0.0).max(axis=2)
-        for k, name in enumerate(names):
-            contour, plant = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
-            peak = float(peaks[contour, plant, k])
-            places = scenarios.jobs[contour].name, scenarios.plants[plant]
-            yield Peak(name, quantity, shown, peak, *places, float(limit[k]))
-
-
-def _whole(counted: np.ndarray, rows: int) -> np.ndarray:
-    """Which of the `rows` differences (contour, row) are between scored samples alone."""
-    apart = counted.shape[1] - rows
-    windows = np.lib.stride_tricks.sliding_window_view(counted, apart + 1, axis=1)
-    return np.asarray(windows.all(axis=-1))

@@ -13,8 +13,8 @@ from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
 from experiments.reports.figures.loops.bent import BentRuns
+from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.stored_loops import StoredLoop
-from experiments.runs.checks.warnings import exceeded_limits
 from experiments.runs.loops.learned_machines import Setting, linear_family
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference

@@ -10,8 +10,8 @@ from experiments.flags.loops import Feed
 from experiments.jobs.job import Task
 from experiments.jobs.replays import Scenarios, replay
 from experiments.plain_numbers import WholePath
+from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
-from experiments.runs.checks.warnings import exceeded_limits
 from experiments.runs.tuning.results import family_metrics
 from jcontour.controller import Controller
 

@@ -23,6 +23,7 @@ from experiments.files.results.tuned_result import (
 from experiments.jobs.replays import Replay, Scenarios, replay, scored
 from experiments.machines.machine import Fed, Machine
 from experiments.reports.figures.tuning.sensitivity import FamilyCurves
+from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.path_margins import path_margins
 from experiments.runs.checks.recommendation import (
     active_limits,
@@ -33,7 +34,7 @@ from experiments.runs.checks.recommendation import (
 )
 from experiments.runs.checks.robustness import robust_test
 from experiments.runs.checks.standstill import standstill
-from experiments.runs.checks.warnings import exceeded_limits, run_warnings
+from experiments.runs.checks.warnings import run_warnings
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.tuning.family_loops import family_curves, family_peaks
 from experiments.runs.tuning.problem import TuningRun

@@ -75,6 +75,19 @@ def test_two_half_circles_on_unequal_axes(tmp_path, machine_fields):
 
 
 @pytest.mark.slow
+def test_a_drive_at_its_limit_in_a_rapid_move_is_told(tmp_path, machine_fields, capsys):
+    machine, part = tmp_path / "weak.json", tmp_path / "slot.ngc"
+    limits = machine_fields["limits"] | {"speed": 200.0, "control": 100.0}
+    machine.write_text(json.dumps(machine_fields | {"limits": limits}))
+    part.write_text("G21 G90 F600\nG1 Y2\nG0 X40\nG1 Y0\n")
+    told = read_result(simulated(tmp_path / "run", machine, part), SimulatedResult).warnings
+    assert any("control of input 1 is at its limit in a rapid move" in line for line in told)
+    assert f"WARNING: {told[0]}" in " ".join(capsys.readouterr().out.split())
+    part.write_text("G21 G90 F600\nG1 X4\nG1 Y5\n")
+    assert read_result(simulated(tmp_path / "cut", machine, part), SimulatedResult).warnings == []
+
+
+@pytest.mark.slow
 def test_the_whole_path_is_kept_as_its_samples(tmp_path, capsys):
     out = str(tmp_path / "run")
     assert main(["simulate", "circle", "--preview", "path", "--json", "--out", out]) == 0

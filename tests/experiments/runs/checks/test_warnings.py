@@ -8,9 +8,7 @@ import pytest
 from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.runs.checks.warnings import (
-    exceeded_limits,
     lag_warnings,
-    limit_warnings,
     margin_warnings,
     search_warnings,
 )
@@ -29,17 +27,6 @@ FOUND = Tuned(
     stationary=True,
 )  # type: ignore[arg-type]
 JOBS = tuple(SimpleNamespace(name=name) for name in ("ring", "eight"))
-LIMITS = SimpleNamespace(
-    speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
-)
-MACHINE = SimpleNamespace(
-    axes=("X", "Y"),
-    control_unit="A",
-    limits=LIMITS,
-    model=SimpleNamespace(dt=1e-3, inputs=2),
-    unknown_delay=1,
-    nonsmooth_effects="counts",
-)
 
 
 def margins(radius=0.99, delay=2, left_out=0, without=()):
@@ -120,20 +107,3 @@ def test_a_tool_left_behind_is_told():
     assert lag_warnings({"start": run(), "tuned": run(lag=4.9e-5)}, scenarios()) == []
     [line] = lag_warnings({"start": run(), "tuned": run(lag=1e-3)}, scenarios())
     assert "1000 um" in line and "on eight" in line
-
-
-def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
-    seen = run()
-    seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
-    seen.control[1, 0, 7, 1] = -9.1
-    seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
-    assert exceeded_limits(seen, scenarios(), MACHINE) == [  # type: ignore[arg-type]
-        "speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)"
-    ]
-    assert limit_warnings(seen, scenarios(), MACHINE) == [  # type: ignore[arg-type]
-        "control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)"
-    ]
-    seen.control[1, 0, 7, 1] = -8.9
-    seen.output[0, 1, 10:, 0] = 1.7e-4
-    assert limit_warnings(seen, scenarios(), MACHINE) == []  # type: ignore[arg-type]
-    assert exceeded_limits(seen, scenarios(), MACHINE) == []  # type: ignore[arg-type]

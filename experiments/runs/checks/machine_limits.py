@@ -1,0 +1,119 @@
+"""Limits of a machine that a run comes near or exceeds, in cuts and in rapid moves."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool
+
+from experiments.jobs.job import Job
+from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
+from experiments.machines.machine import Machine
+
+DRIVES = ("control", "control increment")
+MET = 1 - 1e-9  # of a limit: a plant holds its control there
+NEAR = 0.9  # of a limit, from which on there is a warning
+
+
+class Peak(NamedTuple):
+    """Largest value of a limited quantity, and where it occurred."""
+
+    name: str  # of the axis or input
+    quantity: str
+    unit: str
+    value: float
+    contour: str
+    plant: str
+    limit: float
+
+    @property
+    def is_near(self) -> bool:
+        """Within the limit, by less than a tenth."""
+        return NEAR * self.limit <= self.value <= self.limit
+
+    @property
+    def words(self) -> str:
+        """Value, limit and place."""
+        size = f"{self.value:.4g} of {self.limit:.4g} {self.unit}"
+        return f"{size} ({self.contour}, {self.plant})"
+
+
+def limits_met(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
+    """One line for every machine limit that a run exceeds, meets or comes near."""
+    seen = replay, scenarios, machine
+    return [*exceeded_limits(*seen), *drives_at_limits_in_rapids(*seen), *limit_warnings(*seen)]
+
+
+def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
+    """One line for every machine limit that a run meets to within 10 %."""
+    near = [one for one in _peaks(replay, scenarios, machine, scored(scenarios)) if one.is_near]
+    return [f"{one.quantity} of {one.name} is near its limit: {one.words}" for one in near]
+
+
+def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
+    """One line for every machine limit that a run exceeds where it is scored."""
+    peaks = _peaks(replay, scenarios, machine, scored(scenarios))
+    return [
+        f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
+        for one in peaks
+        if one.value > one.limit
+    ]
+
+
+def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
+    """One line for every limit of a drive that is met in rapid moves of programs.
+
+    They are not scored, but a tool that falls behind there is late in the next cut. Speed and
+    acceleration, which the motion itself takes to their limits, say nothing of this.
+    """
+    peaks = _peaks(replay, scenarios, machine, _rapid(scenarios))
+    return [
+        f"{one.quantity} of {one.name} is at its limit in a rapid move: {one.words}; a lower "
+        "speed or acceleration in the limits of the machine keeps it below"
+        for one in peaks
+        if one.quantity in DRIVES and one.value >= MET * one.limit
+    ]
+
+
+def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
+    """Which samples are of rapid moves: those of whole programs that do not count."""
+    found = np.zeros((len(scenarios.jobs), scenarios.references.steps), bool)
+    for row, job in zip(found, scenarios.jobs, strict=True):
+        if isinstance(job, Job) and job.program is not None:
+            row[: job.samples] = ~job.scored
+    return found
+
+
+def _peaks(
+    replay: Replay,
+    scenarios: Scenarios,
+    machine: Machine,
+    counted: Bool[np.ndarray, "contours steps"],
+) -> Iterator[Peak]:
+    """Peak of every limited quantity of every axis in the samples that are counted, and where."""
+    increment = np.diff(replay.control, axis=-2)
+    speed, acceleration = measured_speeds(replay.output, machine.model.dt)
+    unit, limits = machine.control_unit, machine.limits
+    inputs = [f"input {k + 1}" for k in range(machine.model.inputs)]
+    for limit, quantity, values, names, shown in (
+        (limits.speed, "speed", speed, machine.axes, "m/s"),
+        (limits.acceleration, "acceleration", acceleration, machine.axes, "m/s^2"),
+        (limits.control, "control", replay.control, inputs, unit),
+        (limits.increment, "control increment", increment, inputs, f"{unit} per sample"),
+    ):
+        if limit is None:
+            continue
+        whole = _whole(counted, values.shape[2])
+        peaks = np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2)
+        for k, name in enumerate(names):
+            contour, plant = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
+            peak = float(peaks[contour, plant, k])
+            places = scenarios.jobs[contour].name, scenarios.plants[plant]
+            yield Peak(name, quantity, shown, peak, *places, float(limit[k]))
+
+
+def _whole(counted: np.ndarray, rows: int) -> np.ndarray:
+    """Which of the `rows` differences (contour, row) are between counted samples alone."""
+    apart = counted.shape[1] - rows
+    windows = np.lib.stride_tricks.sliding_window_view(counted, apart + 1, axis=1)
+    return np.asarray(windows.all(axis=-1))

@@ -1,0 +1,89 @@
+"""Limits of a machine that a run comes near or exceeds."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+
+from experiments.jobs.job import Job, Program
+from experiments.jobs.replays import Replay, Scenarios
+from experiments.runs.checks.machine_limits import (
+    drives_at_limits_in_rapids,
+    exceeded_limits,
+    limit_warnings,
+    limits_met,
+)
+
+SAMPLES = 20
+LIMITS = SimpleNamespace(
+    speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
+)
+MACHINE = cast(
+    Any,
+    SimpleNamespace(
+        axes=("X", "Y"),
+        control_unit="A",
+        limits=LIMITS,
+        model=SimpleNamespace(dt=1e-3, inputs=2),
+    ),
+)
+SCORED = np.arange(SAMPLES) >= 5  # the approach, or a rapid move, comes before
+
+
+def job(name, program=None):
+    return Job(name, cast(Any, None), np.zeros(SAMPLES), SCORED, True, "", program)
+
+
+def scenarios(program=None):
+    references = SimpleNamespace(mask=np.stack([SCORED, SCORED]), steps=SAMPLES)
+    jobs = job("ring"), job("eight", program)
+    return Scenarios(jobs, (True, False), ("nominal", "late"), cast(Any, references), cast(Any, 0))
+
+
+def run():
+    """Two contours on two plants, at rest."""
+    still = np.zeros((2, 2, SAMPLES, 2))
+    return Replay(cast(Any, None), still.copy(), still.copy(), still)
+
+
+def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
+    seen = run()
+    seen.control[0, 1, 2, 0] = 50.0  # before the first scored sample
+    seen.control[1, 0, 7, 1] = -9.1
+    seen.output[0, 1, 10:, 0] = 3e-4  # [m] in one sample
+    assert exceeded_limits(seen, scenarios(), MACHINE) == [
+        "speed of X EXCEEDS its limit: 0.3 of 0.2 m/s (ring, late)"
+    ]
+    assert limit_warnings(seen, scenarios(), MACHINE) == [
+        "control of input 2 is near its limit: 9.1 of 10 A (eight, nominal)"
+    ]
+    seen.control[1, 0, 7, 1] = -8.9
+    seen.output[0, 1, 10:, 0] = 1.7e-4
+    assert limit_warnings(seen, scenarios(), MACHINE) == []
+    assert exceeded_limits(seen, scenarios(), MACHINE) == []
+
+
+def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
+    seen = run()
+    seen.control[:, 1, 2, 0] = -10.0
+    seen.output[:, :, :5, 1] = np.arange(5) * 3e-4  # [m] faster than the limit of the axis
+    seen.output[:, :, 5:, 1] = 1.2e-3
+    assert limits_met(seen, scenarios(), MACHINE) == []
+    program = Program(np.ones(1, int), (), (), "")
+    [told] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
+    assert told.startswith(
+        "control of input 1 is at its limit in a rapid move: 10 of 10 A (eight, late); a lower"
+    )
+    assert limits_met(seen, scenarios(program), MACHINE) == [told]
+    seen.control[1, 0, 5, 1] = -9.5  # in the first scored sample
+    near = "control of input 2 is near its limit: 9.5 of 10 A (eight, nominal)"
+    assert limits_met(seen, scenarios(program), MACHINE) == [told, near]
+    seen.control[:, 1, 2, 0] = -9.99
+    assert drives_at_limits_in_rapids(seen, scenarios(program), MACHINE) == []
+
+
+def test_a_step_from_a_rapid_move_to_a_cut_is_neither():
+    seen = run()
+    seen.output[1, 0, 5:, 0] = 3e-4  # [m] between the last rapid and the first scored sample
+    program = Program(np.ones(1, int), (), (), "")
+    assert limits_met(seen, scenarios(program), MACHINE) == []
