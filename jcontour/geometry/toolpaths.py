@@ -24,7 +24,8 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
                subprograms in files NAME.ngc beside the program
     told       in `ignored`, as they move nothing here: G40, G43, G64 with its tolerance, G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
-               tools have no length; lines for grbl itself, as $H and ?; the text of M117 and M118
+               tools have no length; lines for grbl itself, as $H and ?; texts behind M117 and M118
+               or M0, as printers show them
     ends       M2, M30, M99 in the program itself, the second %
     layout     (comments (also nested)), ; comments, N line numbers; case and white space mean
                nothing; a line that begins with / is skipped, as with the block-delete switch on;

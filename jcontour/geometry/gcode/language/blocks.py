@@ -27,7 +27,9 @@ INNERMOST = r"\([^()]*\)"
 NESTED = rf"\((?:[^()]|\((?:[^()]|{INNERMOST})*\))*\)"
 COMMENT = re.compile(rf"{NESTED}|\([^)]*\)|;.*")
 ABORT = re.compile(r"[(;]\s*abort\s*,([^)]*)", re.IGNORECASE)
-DISPLAYED = re.compile(r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78])(?![0-9.])")  # text for a screen follows
+DISPLAYED = re.compile(  # text for a screen follows
+    r"\s*(?:[Nn][0-9]+\s*)?[Mm](11[78](?![0-9.])|0?[01](?=\s+[A-Za-z]{2}))"
+)
 HOMED = re.compile(r"(?:[Nn][0-9]+)?[Gg]28([XYZxyz]+)")  # axes without numbers
 MESSAGE = re.compile(r"[(;]\s*msg\s*,", re.IGNORECASE)
 PLAIN = re.compile(rf"(?:[A-Za-z]{NUMBER})+")
