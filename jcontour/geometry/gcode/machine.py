@@ -144,9 +144,9 @@ class Machine:
             self.ignored |= found.values.keys() & TOLD_WITH_CODES
 
     def _only_said(self, found: LineWords) -> bool:
-        """Whether R belongs to a code that moves nothing, as in `M19 R90`."""
+        """Whether R belongs to a code that moves nothing, as in `M19 R90` and `G64 P1 R2`."""
         alone = MOVING.intersection(found.values) == {"R"} and "motion" not in found.codes
-        said = alone and bool(found.without_motion or found.m_codes)
+        said = alone and bool(found.without_motion or found.m_codes or "path" in found.codes)
         if said:
             self.ignored.add("R")
         return said

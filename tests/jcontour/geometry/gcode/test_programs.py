@@ -228,8 +228,8 @@ def test_homing_as_printers_write_it_moves_the_named_axes_alone():
 
 def test_codes_of_look_ahead_are_told():
     program = "F600 G1 X1\nG05 P10000\nX2\nG5.1 Q1 R5\nX3\nG8 P1\nG187 P2 E0.01\nG103 P1\nX4"
-    machine = interpreted(program.split("\n"), 3, None)
-    assert machine.ignored == {"G5", "G5.1", "G8", "G187", "G103", "E", "P", "Q", "R"}
+    machine = interpreted([*program.split("\n"), "G64 P1 R2"], 3, None)
+    assert machine.ignored == {"G5", "G5.1", "G8", "G187", "G103", "G64", *"EPQR"}
     assert [move.end[0] for move in machine.moves] == [1 * MM, 2 * MM, 3 * MM, 4 * MM]
 
 
