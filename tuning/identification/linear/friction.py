@@ -11,6 +11,7 @@ Two forms are tried. An axis that turns at once has a soft sign, over spans as l
 one that is held at times has none while it stands, as friction takes all of the command then.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -85,8 +86,9 @@ def _rubbed(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord 
             return None
         begun = plain.integrating[0]
     found = []
-    for one in _forms(record, resolution, begun.fit.model.delay):
-        start = replace(begun.fit, drag=np.zeros(len(one.drags)))
+    for delay, one in _forms(record, resolution, begun.fit.model.delay):
+        model = replace(begun.fit.model, delay=delay)
+        start = replace(begun.fit, model=model, drag=np.zeros(len(one.drags)))
         fit = refined_a_little(one.part(0, len(start.residual)), start)
         if friction_of(fit) is not None:
             found.append((left_of(fit), one))
@@ -95,15 +97,18 @@ def _rubbed(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord 
     return rubbed if likelier or held_out(record, plain)[1] < FAIR else None
 
 
-def _forms(record: AxisRecord, resolution: float, delay: int) -> list[AxisRecord]:
-    """The record with every form of the signs; the stuck one comes first."""
+def _forms(record: AxisRecord, resolution: float, most: int) -> Iterator[tuple[int, AxisRecord]]:
+    """A delay [samples], and the record with a form of the signs for it.
+
+    The stuck one depends on the delay: what is held is the command that arrives. Without friction
+    the delay comes out too large, so that it has one for every delay up to that.
+    """
     unclear = max(resolution, np.sqrt(2) * evidence.noise_of(record.position))
     signs = evidence.speed_signs(record.position, resolution)
-    arrives = np.concatenate([signs[delay:], np.full(delay, signs[-1])])
-    stuck = replace(
-        record,
-        command=np.where(arrives == 0, 0.0, record.command),
-        drags=(signs, np.abs(signs)),
-    )
-    soft = [soft_signs(record.position, unclear, half) for half in evidence.HALVES]
-    return [stuck, *(replace(record, drags=(one,)) for one in soft)]
+    for delay in range(most + 1):
+        arrives = np.concatenate([signs[delay:], np.full(delay, signs[-1])])
+        command = np.where(arrives == 0, 0.0, record.command)
+        yield delay, replace(record, command=command, drags=(signs, np.abs(signs)))
+    for half in evidence.HALVES:
+        soft = soft_signs(record.position, unclear, half)
+        yield most, replace(record, drags=(soft,))
