@@ -71,7 +71,7 @@ def test_tuned_weights_are_better_on_what_was_tuned(tuned, result):
 
 @pytest.mark.slow
 def test_where_the_peak_is(tuned, result, part_file):
-    """The place is on the line of the program that is named."""
+    """The place is on the line of the program that is named, or on a blend at its end."""
     part = next(one for one in result.contours if one.name == "part")
     peak, worst = part.peak, part.metrics["tuned"].worst
     assert peak is not None and peak.plant in result.plants
@@ -84,7 +84,7 @@ def test_where_the_peak_is(tuned, result, part_file):
         "G1 X0": abs(y - 2),
         "G1 Y0": abs(x),
     }
-    assert on_line[line] < 1e-6
+    assert on_line[line] < 2e-3  # [mm] that corners are blended within
 
 
 @pytest.mark.slow
@@ -102,7 +102,8 @@ def test_the_history_holds_every_point(tuned, result):
     assert len(points) == result.evaluated_points
     used = {f"{name}_use": 0.97 for name in ("speed", "acceleration", "control", "increment")}
     lag = result.limits["rms_tracking_error"]  # 5 samples at the highest speed
-    assert result.limits == {"rms_tracking_error": lag, "peak_sensitivity": 2.0, **used}
+    limits = {"rms_tracking_error": lag, "peak_sensitivity": 2.0, "count_noise": 3.0, **used}
+    assert result.limits == limits
     assert 0.8 * 5 * 0.05 * 2e-3 < lag <= 5 * 0.05 * 2e-3  # the part is too short for its feed
     kept = [one for one in points if not one["diverged"] and not one["violation"] > 1e-6]
     chosen = min(one["objective"] for one in kept)
