@@ -25,6 +25,7 @@ ALONE = {  # third parties that a few rooms or files alone may import
     "jcontour.plants.gantry.engines.mujoco_engine": {"mujoco"},
     "jcontour.plants.gantry.engines.mjx_engine": {"mujoco"},
     "experiments.files.results.stored": {"cattrs"},
+    "experiments.jobs.memory": {"psutil"},
     "experiments.benchmarks.speed.plain_loops": {"numba"},  # what `bench` compares with
     "experiments.benchmarks.searches.search_methods": {"cmaes", "optuna"},
     "experiments.runs.spread.cluster": {"dask", "distributed"},  # where the user has installed them
