@@ -22,6 +22,7 @@ from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.bending import bent
 from experiments.runs.tuning.results import machine_summary
 
+SAME = 5e-3  # of an error: less of a change has no digit of its own
 HEADINGS = (
     "plant",
     "RMS um\nbefore",
@@ -92,12 +93,17 @@ def sentences(result: BentResult) -> list[str]:
     elif any(run.diverged for run in result.after.values()):
         why = "a plant of the family diverges"
     else:
-        why = "the worst machine is no better; the controller already sees what the model knows"
+        why = (
+            "the worst machine is no better. Either one shift cannot help it without harm to "
+            "another of the family, or the controller already sees what the model knows"
+        )
     return [gain, f"DO NOT USE: {why}."]
 
 
 def _times(gain: float) -> str:
-    if gain >= 1:
+    if abs(gain - 1) < SAME:
+        return "the same"
+    if gain > 1:
         return f"{gain:.3g} times smaller"
     return f"{1 / gain:.3g} times LARGER"
 

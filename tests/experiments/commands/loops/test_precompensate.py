@@ -42,6 +42,8 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     worse = replace(result, before=result.after, after=result.before)
     assert "times LARGER" in sentences(worse)[0]
     assert "DO NOT USE: the worst machine is no better" in sentences(worse)[1]
+    as_before = replace(result, after=result.before, largest=0.0)
+    assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
 
 
 @pytest.mark.parametrize(
