@@ -25,6 +25,7 @@ SAMPLE_ROUNDING = 1e-6
 # [rad] the most a tangent turns between two nodes; limits are tightened by up to 1 - cos(0.025) =
 # 0.03 % for it
 STEP_ANGLE = 0.05
+WIDE, FINER = 1.0, 16  # [rad] of a step that has met a hidden bend; its piece gets more of them
 MOST_STEPS = 5_000_000  # of all pieces
 FEWEST_STEPS = 4  # of a curved piece, so that the speed can rise between two stops
 CORNER = 1e-6  # [rad] a smaller change of direction is rounding in the file
@@ -178,7 +179,12 @@ class _Steps(NamedTuple):
         A component of a vector that turns by an angle exceeds the larger of its values at both ends
         by less than 1 / cos(angle / 2).
         """
-        return np.cos(0.5 * np.linalg.norm(self.curvature, axis=-1).max(axis=0) * self.length)
+        return np.cos(0.5 * self.turned)
+
+    @property
+    def turned(self) -> Float[np.ndarray, " n"]:
+        """Angle [rad] by which the path turns at the larger of the curvatures at both ends."""
+        return np.linalg.norm(self.curvature, axis=-1).max(axis=0) * self.length
 
 
 class _Rows(NamedTuple):
@@ -203,6 +209,16 @@ def _steps(contour: Contour) -> _Steps:
     straight = (pieces.rate == 0) & ~pieces.polynomial[:, 2:].any(axis=(1, 2))
     several = np.maximum(np.ceil(bend * pieces.extent / STEP_ANGLE), FEWEST_STEPS)
     count = np.where(straight, 1, several)
+    while True:  # a bend may hide between the places that are looked at first
+        steps = _divided(pieces, straight, count)
+        wide = steps.piece[~(steps.turned < WIDE)]
+        if wide.size == 0:
+            return steps
+        count[np.unique(wide)] *= FINER
+
+
+def _divided(pieces: Piece, straight: np.ndarray, count: np.ndarray) -> _Steps:
+    """So many equal steps of every piece."""
     if not count.sum() <= MOST_STEPS:
         raise SharpTurnError(int(np.argmax(count)), float(count.sum()))
     count = count.astype(int)

@@ -262,3 +262,14 @@ def test_a_curve_that_turns_without_end_is_refused_at_once():
     piece = Piece(bent, np.zeros((1, 2)), np.zeros((1, 2)), none, none, np.ones(1))
     with pytest.raises(SharpTurnError, match="turns too sharply for its length"):
         trapezoidal(contours.from_pieces(piece), 0.05, 1e-3, 1.0)
+
+
+def test_a_bend_that_hides_between_the_places_that_are_looked_at_first_is_told():
+    """It turns back within a micrometre, at 0.3 of its length; looked at are sixteenths."""
+    polynomial = np.zeros((1, 6, 2))
+    polynomial[0, :3] = [[0.045, 0.0], [-0.3, 9.7e-7], [0.5, 0.0]]  # ten steps at first
+    flat, none = np.zeros((1, 2)), np.zeros(1)
+    path = contours.from_pieces(Piece(polynomial, flat, flat, none, none, np.ones(1)))
+    with pytest.raises(SharpTurnError) as told:
+        trapezoidal(path, 0.05, 1e-3, 2.0, 0.1, 2.0)
+    assert told.value.piece == 0 and told.value.steps > 5e6
