@@ -1,6 +1,6 @@
 """Limits of a machine that a run comes near or exceeds, in cuts and in rapid moves."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -40,24 +40,19 @@ class Peak(NamedTuple):
 
 def limits_met(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run exceeds, meets or comes near."""
-    seen = replay, scenarios, machine
-    return [*exceeded_limits(*seen), *drives_at_limits_in_rapids(*seen), *limit_warnings(*seen)]
+    peaks = list(_peaks(replay, scenarios, machine, scored(scenarios)))
+    rapids = drives_at_limits_in_rapids(replay, scenarios, machine)
+    return [*_beyond(peaks), *rapids, *_near(peaks)]
 
 
 def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run meets to within 10 %."""
-    near = [one for one in _peaks(replay, scenarios, machine, scored(scenarios)) if one.is_near]
-    return [f"{one.quantity} of {one.name} is near its limit: {one.words}" for one in near]
+    return _near(_peaks(replay, scenarios, machine, scored(scenarios)))
 
 
 def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run exceeds where it is scored."""
-    peaks = _peaks(replay, scenarios, machine, scored(scenarios))
-    return [
-        f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
-        for one in peaks
-        if one.value > one.limit
-    ]
+    return _beyond(_peaks(replay, scenarios, machine, scored(scenarios)))
 
 
 def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
@@ -66,12 +61,30 @@ def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Ma
     They are not scored, but a tool that falls behind there is late in the next cut. Speed and
     acceleration, which the motion itself takes to their limits, say nothing of this.
     """
-    peaks = _peaks(replay, scenarios, machine, _rapid(scenarios))
+    rapid = _rapid(scenarios)
+    if not rapid.any():
+        return []
     return [
         f"{one.quantity} of {one.name} is at its limit in a rapid move: {one.words}; a lower "
         "speed or acceleration in the limits of the machine keeps it below"
-        for one in peaks
+        for one in _peaks(replay, scenarios, machine, rapid)
         if one.quantity in DRIVES and one.value >= MET * one.limit
+    ]
+
+
+def _near(peaks: Iterable[Peak]) -> list[str]:
+    return [
+        f"{one.quantity} of {one.name} is near its limit: {one.words}"
+        for one in peaks
+        if one.is_near
+    ]
+
+
+def _beyond(peaks: Iterable[Peak]) -> list[str]:
+    return [
+        f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
+        for one in peaks
+        if one.value > one.limit
     ]
 
 

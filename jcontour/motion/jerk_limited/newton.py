@@ -51,7 +51,8 @@ def solve(
     Raises:
         ValueError: the unknowns break a condition.
     """
-    point = np.ones(len(blocks) * (POINTS + PER_ROOM * (1 + POINTS + 4 * POINTS * axes)) * WIDTH)
+    rooms = rooms_of.py_func(axes)
+    point = np.ones(len(blocks) * (POINTS + PER_ROOM * rooms) * WIDTH)
     equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
     step, ahead = np.zeros(c.size), np.empty(c.size)
     gap = _solved(blocks.ravel(), axes, c, steps, near, point, equations, step, ahead, scratch)
