@@ -138,8 +138,11 @@ class Piece(NamedTuple):
         s = jax.lax.fori_loop(0, newton_steps, newton, s)
         s = jnp.concatenate([s, jnp.broadcast_to(ends, s.shape)])
         square = both._squared_distance(target, s)
-        least = jnp.min(square, axis=0)
-        return jnp.min(jnp.where(square == least[None], s, jnp.inf), axis=0), least
+        best, least = s[0], square[0]
+        for other, its in zip(s[1:], square[1:], strict=True):
+            better = (its < least) | ((its == least) & (other < best))
+            best, least = jnp.where(better, other, best), jnp.minimum(least, its)
+        return best, least
 
     def _squared_distance(self, point, s):
         gap = point - self.jet(s)[0]

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jcontour.largest import largest
 from jcontour.motion.references import Reference
 
 
@@ -86,4 +87,4 @@ def _largest(
 ) -> Float[Array, ""]:
     if limit is None:
         return jnp.zeros((), values.dtype)
-    return jnp.max(jnp.where(counted[:, None], jnp.abs(values) / limit[None], 0.0), initial=0.0)
+    return largest(jnp.where(counted[:, None], jnp.abs(values) / limit[None], 0.0).ravel())

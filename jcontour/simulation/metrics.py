@@ -17,6 +17,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Shaped
 
+from jcontour.largest import largest
 from jcontour.motion.references import Reference
 from jcontour.simulation.closed_loop import Rollout
 from jcontour.told_values import told
@@ -181,7 +182,7 @@ def _rms_and_peak(
         square = jax.lax.optimization_barrier(square)
     count = jnp.maximum(jnp.sum(mask), 1).astype(square.dtype)
     mean = jnp.sum(square, axis=0) / count
-    return _sqrt(mean), _sqrt(jnp.max(square, axis=0, initial=0.0))
+    return _sqrt(mean), _sqrt(largest(square))
 
 
 def _over_runs(

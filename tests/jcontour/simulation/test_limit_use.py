@@ -1,5 +1,6 @@
 """Use of a machine's limits, against loops in NumPy."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -44,3 +45,28 @@ def test_what_has_no_limit_is_not_used():
     reference = along(path, np.linspace(0, 1, 5), 1.0, 0, at_rest=False)
     use = limit_use(jnp.ones((5, 1)), jnp.ones((5, 1)), reference, AxisLimits())
     assert [float(value) for value in use] == [0.0] * 4
+
+
+def test_slopes_are_those_of_differences():
+    """Of a loop of 20 samples, as its program is compiled: values and slopes in one pass."""
+    path = line([0.0, 0.0], [1.0, 1.0])
+    wanted = 1e-4 * np.cumsum(np.random.default_rng(0).normal(size=(20, 2)), axis=0)
+    reference = along(path, np.linspace(0, 1, 20), 2e-3, 0, at_rest=False)
+    limits = AxisLimits(*(np.full(2, limit) for limit in (0.2, 3.7, 300.0, 90.0)))
+
+    def use(gain):
+        def step(state, target):
+            place, speed = state
+            control = gain * (target - place) - 0.3 * speed
+            following = place + 1.6e-3 * speed + 4e-4 * control, 0.6 * speed + 0.4 * control
+            return following, (following[0], control)
+
+        begin = jnp.zeros(2), jnp.zeros(2)
+        _, (output, control) = jax.lax.scan(step, begin, jnp.asarray(wanted))
+        return jnp.stack(limit_use(output, control, reference, limits))
+
+    gains = jnp.linspace(1.0, 90.0, 50)
+    slopes = jax.jit(jax.vmap(jax.jacfwd(use)))(gains)
+    h = 1e-5
+    differences = (jax.vmap(use)(gains + h) - jax.vmap(use)(gains - h)) / (2 * h)
+    np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-9)
