@@ -140,7 +140,7 @@ class Program:
         index = frame.next
         frame.next += 1
         source = frame.source
-        if len(self.frames) == 1:
+        if source is self.frames[0].source:  # of another file, the call is named
             self.machine.tracer.line = index + 1
         block = source.blocks.get(index)
         if block is None:

@@ -109,7 +109,10 @@ def test_files_beside_the_program(tmp_path):
     library = files_beside(tmp_path / "part.ngc")
     machine = interpreted(["o<SIDE> call [7]", "o<side> call [8]"], 3, None, library)
     assert [move.end[0] for move in machine.moves] == [7 * MM, 8 * MM]
-    assert [move.line for move in machine.moves] == [1, 2]
+    assert [move.line for move in machine.moves] == [1, 2]  # those of the calls
+    own = ["o1 sub", "G1 X#1 F60", "o<side> call [9]", "o1 endsub", "o1 call [5]", "G1 X6"]
+    machine = interpreted(own, 3, None, library)
+    assert [move.line for move in machine.moves] == [2, 3, 6]
     (tmp_path / "wrong.ngc").write_text("o<wrong> sub\n\nG41\no<wrong> endsub\n")
     for call, message in (
         ("o<wrong> call", r"wrong\.ngc line 3: 'G41' is not supported"),
