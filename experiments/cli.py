@@ -4,6 +4,7 @@ Everything heavy is imported by the command that needs it, so that --help answer
 """
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -88,10 +89,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     keep_to_one_thread()
     choose_compiler()
     keep_compiled()
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = _told
-        return _answered(arguments)
+        code = _answered(list(sys.argv[1:] if arguments is None else arguments))
+    if code == INTERRUPTED and arguments is None:  # a second Ctrl-C does not disturb the end
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return code
 
 
 def _told(message, category, filename, lineno, file=None, line=None) -> None:
