@@ -80,7 +80,8 @@ class Rank(Aimed):
     The machine's usual one when none is given."""
     controllers: tuple[str, ...] = ()
     """Names from `jcontour list`, or FILE.py:NAME.
-    Every one that suits the machine and reads its sensors when not given."""
+    Every one that suits the machine, reads its sensors and does not learn while it runs when not
+    given."""
     previews: tuple[int, ...] = ()
     """LQ: horizons that are tried beside each other [samples]; that of --preview when not given."""
     terminals: tuple[Terminal, ...] = ()

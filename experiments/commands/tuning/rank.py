@@ -45,7 +45,16 @@ def show(result: RankedResult, console: Console) -> None:
     rows = [_row(row, placed[0]) for row in placed]
     console.print(tables.plain_table(title, COLUMNS, rows))
     failed = [f"{row.label}: no place, {row.failure}" for row in result.rows if row.failure]
-    tables.say(console, *failed)
+    tables.say(console, *failed, *_left_out(result.learning))
+
+
+def _left_out(names: list[str]) -> list[str]:
+    if not names:
+        return []
+    return [
+        f"Left out: {', '.join(names)}. They learn while they run, and no margin is known of what "
+        f"they learn; --controllers {' '.join(names)} ranks them."
+    ]
 
 
 def _row(row: Ranked, first: Ranked) -> list[str]:

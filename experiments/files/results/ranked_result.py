@@ -1,6 +1,6 @@
 """Result of `jcontour rank`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import MachineSummary
 from experiments.files.results.stored import Weight
@@ -67,9 +67,11 @@ class RankedResult:
     Attributes:
         error: the error that counts, "contour" or "tracking".
         evaluations: that each of them was allowed.
+        learning: names of controllers that were left out, as they learn while they run.
     """
 
     machine: MachineSummary
     error: str
     evaluations: int
     rows: list[Ranked]
+    learning: list[str] = field(default_factory=list)

@@ -15,6 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import controllers_for, design_for, job_named, machine_named
+from experiments.catalogue.controllers import CONTROLLERS
 from experiments.designs.design import Design, plain_weights
 from experiments.files import run_folder
 from experiments.files.checkpoints import load_state, save_state
@@ -49,6 +50,7 @@ class Ranking:
         candidates: in the order in which they are tuned.
         designs: of those whose numbers are as given; a first loop takes a while to find.
         begun: the first run that can be, made already.
+        learning: names that are left out, as no margin is known of what they learn.
     """
 
     flags: Rank
@@ -56,6 +58,7 @@ class Ranking:
     candidates: tuple[Candidate, ...]
     designs: Mapping[Candidate, Design] = field(default_factory=dict)
     begun: Mapping[Candidate, TuningRun] = field(default_factory=dict)
+    learning: tuple[str, ...] = ()
 
     def run_of(self, candidate: Candidate) -> TuningRun:
         """Tuning run of one controller.
@@ -90,10 +93,11 @@ def ranking_of(flags: Rank) -> Ranking:
     machine = machine_named(flags.plant)
     for part in flags.parts:  # a fault in one is told before any first loop is searched
         job_named(part, Pace.of(flags, machine))
-    candidates, designs = _candidates(flags, machine)
+    names, learning = _names(flags, machine)
+    candidates, designs = _candidates(flags, machine, names)
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    return _with_one(Ranking(flags, machine, tuple(candidates), designs))
+    return _with_one(Ranking(flags, machine, tuple(candidates), designs, learning=learning))
 
 
 def _with_one(ranking: Ranking) -> Ranking:
@@ -111,10 +115,21 @@ def _with_one(ranking: Ranking) -> Ranking:
     raise reasons[0]
 
 
-def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
+def _names(flags: Rank, machine: Machine) -> tuple[Sequence[str], tuple[str, ...]]:
+    """Controllers that are tuned, and those that are left out as they learn."""
+    if flags.controllers:
+        return flags.controllers, ()
+    names = controllers_for(machine)
+    learning = tuple(name for name in names if CONTROLLERS[name].learns)
+    return [name for name in names if name not in learning], learning
+
+
+def _candidates(
+    flags: Rank, machine: Machine, names: Sequence[str]
+) -> tuple[list[Candidate], dict[Candidate, Design]]:
     """Every controller, with every choice of numbers that it reads, and designs made on the way."""
     found, designs = [], {}
-    for name in flags.controllers or controllers_for(machine):
+    for name in names:
         asked = replace(flags, controller=name)
         try:
             design = design_for(machine, asked)
@@ -181,6 +196,7 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
         error=ranking.machine.error,
         evaluations=ranking.flags.evaluations,
         rows=sorted(rows, key=_place),
+        learning=[*ranking.learning],
     )
 
 

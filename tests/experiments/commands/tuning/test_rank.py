@@ -105,6 +105,12 @@ def test_the_table_compares_with_the_best_and_names_failures(capsys):
     assert rows["good"] == ["2", "1.00", "1", "-", "41", "1.00", "ended"]
     assert rows["other"] == ["3", "1.50", "4", "1.8*", "12", "2.00", "not", "ended"]
     assert "failed: no place, a plant of the family diverges on cam" in printed
+    assert "Left out" not in printed
+
+
+def test_those_that_learn_are_told(capsys):
+    show(replace(RESULT, learning=["run-out"]), console_of())
+    assert "Left out: run-out. They learn" in capsys.readouterr().out
 
 
 def test_what_to_do_next():

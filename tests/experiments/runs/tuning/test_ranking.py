@@ -16,9 +16,10 @@ from experiments.runs.tuning.ranking import ranked, ranking_of
 
 
 @pytest.mark.slow
-def test_every_controller_that_reads_the_sensors_is_tried():
-    names = [one.controller for one in ranking_of(Rank()).candidates]
-    assert names == [
+def test_every_controller_that_reads_the_sensors_and_does_not_learn_is_tried():
+    asked = ranking_of(Rank())
+    assert asked.learning == ("repetitive", "run-out", "adaptive-zpetc")
+    assert [one.controller for one in asked.candidates] == [
         "contouring-lq",
         "contouring-lq-riccati",
         "contouring-lq-kalman",
@@ -30,10 +31,14 @@ def test_every_controller_that_reads_the_sensors_is_tried():
         "linear-cascade-feedforward",
         "zpetc",
         "optimal-feedforward",
-        "repetitive",
-        "run-out",
-        "adaptive-zpetc",
     ]
+
+
+@pytest.mark.slow
+def test_a_controller_that_learns_is_tried_where_it_is_named():
+    asked = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
+    assert [one.controller for one in asked.candidates] == ["linear-cascade", "run-out"]
+    assert asked.learning == ()
 
 
 @pytest.mark.slow
