@@ -4,7 +4,8 @@
                of blocks, in blocks too, in arrays, with any scale; in model space, seen from above
     left out   all other kinds, as TEXT, DIMENSION, HATCH and POINT; what is invisible, or on a
                layer that is off, frozen or never plotted (DEFPOINTS); blocks in other files. They
-               are told with count and layer
+               are told with count and layer. A block on a frozen layer is left out as a whole; on
+               one that is off, what it has on other layers is seen, as in AutoCAD
     unit       $INSUNITS, or the one that is given; it is asked for where neither says
 
 Line types and widths mean nothing here: the tool follows the middle of each line.
@@ -64,13 +65,15 @@ class Contents:
 
     Attributes:
         unit: [m]; None where the file does not say.
-        hidden: layers that are off or frozen.
+        off: layers that are off; what a block has on other layers is seen.
+        frozen: layers that are frozen, with all that a block holds.
         blocks: by name, in capitals.
         entities: of the drawing itself.
     """
 
     unit: float | None = None
-    hidden: set[str] = field(default_factory=set)
+    off: set[str] = field(default_factory=set)
+    frozen: set[str] = field(default_factory=set)
     blocks: dict[str, Block] = field(default_factory=dict)
     entities: list[Entity] = field(default_factory=list)
 
@@ -151,9 +154,14 @@ class _Reader:
             return "in paper space"
         if entity.flags(60):
             return "invisible"
-        if layer.upper() in self.contents.hidden:
+        layer = layer.upper()
+        if layer in self.contents.frozen:
+            return "frozen"
+        if entity.kind == "INSERT":
+            return ""
+        if layer in self.contents.off:
             return "off"
-        return "never plotted" if layer.upper() == NEVER_PLOTTED else ""
+        return "never plotted" if layer == NEVER_PLOTTED else ""
 
     def _leave_out(self, kind: str, layer: str, reason: str = "") -> None:
         reason = f", {reason}" if reason else ""
@@ -184,8 +192,11 @@ def _contents(lines: Sequence[str]) -> Contents:
         elif entity.kind == "ENDSEC":
             section = ""
         elif section == "TABLES" and entity.kind == "LAYER":
-            if entity.number(62, 7.0) < 0 or entity.flags() & FROZEN:
-                found.hidden.add(entity.text(2).strip().upper())
+            name = entity.text(2).strip().upper()
+            if entity.flags() & FROZEN:
+                found.frozen.add(name)
+            elif entity.number(62, 7.0) < 0:
+                found.off.add(name)
         elif section == "BLOCKS" and entity.kind == "BLOCK":
             block = Block(entity.point(10, (0.0, 0.0, 0.0)), entity.flags())
             found.blocks[entity.text(2).strip().upper()] = block

@@ -169,17 +169,32 @@ def test_what_is_not_drawn_is_told(drawn):
         "1 LINE (layer 0, in paper space)",
         "1 LINE (layer 0, invisible)",
         "1 LINE (layer OFF, off)",
-        "1 LINE (layer cold, off)",
+        "1 LINE (layer cold, frozen)",
         "2 MTEXT (layer on)",
         "1 POINT (layer 0)",
     )
 
 
-def test_layer_0_of_a_block_is_that_of_its_insert(drawn):
+@pytest.mark.parametrize(
+    ("layer", "length", "told"),
+    [
+        ("off", 6, ("1 LINE (layer off, off)",)),
+        ("DEFPOINTS", 6, ("1 LINE (layer DEFPOINTS, never plotted)",)),
+        ("cold", 5, ("1 INSERT (layer cold, frozen)",)),
+    ],
+)
+def test_a_layer_that_is_off_hides_less_of_a_block_than_a_frozen_one(drawn, layer, length, told):
+    """The block has a line on layer 0, which is that of its INSERT, and one on its own layer."""
+    block = ["BLOCK 2=two", LINE, "LINE 8=seen 10=9 20=0 11=9 21=1", "ENDBLK"]
+    layers = ["LAYER 2=off 62=-1", "LAYER 2=cold 62=-1 70=1"]
     found = drawn.dxf(
-        LINE, "INSERT 2=part 10=0 20=0 8=off", blocks=BLOCK, layers=["LAYER 2=off 62=-1"]
+        "LINE 10=20 20=0 11=20 21=5",
+        f"INSERT 2=two 10=0 20=0 8={layer}",
+        blocks=block,
+        layers=layers,
     )
-    assert found.ignored == ("1 INSERT (layer off, off)",)
+    assert drawn.length(found) == pytest.approx(length)
+    assert found.ignored == told
 
 
 ITSELF = ["BLOCK 2=part", "INSERT 2=part 10=0 20=0", "ENDBLK"]
