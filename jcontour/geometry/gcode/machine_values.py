@@ -1,9 +1,13 @@
 """Parameters that the machine sets: its position, its offsets and its modes."""
 
+import math
+
 from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 
 AXES = 3
+STANDING = frozenset(f"{kind}{axis}" for kind in ("_", "_abs_") for axis in "abcuvw")  # axes
+ROTATION = 9  # of a work system, behind the places of its nine axes
 PLASMA_FEED = "_hal[plasmac.cut-feed-rate]"  # of the material, on plasma tables of LinuxCNC
 VERSION, RELEASE = 2.0, 9.0  # of LinuxCNC, whose language this is
 
@@ -32,19 +36,24 @@ def _numbered(machine: Machine, key: int) -> float | None:
         5081: (offsets.tool, unit),
         5161: (machine.homes[280], MM),
         5181: (machine.homes[300], MM),
-        5211: (offsets.shift, MM),
+        5211: (offsets.kept_shift, MM),
         5420: (machine.offsets.in_program(machine.tracer.at), unit),
     }
     for first, (point, length) in at_axis.items():
         if first <= key < first + AXES:
             return point[key - first] / length
+    if key == 5210:
+        return float(offsets.shifted)
     if key == 5220:
         return float(offsets.system)
     if key == 5400:
         return float(machine.tool)
     system, axis = divmod(key - 5221, 20)
-    if 0 <= system < len(offsets.origins) and axis < AXES:
-        return offsets.origins[system][axis] / MM
+    if 0 <= system < len(offsets.origins):
+        if axis < AXES:
+            return offsets.origins[system][axis] / MM
+        if axis == ROTATION:
+            return math.degrees(offsets.angles[system])
     return None
 
 
@@ -88,4 +97,4 @@ def _named(machine: Machine, key: str, call_level: int) -> float | None:
         "_vmajor": VERSION,
         "_vminor": RELEASE,
     }
-    return values.get(key)
+    return 0.0 if key in STANDING else values.get(key)

@@ -89,9 +89,13 @@ class Parameters:
             raise ToolpathError(f"more than {MOST_NAMES} named parameters")
 
     def enter(self, arguments: list[float]) -> "Locals":
-        """Begin a subprogram: its arguments become #1, #2, ...; return what `leave` restores."""
+        """Begin a subprogram: its arguments become #1, #2, ..., the others of its own are 0.
+
+        Return what `leave` restores.
+        """
         kept = Locals({n: self._numbered.get(n, 0.0) for n in range(1, LOCAL + 1)}, self._own)
         self._own = {}
+        self._numbered.update(dict.fromkeys(kept.numbered, 0.0))
         for number, value in enumerate(arguments, start=1):
             self.set(number, value)
         self._common.pop("_value", None)

@@ -24,6 +24,7 @@ class Offsets:
         origins: of all systems.
         angles: by which each is rotated around Z [rad].
         shift: of G52 and G92.
+        shifted: whether one of them is in force.
         tool: offset of the tool.
         kept_shift: what G92.3 brings back after G92.2.
     """
@@ -32,6 +33,7 @@ class Offsets:
     origins: list[Point] = field(default_factory=lambda: [ZERO] * SYSTEMS)
     angles: list[float] = field(default_factory=lambda: [0.0] * SYSTEMS)
     shift: Point = ZERO
+    shifted: bool = False
     tool: Point = ZERO
     kept_shift: Point = ZERO
 
@@ -84,20 +86,22 @@ class Offsets:
         here = self.in_program(at)
         moved = _difference(here, replaced(here, values))
         self.shift = self.kept_shift = _sum(self.shift, moved)
+        self.shifted = True
 
     def shift_by(self, values: dict[int, float]) -> None:
         """Shift the program by these lengths, by axis (G52)."""
         self.shift = self.kept_shift = replaced(self.shift, values)
+        self.shifted = True
 
     def unshift(self, for_good: bool) -> None:
         """Take the shift away (G92.1), or suspend it (G92.2)."""
-        self.shift = ZERO
+        self.shift, self.shifted = ZERO, False
         if for_good:
             self.kept_shift = ZERO
 
     def shift_again(self) -> None:
         """Bring the shift back (G92.3)."""
-        self.shift = self.kept_shift
+        self.shift, self.shifted = self.kept_shift, True
 
 
 def _sum(a: Point, b: Point) -> Point:

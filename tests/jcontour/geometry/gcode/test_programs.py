@@ -103,6 +103,32 @@ def test_an_arc_in_another_plane_seen_by_two_axes():
     assert moves("F600 G18 G2 X0 Z20 K10 Y0", axes=3)[0].angle == -math.pi
 
 
+def ends(program: str) -> list[list[float]]:
+    """End points of the moves of a program [mm]."""
+    return [[round(length / MM, 9) for length in move.end] for move in moves(program)]
+
+
+def test_a_subprogram_begins_with_its_arguments_and_zeros():
+    """#1 to #30 are its own; one that M98 calls has those of its caller."""
+    caller = "#1=5 #30=6 #31=7\no1 call\nG0 X#1 Y#30 Z#31\n"
+    body = "G0 X#1 Y#30 Z#31\n#1=8 #31=9\n"
+    assert ends(f"{caller}M2\no1 sub\n{body}o1 endsub") == [[0, 0, 7], [5, 6, 9]]
+    called = caller.replace("o1 call", "M98 P1")
+    assert ends(f"{called}M2\nO1\n{body}M99") == [[5, 6, 7], [8, 6, 9]]
+    given = caller.replace("call", "call [1]")
+    assert ends(f"{given}M2\no1 sub\n{body}o1 endsub")[0] == [1, 0, 7]
+
+
+def test_parameters_that_the_machine_keeps():
+    """Whether G92 is in force, its offsets, which G92.2 keeps; a work system's turn; A to W."""
+    told = "G53 G0 X#5210 Y#5211 Z[#5212 + #5230]"
+    program = f"G10 L2 P1 R30\nG10 L2 P1 R0\nG92 X1 Y2\n{told}\nG92.2\n{told}\nG92.3\n{told}\n"
+    assert ends(program) == [[1, -1, -2], [0, -1, -2], [1, -1, -2]]
+    assert ends(f"G92 X1 Y2\nG92.1\nG0 Z1\n{told}") == [[0, 0, 1], [0, 0, 0]]
+    assert ends(f"G0 X1\nG10 L2 P1 R30\n{told}") == [[1, 0, 0], [0, 0, 30]]
+    assert ends("G0 X[1 + #<_c> + #<_abs_a>]") == [[1, 0, 0]]
+
+
 def test_files_beside_the_program(tmp_path):
     (tmp_path / "side.ngc").write_text("o<side> sub\nG1 X#1 F60\no<side> endsub\nM2\n")
     (tmp_path / "empty.ngc").write_text("G1 X1\n")
