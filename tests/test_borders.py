@@ -40,7 +40,8 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("simulation", "riccati", "qp"),
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
-        ("geometry", "native", "plant", "sensors", "tracing", "devices", "compiled", "told_values"),
+        ("geometry", "native", "plant", "sensors"),
+        ("tracing", "devices", "compiled", "told_values", "largest"),
     ),
     "experiments": (
         ("cli", "examples"),
