@@ -147,18 +147,20 @@ class ImplicitSet:
         """Dynamics of x_0..x_N and u_0..u_N, and rest at the end."""
         model, N = self.response.model, self.response.length
         n = model.states
-        steps = sparse.kron(sparse.eye(N, N + 1, 1), np.eye(n)) - sparse.kron(
-            sparse.eye(N, N + 1), model.A
+        steps = sparse.kron(sparse.eye_array(N, N + 1, k=1), np.eye(n)) - sparse.kron(
+            sparse.eye_array(N, N + 1), model.A
         )
-        forces = -sparse.kron(sparse.eye(N, N + 1), model.B)
-        last = sparse.eye(1, N + 1, N)
+        forces = -sparse.kron(sparse.eye_array(N, N + 1), model.B)
+        last = sparse.eye_array(1, N + 1, k=N)
         rest = sparse.kron(last, np.eye(n) - model.A)
-        return sparse.csr_array(sparse.bmat([[steps, forces], [rest, -sparse.kron(last, model.B)]]))
+        return sparse.csr_array(
+            sparse.block_array([[steps, forces], [rest, -sparse.kron(last, model.B)]])
+        )
 
     @cached_property
     def _rows(self) -> tuple[sparse.csr_array, np.ndarray]:
         """Signals over the plan, scaled by their limits, from both sides."""
-        each = sparse.eye(self.response.length + 1)
+        each = sparse.eye_array(self.response.length + 1)
         rows, bounds = [], []
         for signal in self.signals:
             state, control = signal.state / signal.limit, signal.control / signal.limit

@@ -55,7 +55,7 @@ class PeakProgram:
         more = len(self.bounded) * soft
         if soft:
             above = sparse.csr_array((len(most) - more, more))
-            excess = sparse.vstack([above, -sparse.eye(more)])
+            excess = sparse.vstack([above, -sparse.eye_array(more)])
             peaks = sparse.csr_array(sparse.hstack([peaks, excess]))
             nothing = sparse.csr_array((len(values), more))
             equations = sparse.csr_array(sparse.hstack([equations, nothing]))
@@ -102,11 +102,11 @@ class PeakProgram:
         A, B = A * scales / scales[:, None], B / scales[:, None]
         start = E / scales[:, None]
         n = len(A)
-        shifted = sparse.eye(N, N - 1, 0)  # row j holds X_{j+1}
-        before = sparse.eye(N, N - 1, -1)  # row j holds X_j
+        shifted = sparse.eye_array(N, N - 1)  # row j holds X_{j+1}
+        before = sparse.eye_array(N, N - 1, k=-1)  # row j holds X_j
         on_states = sparse.kron(shifted, np.eye(n)) - sparse.kron(before, A)
-        on_controls = -sparse.kron(sparse.eye(N), B)
-        sums = sparse.kron(np.ones((1, N - 1)), self.vanishing * scales)
+        on_controls = -sparse.kron(sparse.eye_array(N), B)
+        sums = sparse.kron(sparse.coo_array(np.ones((1, N - 1))), self.vanishing * scales)
         nothing = sparse.csr_array((len(self.vanishing), N * B.shape[1]))
         blocks = [[on_states, on_controls]]
         if len(self.vanishing):
@@ -114,7 +114,7 @@ class PeakProgram:
         first = np.zeros((self.model.disturbances, N * n))
         first[:, :n] = (A @ start).T
         values = np.concatenate([first, -(self.vanishing @ E).T], axis=1)
-        whole = sparse.kron(sparse.eye(len(values)), sparse.bmat(blocks))
+        whole = sparse.kron(sparse.eye_array(len(values)), sparse.block_array(blocks))
         beside = sparse.csr_array((values.size, self.sizes * self.signals + 1))
         return sparse.csr_array(sparse.hstack([whole, beside])), values.ravel()
 
@@ -126,12 +126,12 @@ class PeakProgram:
         rows, values = [], []
         for place, (signal, unit) in enumerate(zip(signals, units, strict=True)):
             response, known = self._response(signal, scales, unit)
-            absolute = sparse.eye(1, len(signals), place)
-            absolute = sparse.kron(absolute, sparse.eye(self.sizes))
+            absolute = sparse.eye_array(1, len(signals), k=place)
+            absolute = sparse.kron(absolute, sparse.eye_array(self.sizes))
             last = sparse.csr_array((self.sizes, 1))
             rows += [sparse.hstack([sign * response, -absolute, last]) for sign in (1.0, -1.0)]
             values += [-known, known]
-        sums = sparse.kron(sparse.eye(len(signals)), np.ones((1, self.sizes)))
+        sums = sparse.kron(sparse.eye_array(len(signals)), np.ones((1, self.sizes)))
         optimum = np.zeros((len(signals), 1))
         optimum[: len(self.small)] = -1.0
         beside = sparse.csr_array((len(signals), self.responses_size))
@@ -143,9 +143,9 @@ class PeakProgram:
         """Signal at samples 0..N-1 as rows of the variables, and what is known of it."""
         N, q = self.length, self.model.disturbances
         c, d = signal.state / unit, signal.control / unit
-        on_states = sparse.kron(sparse.eye(N, N - 1, -1), c * scales)
-        on_controls = sparse.kron(sparse.eye(N), d)
+        on_states = sparse.kron(sparse.eye_array(N, N - 1, k=-1), c * scales)
+        on_controls = sparse.kron(sparse.eye_array(N), d)
         known = np.zeros((q, N))
         known[:, 0] = c @ self.model.E
-        rows = sparse.kron(sparse.eye(q), sparse.hstack([on_states, on_controls]))
+        rows = sparse.kron(sparse.eye_array(q), sparse.hstack([on_states, on_controls]))
         return rows, known.ravel()

@@ -66,9 +66,9 @@ def least_tolerance_of_any(
     equations = sparse.csr_array(
         sparse.hstack(
             [
-                sparse.kron(sparse.eye(T, T + 1, 1), np.eye(n))
-                - sparse.kron(sparse.eye(T, T + 1), model.A),
-                -sparse.kron(sparse.eye(T), model.B),
+                sparse.kron(sparse.eye_array(T, T + 1, k=1), np.eye(n))
+                - sparse.kron(sparse.eye_array(T, T + 1), model.A),
+                -sparse.kron(sparse.eye_array(T), model.B),
                 sparse.csr_array((T * n, 1)),
             ]
         )
@@ -137,8 +137,8 @@ class _Rows:
         return loss, np.concatenate([[0.0], self.acting @ effect])
 
     def _add(self, state: np.ndarray, control: np.ndarray, tolerance: float) -> None:
-        states = sparse.kron(sparse.eye(self.T + 1), state)
-        controls = sparse.kron(sparse.eye(self.T + 1, self.T), control)
+        states = sparse.kron(sparse.eye_array(self.T + 1), state)
+        controls = sparse.kron(sparse.eye_array(self.T + 1, self.T), control)
         last = sparse.csr_array(np.full((self.T + 1, 1), tolerance))
         self._rows.append(sparse.hstack([states, controls, last]))
 
