@@ -64,7 +64,7 @@ def alone() -> bool:
     """Whether shared calls have run on one thread, as XLA's interface is not the one known here."""
     places = [engine.get_global_value_address(MINOR_SEEN) for engine in _KEPT.values()]
     seen = {ctypes.c_int32.from_address(place).value for place in places if place}
-    return bool(seen - {interface.LAYOUT})
+    return not seen.issubset(interface.LAYOUTS)
 
 
 def _call(name: str, write: Callable, vmap_method: str) -> Callable:

@@ -21,7 +21,7 @@ IS_METADATA = 1
 # of the interface
 OWN_MINOR = 36
 DROP_ERROR, SCHEDULE, THREADS = 64, 136, 144
-LAYOUT = 3  # minor version that the places of the last row are of
+LAYOUTS = range(3, 5)  # minor versions that the places of the last row are of
 
 
 def place(builder: ir.IRBuilder, address, offset: int, kind=LONG):

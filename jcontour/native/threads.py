@@ -16,7 +16,7 @@ from jcontour.native.interface import (
     CONTEXT,
     DROP_ERROR,
     INTERFACE,
-    LAYOUT,
+    LAYOUTS,
     SCHEDULE,
     THREADS,
     own_minor,
@@ -51,7 +51,8 @@ def share(builder: ir.IRBuilder, frame, parts, part: ir.Function) -> None:
                 _put(builder, work, entry, number)
             minor = own_minor(builder, frame)
             builder.store(minor, _minor(builder.module))
-            known_layout = builder.icmp_signed("==", minor, INT(LAYOUT))
+            first = builder.icmp_signed(">=", minor, INT(LAYOUTS.start))
+            known_layout = builder.and_(first, builder.icmp_signed("<", minor, INT(LAYOUTS.stop)))
             several = builder.icmp_signed(">", parts, whole(1))
             with builder.if_then(builder.and_(known_layout, several)):
                 _ask_helpers(builder, frame, work, parts, help_)
@@ -63,7 +64,7 @@ def share(builder: ir.IRBuilder, frame, parts, part: ir.Function) -> None:
 def _minor(module: ir.Module) -> ir.GlobalVariable:
     """Minor version of XLA's interface that the last call came with."""
     found = ir.GlobalVariable(module, INT, MINOR_SEEN)
-    found.initializer = INT(LAYOUT)  # pyright: ignore[reportAttributeAccessIssue]
+    found.initializer = INT(LAYOUTS.start)  # pyright: ignore[reportAttributeAccessIssue]
     return found
 
 
