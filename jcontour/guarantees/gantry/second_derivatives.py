@@ -15,7 +15,7 @@ from jcontour.guarantees.gantry.intervals import Interval
 
 STRUCTURE = {  # operations that move entries, and do nothing to them
     *("reshape", "squeeze", "slice", "broadcast_in_dim", "concatenate", "transpose", "copy"),
-    *("stack", "expand_dims", "copy_p", "split"),
+    *("stack", "unstack", "expand_dims", "copy_p", "split"),
 }
 NAMED = {"pjit", "jit", "remat", "remat2", "checkpoint", "custom_jvp_call", "closed_call"}
 
