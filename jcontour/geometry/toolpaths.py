@@ -33,7 +33,8 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
 
 Anything else is an error with its line number: cutter compensation (G41, G42), probing, threads,
 splines, a feed per turn (G95), axes other than X, Y and Z. The machine starts at X0 Y0 Z0 in mm,
-absolute, XY plane, without a feed; a first move that no motion code leads is a rapid one.
+absolute, XY plane, G98 (LinuxCNC: G99), without a feed; a first move that no motion code leads is a
+rapid one.
 """
 
 from os import PathLike

@@ -27,7 +27,7 @@ from jcontour.geometry.toolpath_rules import MOST_MOVES, ToolpathError, shown
 from jcontour.geometry.toolpath_text import read_program
 
 GROUPS = ("svg", "g", "a", "switch")
-LEFT_OUT = ("text", "image", "foreignObject")
+LEFT_OUT = ("text", "flowRoot", "image", "foreignObject")  # flowRoot: text of Inkscape
 DEEPEST_USE = 32
 LENGTH_SAID = re.compile("(mm|cm|Q|in|pt|pc)$")  # units that are no px, whose size differs
 QUARTER = 0.5 * math.pi

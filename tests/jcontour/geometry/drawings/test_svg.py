@@ -150,8 +150,9 @@ def test_what_is_not_drawn_is_told(svg):
     found = svg(
         '<text>a</text><image/><g style="display:none"><line x2="5"/></g><line x2="3"/>'
         '<g clip-path="url(#c)"><rect width="1" height="1"/></g><defs><line x2="9"/></defs>'
+        '<flowRoot><flowRegion><rect width="7" height="7"/></flowRegion></flowRoot>'
     )
-    assert found.ignored == ("1 clip-path", "1 hidden g", "1 image", "1 text")
+    assert found.ignored == ("1 clip-path", "1 flowRoot", "1 hidden g", "1 image", "1 text")
 
 
 EXTERNAL = '<!DOCTYPE svg [<!ENTITY secret SYSTEM "file:///etc/hostname">]>\n'
