@@ -277,7 +277,7 @@ def _check_modes(A, B, C) -> None:
         ("C", A.T, C.T, "does not show in the outputs"),
     ):
         B_ = B_ / max(np.abs(B_).max(), 1e-300)
-        for value in np.real_if_close(np.linalg.eigvals(A_), tol=1):
+        for value in np.real_if_close(np.linalg.eigvals(A_)):
             if abs(value) < 1:
                 continue
             singular = np.linalg.svd(
