@@ -80,8 +80,8 @@ class Rank(Aimed):
     The machine's usual one when none is given."""
     controllers: tuple[str, ...] = ()
     """Names from `jcontour list`, or FILE.py:NAME.
-    Every one that suits the machine, reads its sensors and does not learn while it runs when not
-    given."""
+    When not given, every one that suits the machine, reads its sensors and does not learn while it
+    runs."""
     previews: tuple[int, ...] = ()
     """LQ: horizons that are tried beside each other [samples]; that of --preview when not given."""
     terminals: tuple[Terminal, ...] = ()

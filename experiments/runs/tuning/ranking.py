@@ -50,7 +50,6 @@ class Ranking:
         candidates: in the order in which they are tuned.
         designs: of those whose numbers are as given; a first loop takes a while to find.
         begun: the first run that can be, made already.
-        learning: names that are left out, as no margin is known of what they learn.
     """
 
     flags: Rank
@@ -58,7 +57,13 @@ class Ranking:
     candidates: tuple[Candidate, ...]
     designs: Mapping[Candidate, Design] = field(default_factory=dict)
     begun: Mapping[Candidate, TuningRun] = field(default_factory=dict)
-    learning: tuple[str, ...] = ()
+
+    @property
+    def learning(self) -> list[str]:
+        """Names that are left out, as no margin is known of what they learn."""
+        if self.flags.controllers:
+            return []
+        return [name for name in controllers_for(self.machine) if CONTROLLERS[name].learns]
 
     def run_of(self, candidate: Candidate) -> TuningRun:
         """Tuning run of one controller.
@@ -93,11 +98,10 @@ def ranking_of(flags: Rank) -> Ranking:
     machine = machine_named(flags.plant)
     for part in flags.parts:  # a fault in one is told before any first loop is searched
         job_named(part, Pace.of(flags, machine))
-    names, learning = _names(flags, machine)
-    candidates, designs = _candidates(flags, machine, names)
+    candidates, designs = _candidates(flags, machine)
     if not candidates:
         raise ValueError(f"controllers: none of the catalogue suits {machine.name}")
-    return _with_one(Ranking(flags, machine, tuple(candidates), designs, learning=learning))
+    return _with_one(Ranking(flags, machine, tuple(candidates), designs))
 
 
 def _with_one(ranking: Ranking) -> Ranking:
@@ -115,21 +119,11 @@ def _with_one(ranking: Ranking) -> Ranking:
     raise reasons[0]
 
 
-def _names(flags: Rank, machine: Machine) -> tuple[Sequence[str], tuple[str, ...]]:
-    """Controllers that are tuned, and those that are left out as they learn."""
-    if flags.controllers:
-        return flags.controllers, ()
-    names = controllers_for(machine)
-    learning = tuple(name for name in names if CONTROLLERS[name].learns)
-    return [name for name in names if name not in learning], learning
-
-
-def _candidates(
-    flags: Rank, machine: Machine, names: Sequence[str]
-) -> tuple[list[Candidate], dict[Candidate, Design]]:
+def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Candidate, Design]]:
     """Every controller, with every choice of numbers that it reads, and designs made on the way."""
     found, designs = [], {}
-    for name in names:
+    suiting = [name for name in controllers_for(machine) if not CONTROLLERS[name].learns]
+    for name in flags.controllers or suiting:
         asked = replace(flags, controller=name)
         try:
             design = design_for(machine, asked)
@@ -196,7 +190,7 @@ def ranked(ranking: Ranking, folder: Path, console: Console) -> RankedResult:
         error=ranking.machine.error,
         evaluations=ranking.flags.evaluations,
         rows=sorted(rows, key=_place),
-        learning=[*ranking.learning],
+        learning=ranking.learning,
     )
 
 

@@ -6,7 +6,7 @@ from jcontour.geometry.gcode.machine import Machine
 from jcontour.geometry.toolpath_rules import INCH, MM, ToolpathError
 
 AXES = 3
-STANDING = frozenset(f"{kind}{axis}" for kind in ("_", "_abs_") for axis in "abcuvw")  # axes
+STANDING = frozenset(f"{kind}{axis}" for kind in ("_", "_abs_") for axis in "abcuvw")  # at 0
 ROTATION = 9  # of a work system, behind the places of its nine axes
 PLASMA_FEED = "_hal[plasmac.cut-feed-rate]"  # of the material, on plasma tables of LinuxCNC
 VERSION, RELEASE = 2.0, 9.0  # of LinuxCNC, whose language this is

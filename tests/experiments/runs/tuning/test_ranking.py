@@ -18,7 +18,7 @@ from experiments.runs.tuning.ranking import ranked, ranking_of
 @pytest.mark.slow
 def test_every_controller_that_reads_the_sensors_and_does_not_learn_is_tried():
     asked = ranking_of(Rank())
-    assert asked.learning == ("repetitive", "run-out", "adaptive-zpetc")
+    assert asked.learning == ["repetitive", "run-out", "adaptive-zpetc"]
     assert [one.controller for one in asked.candidates] == [
         "contouring-lq",
         "contouring-lq-riccati",
@@ -38,7 +38,7 @@ def test_every_controller_that_reads_the_sensors_and_does_not_learn_is_tried():
 def test_a_controller_that_learns_is_tried_where_it_is_named():
     asked = ranking_of(Rank(controllers=("linear-cascade", "run-out")))
     assert [one.controller for one in asked.candidates] == ["linear-cascade", "run-out"]
-    assert asked.learning == ()
+    assert asked.learning == []
 
 
 @pytest.mark.slow
