@@ -35,9 +35,12 @@ class TooLongError(ValueError):
         piece: number of the piece that takes longest.
     """
 
-    def __init__(self, piece: int, seconds: float, dwells: float, dt: float, most: int):
+    def __init__(
+        self, piece: int, seconds: float, dwells: float, z_alone: float, dt: float, most: int
+    ):
         self.piece = piece
         of_them = f", {dwells:.3g} s of it in dwells (P of G4 is in seconds)" if dwells else ""
+        of_them += f", {z_alone:.3g} s of it while Z moves alone" if z_alone else ""
         super().__init__(
             f"the program takes {seconds:.3g} s at least, longest here{of_them}; that is more than "
             f"the {most:,} samples of {dt:g} s that fit into the free memory: give a higher "
@@ -236,24 +239,25 @@ def _read(path: Path, pace: Pace) -> Job:
             raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
         feed = np.full(contour.rate.shape, pace.feed_or_default)
         rapid = np.zeros(contour.rate.shape, bool)
-        rest = np.full(contour.rate.shape, np.nan)
+        rest, z_alone = np.full(contour.rate.shape, np.nan), np.zeros(contour.rate.shape)
         program = None
     else:
-        contour, feed, rapid, *words, rest, doubts, stops = _toolpath(path, pace)
+        contour, feed, rapid, *words, rest, z_alone, doubts, stops = _toolpath(path, pace)
         contour = _lifted(contour, machine.model.axes)
         program = Program(*words, doubts, stops)
-    feed = pace.override * feed
+    feed, z_alone = pace.override * feed, z_alone / pace.override
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
     rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
     speeds = np.where(rapid, rapid_speed, feed)
     moving = np.asarray(contour.extent) / speeds
     try:
-        _check_duration(moving, np.nan_to_num(rest), machine)
-        run = along_path(contour, speeds, rapid, pace, rest)
+        _check_duration(moving, np.nan_to_num(rest), z_alone, machine)
+        run = along_path(contour, speeds, rapid, pace, rest + z_alone)
     except (TooLongError, SharpTurnError) as error:
         raise _in_line(program, error.piece, error) from None
-    scored = ~(rapid[_piece_at(contour, run.arc)] & rapid[_piece_before(contour, run.arc)])
+    before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
+    scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )
@@ -265,12 +269,15 @@ def _toolpath(path: Path, pace: Pace) -> Toolpath:
     return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
 
 
-def _check_duration(moving: np.ndarray, resting: np.ndarray, machine: Machine) -> None:
+def _check_duration(
+    moving: np.ndarray, dwelling: np.ndarray, z_alone: np.ndarray, machine: Machine
+) -> None:
     """Refuse what takes so long [s] that its samples do not fit in memory."""
-    whole, dwells = float(np.sum(moving) + np.sum(resting)), float(np.sum(resting))
+    lasting = moving + dwelling + z_alone
+    whole, *resting = (float(np.sum(part)) for part in (lasting, dwelling, z_alone))
     dt, most = machine.model.dt, room(len(machine.family_names))
     if whole / dt > most:
-        raise TooLongError(int(np.argmax(moving + resting)), whole, dwells, dt, most)
+        raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
 
 
 def _in_line(program: Program | None, piece: int, error: ValueError) -> ToolpathError:

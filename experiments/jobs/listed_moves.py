@@ -84,7 +84,9 @@ def _move(move: Move, axes: int) -> str:
 def _stop(stop: Stop, axes: int) -> str:
     dwells = stop.why == DWELL
     place = _line(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
-    return f"{place}  for {stop.lasting:.6g} s" if dwells else f"{place}  for {stop.why}"
+    lasting = stop.lasting if dwells else stop.besides
+    lasts = f"{lasting:.6g} s" if dwells or lasting > 0 else ""
+    return " ".join(filter(None, [f"{place}  for", "" if dwells else stop.why, lasts]))
 
 
 def _drawn(path: Path, pace: Pace) -> Iterator[str]:

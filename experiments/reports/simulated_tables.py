@@ -42,7 +42,7 @@ def motion_table(motion: MotionSummary, axes: Sequence[str]) -> Table:
     ]
     rows = [
         ["cycle time", f"{motion.cycle_time:.3f} s"],
-        *([["of it dwells", f"{motion.dwell:.3f} s"]] if motion.dwell else []),
+        *([["of it at rest", f"{motion.dwell:.3f} s"]] if motion.dwell else []),
         ["stops on the way", str(motion.stops)],
         ["corners blended within", f"{1e6 * motion.deviation:.3g} um"],
         *shares,

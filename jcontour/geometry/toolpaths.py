@@ -71,7 +71,9 @@ class Toolpath(NamedTuple):
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
         line: (P,) line of the program that every piece is from.
         ignored: words of the program that mean nothing for the path, as S or M3.
-        rest: (P,) how long the tool rests at the end of every piece [s]; NaN where it goes on.
+        rest: (P,) how long the tool dwells at the end of every piece [s]; NaN where it goes on.
+        z_alone: (P,) how long Z then moves alone at its programmed feed [s], where two axes are
+            traced; its rapid moves count as 0.
         doubts: what of the program may be meant otherwise.
         stops: where and why it stops, in words; empty where it does not.
     """
@@ -82,6 +84,7 @@ class Toolpath(NamedTuple):
     line: Int[np.ndarray, " P"]
     ignored: tuple[str, ...]
     rest: Float[np.ndarray, " P"]
+    z_alone: Float[np.ndarray, " P"]
     doubts: tuple[str, ...] = ()
     stops: str = ""
 
@@ -119,9 +122,9 @@ def parse_gcode(
 
     Args:
         text: the program.
-        axes: "XYZ", or "XY" for its projection: moves along Z alone vanish, the others last as long
-            as they did (their feed is that of the projection), arcs in other planes become lines
-            to and fro; a helix in another plane is an error.
+        axes: "XYZ", or "XY" for its projection: the tool waits while Z moves alone, the other moves
+            last as long as they did (their feed is that of the projection), arcs in other planes
+            become lines to and fro; a helix in another plane is an error.
         feed: speed along the contour [m/s] instead of every programmed feed.
         files: lines of the files that subprograms are in, by name.
 
@@ -147,6 +150,7 @@ def parse_gcode(
     path = _toolpath(traced, len(axes), feed, ignored_words(interpreter.ignored, stops))
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
+        z_alone=_z_alone(stops, cutting[0], path.contour),
         doubts=doubts_of(interpreter.assumed_at, stops),
         stops=told_stops(stops),
     )
@@ -189,6 +193,14 @@ def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, 
     return rest
 
 
+def _z_alone(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, " P"]:
+    """How long Z moves alone at its feed at the end of every piece [s]."""
+    lasting = np.zeros(contour.rate.size)
+    for stop in stops:
+        lasting[stop.after - 1 - first] += np.nan_to_num(stop.besides)
+    return lasting
+
+
 def _turned(contour: Contour) -> Float[np.ndarray, " joints"]:
     """Jump of the direction between neighbouring pieces [1]."""
     pieces = jax.tree.map(np.asarray, contour.pieces)
@@ -222,7 +234,8 @@ def _toolpath(
     helical = (pieces.rate > 0) & pieces.polynomial[:, 1].any(axis=-1)
     newton_steps = contours.NEWTON_STEPS if helical.any() else 0
     contour = contours.from_pieces(pieces, newton_steps=newton_steps)
-    return Toolpath(contour, feed, rapid, line, ignored, np.full(line.size, np.nan))
+    nowhere, never = np.full(line.size, np.nan), np.zeros(line.size)
+    return Toolpath(contour, feed, rapid, line, ignored, nowhere, never)
 
 
 def _pieces(start, end, centre, angle, normal) -> Piece:

@@ -85,13 +85,13 @@ class MotionSummary:
     """Summary of a jerk-limited motion, SI units.
 
     Attributes:
-        cycle_time: [s], dwells included.
+        cycle_time: [s], rests included.
         stops: on the way.
         deviation: bound of the distance of its path from the contour [m].
         shares: of the time in which a limit acts: feed, speed, acceleration and jerk of an axis.
         jerk_limit, peak_jerk, peak_acceleration: one number per axis.
         gap: about the time that the planner left to gain [s].
-        dwell: time that it rests in dwells [s].
+        dwell: time that it rests, in dwells and while Z moves alone [s].
     """
 
     cycle_time: float

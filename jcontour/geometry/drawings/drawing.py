@@ -88,7 +88,7 @@ def _toolpath(found: list[Stroke], feed: float, told: tuple[str, ...]) -> Toolpa
     contour = contours.from_pieces(pieces, error, contours.NEWTON_STEPS if smooth else 0)
     line = np.array([line for _, line in drawn])[owner]
     speed, rest = np.where(is_rapid, np.nan, feed), np.full(line.size, np.nan)
-    return Toolpath(contour, speed, is_rapid, line, told, rest)
+    return Toolpath(contour, speed, is_rapid, line, told, rest, np.zeros(line.size))
 
 
 def _near(segment: Segment) -> bool:

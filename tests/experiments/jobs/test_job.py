@@ -28,6 +28,17 @@ def test_a_program_that_takes_for_ever(tmp_path):
         from_file(path, pace)
 
 
+def test_a_plunge_that_takes_for_ever_is_told(tmp_path):
+    path = tmp_path / "slow.ngc"
+    path.write_text("G1 X1 F600\nZ-90000 F0.1\nX2 F600\n")
+    pace = Pace(MACHINES["bridgeport"](), None, None)
+    told = (
+        r"line 1: the program takes 5\.4e\+07 s at least, longest here, 5\.4e\+07 s of it while Z"
+    )
+    with pytest.raises(ToolpathError, match=told):
+        from_file(path, pace)
+
+
 def test_a_turn_that_no_motion_can_follow_is_told_with_its_line(tmp_path, monkeypatch):
     monkeypatch.setattr(feed_laws, "MOST_STEPS", 100)
     path = tmp_path / "turns.ngc"
@@ -76,6 +87,20 @@ def test_a_tool_that_rests_where_a_cut_ends_is_scored(law, tmp_path):
     assert found.scored[at_start].sum() * machine.model.dt == pytest.approx(0.2, abs=0.01)
     between = (found.arc > 4e-3) & (found.arc < 8e-3)
     np.testing.assert_array_equal(found.scored, ~between | at_end | at_start)
+
+
+@pytest.mark.parametrize("law", ["trapezoidal", "jerk"])
+def test_x_and_y_wait_while_z_moves_alone(law, tmp_path):
+    """0.5 s in the work are scored, 0.2 s above it are not; half the feed takes twice as long."""
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 F600 G1 X4\nZ-5\nX5\nG0 Z9\nX8\nG1 Z7\nX9\nG0 Z9\n")
+    pace = Pace.of(MachineFlags(feed_law=law), MACHINES["bridgeport"]())
+    for override in (1.0, 0.5):
+        found = from_file(path, pace._replace(override=override))
+        resting = [abs(found.arc - place) < 1e-12 for place in (4e-3, 8e-3)]
+        times = [here.sum() * pace.machine.model.dt * override for here in resting]
+        np.testing.assert_allclose(times, [0.5, 0.2], atol=0.01)
+        assert found.scored[resting[0]].all() and not found.scored[resting[1]].any()
 
 
 def test_a_drawing_is_run_at_the_feed_with_rapid_moves_between_contours():

@@ -118,7 +118,7 @@ def test_dwells_are_in_the_cycle_time(tmp_path):
     shares = [sum(one.shares.values()) * one.cycle_time for one in (before, after)]
     assert shares[0] == pytest.approx(shares[1])
     rows = [[*column.cells][1] for column in motion_table(after, "XY").columns]
-    assert rows == ["of it dwells", "0.750 s"]
+    assert rows == ["of it at rest", "0.750 s"]
     assert [*motion_table(before, "XY").columns[0].cells][1] == "stops on the way"
 
 

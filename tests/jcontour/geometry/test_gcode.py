@@ -61,6 +61,15 @@ def test_stops_of_the_projection():
     np.testing.assert_array_equal(parse_gcode(program, "XYZ").rest, [np.nan, np.nan, 0, 2, np.nan])
 
 
+def test_z_alone_takes_its_time_at_its_feed():
+    """3 mm at 600 and 1 mm at 60 mm/min at one place; rapid moves and those behind the last cut."""
+    program = HEAD + "F600 G1 X4\nZ-3\nG4 P2\nZ-4 F60\nX5\nG0 Z9\nX6\nG1 Z8.5 F300\nX7\nZ0"
+    path = parse_gcode(program)
+    np.testing.assert_allclose(path.z_alone, [1.3, 0.0, 0.1, 0.0], rtol=1e-12)
+    np.testing.assert_array_equal(path.rest, [2, 0, 0, np.nan])
+    np.testing.assert_array_equal(parse_gcode(program, "XYZ").z_alone, np.zeros(9))
+
+
 def test_dwells_behind_the_last_cut_are_left_out():
     """On two axes, too, where Z has left it; a dwell at its very end is kept."""
     program = HEAD + "G1 X4\nG4 P2\nG0 Z5\nG4 P1\nM30"

@@ -17,7 +17,7 @@ MARGIN = 0.05  # of the feed
 
 
 def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
-    """Feed, acceleration and jerk over the path, with dwells as marks.
+    """Feed, acceleration and jerk over the path, with rests that last as marks.
 
     Dashed are the limits of the axes, and the feed that is asked for where the picture reaches it.
     """
@@ -34,7 +34,7 @@ def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
     rows[0].set_ylim(-MARGIN * fed.max(), (1 + MARGIN) * max(fed.max(), asked.min()))
     held = 1e3 * motion.at(rests.begin[rests.lasting > 0]).arc
     if held.size:
-        rows[0].plot(held, 0.0 * held, "v", color="black", label="dwell", clip_on=False)
+        rows[0].plot(held, 0.0 * held, "v", color="black", label="rest", clip_on=False)
     grid(rows[0], y="feed [mm/min]")
     grid(rows[1], y="acceleration [m/s$^2$]")
     grid(rows[2], x="way along the path [mm]", y="jerk [m/s$^3$]")

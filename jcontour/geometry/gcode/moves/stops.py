@@ -24,7 +24,7 @@ def stops_in_cuts(stops: Sequence[Stop], moves: Sequence[Move]) -> list[Stop]:
 def told_stops(stops: Sequence[Stop]) -> str:
     """Where and why a motion stops, in words; empty where it does not.
 
-    Moves of Z that two axes wait for are not simulated: their time is told apart.
+    What Z alone takes while two axes wait is told apart.
 
     >>> told_stops([Stop(1, (0.0, 0.0, 0.0), 0.0, 4, "M3"), Stop(2, (0.0, 0.0, 0.0), 0.5, 9, "G4")])
     '2 stops: M3 at line 4, G4 at line 9 (0.5 s)'
@@ -61,13 +61,14 @@ def _reason(why: str, some: Sequence[Stop]) -> str:
 
 
 def _waiting(moves: Sequence[Stop]) -> str:
-    """What the cycle time lacks."""
-    known = [move.besides for move in moves if not math.isnan(move.besides)]
-    rapid = len(moves) - len(known)
-    told = f"without the time of {len(moves)} move{'' if len(moves) == 1 else 's'} of Z alone"
-    if known:
-        told += f", {sum(known):.4g} s at their feed"
-    return told + (f" and {rapid} rapid" if known and rapid else "")
+    """How long Z moves alone, and what the cycle time lacks."""
+    at_feed = [move.besides for move in moves if not math.isnan(move.besides)]
+    told = [f"Z alone takes {sum(at_feed):.4g} s at its feed"] if at_feed else []
+    rapid = len(moves) - len(at_feed)
+    if rapid:
+        named = "1 rapid move of Z takes" if rapid == 1 else f"{rapid} rapid moves of Z take"
+        told.append(f"{named} no time")
+    return "; ".join(told)
 
 
 def ignored_words(words: Iterable[str], stops: Sequence[Stop]) -> tuple[str, ...]:

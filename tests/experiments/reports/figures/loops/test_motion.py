@@ -15,7 +15,7 @@ def marks(rest):
     planned = cornered(line, np.full(3, 0.05), LIMITS, 1e-6, rest)
     figure = motion_figure(planned, "XY")
     assert all(axes.get_legend() is None for axes in figure.axes)  # where it would hide curves
-    return [line.get_xdata() for line in figure.axes[0].lines if line.get_label() == "dwell"]
+    return [line.get_xdata() for line in figure.axes[0].lines if line.get_label() == "rest"]
 
 
 def test_dwells_are_marked_where_the_tool_rests_and_stops_are_not():

@@ -19,9 +19,10 @@ def test_time_of_z_alone_is_told_apart():
     stops = stops_of("F600 G1 X1\nG1 Z-3\nX2\nG0 Z0\nG1 X3\nG1 Z-2 F120\nX4\nG0 Z9\nM5")
     assert [stop.besides for stop in stops][::2] == [0.3, 1.0]
     assert math.isnan(stops[1].besides)
-    told = "without the time of 3 moves of Z alone, 1.3 s at their feed and 1 rapid"
+    told = "Z alone takes 1.3 s at its feed; 1 rapid move of Z takes no time"
     assert told_stops(stops) == f"3 stops: Z 3 times from line 2; {told}"
-    assert told_stops(stops[1:2]).endswith("without the time of 1 move of Z alone")
+    two = told_stops([stops[1], stops[1]])
+    assert two == "2 stops: Z 2 times from line 4; 2 rapid moves of Z take no time"
 
 
 def test_no_more_than_six_reasons_are_told():
