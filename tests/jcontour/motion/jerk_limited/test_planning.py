@@ -213,7 +213,7 @@ def test_bad_feed_is_refused(feed):
         jerk_limited(contours.circle(1e-2), feed, LIMITS)
 
 
-@pytest.mark.parametrize("jerk", [0.0, np.inf, [1.0, 2.0, 3.0]])
+@pytest.mark.parametrize("jerk", [0.0, np.inf, [np.inf, 1.0], [1.0, -1.0], [1.0, 2.0, 3.0]])
 def test_bad_limit_is_refused(jerk):
     with pytest.raises(ValueError, match="jerk"):
         AxisLimits.of(2, 1.0, jerk)

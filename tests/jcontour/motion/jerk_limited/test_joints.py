@@ -1,0 +1,51 @@
+"""Jumps where a line meets an arc, against the arc's radius and the angle between both."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry import contours
+from jcontour.motion.jerk_limited.joints import BEND, TURN, joints, unpadded
+
+RADIUS = 5e-3  # [m]
+TANGENT = contours.chain(
+    [
+        contours.line([0.0, 0.0], [20e-3, 0.0]),
+        contours.arc([20e-3, 0.0], [20e-3, RADIUS], np.pi / 2),
+        contours.line([20e-3 + RADIUS, RADIUS], [20e-3 + RADIUS, 20e-3]),
+    ]
+)
+
+
+def test_a_line_and_an_arc_differ_by_the_curvature_alone():
+    found = joints(unpadded(TANGENT))
+    np.testing.assert_allclose(found.turn, 0.0, atol=TURN / 100)
+    np.testing.assert_allclose(found.bend, 1 / RADIUS, rtol=1e-12)
+
+
+def test_two_lines_differ_by_the_chord_of_their_angle():
+    turn = 0.4  # [rad]
+    corner = contours.polyline(
+        [[0, 0], [1e-2, 0], [1e-2 * (1 + np.cos(turn)), 1e-2 * np.sin(turn)]]
+    )
+    found = joints(unpadded(corner))
+    np.testing.assert_allclose(found.turn, 2 * np.sin(turn / 2), rtol=1e-12)
+    np.testing.assert_allclose(found.bend, 0.0, atol=1e-9)
+    assert not found.smooth(np.full(2, 1e-9), 1e9).any()  # it is not passed, however slow
+
+
+@pytest.mark.parametrize(
+    ("feeds", "expected"),
+    [([0.9, 2.0, 0.9], [True, True]), ([1.1, 1.1, 0.9], [False, True])],
+)
+def test_a_joint_is_passed_at_the_lower_feed_of_its_two_pieces(feeds, expected):
+    """Feeds in parts of that at which the acceleration jumps by as much as rounding."""
+    acceleration = 3.0  # [m/s^2]
+    rounding = np.sqrt(BEND * acceleration * RADIUS)  # [m/s]
+    found = joints(unpadded(TANGENT))
+    passed = found.smooth(rounding * np.array(feeds), acceleration)
+    np.testing.assert_array_equal(passed, expected)
+
+
+def test_a_stack_of_contours_is_refused():
+    with pytest.raises(ValueError, match="one contour"):
+        unpadded(contours.stack([TANGENT, contours.circle(RADIUS)]))
