@@ -10,8 +10,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from experiments.jobs.coarse import coarse
 from experiments.jobs.memory import room
-from experiments.jobs.motion_laws import Aside, along_path
+from experiments.jobs.motion_laws import Aside, along_path, axis_limits
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
@@ -54,13 +55,11 @@ class Program(NamedTuple):
     Attributes:
         line: (P,) line of the file that every piece is from.
         ignored: its words that mean nothing for the path, or what of a drawing is left out.
-        doubts: what of it may be meant otherwise.
         stops: where and why it stops, in words.
     """
 
     line: np.ndarray
     ignored: tuple[str, ...]
-    doubts: tuple[str, ...]
     stops: str
 
 
@@ -77,6 +76,7 @@ class Job(NamedTuple):
         program: G-code or drawing behind it; None where there is none.
         aside: where it leaves the contour, in blended corners; None where it does not.
         planned: jerk-limited motion behind it; None where there is none.
+        doubts: what of its file may be meant otherwise, or spoils the motion.
     """
 
     name: str
@@ -88,6 +88,7 @@ class Job(NamedTuple):
     program: Program | None = None
     aside: Aside | None = None
     planned: Planned | None = None
+    doubts: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -98,11 +99,6 @@ class Job(NamedTuple):
     def ignored(self) -> tuple[str, ...]:
         """Words of the program that mean nothing for the path."""
         return () if self.program is None else self.program.ignored
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What of the program may be meant otherwise."""
-        return () if self.program is None else self.program.doubts
 
     @property
     def stops(self) -> str:
@@ -240,11 +236,11 @@ def _read(path: Path, pace: Pace) -> Job:
         feed = np.full(contour.rate.shape, pace.feed_or_default)
         rapid = np.zeros(contour.rate.shape, bool)
         rest, z_alone = np.full(contour.rate.shape, np.nan), np.zeros(contour.rate.shape)
-        program = None
+        program, doubts = None, ()
     else:
         contour, feed, rapid, *words, rest, z_alone, doubts, stops = _toolpath(path, pace)
         contour = _lifted(contour, machine.model.axes)
-        program = Program(*words, doubts, stops)
+        program = Program(*words, stops)
     feed, z_alone = pace.override * feed, z_alone / pace.override
     fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
     speed = machine.limits.speed
@@ -258,9 +254,11 @@ def _read(path: Path, pace: Pace) -> Job:
         raise _in_line(program, error.piece, error) from None
     before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
-    return Job(
-        path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
-    )
+    if pace.feed_law == "jerk" and pace.corner_tolerance:
+        advice = coarse(contour, speeds, ~rapid, axis_limits(pace), pace.corner_tolerance)
+        doubts = (*doubts, *filter(None, [advice]))
+    motion = run.aside, run.planned, doubts
+    return Job(path.stem, contour, run.arc, scored, True, run.words, program, *motion)
 
 
 def _toolpath(path: Path, pace: Pace) -> Toolpath:

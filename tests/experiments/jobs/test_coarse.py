@@ -1,0 +1,76 @@
+"""Advice on coordinates that are too coarse, for circles and lines whose rounding is known."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import machines
+from experiments.catalogue.choices import machine_named
+from experiments.jobs.coarse import coarse
+from experiments.jobs.job import from_file
+from experiments.jobs.pace import Pace
+from jcontour.geometry.contours import polyline
+from jcontour.motion.jerk_limited.limits import AxisLimits
+
+EXAMPLE = str(Path(machines.__file__).parent / "example.json")
+LIMITS = AxisLimits.of(2, 1.25, 62.5, np.inf)
+FEED = 0.05  # [m/s]
+
+
+def circle(step: float, radius: float = 5e-3, chord: float = 0.1e-3, begin: float = 0.0):
+    """Points of a circle, a chord apart, rounded to a step [m]."""
+    angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * radius / chord))
+    points = begin + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.round(points / step) * step if step else points
+
+
+def advice(points, tolerance: float = 2e-6, feed: float = FEED) -> str | None:
+    path = polyline(points)
+    count = path.rate.size
+    return coarse(path, np.full(count, feed), np.ones(count, bool), LIMITS, tolerance)
+
+
+@pytest.mark.parametrize("step", [2.54e-6, 10e-6, 25.4e-6])
+def test_the_step_of_the_coordinates_is_found_and_named(step):
+    """In millimetres and in inches; a place of the whole off the steps does not matter."""
+    for points in (circle(step), circle(step) + 0.123456789e-3):
+        found = advice(points)
+        assert found is not None and found.startswith(
+            f"coordinates are rounded to {1e6 * step:.3g}"
+        )
+        assert f"--corner-tolerance-um {1e6 * step:.3g} " in found
+    assert advice(circle(step), step) is None
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        circle(0.0),
+        circle(1e-6),  # finer than the tolerance
+        circle(100e-6),  # a grid that is meant
+        circle(10e-6, radius=50e-3, chord=2e-3),  # so long that the rounding takes no time
+        np.stack([np.arange(200) * 0.1e-3, np.zeros(200)], axis=1),  # straight on
+        np.array([[0, 0], [5e-3, 0], [5e-3, 5.01e-3], [0, 5.01e-3]]),  # corners that are meant
+    ],
+)
+def test_where_rounding_takes_no_time_nothing_is_said(points):
+    assert advice(points) is None
+
+
+def test_a_slow_tool_does_not_mind_the_rounding():
+    """pi v sqrt(a/A) = 6.3 um and pi v cbrt(a/J) = 14 um of chord at 1 mm/s."""
+    assert advice(circle(10e-6), feed=1e-3) is None
+
+
+def test_who_follows_the_advice_is_quicker(tmp_path):
+    path = tmp_path / "circle.ngc"
+    moves = "\n".join(f"X{x:.2f} Y{y:.2f}" for x, y in 1e3 * circle(0.0))
+    path.write_text(f"G21 G90 F3000 G1\n{moves}\n")
+    pace = Pace(machine_named(EXAMPLE), None, None)
+    first = from_file(path, pace)
+    (advised,) = first.doubts
+    tolerance = 1e-6 * float(advised.split("--corner-tolerance-um ")[1].split()[0])
+    second = from_file(path, pace._replace(corner_tolerance=tolerance))
+    assert second.samples < 0.5 * first.samples and second.doubts == ()
+    assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()
