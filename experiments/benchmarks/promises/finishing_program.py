@@ -10,8 +10,7 @@ Chords are as long as keeps them near the curve,
 
     length^2 = 8 CHORD / curvature,
 
-within LEAST and MOST. Coordinates are rounded to a micrometre. Corners and bows come from a seed:
-the program is the same every time.
+within LEAST and MOST. Corners and bows come from a seed: the program is the same every time.
 """
 
 from collections.abc import Iterator
@@ -97,8 +96,8 @@ def _passes() -> Iterator[Side]:
             size, place = 1.0, corner[0]
 
 
-def gcode(sides: list[Side]) -> str:
-    """Program of the sides' chords, in millimetres."""
+def gcode(sides: list[Side], decimals: int) -> str:
+    """Program of the sides' chords, in millimetres with so many decimals."""
     points = np.concatenate([sides[0].at(np.zeros(1)), *(s.at(s.chords())[1:] for s in sides)])
-    words = [f"X{x:.3f} Y{y:.3f}" for x, y in 1e3 * points]
+    words = [f"X{x:.{decimals}f} Y{y:.{decimals}f}" for x, y in 1e3 * points]
     return "\n".join(["G21 G90 G17 G94", f"G0 {words[0]}", f"G1 F{FEED}", *words[1:], "M2", ""])

@@ -1,6 +1,7 @@
 """`jcontour bench program`: contour error of a long finishing program by law of motion.
 
-The machine is `example.json` with its usual controller. Motions of one row take the same time:
+The machine is `example.json` with its usual controller. Coordinates have three decimals of a
+millimetre, as most CAM systems write them, or four. Motions of one row take the same time:
 jerk-limited ones within a tolerance, and beside each of them constant feed through the raw chords.
 Errors are those of the tool from the program's chords, and from the curve that the chords stand
 for.
@@ -30,7 +31,8 @@ from jcontour.motion.feed_laws import constant_feed
 
 MACHINE = Path(__file__).parents[2] / "machines" / "example.json"
 CHORDS = 150_000
-TOLERANCES = (2.0, 1.5, 1.2, 1.0, 0.8)  # [um]
+# decimals of the program, tolerance [um]
+CASES = ((3, 2.0), (3, 1.5), (3, 1.2), (3, 1.0), (3, 0.8), (4, 2.0), (4, 1.0), (4, 0.5))
 APART = 5e-6  # [m] of points on the curve: less than 0.01 um from it where it bends by 0.4 mm
 ALIKE = 1e-3  # of a cycle time: equal
 TRIES = 20
@@ -114,29 +116,32 @@ def measured(flags: Bench, tell: Callable[[str], None]) -> ProgramBench:
     chords = sum(side.chords().size - 1 for side in sides)
     given = Simulate(plant=str(MACHINE))
     machine = machine_named(given.plant)
+    rows, seconds = [], []
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "finishing.ngc"
-        path.write_text(gcode(sides))
-        table = _Table(path, Pace.of(given, machine), design_for(machine, given), _curve(sides))
-        began = time.perf_counter()
-        job = table.job(corner_tolerance=1e-6 * TOLERANCES[0])
-        planned = time.perf_counter()
-        first = table.row(_within(TOLERANCES[0]), job)
-        ended = time.perf_counter()
-        rows = [first, table.row("constant feed", _constant(job, table.pace))]
-        for tolerance in TOLERANCES[1:]:
+        curve, paths = _curve(sides), _written(sides, Path(folder))
+        pace, design = Pace.of(given, machine), design_for(machine, given)
+        for decimals, tolerance in CASES:
+            table = _Table(paths[decimals], pace, design, curve)
+            began = time.perf_counter()
             job = table.job(corner_tolerance=1e-6 * tolerance)
-            rows.append(table.row(_within(tolerance), job))
-            rows.append(table.row("constant feed", _constant(job, table.pace)))
-            tell(f"within {tolerance:g} um: {1e6 * rows[-2].peak:.3g} um")
-        quick = table.job(feed_law="trapezoidal")
-        rows.append(table.row("trapezoidal", quick))
-        rows.append(table.row("trapezoidal, slower", _slowed(table, first.cycle_time)))
-    return ProgramBench(chords, rows, planned - began, ended - planned)
+            planned = time.perf_counter()
+            law = f"jerk-limited, {tolerance:g} um, {decimals} decimals"
+            rows.append(table.row(law, job))
+            seconds.append((planned - began, time.perf_counter() - planned))
+            rows.append(table.row("constant feed", _constant(job, pace)))
+            tell(f"{law}: {1e6 * rows[-2].peak:.3g} um")
+        table = _Table(paths[CASES[0][0]], pace, design, curve)
+        rows.append(table.row("trapezoidal", table.job(feed_law="trapezoidal")))
+        rows.append(table.row("trapezoidal, slower", _slowed(table, rows[0].cycle_time)))
+    return ProgramBench(chords, rows, *seconds[0])
 
 
-def _within(tolerance: float) -> str:
-    return f"jerk-limited, {tolerance:g} um"
+def _written(sides: list[Side], folder: Path) -> dict[int, Path]:
+    """Programs of the sides by their decimals."""
+    paths = {decimals: folder / f"finishing-{decimals}.ngc" for decimals, _ in CASES}
+    for decimals, path in paths.items():
+        path.write_text(gcode(sides, decimals))
+    return paths
 
 
 def _constant(job: Job, pace: Pace) -> Job:
@@ -163,11 +168,11 @@ def _slowed(table: _Table, duration: float) -> Job:
 
 
 def _curve(sides: list[Side]) -> KDTree:
-    """Points of the sides' curves, close together."""
-    points = []
+    """Points of the sides' curves, close together; a corner is one point, of both its sides."""
+    points = [sides[0].at(np.zeros(1))]
     for side in sides:
         count = int(2 * np.linalg.norm(side.last - side.first) / APART)
-        points.append(side.at(np.linspace(0.0, 1.0, count)))
+        points.append(side.at(np.linspace(0.0, 1.0, count)[1:]))
     return KDTree(np.concatenate(points))
 
 

@@ -35,11 +35,12 @@ def test_chords_stay_near_their_curve(side: Side):
     assert across.max() < 1.3 * CHORD and np.median(across) > 0.3 * CHORD
 
 
-def test_the_program_is_the_same_every_time_and_read_as_it_is_meant():
-    text = gcode(SIDES)
-    assert text == gcode(finishing_sides(3000))
+@pytest.mark.parametrize("decimals", [3, 4])
+def test_the_program_is_the_same_every_time_and_read_as_it_is_meant(decimals):
+    text = gcode(SIDES, decimals)
+    assert text == gcode(finishing_sides(3000), decimals)
     path = parse_gcode(text).contour
     assert 3000 <= path.extent.size < 3000 + 200
-    ends = np.asarray(path.position(path.start))
-    np.testing.assert_allclose(1e6 * ends, np.round(1e6 * ends), atol=1e-6)
-    np.testing.assert_allclose(ends[:50], SIDES[0].at(SIDES[0].chords())[:50], atol=0.51e-6)
+    ends, step = np.asarray(path.position(path.start)), 10.0 ** (-3 - decimals)  # [m]
+    np.testing.assert_allclose(ends / step, np.round(ends / step), atol=1e-6)
+    np.testing.assert_allclose(ends[:50], SIDES[0].at(SIDES[0].chords())[:50], atol=0.51 * step)

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial import KDTree
 
-from experiments.benchmarks.promises.program import ProgramBench, Row, _distance, show
+from experiments.benchmarks.promises.finishing_program import Side
+from experiments.benchmarks.promises.program import ProgramBench, Row, _curve, _distance, show
 from experiments.reports.tables import console_of
 
 
@@ -14,6 +15,13 @@ def test_distance_from_a_circle_in_points():
     place = radius[:, None] * np.stack([np.cos(radius * 3), np.sin(radius * 3)], axis=1)
     found = _distance(KDTree(circle), place)
     np.testing.assert_allclose(found, np.abs(radius - 1), atol=(2 * np.pi / 4000) ** 2 / 8)
+
+
+def test_distance_from_either_side_of_a_corner():
+    corners = 1e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    curve = _curve([Side(*corners[:2], np.zeros(3)), Side(*corners[1:], np.zeros(3))])
+    place = corners[1] + 1e-6 * np.array([[2.0, 1.0], [-1.0, -3.0], [4.0, -3.0]])
+    np.testing.assert_allclose(_distance(curve, place), [2e-6, 3e-6, 5e-6], rtol=1e-9)
 
 
 def test_ratios_stand_beside_constant_feed(capsys):
