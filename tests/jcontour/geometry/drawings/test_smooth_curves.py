@@ -79,3 +79,12 @@ def test_kinds_stay_in_their_order():
     assert sorted(set(found.owner.tolist())) == [0, 1, 2, 4]
     assert (np.diff(found.owner) >= 0).all()
     assert (found.pieces.rate > 0).tolist() == (found.owner == 2).tolist()
+
+
+def test_a_part_of_an_ellipse_has_pieces_that_meet_where_its_axes_are():
+    """Three quarters of it: halves of the whole would meet elsewhere."""
+    centre, long, short = MM * (1 + 4j), 20 * MM, -3j * MM
+    found = drawn_pieces([Arc(centre, long, short, 0.0, 1.5 * np.pi)])
+    start = found.pieces.jet(np.zeros(found.pieces.extent.size))[0] @ [1, 1j]
+    for vertex in (centre + long, centre + short, centre - long):
+        assert np.abs(start - vertex).min() < 1e-15
