@@ -1,29 +1,26 @@
 """Newton's equations of a warp, solved by their band, beside NumPy's solution of the whole."""
 
-import numba
 import numpy as np
 import pytest
 
-from jcontour.motion.jerk_limited.equations import FAR, MAIN, NEAR, PER_UNKNOWN, solve_equations
-
-
-@numba.njit
-def _solve(equations, mu, step):
-    solve_equations(equations, mu, step)
+from jcontour.motion.jerk_limited.equations import (
+    FAR,
+    MAIN,
+    NEAR,
+    PER_UNKNOWN,
+    SLOPE,
+    solve_equations,
+)
 
 
 def solved(matrix, pull, slope, mu):
-    """Step of a band whose neighbours in memory are no numbers."""
+    """Step of a band, by the function before it is compiled: it may not leave its arrays."""
     n = len(matrix)
-    rows = np.full((n + 4, PER_UNKNOWN), np.nan)
-    rows[2:-2] = 0.0
-    found = rows[2:-2]
-    found[:, 0], found[:, 1], found[:, MAIN] = pull, slope, np.diag(matrix)
-    found[1:, NEAR], found[2:, FAR] = np.diag(matrix, 1), np.diag(matrix, 2)
-    step = np.full(n + 4, np.nan)
-    _solve(found.ravel(), mu, step[2:-2])
-    assert np.isnan(step[:2]).all() and np.isnan(step[-2:]).all()
-    return step[2:-2]
+    rows, step = np.zeros((n, PER_UNKNOWN)), np.full(n, np.nan)
+    rows[:, 0], rows[:, SLOPE], rows[:, MAIN] = pull, slope, np.diag(matrix)
+    rows[1:, NEAR], rows[2:, FAR] = np.diag(matrix, 1), np.diag(matrix, 2)
+    solve_equations.py_func(rows.ravel(), mu, step)
+    return step
 
 
 @pytest.mark.parametrize("n", [3, 4, 20])
