@@ -20,6 +20,11 @@ from jcontour.linear.continuous_axes import (
 from tuning.identification.step_response import FittedStep, fit_step
 
 PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
+OF_OTHER_DRIVES = {  # what the control means -> flags that say nothing of such a drive
+    "speed": ("mass_kg", "viscous"),
+    "position": ("mass_kg", "viscous"),
+    "force": ("time_constant_ms",),
+}
 TRUSTED = 0.98  # of the variance of a step response: less is another kind of axis
 
 
@@ -109,6 +114,12 @@ def _described(flags: Machine) -> tuple[list[ContinuousAxis], list[str], float]:
             raise ValueError(
                 f"{_flag(name)}: missing; a drive that takes a {flags.takes} needs it "
                 "(or give --steps, a step response for each axis)"
+            )
+    for name in OF_OTHER_DRIVES[flags.takes]:
+        if numbers[name] is not None:
+            raise ValueError(
+                f"{_flag(name)}: says nothing of a drive that takes a {flags.takes}; leave it out, "
+                "or give another --takes"
             )
     per_metre = METRES[flags.length_unit] if flags.takes != "force" else 1.0  # a force is in N
     axes, words = [], []

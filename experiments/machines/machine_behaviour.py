@@ -1,5 +1,6 @@
 """What a machine's model does: speeds that it reaches, how fast it settles, where it rings."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from jcontour.linear.plant import LinearPlant
 GRAVITY = 9.81  # [m/s^2]
 QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
 FAST = 50.0  # [m/s] likewise
+SLOW = 0.01  # [m/s^2] likewise
 UNSEEN = 1e-3  # of a speed: the gain is read from a step response that settles
 STEPS, PEAK = 4000, 1.3  # samples that are looked at; a resonance rises this much
 
@@ -49,10 +51,10 @@ def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
 
 def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
+    lines = list(_doubtful_limits(machine))
     largest = machine.limits.control
     if largest is None:
-        return ["limits.control is not given: what the machine reaches is not known"]
-    lines = []
+        return [*lines, "limits.control is not given: what the machine reaches is not known"]
     for k, one in enumerate(found):
         most = float(np.broadcast_to(largest, len(found))[k])
         acceleration = most * one.acceleration
@@ -75,6 +77,18 @@ def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
                     f"less than its limit of {1e3 * allowed:.4g} mm/s"
                 )
     return lines
+
+
+def _doubtful_limits(machine: Machine) -> Iterator[str]:
+    """Stated accelerations that no axis has."""
+    stated = machine.limits.acceleration
+    if stated is None:
+        return
+    for name, limit in zip(machine.axes, np.broadcast_to(stated, len(machine.axes)), strict=True):
+        if not SLOW <= limit <= QUESTIONED / 10:
+            yield (
+                f"{name}: its limit on the acceleration is {limit:.3g} m/s^2; is length_unit right?"
+            )
 
 
 def response(model: LinearPlant, axis: int, frequency: np.ndarray) -> np.ndarray:

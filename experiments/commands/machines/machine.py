@@ -1,8 +1,10 @@
 """`jcontour machine`: a machine file from what is known of the axes; checks and draws a file."""
 
 import shlex
+from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import machine_named
@@ -18,6 +20,7 @@ from experiments.reports import tables
 from experiments.reports.figures.machines.machine import machine_figure
 from experiments.reports.figures.shared.png import save_figure
 
+OF_A_CHECK = ("file", "json")  # flags that do not describe a machine
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2"}
 
@@ -58,7 +61,11 @@ def _built(flags: Flags) -> tuple[MachineResult, Machine, Path]:
 
 def _read(flags: Flags) -> tuple[MachineResult, Machine, Path]:
     """Check an existing file, or a machine of the catalogue, and draw it."""
-    given = [name for name in ("gain", "mass_kg", "steps", "out") if getattr(flags, name)]
+    given = [
+        one.name
+        for one in fields(flags)
+        if one.name not in OF_A_CHECK and getattr(flags, one.name) != one.default
+    ]
     if given:
         raise ValueError(
             f"{given[0].replace('_', '-')}: describes a new machine; leave it out to check a file"
@@ -81,12 +88,35 @@ def _result(
         figure=str(picture),
         control_unit=machine.control_unit,
         period=machine.model.dt,
-        description=machine.description(),
+        description=machine.description() | {"Limits": _limits(machine)},
         family=list(machine.family_names),
         words=words,
         axes=[_summary(one) for one in axes],
         warnings=[*warnings, *questions(machine, axes)],
     )
+
+
+def _limits(machine: Machine) -> str:
+    """Limits of the axes in words, one number where all axes have the same."""
+    speed, acceleration, control, increment = machine.limits
+    unit = machine.control_unit
+    told = [
+        f"{quantity} {_each(scale * limit)} {shown}"
+        for quantity, limit, scale, shown in (
+            ("speed", speed, 1e3, "mm/s"),
+            ("acceleration", acceleration, 1.0, "m/s^2"),
+            ("control", control, 1.0, unit),
+            ("control increment", increment, 1.0, f"{unit} per sample"),
+        )
+        if limit is not None
+    ]
+    return "; ".join(told) or "none is stated"
+
+
+def _each(values: np.ndarray) -> str:
+    """Numbers of all axes, one where all are the same."""
+    told = [f"{one:.4g}" for one in values]
+    return ", ".join(told[:1] if len(set(told)) == 1 else told)
 
 
 def _summary(one: AxisBehaviour) -> AxisSummary:

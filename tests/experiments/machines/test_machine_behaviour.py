@@ -49,5 +49,8 @@ def test_wrong_units_are_questioned():
     assert "200 mm/s, less than its limit of 500 mm/s" in questions(slow, axis_behaviours(slow))[0]
     just = loaded(replace(MILL, max_speed=200.0))  # the same number, computed two ways
     assert questions(just, axis_behaviours(just)) == []
+    for stated, told in ((2.5, "0.0025 m/s^2; is length_unit"), (2.5e6, "2.5e+03 m/s^2; is len")):
+        metres = loaded(replace(MILL, max_acceleration=stated))  # [mm/s^2]
+        assert [told in line for line in questions(metres, axis_behaviours(metres))] == [True] * 2
     unknown = loaded(replace(MILL, max_control=None))
     assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]

@@ -56,9 +56,18 @@ def test_faults_are_told_in_a_line_and_nothing_is_written(tmp_path, machine_file
         ([], "gain: missing; a drive that takes a speed needs it"),
         (["--gain", "1", "--out", str(machine_file)], "exists; give another name"),
         ([str(machine_file), "--gain", "1"], "gain: describes a new machine"),
+        ([str(machine_file), "--max-speed", "1"], "max-speed: describes a new machine"),
         ([str(tmp_path / "none.json")], "cannot be read"),
     ):
         assert main(["machine", *(words or ["--out", str(path)])]) == 2
         told = capsys.readouterr().err
         assert line in told and told.count("\n") == 1
     assert not path.exists() and not list(tmp_path.glob("*.png"))
+
+
+def test_the_limits_of_a_file_are_told(tmp_path, capsys):
+    numbers = "--gain 1 --time-constant-ms 20 --max-control 8 --control-unit A".split()
+    limits = "--max-speed 0.25 --max-acceleration 2.5 --length-unit m".split()
+    path = tmp_path / "mill.json"
+    assert main(["machine", *numbers, *limits, "--out", str(path)]) == 0
+    assert "speed 250 mm/s; acceleration 2.5 m/s^2; control 8 A\n" in capsys.readouterr().out
