@@ -63,7 +63,7 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
     yield from filter(None, [told_stops(stops), _left_out(stops, run)])
-    yield from doubts_of(machine.assumed_at, stops)
+    yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said)
 
 
 def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:

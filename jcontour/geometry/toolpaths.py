@@ -151,7 +151,7 @@ def parse_gcode(
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
-        doubts=doubts_of(interpreter.assumed_at, stops),
+        doubts=doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
         stops=told_stops(stops),
     )
 

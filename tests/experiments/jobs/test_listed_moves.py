@@ -67,7 +67,7 @@ def test_stops_stand_in_their_places_and_long_dwells_are_asked_about(tmp_path):
 
 def test_faults_name_the_file(tmp_path):
     path = tmp_path / "part.ngc"
-    path.write_text("G1 X1\n")
+    path.write_text("G21 G1 X1\n")
     with pytest.raises(ToolpathError, match=r"part\.ngc: line 1: a cutting move without a feed"):
         listed(path, 2)
     assert len(listed(path, 2, 0.01)) == 3

@@ -84,6 +84,13 @@ def test_dwells_of_minutes_are_asked_about():
     assert parse_gcode(HEAD + "G1 X4\nG4 P60").doubts == ()
 
 
+def test_a_program_that_does_not_say_its_unit_is_asked_about():
+    (doubt,) = parse_gcode("G90\nG1 X4 F600").doubts
+    assert "no G20 or G21" in doubt
+    for said in ("G20", "G21", "G70", "G71"):
+        assert parse_gcode(f"{said} G90\nG1 X4 F600").doubts == ()
+
+
 def test_the_number_of_a_spindle_is_told():
     toolpath = parse_gcode("F600 M3 $0 S1\nG1 X1\nM5 $-1\nG97 $1 S500\nG1 X2")
     assert toolpath.ignored == ("$", "G97", "M3", "S")
@@ -96,7 +103,7 @@ def test_a_first_move_without_a_motion_code_is_rapid(traced):
     assert toolpath.rapid.tolist() == [False, True, False]
     (doubt,) = toolpath.doubts
     assert doubt.startswith("line 2: a move before any of G0 to G3 is read as G0")
-    assert parse_gcode("G53 Z0 F600\nG1 X1").doubts == (doubt.replace("line 2", "line 1"),)
+    assert parse_gcode("G21 G53 Z0 F600\nG1 X1").doubts == (doubt.replace("line 2", "line 1"),)
 
 
 def test_lines_for_the_sender_are_told(traced):

@@ -7,17 +7,19 @@ from jcontour.geometry.gcode.moves.move import Stop
 LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 
 
-def doubts_of(assumed_at: int, stops: Sequence[Stop]) -> tuple[str, ...]:
-    """Questions about the stops of a program, and about a first move that no motion code leads.
+def doubts_of(assumed_at: int, stops: Sequence[Stop], unit_said: bool) -> tuple[str, ...]:
+    """Questions about a program's unit, its stops, and a first move that no motion code leads.
 
-    >>> doubts_of(3, ())
+    >>> doubts_of(3, (), unit_said=True)
     ('line 3: a move before any of G0 to G3 is read as G0; LinuxCNC refuses it',)
 
     Args:
         assumed_at: line of that move; 0 where there is none.
         stops: of the program.
+        unit_said: whether it says what its unit is.
     """
-    return tuple(filter(None, (_assumed_rapid(assumed_at), long_dwells(stops))))
+    unit = None if unit_said else "the program has no G20 or G21: its lengths are read as mm"
+    return tuple(filter(None, (unit, _assumed_rapid(assumed_at), long_dwells(stops))))
 
 
 def long_dwells(stops: Sequence[Stop]) -> str | None:

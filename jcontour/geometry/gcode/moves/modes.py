@@ -15,6 +15,7 @@ class Modes:
     Attributes:
         plane: code of the plane of arcs and cycles, G17, G18 or G19, in tenths.
         unit: length of one [m].
+        unit_said: whether the program has said so.
         incremental: whether end points count from the start of the move.
         absolute_centres: whether centres of arcs do not.
         inverse_time: whether F is one over the minutes of a move.
@@ -25,6 +26,7 @@ class Modes:
 
     plane: int = 170
     unit: float = MM
+    unit_said: bool = False
     incremental: bool = False
     absolute_centres: bool = False
     inverse_time: bool = False
@@ -38,6 +40,7 @@ class Modes:
             self.plane = codes["plane"]
         if "units" in codes:
             self.unit = INCH if codes["units"] in (200, 700) else MM
+            self.unit_said = True
         if "distance" in codes:
             self.incremental = codes["distance"] == 910
         if "centres" in codes:
