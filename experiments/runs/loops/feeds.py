@@ -57,10 +57,9 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
             longest = scenarios.references.steps
         found = replay(controller, scenarios)
         lost = np.asarray(found.metrics.diverged)[0]
-        scored = int(np.sum(np.asarray(scenarios.references.mask)))
         yield FeedPoint(
             override=override,
-            cycle_time=scored * loop.machine.model.dt,
+            cycle_time=job.samples * loop.machine.model.dt,
             metrics=family_metrics(found, 0),
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),

@@ -1,5 +1,6 @@
 """`feed` from the command line."""
 
+import math
 import re
 from dataclasses import asdict
 
@@ -28,6 +29,21 @@ def test_a_stored_run_at_several_feeds(tmp_path, machine_file, part_file, capsys
     assert usual.metrics.worst.peak_contour_error == pytest.approx(largest, rel=1e-6)
     assert found.recommended in (50, 100) and (out / "feed.png").exists()
     assert "Recommended" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_rapid_moves_and_plunges_are_in_the_cycle_time(tmp_path, machine_file):
+    """At most 0.2 m/s, 2 m/s^2, which builds up in 20 ms: L / v + v / a + 20 ms, or without v."""
+    part, out = tmp_path / "part.ngc", tmp_path / "feed"
+    part.write_text("G21 G90\nG1 X10 F3000\nG0 Z5\nG0 Y20\nG1 Z0 F600\nG1 X0 F3000\n")
+    flags = ["--plant", str(machine_file), "--preview", "4", "--overrides", "50", "100"]
+    main(["feed", str(part), *flags, "--out", str(out)])
+    speed = (math.sqrt(0.04**2 + 4 * 0.04) - 0.04) / 2  # of the rapid move of 20 mm
+    rapid = 0.02 / speed + speed / 2 + 0.02
+    slow = 0.01 / 0.025 + 2 * math.sqrt(0.025 / 100)  # never at 2 m/s^2
+    usual = 0.01 / 0.05 + 0.05 / 2 + 0.02
+    found = [point.cycle_time for point in read_result(out, FeedResult).points]
+    assert found == pytest.approx([2 * slow + rapid + 1.0, 2 * usual + rapid + 0.5], abs=6e-3)
 
 
 @pytest.mark.slow
