@@ -193,7 +193,8 @@ def sentence(result: TunedResult) -> str:
         if known:
             typical = math.exp(sum(math.log(ratio) for ratio in known) / len(known))
             many = "contour" if len(known) == 1 else "contours"
-            parts.append(f"x {typical:.2f} on {len(known)} {words} {many}")
+            factor = f"{typical:.2f}" if typical >= 0.01 else f"{typical:.1g}"
+            parts.append(f"x {factor} on {len(known)} {words} {many}")
     what = f"Worst RMS {result.error} error of the family, geometric mean"
     return f"{what}: {', '.join(parts)}." if parts else "No run of start or tuned weights is sound."
 
