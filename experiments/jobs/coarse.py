@@ -12,11 +12,12 @@ below h has to follow the rounding.
 import numpy as np
 from jaxtyping import Bool, Float
 
+from experiments.jobs.motion_laws import axis_limits
+from experiments.jobs.pace import Pace
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import INCH, MM
 from jcontour.motion.jerk_limited.joints import unpadded
-from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.smoothing import SHARPEST
 
 # [m] of the last digit of coordinates in inches and millimetres, the coarsest first
@@ -30,37 +31,36 @@ ALMOST_ALL = 0.99  # of the chords
 ENOUGH = 0.1  # of the way that is cut
 
 
-def coarse(
-    contour: Contour,
-    speed: Float[np.ndarray, " P"],
-    cut: Bool[np.ndarray, " P"],
-    limits: AxisLimits,
-    tolerance: float,
-) -> str | None:
-    """Advice on a tolerance [m] that the rounding of coordinates spoils; None where it does not.
+def coarse_coordinates(
+    contour: Contour, speed: Float[np.ndarray, " P"], cut: Bool[np.ndarray, " P"], pace: Pace
+) -> tuple[str, ...]:
+    """Advice for a jerk-limited motion that the rounding of coordinates spoils; else none.
 
     Args:
-        contour: of a program.
+        contour: of a file.
         speed: that is asked for along every piece [m/s].
         cut: which pieces are cut.
-        limits: of the axes.
-        tolerance: above 0, within which short moves become curves [m].
+        pace: law, limits and tolerance.
     """
+    if pace.feed_law != "jerk" or not pace.corner_tolerance:
+        return ()
+    limits, tolerance = axis_limits(pace), pace.corner_tolerance
     pieces = unpadded(contour)
     chords = _chords(pieces, cut)
     step = _step_of(pieces.polynomial[chords, 1] * pieces.extent[chords, None])
     if step is None or not tolerance < (1 - ON_STEP) * step <= COARSEST:
-        return None
+        return ()
     by_acceleration = np.sqrt(step / 2 / limits.acceleration.min())  # [s]
     by_jerk = np.cbrt(step / 2 / limits.jerk.min())
     slowed = chords & (pieces.extent < np.pi * speed * max(by_acceleration, by_jerk))
     if pieces.extent[slowed].sum() < ENOUGH * pieces.extent[cut].sum():
-        return None
-    return (
+        return ()
+    advice = (
         f"coordinates are rounded to {1e6 * step:.3g} um, the tolerance is {1e6 * tolerance:.3g} "
         f"um: {slowed.sum()} short moves cannot be smoothed, which takes time; "
         f"--corner-tolerance-um {1e6 * step:.3g} smooths them, or coordinates with more digits"
     )
+    return (advice,)
 
 
 def _chords(pieces: Piece, cut: Bool[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:

@@ -10,9 +10,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from experiments.jobs.coarse import coarse
+from experiments.jobs.coarse import coarse_coordinates
 from experiments.jobs.memory import room
-from experiments.jobs.motion_laws import Aside, along_path, axis_limits
+from experiments.jobs.motion_laws import Aside, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
@@ -50,16 +50,18 @@ class TooLongError(ValueError):
 
 
 class Program(NamedTuple):
-    """G-code or drawing that a contour comes from.
+    """G-code, drawing or points that a contour comes from.
 
     Attributes:
         line: (P,) line of the file that every piece is from.
         ignored: its words that mean nothing for the path, or what of a drawing is left out.
+        doubts: what of it may be meant otherwise, or spoils the motion.
         stops: where and why it stops, in words.
     """
 
     line: np.ndarray
     ignored: tuple[str, ...]
+    doubts: tuple[str, ...]
     stops: str
 
 
@@ -73,10 +75,9 @@ class Job(NamedTuple):
         scored: whether every sample counts in the metrics.
         at_rest: from rest to rest.
         feed_law: in words.
-        program: G-code or drawing behind it; None where there is none.
+        program: file behind it; None where there is none.
         aside: where it leaves the contour, in blended corners; None where it does not.
         planned: jerk-limited motion behind it; None where there is none.
-        doubts: what of its file may be meant otherwise, or spoils the motion.
     """
 
     name: str
@@ -88,7 +89,6 @@ class Job(NamedTuple):
     program: Program | None = None
     aside: Aside | None = None
     planned: Planned | None = None
-    doubts: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -99,6 +99,11 @@ class Job(NamedTuple):
     def ignored(self) -> tuple[str, ...]:
         """Words of the program that mean nothing for the path."""
         return () if self.program is None else self.program.ignored
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What of the program may be meant otherwise, or spoils the motion."""
+        return () if self.program is None else self.program.doubts
 
     @property
     def stops(self) -> str:
@@ -229,42 +234,43 @@ def _read(path: Path, pace: Pace) -> Job:
     machine = pace.machine
     if machine.model.axes == 1:
         raise ToolpathError(f"needs a machine of two or three axes, {machine.name} has one")
-    if path.suffix.lower() == ".csv":
-        contour = _lifted(read_csv(path), machine.model.axes)
-        if contour.axes != machine.model.axes:
-            raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
-        feed = np.full(contour.rate.shape, pace.feed_or_default)
-        rapid = np.zeros(contour.rate.shape, bool)
-        rest, z_alone = np.full(contour.rate.shape, np.nan), np.zeros(contour.rate.shape)
-        program, doubts = None, ()
-    else:
-        contour, feed, rapid, *words, rest, z_alone, doubts, stops = _toolpath(path, pace)
-        contour = _lifted(contour, machine.model.axes)
-        program = Program(*words, stops)
-    feed, z_alone = pace.override * feed, z_alone / pace.override
-    fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
-    speed = machine.limits.speed
-    rapid_speed = RAPID * fastest if speed is None else max(fastest, float(speed.max()))
-    speeds = np.where(rapid, rapid_speed, feed)
-    moving = np.asarray(contour.extent) / speeds
+    read = _toolpath(path, pace)
+    contour, rapid = _lifted(read.contour, machine.model.axes), read.rapid
+    if contour.axes != machine.model.axes:
+        raise ToolpathError(f"has {contour.axes} axes, the machine has {machine.model.axes}")
+    z_alone = read.z_alone / pace.override
+    speed = _speed(pace.override * read.feed, rapid, machine)
     try:
-        _check_duration(moving, np.nan_to_num(rest), z_alone, machine)
-        run = along_path(contour, speeds, rapid, pace, rest + z_alone)
+        _check_duration(
+            np.asarray(contour.extent) / speed, np.nan_to_num(read.rest), z_alone, machine
+        )
+        run = along_path(contour, speed, rapid, pace, read.rest + z_alone)
     except (TooLongError, SharpTurnError) as error:
-        raise _in_line(program, error.piece, error) from None
+        raise ToolpathError(f"line {read.line[error.piece]}: {error}") from None
     before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
-    if pace.feed_law == "jerk" and pace.corner_tolerance:
-        advice = coarse(contour, speeds, ~rapid, axis_limits(pace), pace.corner_tolerance)
-        doubts = (*doubts, *filter(None, [advice]))
-    motion = run.aside, run.planned, doubts
-    return Job(path.stem, contour, run.arc, scored, True, run.words, program, *motion)
+    doubts = (*read.doubts, *coarse_coordinates(contour, speed, ~rapid, pace))
+    program = Program(read.line, read.ignored, doubts, read.stops)
+    return Job(
+        path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
+    )
 
 
 def _toolpath(path: Path, pace: Pace) -> Toolpath:
-    if path.suffix.lower() in DRAWINGS:
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return read_csv(path, pace.feed_or_default)
+    if suffix in DRAWINGS:
         return read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
     return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
+
+
+def _speed(feed: np.ndarray, rapid: np.ndarray, machine: Machine) -> np.ndarray:
+    """Speed that is asked for along every piece [m/s], from the feed of those that are cut."""
+    fastest = float(np.nanmax(np.where(rapid, np.nan, feed)))
+    limit = machine.limits.speed
+    quickest = RAPID * fastest if limit is None else max(fastest, float(limit.max()))
+    return np.where(rapid, quickest, feed)
 
 
 def _check_duration(
@@ -276,11 +282,6 @@ def _check_duration(
     dt, most = machine.model.dt, room(len(machine.family_names))
     if whole / dt > most:
         raise TooLongError(int(np.argmax(lasting)), whole, *resting, dt, most)
-
-
-def _in_line(program: Program | None, piece: int, error: ValueError) -> ToolpathError:
-    """The error with the line of the program that it is about."""
-    return ToolpathError(str(error) if program is None else f"line {program.line[piece]}: {error}")
 
 
 def _piece_at(contour: Contour, arc: np.ndarray) -> np.ndarray:

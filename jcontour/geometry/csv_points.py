@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from jcontour.geometry.toolpath_rules import (
     FARTHEST,
@@ -20,16 +21,28 @@ CSV_HEADERS = (["x", "y"], ["x", "y", "z"], ["x_mm", "y_mm"], ["x_mm", "y_mm", "
 Point = tuple[float, ...]  # [m]
 
 
-def csv_points(lines: Iterable[str]) -> list[Point]:
-    """Points [m] of the lines, those within 1 nm of the one before left out.
+class CsvPoints(NamedTuple):
+    """Points of a file in order.
+
+    Attributes:
+        places: coordinates of each [m].
+        lines: of the file that they are from, from 1.
+    """
+
+    places: list[Point]
+    lines: list[int]
+
+
+def csv_points(lines: Iterable[str]) -> CsvPoints:
+    """Points of the lines, those within 1 nm of the one before left out.
 
     >>> csv_points(["x,y", "0,0", "", "30,40"])
-    [(0.0, 0.0), (0.03, 0.04)]
+    CsvPoints(places=[(0.0, 0.0), (0.03, 0.04)], lines=[2, 4])
 
     Raises:
         ToolpathError: "line 3: ..." for a row that is not two or three numbers.
     """
-    points: list[tuple[float, ...]] = []
+    points, found_in = list[Point](), list[int]()
     for number, line in enumerate(lines, start=1):
         cells = [cell.strip() for cell in line.split(",")]
         blank = cells == [""] or line.lstrip().startswith("#")
@@ -50,6 +63,7 @@ def csv_points(lines: Iterable[str]) -> list[Point]:
             )
         if not points or math.dist(point, points[-1]) >= SHORTEST:
             points.append(point)
+            found_in.append(number)
         if len(points) > MOST_MOVES:
             raise ToolpathError(f"line {number}: more than {MOST_MOVES} points")
-    return points
+    return CsvPoints(points, found_in)

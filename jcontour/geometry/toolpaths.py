@@ -63,14 +63,14 @@ CORNER = 5e-3
 
 
 class Toolpath(NamedTuple):
-    """A program from its first to its last cutting move.
+    """A file from its first to its last cutting move.
 
     Attributes:
         contour: path of the tool, rapid moves in between included.
         feed: (P,) programmed speed along every piece [m/s], NaN for rapid moves, which have none.
         rapid: (P,) which pieces are rapid moves (G0): traced, but no part is cut there.
-        line: (P,) line of the program that every piece is from.
-        ignored: words of the program that mean nothing for the path, as S or M3.
+        line: (P,) line of the file that every piece is from.
+        ignored: words of a program that mean nothing for the path, as S or M3.
         rest: (P,) how long the tool dwells at the end of every piece [s]; NaN where it goes on.
         z_alone: (P,) how long Z then moves alone at its programmed feed [s], where two axes are
             traced; its rapid moves count as 0.
@@ -156,8 +156,8 @@ def parse_gcode(
     )
 
 
-def read_csv(path: str | PathLike[str]) -> Contour:
-    r"""Polyline through the points of a CSV file.
+def read_csv(path: str | PathLike[str], feed: float) -> Toolpath:
+    r"""Polyline through the points of a CSV file, cut at `feed` [m/s].
 
     The columns are x,y or x,y,z in millimetres, one point per line. The polyline is closed when the
     last point is the first. A header (x,y or x_mm,y_mm, likewise with z), empty lines and lines
@@ -165,17 +165,21 @@ def read_csv(path: str | PathLike[str]) -> Contour:
 
     >>> from pathlib import Path
     >>> _ = Path("points.csv").write_text("x,y\n0,0\n30,0\n30,40\n")
-    >>> round(float(read_csv("points.csv").length), 9)
-    0.07
+    >>> path = read_csv("points.csv", feed=0.05)
+    >>> round(float(path.contour.length), 9), path.line.tolist()
+    (0.07, [3, 4])
 
     Raises:
         ToolpathError: "line 3: ..." for a row that is not two or three numbers; fewer than two
             distinct points; a file that cannot be read.
     """
     points = csv_points(lines_of(read_text(path)))
-    if len(points) < 2:
+    if len(points.places) < 2:
         raise ToolpathError("the file has fewer than two distinct points")
-    return contours.polyline(points)
+    line = np.array(points.lines[1:])
+    same, never = np.full(line.size, feed), np.zeros(line.size)
+    contour = contours.polyline(points.places)
+    return Toolpath(contour, same, never > 0, line, (), np.full(line.size, np.nan), never)
 
 
 def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, " P"]:

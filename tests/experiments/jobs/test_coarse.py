@@ -7,40 +7,36 @@ import pytest
 
 from experiments import machines
 from experiments.catalogue.choices import machine_named
-from experiments.jobs.coarse import coarse
+from experiments.jobs.coarse import coarse_coordinates
 from experiments.jobs.job import from_file
 from experiments.jobs.pace import Pace
 from jcontour.geometry.contours import polyline
-from jcontour.motion.jerk_limited.limits import AxisLimits
 
 EXAMPLE = str(Path(machines.__file__).parent / "example.json")
-LIMITS = AxisLimits.of(2, 1.25, 62.5, np.inf)
-FEED = 0.05  # [m/s]
+PACE = Pace(machine_named(EXAMPLE), None, None)  # 1.25 m/s^2 and 62.5 m/s^3 on Y
 
 
-def circle(step: float, radius: float = 5e-3, chord: float = 0.1e-3, begin: float = 0.0):
+def circle(step: float, radius: float = 5e-3, chord: float = 0.1e-3):
     """Points of a circle, a chord apart, rounded to a step [m]."""
     angle = np.linspace(0.0, 2 * np.pi, int(2 * np.pi * radius / chord))
-    points = begin + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.round(points / step) * step if step else points
 
 
-def advice(points, tolerance: float = 2e-6, feed: float = FEED) -> str | None:
-    path = polyline(points)
-    count = path.rate.size
-    return coarse(path, np.full(count, feed), np.ones(count, bool), LIMITS, tolerance)
+def advice(points, tolerance: float = 2e-6, feed: float = 0.05) -> tuple[str, ...]:
+    path, pace = polyline(points), PACE._replace(corner_tolerance=tolerance)
+    speed = np.full(path.rate.size, feed)
+    return coarse_coordinates(path, speed, speed > 0, pace)
 
 
 @pytest.mark.parametrize("step", [2.54e-6, 10e-6, 25.4e-6])
 def test_the_step_of_the_coordinates_is_found_and_named(step):
     """In millimetres and in inches; a place of the whole off the steps does not matter."""
     for points in (circle(step), circle(step) + 0.123456789e-3):
-        found = advice(points)
-        assert found is not None and found.startswith(
-            f"coordinates are rounded to {1e6 * step:.3g}"
-        )
-        assert f"--corner-tolerance-um {1e6 * step:.3g} " in found
-    assert advice(circle(step), step) is None
+        (found,), um = advice(points), f"{1e6 * step:.3g}"
+        assert found.startswith(f"coordinates are rounded to {um} um, the tolerance is 2 um")
+        assert f"--corner-tolerance-um {um} " in found
+    assert advice(circle(step), step) == ()
 
 
 @pytest.mark.parametrize(
@@ -55,22 +51,24 @@ def test_the_step_of_the_coordinates_is_found_and_named(step):
     ],
 )
 def test_where_rounding_takes_no_time_nothing_is_said(points):
-    assert advice(points) is None
+    assert advice(points) == ()
 
 
 def test_a_slow_tool_does_not_mind_the_rounding():
     """pi v sqrt(a/A) = 6.3 um and pi v cbrt(a/J) = 14 um of chord at 1 mm/s."""
-    assert advice(circle(10e-6), feed=1e-3) is None
+    assert advice(circle(10e-6), feed=1e-3) == ()
 
 
-def test_who_follows_the_advice_is_quicker(tmp_path):
-    path = tmp_path / "circle.ngc"
-    moves = "\n".join(f"X{x:.2f} Y{y:.2f}" for x, y in 1e3 * circle(0.0))
-    path.write_text(f"G21 G90 F3000 G1\n{moves}\n")
-    pace = Pace(machine_named(EXAMPLE), None, None)
-    first = from_file(path, pace)
+@pytest.mark.parametrize("name", ["circle.ngc", "circle.csv"])
+def test_who_follows_the_advice_is_quicker(name, tmp_path):
+    points = [(f"{x:.2f}", f"{y:.2f}") for x, y in 1e3 * circle(0.0)]
+    program = "G21 G90 F3000 G1\n" + "\n".join(f"X{x} Y{y}" for x, y in points)
+    table = "\n".join(",".join(point) for point in points)
+    path = tmp_path / name
+    path.write_text(table if path.suffix == ".csv" else program)
+    first = from_file(path, PACE)
     (advised,) = first.doubts
     tolerance = 1e-6 * float(advised.split("--corner-tolerance-um ")[1].split()[0])
-    second = from_file(path, pace._replace(corner_tolerance=tolerance))
+    second = from_file(path, PACE._replace(corner_tolerance=tolerance))
     assert second.samples < 0.5 * first.samples and second.doubts == ()
-    assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()
+    assert from_file(path, PACE._replace(feed_law="trapezoidal")).doubts == ()

@@ -1,6 +1,7 @@
 """Toolpath files: our two parts, CSV points, and bytes that nobody would call a program."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -15,6 +16,7 @@ from jcontour.geometry.toolpaths import ToolpathError, parse_gcode, read_csv, re
 
 HEAD = "G21 G90 G17 F3000\n"
 MM = 1e-3
+FEED = 0.05  # [m/s]
 
 PARTS = Path(__file__).parents[3] / "experiments" / "jobs" / "toolpaths"
 BRACKET, CAM = PARTS / "bracket.ngc", PARTS / "cam.ngc"
@@ -75,7 +77,7 @@ def test_files_that_cannot_be_read(traced, tmp_path):
         read_gcode(tmp_path / "latin.ngc")
     (tmp_path / "latin.csv").write_bytes(b"0,0\n1,\xe9\n")
     with pytest.raises(ToolpathError, match="line 2: byte 0xe9 is not UTF-8"):
-        read_csv(tmp_path / "latin.csv")
+        read_csv(tmp_path / "latin.csv", FEED)
     for encoding in ("utf-8-sig", "utf-16"):
         (tmp_path / "mark.ngc").write_bytes("G1 X1 F100 (\u03bc)\r\n".encode(encoding))
         traced.assert_valid(read_gcode(tmp_path / "mark.ngc"))
@@ -104,18 +106,21 @@ def test_too_many_moves_and_bytes(tmp_path, monkeypatch):
 
 def csv(tmp_path, text: str):
     (tmp_path / "points.csv").write_bytes(text.encode())
-    return read_csv(tmp_path / "points.csv")
+    return read_csv(tmp_path / "points.csv", FEED)
 
 
 @pytest.mark.parametrize("head", ["", "x,y\n", "X_mm, Y_mm\r\n", "# from a scan\n\nx,y\n"])
 def test_csv_in_millimetres(tmp_path, head):
-    contour = csv(tmp_path, head + "0,0\n3,4\n3,4\n 3 , 5e0\n\n")
-    np.testing.assert_allclose(contour.extent, [5e-3, 1e-3], rtol=1e-14)
-    assert contour.axes == 2
+    toolpath = csv(tmp_path, head + "0,0\n3,4\n3,4\n 3 , 5e0\n\n")
+    np.testing.assert_allclose(toolpath.contour.extent, [5e-3, 1e-3], rtol=1e-14)
+    assert toolpath.contour.axes == 2
+    first = head.count("\n") + 1
+    assert toolpath.line.tolist() == [first + 1, first + 3]
+    assert toolpath.feed.tolist() == [FEED, FEED] and not toolpath.rapid.any()
 
 
 def test_csv_in_space_and_closed(tmp_path):
-    contour = csv(tmp_path, "x_mm,y_mm,z_mm\n0,0,0\n1,0,2\n0,1,0\n0,0,0")
+    contour = csv(tmp_path, "x_mm,y_mm,z_mm\n0,0,0\n1,0,2\n0,1,0\n0,0,0").contour
     assert contour.axes == 3 and bool(contour.closed)
 
 
@@ -236,7 +241,7 @@ def test_any_arc(traced, geometry, code, digits):
 def test_any_bytes(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / "any.ngc"
     path.write_bytes(content)
-    for read in (read_gcode, read_csv):
+    for read in (read_gcode, partial(read_csv, feed=FEED)):
         try:
             read(path)
         except ToolpathError as error:
