@@ -36,6 +36,9 @@ def test_far_from_the_origin_a_step_of_rounding_has_no_direction():
         (lambda: finite("a", [1.0, 1e100]), "below 1e\\+100"),
         (lambda: finite("a", [[1.0], [1.0, 2.0]]), "regular"),
         (lambda: vector("a", [1.0]), r"shape \(2,\) or \(3,\), received shape \(1,\)"),
+        (lambda: vector("a", [[1.0, 2.0]]), r"received shape \(1, 2\)"),
+        (lambda: distinct_points("a", [1.0, 2.0], least=1), r"received shape \(2,\)"),
+        (lambda: distinct_points("a", np.eye(4), least=1), r"\(n, 3\), received shape \(4, 4\)"),
         (lambda: distinct_points("a", [(0, 0), (1, 1), (0, 0)], least=3), "received 2"),
     ],
 )

@@ -343,6 +343,7 @@ def test_many_moves_stay_fast(any_type):
         ("G1 X" + "9" * 400 + " F100", r"line 1: the number in 'Xinf' is too large"),
         ("G1 X1e9", r"line 1: "),
         ("G1 X200000 F100", r"line 1: a coordinate is farther than 100 m"),
+        ("G3 X200000 I5 F100", r"line 1: a coordinate is farther than 100 m"),
         ("G91 F100\n" + "G1 X60000\n" * 2, r"line 3: a coordinate is farther than 100 m"),
         ("\n\nG41 D1", r"line 3: 'G41' is not supported \(cutter compensation"),
         ("G38.2 X1 F100", r"line 1: 'G38.2' is not supported \(probing"),
