@@ -34,6 +34,7 @@ CHORDS = 150_000
 # decimals of the program, tolerance [um]
 CASES = ((3, 2.0), (3, 1.5), (3, 1.2), (3, 1.0), (3, 0.8), (4, 2.0), (4, 1.0), (4, 0.5))
 APART = 5e-6  # [m] of points on the curve: less than 0.01 um from it where it bends by 0.4 mm
+NEAREST = 8  # points on the curve: near a corner those of both sides
 ALIKE = 1e-3  # of a cycle time: equal
 TRIES = 20
 
@@ -179,9 +180,9 @@ def _curve(sides: list[Side]) -> KDTree:
 def _distance(curve: KDTree, place: Float[np.ndarray, "T 2"]) -> Float[np.ndarray, " T"]:
     """Distance of places from the lines between neighbouring points of the curve [m]."""
     points = np.asarray(curve.data)
-    _, nearest = curve.query(place)
+    _, nearest = curve.query(place, min(NEAREST, len(points)))
     least = np.full(len(place), np.inf)
-    for first in (np.maximum(nearest - 1, 0), np.minimum(nearest, len(points) - 2)):
+    for first in np.concatenate([nearest - 1, nearest], axis=1).T.clip(0, len(points) - 2):
         begin, along = points[first], points[first + 1] - points[first]
         share = np.sum((place - begin) * along, axis=1) / np.maximum(
             np.sum(along**2, axis=1), 1e-30

@@ -24,6 +24,16 @@ def test_distance_from_either_side_of_a_corner():
     np.testing.assert_allclose(_distance(curve, place), [2e-6, 3e-6, 5e-6], rtol=1e-9)
 
 
+def test_distance_within_a_sharp_corner_is_that_of_the_nearer_side():
+    """The nearest points are those of the first side, 2.5 um apart; the second has three points."""
+    corners = 1e-6 * np.array([[0.0, 0.0], [1000.0, 0.0], [991.5, 2.0]])
+    curve = _curve([Side(*corners[:2], np.zeros(3)), Side(*corners[1:], np.zeros(3))])
+    along = (corners[2] - corners[1]) / np.linalg.norm(corners[2] - corners[1])
+    place = corners[1] + 1e-6 * np.array([[2.0], [2.5], [3.0]]) * along
+    place += 0.1e-6 * np.array([-along[1], along[0]])  # below it, above the first side
+    np.testing.assert_allclose(_distance(curve, place), 0.1e-6, rtol=1e-9)
+
+
 def test_ratios_stand_beside_constant_feed(capsys):
     planned = Row("jerk-limited, 2 um", 4.0, 1e-6, 0.3e-6, 20e-6, 2e-6, 50.0)
     constant = Row("constant feed", 4.0, 9e-6, 0.7e-6, 35e-6, 9e-6, 100.0)
