@@ -1,3 +1,5 @@
+from dataclasses import dataclass
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -82,3 +84,21 @@ def test_counts():
     for count in (0, 3):
         with pytest.raises(ValueError, match=f"devices: needs 1 to 2, .* received {count}"):
             device_mesh(count)
+
+
+@dataclass(frozen=True)
+class Device:
+    """One of many, as JAX tells it apart."""
+
+    process_index: int
+    id: int
+
+
+def test_hosts_of_different_size_give_as_many_devices_each(monkeypatch):
+    owners = [0, 0, 0, 1, 1]  # three devices on one host, two on the other
+    devices = [Device(host, i) for i, host in enumerate(owners)]
+    monkeypatch.setattr(jax, "devices", lambda: devices)
+    assert [device.id for device in device_mesh(2).devices] == [0, 1, 3, 4]
+    assert device_mesh().size == 5
+    with pytest.raises(ValueError, match="devices: needs 1 to 2, .* received 3"):
+        device_mesh(3)

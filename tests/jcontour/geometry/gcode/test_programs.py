@@ -191,6 +191,8 @@ def test_files_beside_the_program(tmp_path):
         ("#1 = " + "-" * 300 + "1", r"line 1: "),
         ("#1 = [1" + "+1" * 300 + "]", r"line 1: more than 200 operations"),
         ("#1 = [2", r"line 1: needs ']' before ''"),
+        ("G1 @1 X1 F1", r"line 1: @ and \^ beside X or Y"),
+        ("G1 ^90 Y1 F1", r"line 1: @ and \^ beside X or Y"),
         ("G81 X1 Z-1 F1", r"line 1: a canned cycle needs R"),
         ("G81 X1 R1 F1", r"line 1: a canned cycle needs Z"),
         ("G81 X1 Z1 R0 F1", r"line 1: R of a canned cycle lies below"),
