@@ -9,6 +9,7 @@ import numpy as np
 from experiments.files.checks import METRES
 from experiments.files.step_file import read_step
 from experiments.flags.machines import Machine
+from experiments.machines.from_file import MOST_DELAY
 from jcontour.linear.continuous_axes import (
     ContinuousAxis,
     force_axis,
@@ -56,6 +57,11 @@ def built_machine(flags: Machine) -> BuiltMachine:
     axes, words, dt = _stepped(flags, warnings) if flags.steps else _described(flags)
     _check_period(axes, names, dt)
     plant, shared = sampled_machine(axes, dt)
+    if shared > MOST_DELAY:
+        raise ValueError(
+            f"delay-ms: {shared} samples of {1e3 * dt:g} ms, "
+            f"known delays are of at most {MOST_DELAY}"
+        )
     metre = METRES[flags.length_unit]
     limits = {
         name: value

@@ -62,6 +62,7 @@ def test_bad_flags_are_told():
         ({"pitch_mm": 5.0, "counts_per_turn": 0.0}, "counts-per-turn: needs to be above zero"),
         ({"pitch_mm": 5.0, "encoder_um": 2.0}, "encoder-um: the screw says it"),
         ({"takes": "force"}, "mass-kg: missing"),
+        ({"delay_ms": (150.0,)}, "delay-ms: 150 samples of 1 ms, known delays are of at most 50"),
         ({"mass_kg": (5.0,)}, "mass-kg: says nothing of a drive that takes a speed"),
         ({"viscous": (5.0,)}, "viscous: says nothing of a drive that takes a speed"),
         ({"takes": "force", "mass_kg": (5.0,)}, "time-constant-ms: says nothing of a drive that"),
