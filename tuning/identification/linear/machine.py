@@ -226,7 +226,8 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
             )
         raise ValueError(
             f"{name}: the command does not explain the position; are the columns those of one "
-            "axis? Otherwise record a livelier program: jcontour identify --excite"
+            "axis? Otherwise record a livelier program: jcontour identify --excite. Where dry "
+            "friction takes much of the command, its long moves (G-code) tell more than its sines"
         )
     late = sum(value < TELLS for d, value in found.rivals.items() if d > fit.model.delay)
     return LinearAxis(
