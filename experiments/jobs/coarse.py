@@ -22,9 +22,8 @@ from jcontour.motion.smoothing import SHARPEST
 
 # [m] of the last digit of coordinates in inches and millimetres, the coarsest first
 STEPS = sorted((10.0**-k * unit for unit in (INCH, MM) for k in (1, 2, 3, 4)), reverse=True)
-COARSEST = (
-    30e-6  # [m]: what is rounded to more than three digits of an inch is a grid that is meant
-)
+# [m]: coarser than three digits of an inch is a grid that is meant
+COARSEST = 30e-6
 STRAIGHT = 1e-5  # [rad]: what turns less goes on straight
 ON_STEP = 1e-3  # of a step
 ALMOST_ALL = 0.99  # of the chords
