@@ -32,7 +32,7 @@ def feeds_figure(result: FeedResult) -> Figure:
         tolerance = 1e6 * result.tolerance
         axes.axhline(tolerance, color="0.3", linestyle="--", label=f"tolerance {tolerance:g} um")
     logarithmic(axes)
-    axes.margins(x=0.08, y=0.15)
+    axes.margins(x=0.08, y=0.15 if all(point.sound for point in points) else 0.4)  # for the words
     title = f"{result.contour} on {result.machine.name}, {result.controller}"
     grid(axes, title, "cycle time [s]", f"{result.error} error [um]")
     legend_below(figure)
