@@ -17,6 +17,7 @@ from jcontour.geometry.gcode.moves.stops import (
     EXACT,
     ignored_words,
     stops_in_cuts,
+    told_left_out,
     told_stops,
 )
 from jcontour.geometry.gcode.programs import files_beside, interpreted
@@ -62,7 +63,7 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
         yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
-    yield from filter(None, [told_stops(stops), _left_out(stops, run)])
+    yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
     yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said)
 
 

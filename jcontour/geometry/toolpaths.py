@@ -50,7 +50,12 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
 from jcontour.geometry.gcode.moves.doubts import doubts_of
 from jcontour.geometry.gcode.moves.move import Move, Stop
-from jcontour.geometry.gcode.moves.stops import ignored_words, stops_in_cuts, told_stops
+from jcontour.geometry.gcode.moves.stops import (
+    ignored_words,
+    stops_in_cuts,
+    told_left_out,
+    told_stops,
+)
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
@@ -146,13 +151,14 @@ def parse_gcode(
             f"the program has no cutting move (G1, G2, G3) along {' or '.join(axes)}"
         )
     traced = moves[cutting[0] : cutting[-1] + 1]
-    stops = stops_in_cuts(interpreter.tracer.stops, moves)
+    every = interpreter.tracer.stops
+    stops = stops_in_cuts(every, moves)
     path = _toolpath(traced, len(axes), feed, ignored_words(interpreter.ignored, stops))
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
         doubts=doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
-        stops=told_stops(stops),
+        stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),
     )
 
 

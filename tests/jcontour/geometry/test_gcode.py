@@ -70,6 +70,15 @@ def test_z_alone_takes_its_time_at_its_feed():
     np.testing.assert_array_equal(parse_gcode(program, "XYZ").z_alone, np.zeros(9))
 
 
+def test_what_z_alone_takes_outside_of_the_cuts_is_told_on_two_axes():
+    """A plunge of 6 mm at 5 mm/s before the first cut, a hole of 4 mm at 2 mm/s behind the last."""
+    program = "G21 G90\nG0 Z5\nG1 Z-1 F300\nG1 X10\nG0 Z5\nG0 X20\nG1 Z1 F120\nG0 Z5"
+    path = parse_gcode(program, "XY")
+    assert path.stops == "left out: 3.2 s of Z alone before the first cut or behind the last one"
+    np.testing.assert_array_equal(path.z_alone, [0.0])
+    assert parse_gcode(program, "XYZ").stops == ""
+
+
 def test_dwells_behind_the_last_cut_are_left_out():
     """On two axes, too, where Z has left it; a dwell at its very end is kept."""
     program = HEAD + "G1 X4\nG4 P2\nG0 Z5\nG4 P1\nM30"

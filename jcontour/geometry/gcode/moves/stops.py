@@ -44,6 +44,20 @@ def told_stops(stops: Sequence[Stop]) -> str:
     return "; ".join([*told, *exact, *([_waiting(waiting)] if waiting else [])])
 
 
+def told_left_out(stops: Iterable[Stop], run: Iterable[Stop]) -> str:
+    """What Z alone takes where a run does not go, as in a first plunge; empty for nothing.
+
+    Args:
+        stops: of a program.
+        run: those of them that are in its run.
+    """
+    kept = {id(stop) for stop in run}
+    lost = [stop.besides for stop in stops if id(stop) not in kept and stop.besides > 0]
+    if not lost:
+        return ""
+    return f"left out: {sum(lost):.4g} s of Z alone before the first cut or behind the last one"
+
+
 def _reasons(reasons: dict[str, list[Stop]]) -> str:
     told = [_reason(why, some) for why, some in list(reasons.items())[:MOST_TOLD]]
     more = [f"{len(reasons) - MOST_TOLD} more reasons"] if len(reasons) > MOST_TOLD else []

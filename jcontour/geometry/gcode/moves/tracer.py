@@ -67,12 +67,12 @@ class Tracer:
     def stop(self, why: str, lasting: float = 0.0, besides: float = 0.0) -> None:
         """Come to rest, for a time in a dwell [s]; see `Stop`.
 
-        Before the first move there is nothing to stop.
+        Before the first move there is nothing to stop, but an axis that is not traced may move.
 
         Raises:
             ToolpathError: there are too many stops.
         """
-        if not (self.moves or lasting):
+        if not (self.moves or lasting or besides > 0):
             return
         self.stops.append(Stop(len(self.moves), self.at, lasting, self.line, why, besides))
         if len(self.stops) > MOST_MOVES:
