@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 
 from experiments.files import run_folder
+from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.stored import Weight, read_result, stored_as, to_json
 from experiments.files.results.tuned_result import TunedContour, TunedResult
 from experiments.flags.others import Compare
@@ -51,6 +53,7 @@ class ComparedResult:
         weights: None where a run has no such weight.
         usable, reasons: whether `tune` said to load the weights, and its reasons against it.
         control_unit: of both machines, where it is the same; else empty.
+        unlike: names of contours that both runs have, in another size or place.
         margins: largest spectral radius, delay margin, peak sensitivity; None where it is unknown.
         better: number of metrics in which either is better, both are the same, or neither is
             better as the one with the smaller number must not be used.
@@ -64,6 +67,7 @@ class ComparedResult:
     usable: list[bool]
     reasons: list[list[str]]
     control_unit: str
+    unlike: list[str]
     margins: dict[str, list[float | None]] = stored_as("safety")
     metrics: list[ComparedMetric]
     better: dict[str, int]
@@ -99,6 +103,7 @@ def run(first: Path, second: Path) -> ComparedResult:
         usable=[a.usable, b.usable],
         reasons=[a.reasons, b.reasons],
         control_unit=_shared(a.machine.control_unit, b.machine.control_unit),
+        unlike=_unlike(a, b),
         margins={
             "largest_frozen_spectral_radius": [
                 a.margins.spectral_radius,
@@ -136,6 +141,19 @@ def _rows(first: TunedResult, second: TunedResult) -> list[ComparedMetric]:
         for plant in ("nominal", "worst")
         for metric in metrics
     ]
+
+
+def _unlike(first: TunedResult, second: TunedResult) -> list[str]:
+    """Names of contours that are not the same in both runs, as those made for other parts."""
+    others = {contour.name: contour.read for contour in second.contours}
+    both = [(one.name, one.read, others.get(one.name)) for one in first.contours]
+    return [name for name, a, b in both if a is not None and b is not None and _differ(a, b)]
+
+
+def _differ(first: ContourRead, second: ContourRead) -> bool:
+    """Whether length or box do, beyond rounding."""
+    a, b = ([one.length, *one.low, *one.high] for one in (first, second))
+    return len(a) != len(b) or not np.allclose(a, b, rtol=SAME, atol=SAME * first.length)
 
 
 def _row(
@@ -207,6 +225,11 @@ def warnings(found: ComparedResult) -> list[str]:
         )
     elif "plant" in found.settings:
         lines.append("WARNING: the machine comes from different files: it may not be the same")
+    if found.unlike:
+        lines.append(
+            f"WARNING: {', '.join(found.unlike)}: not the same path in both runs, as held-out "
+            "contours are made for the parts"
+        )
     if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
         lines.append("WARNING: feed or acceleration differ, and errors grow with both")
     return lines
@@ -215,11 +238,14 @@ def warnings(found: ComparedResult) -> list[str]:
 def better_for(found: ComparedResult) -> list[str]:
     """One line each for error, control effort and robustness: what either run has."""
     lines, usable = [], found.usable
-    for metric, words, unit in (
+    compared = [
         ("rms_contour_error", "RMS contour error", "um"),
         ("rms_tracking_error", "RMS tracking error", "um"),
-        ("rms_increment", "RMS change of the control", f"{found.control_unit} per sample"),
-    ):
+    ]
+    if found.control_unit:
+        unit = f"{found.control_unit} per sample"
+        compared.append(("rms_increment", "RMS change of the control", unit))
+    for metric, words, unit in compared:
         rows = [row for row in found.metrics if (row.metric, row.plant) == (metric, "worst")]
         if rows:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])

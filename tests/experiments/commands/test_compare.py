@@ -1,6 +1,7 @@
 """Two tuned runs side by side."""
 
 import json
+import math
 from dataclasses import fields, replace
 from io import StringIO
 
@@ -8,7 +9,12 @@ import pytest
 from rich.console import Console
 
 from experiments.commands.compare import run, show
-from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
+from experiments.files.results.run_metrics import (
+    ContourRead,
+    FamilyMetrics,
+    MachineSummary,
+    RunMetrics,
+)
 from experiments.files.results.stored import write_result
 from experiments.files.results.tuned_result import PathMargins, TunedContour, TunedResult
 from experiments.files.run_folder import SETTINGS, RunError
@@ -27,12 +33,13 @@ MARGINS = PathMargins(
 )
 
 
-def made(alpha, value, error="contour", machine="lathe", contour="circle"):
+def made(alpha, value, error="contour", machine="lathe", contour="circle", unit="A", radius=1e-3):
     numbers = {one.name: value for one in fields(RunMetrics)}
     metrics = RunMetrics(**{**numbers, "diverged": False})
     family = FamilyMetrics(metrics, metrics)
+    read = ContourRead(1, 2 * math.pi * radius, 1.0, (-radius, -radius), (radius, radius))
     return TunedResult(
-        machine=MachineSummary(machine, "A", ("X", "Y"), "counts"),
+        machine=MachineSummary(machine, unit, ("X", "Y"), "counts"),
         controller="contouring-lq",
         error=error,
         preview=10,
@@ -51,7 +58,11 @@ def made(alpha, value, error="contour", machine="lathe", contour="circle"):
         margins=MARGINS,
         start_margins=MARGINS,
         warnings=[],
-        contours=[TunedContour(name=contour, training=True, samples=5, metrics={"tuned": family})],
+        contours=[
+            TunedContour(
+                name=contour, training=True, samples=5, metrics={"tuned": family}, read=read
+            )
+        ],
         gap=[],
         training_samples=5,
         confirmed=[],
@@ -82,6 +93,18 @@ def test_what_changed_and_which_is_better(tmp_path):
     line = "RMS contour error, worst contour and plant: 1 against 2 um: the first is better."
     assert line in text and "Both may be loaded" in text
     assert "WARNING" not in text
+
+
+def test_a_path_of_the_same_name_and_another_size_is_told(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, radius=2e-3)
+    assert run(a, b).unlike == ["circle"] and run(a, a).unlike == []
+    assert "WARNING: circle: not the same path in both runs" in said(run(a, b))
+
+
+def test_controls_in_other_units_are_not_called_better(tmp_path):
+    a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, unit="mm/s")
+    assert "RMS change of the control" in said(run(a, a))
+    assert "RMS change of the control" not in said(run(a, b))
 
 
 def test_equal_runs(tmp_path):
