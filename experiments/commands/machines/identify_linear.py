@@ -63,8 +63,21 @@ def command(flags: Identify) -> int:
     then = [
         f"Machine file: {path}",
         f"Next: jcontour machine {quoted}, then jcontour tune --plant {quoted}",
+        *_rubbed(result),
     ]
     return finished(folder, result, flags, show, then)
+
+
+def _rubbed(result: LinearMachineResult) -> list[str]:
+    """How to see what dry friction does: the machine file has none, nor have the tables of tune."""
+    seen = [one.friction for one in result.axes if one.friction is not None]
+    if not seen:
+        return []
+    force = f"--force {max(seen):.3g}"
+    return [
+        f"Then, with the RUN that tune names: jcontour certify RUN {force}. "
+        "The errors in the tables of tune are without friction"
+    ]
 
 
 def _check(flags: Identify) -> None:

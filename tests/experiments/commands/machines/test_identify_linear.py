@@ -1,6 +1,7 @@
 """`identify --machine linear` from the command line."""
 
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -158,6 +159,7 @@ def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys, seed):
     assert main(["identify", str(tmp_path / "emps.mat"), *flags, "--out", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "the machine file has X twice" in printed and "dry friction takes" in printed
+    assert re.search(r"jcontour certify RUN --force \S+\. The errors .* without friction", printed)
     result = read_result(folder, LinearMachineResult)
     assert result.axes[0].gain == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.002)
     assert result.axes[0].delay == 0
