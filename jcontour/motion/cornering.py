@@ -26,6 +26,8 @@ from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.rests import Rests, rest_of_pieces
 from jcontour.motion.smoothing import smooth_path
 
+WORTH = 1e-3  # of the duration: a smaller gain needs no second plan, unless it decides
+
 
 class Planned(NamedTuple):
     """A jerk-limited motion, the path with blends that it runs along, and where it rests."""
@@ -121,8 +123,10 @@ def _better_stopped(
         legs = slice(*np.searchsorted(stretch, [k, k + 1]))
         exact = [PointToPoint(*row).duration for row in law[legs]]
         stopped[k] = np.maximum(exact, least[legs]).sum()
-    slow = several & (stopped < blended)
-    found[found] = slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
+    gain = np.where(several, blended - stopped, 0.0)
+    slow = gain > 0
+    worth = gain[slow].sum() >= WORTH * motion.duration or gain.sum() > 0
+    found[found] = worth & slow[stretch[1:]] & (stretch[1:] == stretch[:-1])
     return found
 
 
