@@ -147,6 +147,46 @@ def test_corner_speed_is_the_junction_deviation_rule(turned):
     assert radius / sin_half - radius == pytest.approx(deviation)
 
 
+def test_corner_speed_keeps_the_limit_of_the_axis_along_the_bisector():
+    """A right angle whose bisector is y: its rule with the acceleration of that axis alone."""
+    acceleration, along_y, deviation, feed = 2.0, 0.5, 5e-6, 0.01
+    path = contours.polyline([[-0.04, -0.04], [0, 0], [0.04, -0.04]])
+    arc = trapezoidal(
+        path, feed, 1e-5, acceleration, None, [10.0, along_y], junction_deviation=deviation
+    )
+    sin_half = np.sqrt(0.5)
+    slowest = np.diff(arc)[np.abs(arc[1:] - np.hypot(0.04, 0.04)) < 1e-4].min() / 1e-5
+    expected = np.sqrt(along_y * deviation * sin_half / (1 - sin_half))
+    assert slowest == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_bend_is_passed_at_the_curvature_of_its_end_where_it_is_greatest():
+    """y = c x^3 leads into a line: v^2 = A / (6 c x) there, though the bend before is less."""
+    acceleration, c, width = 1.0, 150.0, 10e-3
+    slope = 3 * c * width**2
+    polynomial = np.zeros((3, 6, 2))
+    polynomial[0, 0], polynomial[0, 1] = [-0.1, 0], [1, 0]
+    polynomial[1, 1], polynomial[1, 3] = [1, 0], [0, c]
+    polynomial[2, 0] = [width, c * width**3]
+    polynomial[2, 1] = np.array([1, slope]) / np.hypot(1, slope)
+    none = np.zeros((3, 2)), np.zeros((3, 2)), np.zeros(3), np.zeros(3)
+    path = contours.from_pieces(Piece(polynomial, *none, np.array([0.1, width, 0.1])))
+    arc = trapezoidal(path, 1.0, 1e-4, acceleration, junction_deviation=1.0)
+    there = np.abs(arc[1:] - 0.1 - width) < 1e-4
+    curvature = 6 * c * width / (1 + slope**2) ** 1.5
+    assert np.diff(arc)[there].mean() / 1e-4 == pytest.approx(
+        np.sqrt(acceleration / curvature), rel=5e-3
+    )
+
+
+def test_a_slight_bend_between_two_stops_takes_as_long_as_a_line():
+    """It turns by less than one step's angle: a triangle of speed, with its peak at a node."""
+    radius, turn = 1.0, 0.02
+    path = contours.arc([0.0, 0.0], [0.0, radius], turn)
+    arc = trapezoidal(path, 1.0, DT, 2.0)
+    assert duration(arc) == pytest.approx(2 * np.sqrt(radius * turn / 2.0), abs=DT)
+
+
 def test_no_junction_deviation_stops_at_corners_but_not_at_tangent_joints():
     square = contours.polyline([[0, 0], [0.01, 0], [0.02, 0], [0.02, 0.02]])
     arc = trapezoidal(square, 0.05, DT, 2.0, junction_deviation=0.0)

@@ -63,6 +63,19 @@ def test_shapes(drawn, svg):
         assert drawn.length(svg(body)) == pytest.approx(length, abs=100 * NM)
 
 
+def test_a_rounded_rectangle_is_one_outline_that_stays_within_its_corners(drawn, svg):
+    """Quarters of an ellipse of 6 x 4 around (11, 9) and the three others, sides between them."""
+    toolpath = svg('<rect x="5" y="5" width="30" height="20" rx="6" ry="4"/>')
+    assert not toolpath.rapid.any() and bool(toolpath.contour.closed)
+    x, y = np.abs(drawn.cut(toolpath) - [20, 35]).T  # from its middle; y points up from 50
+    corner = (x > 9 + 1e-9) & (y > 6 + 1e-9)
+    ellipse = ((x - 9) / 6) ** 2 + ((y - 6) / 4) ** 2
+    np.testing.assert_allclose(ellipse[corner], 1, atol=1e-6)
+    np.testing.assert_allclose(np.maximum(x / 15, y / 10)[~corner], 1, atol=1e-9)
+    straight = 2 * (30 - 2 * 6) + 2 * (20 - 2 * 4)
+    assert drawn.length(toolpath) == pytest.approx(straight + 24 * ellipe(1 - (4 / 6) ** 2))
+
+
 def test_y_points_up_from_the_lower_left_corner(drawn, svg):
     points = drawn.cut(svg('<line x1="10" y1="50" x2="30" y2="45"/>'), 2)
     np.testing.assert_allclose(points, [[10, 0], [30, 5]], atol=1e-12)
