@@ -100,7 +100,8 @@ def _columns(rows) -> dict[str, list[str]]:
     if missing:
         raise RecordError(
             f"columns: {', '.join(missing)} missing; needed are {', '.join(REQUIRED)}, "
-            f"received {', '.join(header) or 'nothing'}"
+            f"received {', '.join(header) or 'nothing'}; a log of commands and positions is read "
+            "with --machine linear"
         )
     if unknown or len(set(header)) < len(header):
         raise RecordError(

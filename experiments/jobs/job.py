@@ -3,6 +3,7 @@
 A run says how fast the tool goes along the contour, and which samples are scored.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -249,7 +250,11 @@ def _read(path: Path, pace: Pace) -> Job:
         raise ToolpathError(f"line {read.line[error.piece]}: {error}") from None
     before, at = _piece_before(contour, run.arc), _piece_at(contour, run.arc)
     scored = ~(rapid[before] & (rapid[at] | (z_alone[before] > 0)))
-    doubts = (*read.doubts, *coarse_coordinates(contour, speed, ~rapid, pace))
+    doubts = (
+        *read.doubts,
+        *_unused_unit(path, pace),
+        *coarse_coordinates(contour, speed, ~rapid, pace),
+    )
     program = Program(read.line, read.ignored, doubts, read.stops)
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
@@ -263,6 +268,13 @@ def _toolpath(path: Path, pace: Pace) -> Toolpath:
     if suffix in DRAWINGS:
         return read_drawing(path, pace.feed_or_default, pace.drawing_unit, pace.join)
     return read_gcode(path, "XY" if pace.machine.model.axes == 2 else "XYZ", pace.feed)
+
+
+def _unused_unit(path: Path, pace: Pace) -> Iterator[str]:
+    """That the unit which is given for drawings is not that of this file."""
+    if pace.drawing_unit is not None and path.suffix.lower() not in DRAWINGS:
+        own = "points are read in mm" if path.suffix.lower() == ".csv" else "a program says its own"
+        yield f"--drawing-unit does not act on {path.name}: {own}"
 
 
 def _speed(feed: np.ndarray, rapid: np.ndarray, machine: Machine) -> np.ndarray:

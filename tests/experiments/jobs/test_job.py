@@ -141,3 +141,14 @@ def test_drawings_without_a_unit_name_the_flag(tmp_path):
     assert float(inches.contour.length) == pytest.approx(25.4e-3)
     with pytest.raises(ValueError, match="join-um: needs to be finite and not negative"):
         Pace.of(MachineFlags(join_um=-1.0), machine)
+
+
+def test_a_unit_for_drawings_is_not_taken_for_that_of_points(tmp_path):
+    """They are in millimetres: 1 is 1 mm, though inches are asked for, and that is said."""
+    path = tmp_path / "points.csv"
+    path.write_text("x,y\n0,0\n1,0\n")
+    pace = Pace(MACHINES["bridgeport"](), None, None)
+    found = from_file(path, pace._replace(drawing_unit=0.0254))
+    assert float(found.contour.length) == pytest.approx(1e-3)
+    assert "--drawing-unit does not act on points.csv: points are read in mm" in found.doubts
+    assert not [doubt for doubt in from_file(path, pace).doubts if "--drawing-unit" in doubt]
