@@ -1,5 +1,6 @@
 """`jcontour verify RUN`: tuned weights replayed under the limits of the machine at every sample."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +36,12 @@ FLAGS = {  # limit -> flag, factor to SI
     "increment": ("max_increment", 1.0),
     "acceleration": ("max_acceleration", 1.0),
     "speed": ("max_speed_mm_s", 1e-3),
+}
+AWAY = {  # limit -> what of `tune` keeps a loop further away from it
+    "control": "--max-peak-control",
+    "increment": "--max-peak-increment",
+    "acceleration": "a lower --acceleration",
+    "speed": "a lower --feed-mm-per-min",
 }
 HEADINGS = (
     "contour, plant",
@@ -101,7 +108,7 @@ def command(flags: Verify) -> int:
         str(folder), found.usable, found.reasons, found.weights, solver.name, bounds, rows
     )
     write_result(out, result)
-    finished(out, result, flags, show, _next(rows))
+    finished(out, result, flags, show, _next(rows, result.limits))
     return 1 if any(row.failure for row in rows) else 0
 
 
@@ -270,14 +277,19 @@ def _cells(gap: GapRow) -> list[str]:
     return [f"  {gap.plant}", *limited, *errors]
 
 
-def _next(rows: list[GapRow]) -> list[str]:
-    """Finding in a sentence, and the next step."""
+def _next(rows: list[GapRow], limits: Mapping[str, object]) -> list[str]:
+    """Finding in a sentence, and the next step.
+
+    Args:
+        rows: of the table.
+        limits: by name; None where there is none.
+    """
+    away = " or ".join(flag for name, flag in AWAY.items() if limits.get(name) is not None)
     lost = [row for row in rows if row.failure]
     if lost:
         return [
             f"{len(lost)} of {len(rows)} runs stopped: a step had no answer within the limits.",
-            "Next: --fallback hold or soft goes on; or tune again with --max-peak-control or "
-            "--max-peak-increment.",
+            f"Next: --fallback hold or soft goes on; or tune again with {away}.",
         ]
     if not any(row.active_fraction > 0 for row in rows):
         return [
@@ -289,7 +301,7 @@ def _next(rows: list[GapRow]) -> list[str]:
     return [
         f"The limits add at most {tables.digits(added)} um RMS of contour error: "
         f"{worst.contour}, {worst.plant}.",
-        "Next: where that is too much, tune again with --max-peak-control or --max-peak-increment.",
+        f"Next: where that is too much, tune again with {away}.",
     ]
 
 

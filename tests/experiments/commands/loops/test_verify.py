@@ -76,11 +76,14 @@ def row(without, within, active=0.5, failure=""):
 
 
 def test_the_last_sentence_says_what_was_found():
-    kept = _next([row(1e-6, 1e-6, active=0.0)])
+    drive, axes = {"control": [], "speed": None}, {"speed": [], "acceleration": []}
+    kept = _next([row(1e-6, 1e-6, active=0.0)], drive)
     assert kept[0] == "No limit was ever active: the tuned controller itself keeps to all of them."
-    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)])
+    cost = _next([row(1e-6, 1.5e-6), row(1e-6, 4e-6)], drive)
+    assert cost[1].endswith("tune again with --max-peak-control.")
     assert cost[0].startswith("The limits add at most 3 um RMS of contour error: circle, nominal")
-    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)])
+    stopped = _next([row(1e-6, None, failure="step 3: infeasible"), row(1e-6, 1e-6)], axes)
+    assert "--max-peak" not in stopped[1] and "a lower --acceleration or a lower" in stopped[1]
     assert stopped[0].startswith("1 of 2 runs stopped")
 
 
