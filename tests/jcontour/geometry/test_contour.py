@@ -148,6 +148,14 @@ def test_closed_contours_wrap(name, shapes):
     )
 
 
+def test_the_lap_before_the_start_is_shorter_than_rounding(shapes):
+    """A place just before the start is within [0, length), though length - 1e-20 is length."""
+    circle = shapes.cases()["circle"][0]
+    assert float(circle.within(-1e-20)) == 0.0
+    length = float(circle.length)
+    assert float(circle.within(length)) == 0.0 and 0 < float(circle.within(-1e-9)) < length
+
+
 def test_corners_are_exact_and_belong_to_the_piece_that_begins_there(shapes):
     square, corners, outward = (
         shapes.cases()["square"].contour,

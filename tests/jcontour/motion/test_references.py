@@ -279,3 +279,28 @@ def test_the_first_steps_are_those_of_the_shorter_run():
     assert (found.steps, found.preview) == (5, 3) and found.contour is whole.contour
     for name in ("position", "tangent", "arc"):
         np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-15)
+
+
+def test_samples_beside_a_corner_have_the_arc_length_of_the_path():
+    """Steps of 0.1 mm that cut corners of 1 mm sides in their middle: the chord is shorter."""
+    path = polyline([[0, 0], [1e-3, 0], [1e-3, 1e-3], [2e-3, 1e-3]])
+    arc = 5e-5 + 1e-4 * np.arange(29)
+    x = np.where(arc < 1e-3, arc, np.maximum(1e-3, arc - 1e-3))
+    position = np.stack([x, np.clip(arc - 1e-3, 0, 1e-3)], axis=1)
+    along_y = (arc > 1e-3) & (arc < 2e-3)
+    tangent = np.where(along_y[:, None], [[0.0, 1.0]], [[1.0, 0.0]])
+    reference = from_samples(position, tangent, DT, preview=2, contour=path)
+    np.testing.assert_allclose(reference.arc, arc, atol=1e-15)
+
+
+def test_a_run_aside_keeps_its_last_offset_and_its_contour():
+    reference = along(line([0, 0], [1e-3, 0]), np.linspace(0, 1e-3, 5), DT, 3, at_rest=True)
+    offset = 1e-6 * np.arange(10.0).reshape(5, 2)
+    tangent = np.tile([0.0, 1.0], (5, 1))
+    beside = reference.aside(offset, tangent)
+    moved = np.asarray(beside.position) - np.asarray(reference.position)
+    np.testing.assert_allclose(moved[:5], offset, atol=1e-18)
+    np.testing.assert_allclose(moved[5:], np.tile(offset[-1], (3, 1)), atol=1e-18)
+    np.testing.assert_array_equal(beside.tangent[:5], tangent)
+    np.testing.assert_array_equal(beside.tangent[5:], reference.tangent[5:])
+    np.testing.assert_allclose(contour_error(beside.position[:5], beside)[1:, 1], offset[1:, 1])

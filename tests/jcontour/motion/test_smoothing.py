@@ -144,3 +144,16 @@ def test_bad_input_is_named():
         smooth_path(rough, TOLERANCE, allowed=np.ones(3, bool))
     with pytest.raises(ValueError, match="alike: needs shape"):
         smooth_path(rough, TOLERANCE, alike=np.ones(3, bool))
+
+
+def test_a_run_and_a_corner_share_the_tolerance():
+    """Chords with a sagitta of a third of it, and a right angle that uses what they leave."""
+    sagitta = TOLERANCE / 3
+    turn = 40 * 2 * np.arccos(1 - sagitta / RADIUS)
+    points = chords(40, turn, rounding=1e-12)
+    ahead = np.array([-np.sin(turn), np.cos(turn)])
+    aside = points[-1] + 5e-3 * ahead
+    rough = contours.polyline([*points, aside, aside + 5e-3 * np.array([ahead[1], -ahead[0]])])
+    found = smooth_path(rough, TOLERANCE)
+    assert found.blend.any()
+    assert sagitta / 2 < farthest(found.path, rough) <= found.deviation <= TOLERANCE

@@ -53,6 +53,19 @@ def test_repeated_rows_are_one():
     assert len(Polytope(H, h).reduced().h) == 4
 
 
+def test_of_rows_in_one_direction_the_tightest_counts():
+    H, h = np.array([[1.0], [1.0], [-1.0], [-1.0], [1.0]]), np.array([3.0, 1.0, 4.0, 2.0, 1.0])
+    found = Polytope(H, h).reduced()
+    assert sorted(zip(found.H.ravel(), found.h, strict=True)) == [(-1.0, 2.0), (1.0, 1.0)]
+
+
+def test_a_set_away_from_the_origin_is_within_what_holds_it():
+    """-3 <= x <= -2 lies below -1.5, and not below -2.5."""
+    interval = polytope([[1.0], [-1.0]], [-2.0, 3.0])
+    assert interval.within(polytope([[1.0]], [-1.5]))
+    assert not interval.within(polytope([[1.0]], [-2.5]))
+
+
 def test_projection_is_the_shadow_of_the_vertices(generator):
     found = random_polytope(generator, 3, 5)
     angles = np.linspace(0, 2 * np.pi, 9)
