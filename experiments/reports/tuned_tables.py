@@ -264,8 +264,10 @@ def margin_rows(*designs: PathMargins) -> list[tuple[str, ...]]:
         peaks = ("unstable" if value is None else f"{value:.4g}" for value in values)
         rows.append((f"{words} over the family", *peaks))
     if any(one.doubt is not None for one in designs):
-        used = ("unstable" if one.doubt is None else f"{one.doubt:.3g}" for one in designs)
-        rows.append(("unknown response (stable < 1)", *used))
+        used = (
+            "unstable" if one.doubt is None else f"{one.doubt:.3g} (stable < 1)" for one in designs
+        )
+        rows.append(("unknown response", *used))
     return rows
 
 
