@@ -319,7 +319,7 @@ def _profile(steps: _Steps, ceiling, nodes, rows: _Rows):
         doubled = 2.0 * (rows.limit / rows.along).min(axis=1)
     faster = np.maximum(first, last)
     peak = 0.5 * (first + last + doubled * steps.length)
-    peak = np.clip(peak, faster, np.maximum(ceiling, faster))
+    peak = np.clip(peak, faster, ceiling)
     up = np.where(steps.straight, np.minimum((peak - first) / doubled, steps.length), steps.length)
     down = np.where(steps.straight, np.minimum((peak - last) / doubled, steps.length - up), 0.0)
     peak = np.where(steps.straight, peak, last)

@@ -81,3 +81,18 @@ def test_bad_tolerance_is_refused(tolerance):
         blended(SQUARE, tolerance)
     with pytest.raises(ValueError, match="allowed"):
         blended(SQUARE, 1e-6, np.ones(5, bool))
+
+
+def test_the_slightest_bend_that_would_stop_a_motion_is_blended():
+    """A line leads into an arc of 5 km: at 0.1 m/s the acceleration jumps by 2 um/s^2."""
+    radius, feed, acceleration = 5e3, 0.1, 0.1
+    path = contours.chain(
+        [
+            contours.line([0.0, 0.0], [10e-3, 0.0]),
+            contours.arc([10e-3, 0.0], [10e-3, radius], 10e-3 / radius),
+        ]
+    )
+    assert not joints(unpadded(path)).smooth(np.full(2, feed), acceleration).any()
+    found = blended(path, 2e-6)
+    feeds = np.full(found.piece.size, feed)
+    assert joints(unpadded(found.path)).smooth(feeds, acceleration).all()

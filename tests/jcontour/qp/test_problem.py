@@ -66,6 +66,16 @@ def test_residuals_are_their_definition(seed):
     assert residuals(*qp, z, forces) == pytest.approx((primal, dual, gap), rel=1e-12)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("row", [False, True])
+def test_a_multiplier_without_a_limit_is_no_answer(row, sign):
+    """z^2 / 2 - z at z = 0, which only a force against an infinite limit could hold there."""
+    inf = np.array([np.inf])
+    free = QP(np.eye(1), np.array([-sign]), np.eye(1), -inf, inf, -inf, inf)
+    multipliers = sign * np.array([0.0, 1.0] if row else [1.0, 0.0])
+    assert residuals(*free, np.zeros(1), multipliers) == (0.0, 1.0, 0.0)
+
+
 def test_a_cost_in_small_units_is_not_waved_through():
     qp = some_qp()
     small = qp._replace(H=1e-12 * qp.H, g=1e-12 * qp.g)
