@@ -83,3 +83,10 @@ def test_a_start_that_does_not_fit_is_refused(space, start, words):
 def test_bad_bounds_are_refused(bounds):
     with pytest.raises(ValueError, match="Interval"):
         Interval(*bounds)
+
+
+def test_what_is_free_goes_as_far_as_it_likes():
+    """Others go by ratios: 25 in the logarithm."""
+    space = {"a": Free(), "b": Positive(), "c": Fixed(), "d": Interval(0.0, 1.0)}
+    start = {"a": 1.0, "b": np.ones(2), "c": 1.0, "d": 0.5}
+    assert Chart(space, start).reach().tolist() == [np.inf, 25.0, 25.0, 25.0]

@@ -83,3 +83,18 @@ def test_bad_input_is_one_line(make, words):
     with pytest.raises(ValueError, match=words) as error:
         make()
     assert "\n" not in str(error.value)
+
+
+def test_lobes_are_turned_by_the_phase():
+    """Where the path is at the angle a, it is as far away as the polar curve at a - phase."""
+    phase = 0.7
+    path = polar_lobes(20e-3, 4e-3, 3, phase)
+    x, y = np.asarray(path.position(np.linspace(0, float(path.length), 200))).T
+    assert (x[0], y[0]) == pytest.approx((24e-3 * np.cos(phase), 24e-3 * np.sin(phase)), abs=1e-12)
+    radius = 20e-3 + 4e-3 * np.cos(3 * (np.arctan2(y, x) - phase))
+    np.testing.assert_allclose(np.hypot(x, y), radius, atol=1e-8)
+
+
+def test_a_radius_below_zero_between_the_lobes_is_refused():
+    with pytest.raises(ValueError, match="^base: "):
+        polar_lobes(1e-3, -2e-3, 3)

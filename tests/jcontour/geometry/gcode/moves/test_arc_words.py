@@ -59,6 +59,8 @@ def test_an_arc_that_is_nearly_straight_bends_by_its_sagitta(traced, radius):
         ({"I": 2.0, "J": 1.0, "P": 1.5}, "P of an arc"),
         ({"R": 1.0}, "radius"),
         ({"R": 1.1e7}, r"the centre of an arc is farther than 10000 m away"),
+        ({"R": -1.1e7}, r"the centre of an arc is farther than 10000 m away"),
+        ({"J": -1.1e7}, r"the centre of an arc is farther than 10000 m away"),
         ({"I": 1.1e7}, r"the centre of an arc is farther than 10000 m away"),
     ],
 )
