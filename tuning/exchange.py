@@ -72,7 +72,7 @@ def exchanged(
     z = np.asarray(Chart(problem.space, tuned.weights).coordinates())
     unstable, excess = _look(replace(problem, loops=probed), start, z, windows, few, many)
     seen = Looked(tuned.outcome.loops, tuned.outcome.late, tuned.outcome.count_noise)
-    most = max(0.0, float(np.max(_excess(problem.limits, seen), initial=0.0)))
+    most = float(np.max(_excess(problem.limits, seen), initial=0.0))
     badness = np.where(unstable, np.inf, excess)
     worst = np.argmax(badness, axis=1)
     rows = [c * many + k for c, k in enumerate(worst) if badness[c, k] > most + WORSE]

@@ -20,7 +20,7 @@ from tuning.effort import THOROUGH
 from tuning.exchange import STABLE, exchanged
 from tuning.loops import ProbedLoops
 from tuning.objectives import AtMost, mean_tracking_error, no_limits
-from tuning.parameters import Positive
+from tuning.parameters import Interval, Positive
 from tuning.problem import Problem
 from tuning.tune import tune
 
@@ -122,6 +122,16 @@ def test_nothing_is_exchanged_where_no_loop_is_worse():
     assert len(gains) == 1 and probes(problem) == FEW
     within = problem_of(AtMost(peak_sensitivity=2.0), high=1.005, looks=True)
     assert len(searched(within)[0]) == 1  # Ms is 2.010 between the probes
+
+
+@pytest.mark.slow
+def test_a_loop_that_is_worse_than_those_seen_but_within_its_limit_is_left_out():
+    problem = problem_of(AtMost(peak_sensitivity=5.0), high=1.1, looks=True)
+    problem = replace(problem, space={"gain": Interval(0.1, 1.0)})
+    tuned = tune(problem, START, EFFORT)
+    seen, between = (2 / (2 - high * float(tuned.weights["gain"])) for high in (1.0, 1.1))
+    assert 1.02 * seen < between < 5.0  # Ms
+    assert exchanged(problem, START, tuned, FEW, MANY) is None
 
 
 @pytest.mark.slow
