@@ -8,7 +8,12 @@ of the machine, its smallest singular value at a frequency in rad per sample:
     drift / rounding = w / |G(w)|            the observer's disturbance loop crosses over at w
     control noise / rounding = 0.3 / |G(w)|  its state estimate is not much faster
 
-r is 1, or less where a few counts of the encoder would take the controls to their limit. Of a
+r is 1, or less where a few counts of the encoder would take the controls to their limit. A machine
+that holds its place with a control, as a drive that takes positions, would stay behind by the share
+
+    rho / (rho + alpha |G(0)|^2)
+
+of where it should be, as rho weighs that control: alpha is so large that it is a millionth. Of a
 series of w the fastest is taken whose peak sensitivity stays below 2, on straight lines along
 an axis and across all of them, for the whole family.
 """
@@ -40,6 +45,8 @@ from tuning.parameters import Positive
 REGULATORS = np.geomspace(1.0, 0.05, 30)
 COUNTS = 20.0  # that a position is off, for which the control may be at its limit (Bryson's rule)
 CONTOUR_RATIO = 1.0  # beta / alpha
+BEHIND = 1e-6  # of its place, that a machine may be which holds it with a control
+STANDING = 1e-6  # [rad per sample] at which a machine that needs no control has no such gain
 STATES = 0.3  # noise of the controls, over that which would cross over at w by itself
 SENSITIVITY = 2.0  # peak that a first loop may have: 6 dB, the usual bound
 BANDWIDTHS = np.geomspace(0.5, 1e-3, 16)  # [rad per sample] from fast to slow
@@ -78,7 +85,9 @@ class Drift(Positive):
 
 def _weights(machine: LinearMachine, bandwidth: float, start: LoopWeights) -> LoopWeights:
     regulator = bandwidth if start.control_noise is None else _regulator(machine)
-    alpha = float(start.rho) / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
+    rho = float(start.rho)
+    crossing = rho / _gain(machine, regulator) ** 2 / (1 + CONTOUR_RATIO)
+    alpha = max(crossing, rho / _gain(machine, STANDING) ** 2 / BEHIND)
     found = start._replace(alpha=alpha, beta=CONTOUR_RATIO * alpha)
     if start.control_noise is None:
         return found

@@ -9,8 +9,14 @@ import pytest
 from experiments.catalogue.choices import design_for, machine_named
 from experiments.designs.lq import first_loop as module
 from experiments.designs.lq.first_loop import BANDWIDTHS, SENSITIVITY, Drift
+from experiments.files.run_folder import json_text
+from experiments.flags import machines as flags
 from experiments.flags.loops import Simulate
-from experiments.machines.from_file import linear_machine
+from experiments.jobs.job import from_file
+from experiments.jobs.pace import Pace
+from experiments.jobs.replays import Scenarios, replay
+from experiments.machines.built import built_machine
+from experiments.machines.from_file import linear_machine, machine_from
 from jcontour.linear.plant import LinearPlant
 
 EXAMPLE = str(Path(__file__).parents[4] / "experiments/machines/example.json")
@@ -98,6 +104,24 @@ def test_a_few_counts_do_not_take_the_controls_to_their_limit():
     exact = 2 * np.arcsin(0.25)
     assert exact * module.REGULATORS[1] < found <= exact
     assert module._regulator(integrators(1e-9)) == module.REGULATORS[-1]
+
+
+def test_a_drive_that_takes_positions_comes_to_its_place(tmp_path):
+    """100 mm away it stays a millionth behind; the encoder counts in micrometres."""
+    drive = flags.Machine(
+        takes="position", gain=(1.0,), time_constant_ms=(4.0, 3.0), delay_ms=(2.0,)
+    )
+    machine = machine_from(json_text(built_machine(drive).fields).encode())
+    program = tmp_path / "far.ngc"
+    program.write_text("G21 F3000 G1 X100 Y50\nG4 P.5\nX100.1\n")
+    job = from_file(program, Pace(machine, None, None))
+    design = design_for(machine, Simulate())
+    scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
+    found = replay(design.build(design.start), scenarios)
+    nominal = found.output[0, 0]
+    standing = np.flatnonzero(job.arc == job.arc[len(job.arc) - 200])[-100:]
+    assert len(standing) == 100
+    np.testing.assert_allclose(nominal[standing], np.tile([0.1, 0.05], (100, 1)), atol=1.5e-6)
 
 
 def test_a_drift_may_change_a_thousand_times():
