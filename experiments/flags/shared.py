@@ -143,7 +143,7 @@ class Bounded(Common):
 
     force: float | None = None
     """Largest disturbance on every control at every sample: friction, cutting [control unit].
-    When not given, the control noise that the machine states for its observer."""
+    When not given, the friction or, where it is more, the control noise of the machine file."""
     encoder_um: float | None = None
     """Largest error of every measured position [um]; half a count when not given."""
 

@@ -50,7 +50,7 @@ def warn_of_doubt(machine: LinearMachine) -> None:
 
 
 def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | None) -> Bounds:
-    """Bounds as given; else the machine's control noise, and half a count.
+    """Bounds as given; else the machine's control noise or its friction, and half a count.
 
     Raises:
         ValueError: a bound is negative, or the encoder's error smaller than half a count.
@@ -65,7 +65,8 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             f"encoder-um: rounding alone errs by half a count, {1e6 * half:g} um, "
             f"received {encoder_um}"
         )
-    return Bounds(machine.control_noise if force is None else force, encoder)
+    stated = max(machine.control_noise, machine.friction)
+    return Bounds(stated if force is None else force, encoder)
 
 
 def box_of(plant: Plant, bounds: Bounds, machine: LinearMachine, fed: Fed) -> Box:

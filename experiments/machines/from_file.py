@@ -25,6 +25,8 @@ is nested), all lengths in `length_unit`:
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
                          10 % off does
+    friction             [control unit] that dry friction takes at most; 0 when not given. The runs
+                         have none; what is proven takes it as a force
 
 Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
 
@@ -71,6 +73,7 @@ FIELDS = {
     "uncertainty",
     "encoder_resolution",
     "control_noise",
+    "friction",
 }
 
 
@@ -191,6 +194,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
         response_doubt=_doubt(uncertainty.get("response"), plant),
+        friction=checks.number("friction", fields.get("friction", 0.0), least=0.0),
     )
 
 

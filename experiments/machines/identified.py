@@ -37,6 +37,7 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "known_delay": found.known_delay,
         "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
         "encoder_resolution": min(one.resolution for one in found.axes),
+        "friction": max(0.0 if one.friction is None else one.friction[0] for one in found.axes),
     }
 
 

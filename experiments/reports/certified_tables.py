@@ -17,8 +17,9 @@ HEADINGS = (
 
 BOUNDS = (
     "--force and --encoder-um set these bounds. Not given, they are the control noise of the "
-    "machine (5 % of its control limit where its file states none), and half a count. Such a "
-    "default measures neither friction nor cutting: give your own."
+    "machine (5 % of its control limit where its file states none) or the friction of its file, "
+    "and half a count. Such a default does not measure cutting, nor friction that is not in the "
+    "file: give your own."
 )
 
 

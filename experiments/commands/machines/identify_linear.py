@@ -69,15 +69,10 @@ def command(flags: Identify) -> int:
 
 
 def _rubbed(result: LinearMachineResult) -> list[str]:
-    """How to see what dry friction does: the machine file has none, nor have the tables of tune."""
-    seen = [one.friction for one in result.axes if one.friction is not None]
-    if not seen:
+    """Where dry friction acts: in no run, but in what is proven."""
+    if all(one.friction is None for one in result.axes):
         return []
-    force = f"--force {max(seen):.3g}"
-    return [
-        f"Then, with the RUN that tune names: jcontour certify RUN {force}. "
-        "The errors in the tables of tune are without friction"
-    ]
+    return ["The errors in the tables of tune are without friction; what it proves is with it"]
 
 
 def _check(flags: Identify) -> None:

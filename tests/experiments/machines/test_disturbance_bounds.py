@@ -13,6 +13,9 @@ from jcontour.analysis.uncertain_loops import Doubt
 def test_bounds_come_from_the_machine_where_none_is_given():
     table = linear_machine(machine_named("xy-table"))
     assert bounds_of(table, None, None) == pytest.approx((0.005, 0.5e-6), rel=1e-12)
+    rough = replace(table, friction=0.02)
+    assert bounds_of(rough, None, None) == pytest.approx((0.02, 0.5e-6), rel=1e-12)
+    assert bounds_of(replace(table, friction=0.001), None, None).force == pytest.approx(0.005)
     assert bounds_of(table, 0.0, 2.0) == pytest.approx((0.0, 2e-6), rel=1e-12)
 
 

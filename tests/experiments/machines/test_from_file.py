@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import experiments.machines
 from experiments.files.checks import MachineError
 from experiments.machines.from_file import load_machine, machine_from
-from experiments.machines.linear import bridgeport_machine
+from experiments.machines.linear import LinearMachine, bridgeport_machine
 from experiments.machines.machine import Machine
 
 EXAMPLE = Path(experiments.machines.__file__).parent / "example.json"
@@ -29,6 +29,15 @@ def test_example_in_metres():
     np.testing.assert_allclose(machine.limits.speed, [0.2, 0.2])
     np.testing.assert_allclose(machine.limits.acceleration, [3.0, 2.5])
     assert machine.encoder_resolution == pytest.approx(1e-6)
+
+
+def test_friction_is_told_and_nothing_is_told_without():
+    rough, plain = (
+        machine_from(json.dumps({**FIELDS, **more}).encode()) for more in ({"friction": 0.25}, {})
+    )
+    assert isinstance(rough, LinearMachine) and rough.friction == 0.25
+    assert rough.description()["Friction"].startswith("0.25 ")
+    assert "Friction" not in plain.description()
 
 
 def test_family_has_nominal_first():
@@ -91,6 +100,7 @@ def test_an_npz_that_says_a_thing_twice_is_refused(names):
         ({"limits": {"control": -1.0}}, "limits.control: needs a finite number above 0"),
         ({"length_unit": "furlong"}, "length_unit: needs one of"),
         ({"known_delay": 1.5}, "known_delay: needs a whole number"),
+        ({"friction": -0.1}, "friction: needs a finite number of at least 0"),
         ({"uncertainty": {"gain": 1.0}}, "uncertainty.gain: needs a fraction below 1"),
         ({"uncertainty": {"response": {"hertz": [1]}}}, "response: needs hertz and relative"),
         (

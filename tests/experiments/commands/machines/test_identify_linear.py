@@ -1,7 +1,6 @@
 """`identify --machine linear` from the command line."""
 
 import json
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +14,7 @@ from experiments.commands.machines import identify_linear
 from experiments.files.results.linear_result import LinearMachineResult
 from experiments.files.results.stored import read_result
 from experiments.machines.from_file import load_machine
+from experiments.machines.linear import LinearMachine
 from experiments.reports.identified_tables import show
 from experiments.reports.tables import console_of
 from jcontour.plants import emps
@@ -159,8 +159,10 @@ def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys, seed):
     assert main(["identify", str(tmp_path / "emps.mat"), *flags, "--out", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "the machine file has X twice" in printed and "dry friction takes" in printed
-    assert re.search(r"jcontour certify RUN --force \S+\. The errors .* without friction", printed)
+    assert "tables of tune are without friction; what it proves is with it" in printed
     result = read_result(folder, LinearMachineResult)
     assert result.axes[0].gain == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.002)
     assert result.axes[0].delay == 0
-    assert load_machine(folder / "machine.json").model.axes == 2
+    machine = load_machine(folder / "machine.json")
+    assert isinstance(machine, LinearMachine) and machine.model.axes == 2
+    assert machine.friction == result.axes[0].friction
