@@ -39,7 +39,7 @@ def test_a_segment_heads_to_its_next_point(segment):
 @pytest.mark.parametrize("segment", SEGMENTS)
 def test_its_middle_and_its_ends_are_points_of_it(segment):
     places = [segment.start, segment.middle(), segment.end]
-    assert places == pytest.approx([place(segment, t) for t in (0, 0.5, 1)])
+    assert places == pytest.approx([place(segment, t) for t in (0.0, 0.5, 1.0)])
 
 
 def test_a_closed_segment_does_not_vanish_and_a_short_one_does():
