@@ -1,11 +1,15 @@
-"""Stops of a program in words, against programs whose stops are known."""
+"""Stops of a program, in its toolpath and in words, against programs whose stops are known."""
 
 import math
+
+import numpy as np
 
 from jcontour.geometry.gcode.moves.move import Stop
 from jcontour.geometry.gcode.moves.stops import ignored_words, stops_in_cuts, told_stops
 from jcontour.geometry.gcode.programs import interpreted
+from jcontour.geometry.toolpaths import parse_gcode
 
+HEAD = "G21 G90 G17 F3000\n"
 HERE = (0.0, 0.0, 0.0)
 
 
@@ -41,3 +45,61 @@ def test_exact_path_is_told_once():
     told = told_stops(stops_of("F600 G61 G1 X1\nX2 Y1\nX3\nG61.1 X4\nM0 X5\nX6"))
     exact = "G61.1 from line 4: stops after every move; G61 from line 1: stops in corners"
     assert told == f"1 stop: M0 at line 5; {exact}"
+
+
+def test_dwells_are_rests_at_the_ends_of_pieces():
+    """Those before the first cut are none, two at one place add up."""
+    toolpath = parse_gcode(
+        HEAD + "G4 P9\nG0 X1 Y1\nG4 P9\nG1 X4 Y5\nG4 P1\nG1 Z-1\nG4 P.5\nG0 X4 Y6\nG1 X5\nG4 P0"
+    )
+    np.testing.assert_array_equal(toolpath.rest, [1.5, np.nan, 0.0])
+    assert toolpath.ignored == ()
+
+
+def test_exact_path_stops_in_corners_and_exact_stop_everywhere():
+    """A line, its own half circle with a smooth joint, a corner, and a line in two parts."""
+    moves = "G1 X4\nG3 Y2 J1\nG1 X3 Y5\nX2 Y8\nX0"
+    free = parse_gcode(HEAD + moves).rest
+    np.testing.assert_array_equal(free, np.full(5, np.nan))
+    corners = parse_gcode(HEAD + "G61 " + moves).rest
+    np.testing.assert_array_equal(corners, [np.nan, 0, np.nan, 0, 0])
+    np.testing.assert_array_equal(parse_gcode(HEAD + "G61.1 " + moves).rest, np.zeros(5))
+
+
+def test_exact_path_passes_turns_that_hardly_take_acceleration():
+    """0.29 degrees is 0.00499 of a turn, 0.3 degrees 0.0052; LinuxCNC passes up to about 0.005."""
+    for turn, rest in ((0.00499, np.nan), (0.0052, 0.0)):
+        program = HEAD + f"G61 G1 X10\nX{10 + 10 * np.cos(turn)} Y{10 * np.sin(turn)}"
+        np.testing.assert_array_equal(parse_gcode(program).rest, [rest, 0.0])
+
+
+def test_stops_of_the_projection():
+    """Z alone between two cuts; the time of a dwell there is kept."""
+    program = HEAD + "G1 X4\nZ-1\nX5\nM5\nX6\nG4 P2\nM3\nX7"
+    np.testing.assert_array_equal(parse_gcode(program).rest, [0, 0, 2, np.nan])
+    np.testing.assert_array_equal(parse_gcode(program, "XYZ").rest, [np.nan, np.nan, 0, 2, np.nan])
+
+
+def test_z_alone_takes_its_time_at_its_feed():
+    """3 mm at 600 and 1 mm at 60 mm/min at one place; rapid moves and those behind the last cut."""
+    program = HEAD + "F600 G1 X4\nZ-3\nG4 P2\nZ-4 F60\nX5\nG0 Z9\nX6\nG1 Z8.5 F300\nX7\nZ0"
+    path = parse_gcode(program)
+    np.testing.assert_allclose(path.z_alone, [1.3, 0.0, 0.1, 0.0], rtol=1e-12)
+    np.testing.assert_array_equal(path.rest, [2, 0, 0, np.nan])
+    np.testing.assert_array_equal(parse_gcode(program, "XYZ").z_alone, np.zeros(9))
+
+
+def test_what_z_alone_takes_outside_of_the_cuts_is_told_on_two_axes():
+    """A plunge of 6 mm at 5 mm/s before the first cut, a hole of 4 mm at 2 mm/s behind the last."""
+    program = "G21 G90\nG0 Z5\nG1 Z-1 F300\nG1 X10\nG0 Z5\nG0 X20\nG1 Z1 F120\nG0 Z5"
+    path = parse_gcode(program, "XY")
+    assert path.stops == "left out: 3.2 s of Z alone before the first cut or behind the last one"
+    np.testing.assert_array_equal(path.z_alone, [0.0])
+    assert parse_gcode(program, "XYZ").stops == ""
+
+
+def test_dwells_behind_the_last_cut_are_left_out():
+    """On two axes, too, where Z has left it; a dwell at its very end is kept."""
+    program = HEAD + "G1 X4\nG4 P2\nG0 Z5\nG4 P1\nM30"
+    for axes in ("XY", "XYZ"):
+        np.testing.assert_array_equal(parse_gcode(program, axes).rest, [2.0])
