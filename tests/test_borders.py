@@ -41,7 +41,7 @@ FLOORS = {  # top to bottom: a room imports its own floor and those below
         ("plants", "kernels", "sets", "controller"),
         ("linear", "motion"),
         ("geometry", "native", "plant", "sensors"),
-        ("tracing", "devices", "compiled", "told_values", "largest"),
+        ("tracing", "devices", "compiled", "told_values", "largest", "arrays"),
     ),
     "experiments": (
         ("cli", "examples"),

@@ -61,6 +61,7 @@ class Contour(eqx.Module):
         return self.polynomial.shape[-1]
 
     @property
+    @jax.jit
     def length(self) -> Float[Array, "*stack"]:
         """Total arc length [m]."""
         return self.start[..., -1] + self.extent[..., -1]  # padding starts at the end

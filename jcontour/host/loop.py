@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jcontour.arrays import placed
 from jcontour.controller import Controller
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
@@ -288,4 +289,4 @@ def _stacked(rows: list) -> Any:
     tree = jax.tree.structure(rows[0])
     columns = zip(*(jax.tree.leaves(row) for row in rows), strict=True)
     stacked = [np.stack([np.asarray(value) for value in column]) for column in columns]
-    return tree.unflatten([jnp.asarray(column) for column in stacked])
+    return tree.unflatten([placed(column) for column in stacked])

@@ -8,10 +8,12 @@ McNab & Tsao, eq. 9, with x(k+1) where they print a derivative.
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.arrays import floating
 from jcontour.linear.small_products import small_product
 from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
@@ -55,7 +57,12 @@ class SteadyMotion(eqx.Module):
         increment: Float[Array | np.ndarray, "*batch m"],
     ) -> Float[Array, "*batch n"]:
         """State of a tool at `position` [m] that moves `increment` [m] per sample."""
-        return jnp.asarray(position) @ self.Sy.T + jnp.asarray(increment) @ self.Sv.T
+        return _steady_state(self.Sy, self.Sv, position, increment)
+
+
+@jax.jit  # one program where it is called outside of one
+def _steady_state(Sy, Sv, position, increment):
+    return position @ Sy.T + increment @ Sv.T
 
 
 class LinearPlant(Plant):
@@ -97,7 +104,7 @@ class LinearPlant(Plant):
         pattern: Pattern | None = None,
         motion: SteadyMotion | None = None,
     ):
-        self.A, self.B, self.C = (_floating(matrix) for matrix in (A, B, C))
+        self.A, self.B, self.C = (floating(matrix) for matrix in (A, B, C))
         self.dt, self.motion = float(dt), motion
         _check_shapes(self.A, self.B, self.C, self.dt)
         self.pattern = Pattern.of(A, B, C) if pattern is None else pattern
@@ -132,11 +139,7 @@ class LinearPlant(Plant):
         """
         position = jnp.asarray(position)
         rest = steady_motion(self).state(position, jnp.zeros_like(position))
-        size = jnp.linalg.norm(self.B, axis=0)
-        B, drift = self.B / size[None], rest - self.A @ rest
-        held = jnp.linalg.solve(B.T @ B, B.T @ drift) / size
-        stands = jnp.max(jnp.abs(drift)) <= ROUNDED * jnp.max(jnp.abs(rest))
-        return jnp.where(stands, 0.0, held)
+        return _holding(self.A, self.B, rest)
 
     def step(self, state, control) -> Float[Array, " n"]:
         """A x + B u."""
@@ -230,7 +233,7 @@ def steady_motion(plant: LinearPlant) -> SteadyMotion:
             )
     motion, conditions = _steady_motion(plant)
     for axis, condition in zip(axes, conditions, strict=True):
-        if is_concrete(condition) and not condition * np.finfo(plant.A.dtype).eps < 1:
+        if is_concrete(condition) and not float(condition) * np.finfo(plant.A.dtype).eps < 1:
             raise ValueError(
                 f"output {axis.outputs[0]}: the axis cannot hold a steady motion "
                 "(its equations are singular)"
@@ -269,9 +272,13 @@ def _steady_equations(
     return jnp.concatenate([jnp.stack(rows), (steady / jnp.max(jnp.abs(steady)))[:, None]], axis=1)
 
 
-def _floating(value) -> Array:
-    array = jnp.asarray(value)
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+@jax.jit
+def _holding(A, B, rest):
+    size = jnp.linalg.norm(B, axis=0)
+    B, drift = B / size[None], rest - A @ rest
+    held = jnp.linalg.solve(B.T @ B, B.T @ drift) / size
+    stands = jnp.max(jnp.abs(drift)) <= ROUNDED * jnp.max(jnp.abs(rest))
+    return jnp.where(stands, 0.0, held)
 
 
 def _nonzero(matrix) -> tuple[tuple[bool, ...], ...]:

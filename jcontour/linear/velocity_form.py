@@ -7,6 +7,7 @@ eq. 6),
 A constant force changes x, but not how dx moves on: it cancels.
 """
 
+import jax
 import jax.numpy as jnp
 
 from jcontour.linear.plant import LinearPlant
@@ -14,15 +15,20 @@ from jcontour.linear.plant import LinearPlant
 
 def velocity_form(plant: LinearPlant) -> LinearPlant:
     """Velocity form of any plant: the state is [dx (n), du_{k-1} (p), y (m)], the control du_k."""
-    n, p, m = plant.states, plant.inputs, plant.axes
-    N, dtype = n + p + m, plant.A.dtype
+    return LinearPlant(*_matrices(plant.A, plant.B, plant.C), plant.dt)
+
+
+@jax.jit
+def _matrices(A, B, C):
+    (n, p), m, dtype = B.shape, C.shape[0], A.dtype
+    N = n + p + m
     controls, outputs = slice(n, n + p), slice(n + p, N)
-    A = jnp.zeros((N, N), dtype)
-    A = A.at[:n, :n].set(plant.A)
-    A = A.at[:n, controls].set(plant.B)
-    A = A.at[outputs, :n].set(plant.C @ plant.A)
-    A = A.at[outputs, controls].set(plant.C @ plant.B)
-    A = A.at[outputs, outputs].set(jnp.eye(m, dtype=dtype))
-    B = jnp.zeros((N, p), dtype).at[controls].set(jnp.eye(p, dtype=dtype))
-    C = jnp.zeros((m, N), dtype).at[:, outputs].set(jnp.eye(m, dtype=dtype))
-    return LinearPlant(A, B, C, plant.dt)
+    A_v = jnp.zeros((N, N), dtype)
+    A_v = A_v.at[:n, :n].set(A)
+    A_v = A_v.at[:n, controls].set(B)
+    A_v = A_v.at[outputs, :n].set(C @ A)
+    A_v = A_v.at[outputs, controls].set(C @ B)
+    A_v = A_v.at[outputs, outputs].set(jnp.eye(m, dtype=dtype))
+    B_v = jnp.zeros((N, p), dtype).at[controls].set(jnp.eye(p, dtype=dtype))
+    C_v = jnp.zeros((m, N), dtype).at[:, outputs].set(jnp.eye(m, dtype=dtype))
+    return A_v, B_v, C_v

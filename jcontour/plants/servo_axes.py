@@ -6,6 +6,7 @@ A DC motor under a current amplifier is one: Tomizuka et al. (1990), eq. 1, wher
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import block_diag
@@ -41,15 +42,18 @@ def servo_axes(gain: Any, pole: Any, dt: float) -> LinearPlant:
             "gain, pole: need one number for each axis, "
             f"received the shapes {gain.shape} and {jnp.shape(pole)}"
         )
-    pole = jnp.broadcast_to(pole, gain.shape)
+    A, B = _sampled(gain, jnp.broadcast_to(pole, gain.shape), dt)
+    C = np.kron(np.eye(gain.size), [[1.0, 0.0]])
+    return LinearPlant(A, B, C, dt, _pattern(gain.size))
+
+
+@jax.jit  # one program where it is called outside of one
+def _sampled(gain, pole, dt):
     lost = -jnp.expm1(-pole * dt)  # 1 - e
     moved, held = lost / pole, gain * (pole * dt - lost) / pole**2
     blocks_A = [jnp.array([[1.0, m], [0.0, 1 - x]]) for m, x in zip(moved, lost, strict=True)]
     blocks_B = [jnp.array([[h], [k * m]]) for h, k, m in zip(held, gain, moved, strict=True)]
-    axes = gain.size
-    A, B = block_diag(*blocks_A), block_diag(*blocks_B)
-    C = jnp.kron(jnp.eye(axes), jnp.array([[1.0, 0.0]]))
-    return LinearPlant(A, B, C, dt, _pattern(axes))
+    return block_diag(*blocks_A), block_diag(*blocks_B)
 
 
 def _pattern(axes: int) -> Pattern:

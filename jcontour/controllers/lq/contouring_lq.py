@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jcontour.arrays import floating
 from jcontour.controller import check_preview, whole_preview
 from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.linear.plant import AffinePlan, LinearPlant, SteadyMotion, steady_motion
@@ -45,8 +46,8 @@ class LQWeights(eqx.Module):
     stage: Float[Array, " N_p"] | None = None
 
     def __init__(self, alpha, beta, rho, stage=None):
-        self.alpha, self.beta, self.rho = (_float(value) for value in (alpha, beta, rho))
-        self.stage = None if stage is None else _float(stage)
+        self.alpha, self.beta, self.rho = (floating(value) for value in (alpha, beta, rho))
+        self.stage = None if stage is None else floating(stage)
         _check_weights(self)
 
 
@@ -212,7 +213,7 @@ def control_weight(model: LinearPlant, weights: LQWeights) -> Float[Array, "p p"
     rho, p = weights.rho, model.inputs
     if rho.shape not in ((), (p, p)):
         raise ValueError(f"rho: needs one number or shape ({p}, {p}), received {rho.shape}")
-    return rho if rho.ndim else rho * jnp.eye(p, dtype=model.A.dtype)
+    return rho if rho.ndim else rho * np.eye(p, dtype=model.A.dtype)
 
 
 def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[ArrayLike, "p p"]:
@@ -223,12 +224,6 @@ def balanced(rho, inputs: int, first: int, second: int, difference) -> Float[Arr
     apart = np.zeros(inputs)
     apart[first], apart[second] = 1.0, -1.0
     return rho * (np.eye(inputs) + difference * np.outer(apart, apart))
-
-
-def _float(value) -> Array:
-    # by NumPy: no weak types, no recompilation
-    array = value if isinstance(value, jax.Array) else jnp.asarray(np.asarray(value))
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def _check_weights(weights: LQWeights) -> None:

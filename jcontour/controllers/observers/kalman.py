@@ -265,12 +265,19 @@ def kalman_gain(
             does not die out).
     """
     C = model.C if measured is None else jnp.asarray(measured, model.A.dtype)
-    deviation = jnp.broadcast_to(jnp.asarray(measurement_noise, model.A.dtype), (C.shape[0],))
-    noise = jnp.atleast_2d(jnp.asarray(control_noise, model.A.dtype))
-    B = model.B * noise / jnp.max(deviation)
-    V = jnp.diag((deviation / jnp.max(deviation)) ** 2)
+    dtype = model.A.dtype
+    deviations = jnp.asarray(control_noise, dtype), jnp.asarray(measurement_noise, dtype)
+    B, V = _weighed(model.B, C, *deviations)
     check_dare(model.A.T, C.T, B @ B.T, V)
     return _filter_gain(model.A, B, C, V)
+
+
+@jax.jit
+def _weighed(B, C, control_noise, measurement_noise):
+    """Input matrix and covariance V of the measurement for control noise of deviation one."""
+    deviation = jnp.broadcast_to(measurement_noise, (C.shape[0],))
+    unit = jnp.max(deviation)
+    return B * jnp.atleast_2d(control_noise) / unit, jnp.diag((deviation / unit) ** 2)
 
 
 def offset_free_gain(

@@ -76,8 +76,9 @@ class GantryParameters(eqx.Module):
     def __check_init__(self):
         for name, value in vars(self).items():
             if is_concrete(value):
-                enough = value > 0 if name in POSITIVE else (value >= 0) | (name == "tool_offset")
-                if not np.all(np.isfinite(value) & enough):
+                numbers = np.asarray(value)
+                enough = numbers > 0 if name in POSITIVE else numbers >= 0
+                if not np.all(np.isfinite(numbers) & (enough | (name == "tool_offset"))):
                     needed = f"finite{NEEDS.get(name, ' and at least zero')}"
                     raise ValueError(f"{name}: needs to be {needed}, received {value}")
 

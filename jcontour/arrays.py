@@ -1,0 +1,25 @@
+"""Values as arrays of JAX."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Shaped
+
+
+def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:
+    """NumPy's array as one of JAX.
+
+    With its type said, JAX compiles no program for its shape.
+    """
+    return jnp.asarray(values, values.dtype)
+
+
+def floating(value: Any) -> Float[Array, "..."]:
+    """Numbers as floating-point array; those that are floating already keep their precision."""
+    if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(value)):
+        array = jnp.asarray(value)
+        return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+    values = np.asarray(value)  # no weak types, which were a program of their own
+    return placed(values if np.issubdtype(values.dtype, np.floating) else values.astype(float))

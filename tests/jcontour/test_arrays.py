@@ -1,0 +1,32 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jcontour.arrays import floating, placed
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])
+def test_a_placed_array_keeps_its_type_and_numbers(kind):
+    values = np.array([[0, 1, 1], [1, 0, 1]], kind)
+    array = placed(values)
+    assert array.dtype == kind and not array.weak_type
+    np.testing.assert_array_equal(array, values)
+
+
+@pytest.mark.parametrize(
+    "value, kind",
+    [
+        (2, float),
+        (2.5, float),
+        ([[1, 2], [3, 4]], float),
+        (np.float32(1.5), np.float32),
+        (np.ones((2, 1), np.float32), np.float32),
+        (jnp.arange(3), float),
+        (jnp.ones(2, jnp.float32), np.float32),
+        ([jnp.float64(1.0), 2.0], float),
+    ],
+)
+def test_numbers_become_floating_and_keep_their_precision(value, kind):
+    array = floating(value)
+    assert array.dtype == kind and not array.weak_type
+    np.testing.assert_array_equal(array, np.array(value, kind))
