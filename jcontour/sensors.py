@@ -1,6 +1,7 @@
 """Positions and velocities of the axes within the measurement of a plant."""
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -46,17 +47,22 @@ class Sensors(eqx.Module):
 
     def positions(self, measurement: Any) -> Float[Array, " m"]:
         """Position of every axis [m]."""
-        return self.scale * row(measurement)[np.array(self.position)]
+        return _scaled(self.scale, measurement, self.position)
 
     def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
         """Position [m] and velocity [m/s] of every axis."""
-        return self.positions(measurement), self.scale * row(measurement)[np.array(self.velocity)]
+        return self.positions(measurement), _scaled(self.scale, measurement, self.velocity)
 
 
 def row(measurement: Any) -> Float[Array, " q"]:
     """All leaves of a measurement, one after the other."""
     leaves = [jnp.ravel(leaf) for leaf in jax.tree.leaves(measurement)]
     return leaves[0] if len(leaves) == 1 else jnp.concatenate(leaves)
+
+
+@partial(jax.jit, static_argnums=2, inline=True)  # one program where none is around it
+def _scaled(scale, measurement, places: tuple[int, ...]):
+    return scale * row(measurement)[np.array(places)]
 
 
 def motors(axes: int) -> Sensors:

@@ -267,17 +267,18 @@ def kalman_gain(
     C = model.C if measured is None else jnp.asarray(measured, model.A.dtype)
     dtype = model.A.dtype
     deviations = jnp.asarray(control_noise, dtype), jnp.asarray(measurement_noise, dtype)
-    B, V = _weighed(model.B, C, *deviations)
-    check_dare(model.A.T, C.T, B @ B.T, V)
-    return _filter_gain(model.A, B, C, V)
+    dual = _dual(model.A, model.B, C, *deviations)
+    check_dare(*dual)
+    return _filter_gain(*dual)
 
 
 @jax.jit
-def _weighed(B, C, control_noise, measurement_noise):
-    """Input matrix and covariance V of the measurement for control noise of deviation one."""
+def _dual(A, B, C, control_noise, measurement_noise):
+    """A', C', W and V, with the largest deviation of the measurement for its unit."""
     deviation = jnp.broadcast_to(measurement_noise, (C.shape[0],))
     unit = jnp.max(deviation)
-    return B * jnp.atleast_2d(control_noise) / unit, jnp.diag((deviation / unit) ** 2)
+    B = B * jnp.atleast_2d(control_noise) / unit
+    return A.T, C.T, B @ B.T, jnp.diag((deviation / unit) ** 2)
 
 
 def offset_free_gain(
@@ -353,6 +354,6 @@ def _joined(control_noise, drift, inputs: int) -> Float[Array, " noises"]:
 
 
 @jax.jit
-def _filter_gain(A, B, C, V) -> Float[Array, "n m"]:
-    PC = dare(A.T, C.T, B @ B.T, V) @ C.T
-    return PC @ jnp.linalg.inv(C @ PC + V)
+def _filter_gain(A_dual, C_dual, W, V) -> Float[Array, "n m"]:
+    PC = dare(A_dual, C_dual, W, V) @ C_dual
+    return PC @ jnp.linalg.inv(C_dual.T @ PC + V)
