@@ -43,6 +43,7 @@ def test_a_delay_that_the_machine_has_not_is_refused(machine, asked):
         built(machine, delay=asked)
 
 
+@pytest.mark.slow
 def test_speeds_by_difference_are_not_read(machine):
     _, controller = built(machine)
     assert controller.gain.shape == (6 + 3 + 3, 6)

@@ -87,7 +87,8 @@ def normal_rows(circle, loop):
     return np.einsum("tm,tmn->tn", normal, loop.C), np.sum(normal * off, axis=-1)
 
 
-@pytest.mark.parametrize("index", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
+@pytest.mark.slow
+@pytest.mark.parametrize("index", range(3))
 def test_the_reference_circle(reference_circle, index):
     row = reference_circle.rows[index]
     controller, box = reference_circle.of(row)

@@ -1,6 +1,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jcontour.kernels.packed_stage import (
     cost_entries,
@@ -14,6 +15,7 @@ from jcontour.kernels.packing import packing
 from jcontour.riccati.receding_horizon import CostToGo, first_control, one_stage_back
 
 
+@pytest.mark.slow
 def test_one_stage_is_the_readable_one(problems):
     plant = problems.machine((2, 1), 2, 2)
     Q, y_d, _, R, end = problems.data(plant, 3, 1)

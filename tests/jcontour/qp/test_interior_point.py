@@ -182,6 +182,7 @@ def test_derivatives_are_those_of_differences(kind, request, one_of):
     assert float(reverse) == pytest.approx(float(np.sum(pull * forward)), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_beyond_a_limit_the_answer_moves_with_its_price():
     """min u^2 / 2 - 5 u, u <= 1 at a price r: u = 5 - r up to r = 4, 1 from there."""
     one, none = jnp.ones((1, 1)), jnp.zeros((1, 1))

@@ -72,6 +72,7 @@ def in_lanes(qp):
     return sizes, Problem.of(named), work
 
 
+@pytest.mark.slow
 def test_factors_are_those_of_the_readable_sweep(staged_problems):
     qp = staged_problems(5, 35, **SMALL)
     sizes, problem, work = in_lanes(qp)

@@ -57,6 +57,7 @@ def test_one_problem_alone_and_batches_of_batches(problems):
     assert not solved.solved[4]
 
 
+@pytest.mark.slow
 def test_one_model_for_all(problems):
     one = jax.tree.map(lambda leaf: leaf[0], problems)
     shared = jax.vmap(lambda x0: solve(one._replace(x0=x0)).trajectory.stages)(problems.x0[:3])

@@ -81,7 +81,7 @@ def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, mon
     assert 1e-6 < 0.2 * largest < float(apart) <= (1 + 1e-9) * largest
 
 
-@pytest.mark.parametrize("native", [True, False])
+@pytest.mark.parametrize("native", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_what_is_remembered_is_the_product_of_the_loops_behind_a_block(
     coupled_plant, monkeypatch, native
 ):

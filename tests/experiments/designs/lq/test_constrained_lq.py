@@ -50,6 +50,7 @@ def test_it_begins_where_the_controller_without_limits_begins(machine, design):
     assert design.tunable().late == free.tunable().late
 
 
+@pytest.mark.slow
 def test_the_search_has_no_limits_of_the_machine_but_the_loop_has():
     flags = Tune(parts=("circle",), plant="experiments/machines/example.json", preview=3)
     free = {name for name in tuning_run(flags).limits if name.endswith("_use")}

@@ -106,6 +106,7 @@ def test_a_few_counts_do_not_take_the_controls_to_their_limit():
     assert module._regulator(integrators(1e-9)) == module.REGULATORS[-1]
 
 
+@pytest.mark.slow
 def test_a_drive_that_takes_positions_comes_to_its_place(tmp_path):
     """100 mm away it stays a millionth behind; the encoder counts in micrometres."""
     drive = flags.Machine(

@@ -120,6 +120,7 @@ def test_a_stop_needs_no_more_friction_than_its_sample_allows():
         assert (needed.max() > most + 0.2) == (v == 1e-8 and share == 1.0)
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_not_reached_changes_nothing():
     """Friction brakes too: the run without it would reach the limit, no true one does."""
     axis, reference = FlexibleAxis(thesis_axis(), 1e-3), short_move(Braked())

@@ -52,6 +52,7 @@ def test_a_late_plant_with_other_gains_has_the_same_run_and_answers():
     assert answers[0] == pytest.approx(answers[1], rel=1e-9, abs=1e-18)
 
 
+@pytest.mark.slow
 def test_a_gain_acts_about_the_control_that_holds_the_start():
     """Drives that take a position, away from zero: the run is that of `Gained`."""
     model = LinearPlant(np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2), 1e-3)

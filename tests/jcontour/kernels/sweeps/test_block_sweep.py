@@ -45,6 +45,7 @@ def test_equals_the_readable_blocks_with_its_derivative(
     problems.close(found, wanted, 1e-9)
 
 
+@pytest.mark.slow
 def test_windows_side_by_side_have_the_derivative_of_each(problems):
     """As the margins of a loop are differentiated: forward, within a program, over many windows."""
     plant, preview = problems.machine((2,), 1, 1), 3

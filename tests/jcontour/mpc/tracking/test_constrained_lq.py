@@ -219,6 +219,7 @@ def test_the_start_is_within_the_limits_and_bad_ones_are_told(two_axes):
         ConstrainedLQ(two_axes, WEIGHTS, N, Limits.within(control=np.ones(3)))
 
 
+@pytest.mark.slow
 def test_a_machine_at_rest_away_from_the_origin_is_no_unsolved_problem():
     """There the slopes of tracking cancel to rounding; slack limits leave the law without limits.
 

@@ -19,6 +19,7 @@ TRUTH = AxisModel(
 )
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """60 axes with rounded, noisy positions: 95 % of 6 frequencies, give or take 3 deviations."""
     A, B, C, _ = sampled_axis(speed_axis(K, T), DT)

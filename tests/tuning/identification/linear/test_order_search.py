@@ -30,9 +30,10 @@ def logged(axis, takes, gain, rows, seed=0):
     return AxisRecord(DT, *recorded(one, reference, DT, random))
 
 
-@pytest.mark.parametrize("rows", [6000, pytest.param(12_000, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.slow), 3])
-@pytest.mark.parametrize("takes", ["speed", pytest.param("position", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [6000, 12_000])
+@pytest.mark.parametrize("delay", [0, 3])
+@pytest.mark.parametrize("takes", ["speed", "position"])
 def test_order_and_delay_of_a_drive_in_closed_loop(takes, delay, rows):
     make, i = (speed_axis, 1) if takes == "speed" else (position_axis, 0)
     axis = make(0.8, 0.015, delay * DT)
