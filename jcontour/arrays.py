@@ -5,15 +5,16 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import dtypes
 from jaxtyping import Array, Float, Shaped
 
 
 def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:
-    """NumPy's array as one of JAX.
+    """NumPy's array as one of JAX, in single precision where JAX has no other.
 
     With its type said, JAX compiles no program for its shape.
     """
-    return jnp.asarray(values, values.dtype)
+    return jnp.asarray(values, dtypes.canonicalize_dtype(values.dtype))
 
 
 def floating(value: Any) -> Float[Array, "..."]:

@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -30,3 +31,25 @@ def test_numbers_become_floating_and_keep_their_precision(value, kind):
     array = floating(value)
     assert array.dtype == kind and not array.weak_type
     np.testing.assert_array_equal(array, np.array(value, kind))
+
+
+def test_without_double_precision_there_is_no_warning():
+    with jax.enable_x64(False):
+        for array in (placed(np.ones(2)), floating([[1, 2]]), floating(np.ones(2))):
+            assert array.dtype == np.float32
+
+
+def test_no_program_is_compiled_for_a_shape():
+    compiled = []
+
+    def listen(event, seconds, **_):
+        compiled.append(event)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        placed(np.zeros((3, 1, 7, 5)))
+        assert not [event for event in compiled if "backend_compile" in event]
+        jnp.zeros((3, 1, 7, 5)) + 1.0
+        assert [event for event in compiled if "backend_compile" in event]
+    finally:
+        jax.monitoring.unregister_event_duration_listener(listen)
