@@ -3,10 +3,10 @@
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jcontour.arrays import placed
 from jcontour.host.controller import HostController, Stepped, StepReport
 from jcontour.motion.references import Reference
 
@@ -101,7 +101,7 @@ def thinned(reference: Reference, every: int) -> Reference:
     samples = steps + reference.preview // every
     index = np.minimum(every * np.arange(samples), len(reference.position) - 1)
     position, tangent, arc, mask = (
-        jnp.asarray(np.asarray(values)[index])
+        placed(np.asarray(values)[index])
         for values in (reference.position, reference.tangent, reference.arc, reference.mask)
     )
     return Reference(
