@@ -1,7 +1,6 @@
 """Random problems over stages, and the same worked out in NumPy without stages."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -32,7 +31,7 @@ def _problems(seed, batch, stages, states, controls, rows=0):
     never = np.full((batch, p + rows), np.inf)
     ends = H[:, -1, :n, :n], h[:, -1, :n]
     parts = (A, B, c, x0, H[:, :-1], h[:, :-1], *ends, D, lower, upper, never)
-    return StagedQP(*map(jnp.asarray, parts))
+    return StagedQP(*parts)
 
 
 def _radius(A):
@@ -126,7 +125,7 @@ def staged_problems():
 @pytest.fixture(scope="session")
 def one_of():
     """(batch, k) -> its member k."""
-    return lambda batch, k: jax.tree.map(lambda leaf: leaf[k], batch)
+    return lambda batch, k: jax.tree.map(lambda leaf: np.asarray(leaf)[k], batch)
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,7 @@ def problems(staged_problems, sizes):
 
     A row of the others gives way.
     """
-    qp = staged_problems(5, 35, **sizes)
+    qp = jax.tree.map(jnp.asarray, staged_problems(5, 35, **sizes))
     p = sizes["controls"]
     upper = qp.upper.at[:, :, p:].add(-2.0).at[6].set(1e6).at[7].set(jnp.inf)
     lower = jnp.minimum(qp.lower, upper - 0.1).at[6].set(-1e6).at[7].set(-jnp.inf)
@@ -78,12 +78,12 @@ def test_factors_are_those_of_the_readable_sweep(staged_problems):
     sizes, problem, work = in_lanes(qp)
     N, n, p, r = sizes
     v = sizes.v
-    W = jnp.asarray(np.random.default_rng(1).exponential(size=(N * r, 35)))
-    right = jnp.moveaxis(qp.h, 0, -1).reshape(N * v, 35)
-    known = {"weight": W, "right": right, "slope_end": qp.h_end.T, "open": jnp.ones((1, 35))}
+    W = np.random.default_rng(1).exponential(size=(N * r, 35))
+    right = np.moveaxis(qp.h, 0, -1).reshape(N * v, 35)
+    known = {"weight": W, "right": right, "slope_end": qp.h_end.T, "open": np.ones((1, 35))}
     work |= {name: in_warps(array).reshape(-1) for name, array in known.items()}
     found = jax.jit(lambda work: run(factorise, sizes, problem, work))(work)
-    gram = jnp.einsum("jkb,bkv,bkw->bjvw", W.reshape(N, r, 35), qp.D, qp.D)
+    gram = np.einsum("jkb,bkv,bkw->bjvw", W.reshape(N, r, 35), qp.D, qp.D)
     wanted = jax.vmap(factorised)(qp, qp.H + gram, qp.h, qp.h_end)
     upper = [i * p + k for i in range(p) for k in range(i, p)]
     R = wanted.R.reshape(35, N, p * p)[:, :, jnp.array(upper)]
@@ -123,8 +123,8 @@ def text_of(function, *arguments):
 
 
 def test_check_is_written_for_a_gpu_in_single_precision(staged_problems, for_a_gpu):
-    sizes, problem, work = in_lanes(typed(staged_problems(5, 35, **SMALLEST), "float32"))
-    text = text_of(lambda work: run(check, sizes, problem, work), work)
+    qp = typed(staged_problems(5, 35, **SMALLEST), "float32")
+    text = text_of(lambda qp: run(check, *in_lanes(qp)), qp)
     assert "fma.rn.f32" in text and "f64" not in text
 
 
@@ -148,7 +148,7 @@ def test_an_empty_batch_has_an_empty_answer(shape, staged_problems, monkeypatch)
         return together(qp._replace(x0=x0)).trajectory.stages
 
     monkeypatch.setattr(interior_point, "suits_gpu_code", lambda *_: True)
-    x0 = jnp.zeros((*shape, 1))
+    x0 = np.zeros((*shape, 1))
     slope = jax.eval_shape(jax.grad(lambda x0: jnp.sum(trajectory(x0))), x0)
     assert jax.eval_shape(trajectory, x0).shape == (*shape, 2, 2) and slope.shape == x0.shape
 

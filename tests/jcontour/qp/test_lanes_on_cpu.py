@@ -14,7 +14,11 @@ SIZES = {"stages": 6, "states": 4, "controls": 2, "rows": 3}
 @pytest.fixture(scope="module")
 def problems(staged_problems):
     """Eleven: some give way, one cannot be held, one holds NaN, one is free, one has no limit."""
-    qp = staged_problems(5, 11, **SIZES)
+    return _of_all_kinds(staged_problems(5, 11, **SIZES))
+
+
+@jax.jit
+def _of_all_kinds(qp):
     upper = qp.upper.at[:, :, 2:].add(-2.0).at[6].set(1e6).at[7].set(jnp.inf)
     lower = jnp.minimum(qp.lower, upper - 0.1).at[6].set(-1e6).at[7].set(-jnp.inf)
     penalty = qp.penalty.at[:, 2:].set(jnp.array([3.0, 300.0, 30.0])).at[3].set(jnp.inf)
@@ -28,7 +32,7 @@ def answers(monkeypatch, native, qp, guess):
 
 
 def test_answers_are_those_of_the_readable_solver(problems, monkeypatch):
-    guess = jnp.asarray(np.random.default_rng(0).standard_normal((11, 6, 2)))
+    guess = np.random.default_rng(0).standard_normal((11, 6, 2))
     wanted, found = (answers(monkeypatch, native, problems, guess) for native in (False, True))
     np.testing.assert_array_equal(found.solved, wanted.solved)
     assert wanted.solved.sum() >= 9 and not wanted.solved[4]

@@ -5,15 +5,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.qp.staged import (
-    Trajectory,
-    another_step,
-    costates,
-    drifted,
-    factorised,
-    rollout,
-    slopes,
-    step_of,
+from jcontour.qp import staged
+from jcontour.qp.staged import Trajectory
+
+another_step, costates, drifted, factorised, rollout, slopes, step_of = map(
+    jax.jit,
+    (
+        staged.another_step,
+        staged.costates,
+        staged.drifted,
+        staged.factorised,
+        staged.rollout,
+        staged.slopes,
+        staged.step_of,
+    ),
 )
 
 
@@ -29,7 +34,7 @@ def qp(staged_problems, one_of):
 
 @pytest.fixture(scope="module")
 def controls():
-    return jnp.asarray(np.random.default_rng(1).standard_normal((5, 2)))
+    return np.random.default_rng(1).standard_normal((5, 2))
 
 
 def cost(qp, at: Trajectory):
@@ -53,18 +58,18 @@ def test_the_states_are_those_of_a_loop(qp, controls):
 def test_a_step_is_the_dense_minimum_and_another_slope_needs_no_other_factors(qp, condensed):
     dense, F, G = condensed(qp)
     z = -np.linalg.solve(dense.H, dense.g)
-    start = rollout(qp, jnp.zeros((5, 2)))
+    start = rollout(qp, np.zeros((5, 2)))
     found = factorised(qp, qp.H, *slopes(qp, start))
     step = step_of(qp, found)
     close(start.stages + step.stages, F + G @ z)
-    again = another_step(qp, found, *jax.tree.map(lambda slope: 2 * slope, slopes(qp, start)))
+    again = another_step(qp, found, *(2 * np.asarray(slope) for slope in slopes(qp, start)))
     close(again.stages, 2 * np.asarray(step.stages))
     close(again.end, 2 * np.asarray(step.end))
 
 
 def test_slopes_are_those_of_the_cost(qp, controls):
     at = rollout(qp, controls)
-    for found, wanted in zip(slopes(qp, at), jax.grad(cost, 1)(qp, at), strict=True):
+    for found, wanted in zip(slopes(qp, at), jax.jit(jax.grad(cost, 1))(qp, at), strict=True):
         close(found, wanted)
 
 
@@ -74,7 +79,7 @@ def test_costates_are_the_slopes_of_the_cost_with_what_is_added_to_a_state(qp, c
     def moved(c):
         return cost(qp, rollout(qp._replace(c=c), controls))
 
-    close(costates(qp, slopes(qp, rollout(qp, controls))), jax.grad(moved)(qp.c))
+    close(costates(qp, slopes(qp, rollout(qp, controls))), jax.jit(jax.grad(moved))(qp.c))
 
 
 def test_no_curvature_is_not_hidden(qp):
