@@ -177,7 +177,7 @@ def _alike(made: dict[str, Case]) -> dict[str, Case]:
         kind = "3-D" if case.contour.axes == 3 else (case.contour.newton_steps, case.contour.turns)
         kinds.setdefault(kind, []).append(name)
     for names in kinds.values():
-        together = stack([made[name].contour for name in names])
+        together = jax.device_get(stack([made[name].contour for name in names]))
         for i, name in enumerate(names):
             made[name] = made[name]._replace(
                 contour=jax.tree.map(lambda rows, i=i: rows[i], together)
@@ -277,7 +277,8 @@ def lengths(toolpath: Toolpath) -> np.ndarray:
 
 def assert_valid(toolpath: Toolpath) -> None:
     extent = np.asarray(toolpath.contour.extent)
-    assert np.isfinite(extent).all() and (extent > 0).all() and float(toolpath.contour.length) > 0
+    assert np.isfinite(extent).all() and (extent > 0).all()
+    np.testing.assert_allclose(toolpath.contour.start, np.cumsum(extent) - extent, atol=1e-12)
     ends = points(toolpath, (0.0, 1.0))
     assert np.isfinite(ends).all()
     assert np.linalg.norm(ends[1:, 0] - ends[:-1, 1], axis=-1).max(initial=0.0) < 2e-6  # [mm]

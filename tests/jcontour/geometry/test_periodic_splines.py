@@ -40,7 +40,7 @@ def test_other_lobes_have_the_length_of_the_polar_curve_and_are_turned():
 
 def test_four_derivatives_are_continuous_and_the_speed_is_nearly_one():
     contour = polar_lobes(30e-3, 10e-3, 4)
-    polynomial, h = np.asarray(contour.polynomial), float(contour.extent[0])
+    polynomial, h = np.asarray(contour.polynomial), float(np.asarray(contour.extent)[0])
     power = np.arange(6)
     for derivative in range(5):
         fall = np.prod([power - i for i in range(derivative)], axis=0) * np.ones(6)

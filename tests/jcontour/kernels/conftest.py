@@ -4,7 +4,6 @@ from functools import partial
 from types import SimpleNamespace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -41,13 +40,13 @@ def data(plant: LinearPlant, steps: int, preview: int):
 
     def positive(*shape):
         root = random.standard_normal((*shape, shape[-1]))
-        return jnp.asarray(root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(shape[-1]))
+        return root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(shape[-1])
 
-    terminal = CostToGo(positive(steps, n), jnp.asarray(random.standard_normal((steps, n))))
-    stage = jnp.asarray(random.uniform(0.5, 2.0, preview))
+    terminal = CostToGo(positive(steps, n), random.standard_normal((steps, n)))
+    stage = random.uniform(0.5, 2.0, preview)
     return (
         positive(steps + preview, m),
-        jnp.asarray(random.standard_normal((steps + preview, m))),
+        random.standard_normal((steps + preview, m)),
         stage,
         positive(p),
         terminal,

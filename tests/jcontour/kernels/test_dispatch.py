@@ -2,7 +2,6 @@ import subprocess
 import sys
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -34,7 +33,7 @@ def test_a_cpu_keeps_the_sweep_in_xla():
 def test_one_type_for_all_numbers(monkeypatch, types, wanted):
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
     assert (
-        dispatch.suits_lanes(bridgeport().pattern, *(jnp.zeros(2, one) for one in types)) == wanted
+        dispatch.suits_lanes(bridgeport().pattern, *(np.zeros(2, one) for one in types)) == wanted
     )
 
 
@@ -55,7 +54,7 @@ def test_a_plant_that_would_unroll_too_far_is_left_to_xla(
     A = np.ones((states, states)) if coupled else np.eye(states)
     assert (
         dispatch.suits_lanes(
-            Pattern.of(A, np.ones((states, 3)), np.ones((3, states))), jnp.zeros(1, dtype)
+            Pattern.of(A, np.ones((states, 3)), np.ones((3, states))), np.zeros(1, dtype)
         )
         == wanted
     )
@@ -82,25 +81,25 @@ def axes_of(states: int, axes: int) -> Pattern:
 def test_large_machines_of_decoupled_axes_have_kernels_of_their_own(
     monkeypatch, pattern, preview, wanted
 ):
-    assert not dispatch.suits_rank_one(pattern, preview, jnp.zeros(1)) or dispatch.on_gpu()
+    assert not dispatch.suits_rank_one(pattern, preview, np.zeros(1)) or dispatch.on_gpu()
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
-    assert dispatch.suits_rank_one(pattern, preview, jnp.zeros(1)) == wanted
-    assert not dispatch.suits_rank_one(pattern, preview, jnp.zeros(1), np.zeros(1, np.float32))
+    assert dispatch.suits_rank_one(pattern, preview, np.zeros(1)) == wanted
+    assert not dispatch.suits_rank_one(pattern, preview, np.zeros(1), np.zeros(1, np.float32))
 
 
 def test_the_closed_loop_of_larger_machines_has_a_kernel_too(monkeypatch):
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
-    assert dispatch.suits_loop(axes_of(8, 2), jnp.zeros(1))
-    assert not dispatch.suits_loop(axes_of(16, 1), jnp.zeros(1))
-    assert not dispatch.suits_loop(axes_of(4, 2), jnp.zeros(1, np.float16))
+    assert dispatch.suits_loop(axes_of(8, 2), np.zeros(1))
+    assert not dispatch.suits_loop(axes_of(16, 1), np.zeros(1))
+    assert not dispatch.suits_loop(axes_of(4, 2), np.zeros(1, np.float16))
 
 
 def test_metrics_on_lines_and_arcs_have_a_kernel(monkeypatch):
-    assert dispatch.suits_metrics(circle(1e-2), jnp.zeros(1)) == dispatch.on_gpu()
+    assert dispatch.suits_metrics(circle(1e-2), np.zeros(1)) == dispatch.on_gpu()
     monkeypatch.setattr(dispatch, "on_gpu", lambda: True)
-    assert dispatch.suits_metrics(circle(1e-2), jnp.zeros(1))
-    assert not dispatch.suits_metrics(circle(1e-2), jnp.zeros(1), np.zeros(1, np.float32))
-    assert not dispatch.suits_metrics(ellipse(2e-2, 1e-2), jnp.zeros(1))
+    assert dispatch.suits_metrics(circle(1e-2), np.zeros(1))
+    assert not dispatch.suits_metrics(circle(1e-2), np.zeros(1), np.zeros(1, np.float32))
+    assert not dispatch.suits_metrics(ellipse(2e-2, 1e-2), np.zeros(1))
 
 
 def test_multiplications_are_counted_over_what_is_not_zero():
@@ -120,7 +119,7 @@ def test_spans_are_for_long_windows_whose_profile_is_known_to_be_uniform():
         np.ones(shortest), lanes=True
     )
     traced = []
-    jax.eval_shape(lambda stage: traced.append(dispatch.suits_spans(stage)), jnp.ones(shortest))
+    jax.eval_shape(lambda stage: traced.append(dispatch.suits_spans(stage)), np.ones(shortest))
     assert traced == [False]
 
 

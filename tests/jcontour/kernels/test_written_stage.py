@@ -1,5 +1,6 @@
 """A stage written out number by number, with plain numbers, against the readable one."""
 
+import jax
 import numpy as np
 
 from jcontour.kernels.written_stage import (
@@ -36,10 +37,10 @@ def test_one_stage_is_the_readable_one(problems):
     cost = [weighted[entry] for entry in shape.seen]
     before = cost_in_front(shape, sizes, M, behind, chosen)
     before = weigh(shape, sizes, {entry: C[entry] for entry in shape.C}, before, cost)
-    wanted = one_stage_back(plant, R, CostToGo(*end), Q[:1], y_d[:1])
-    plan = first_control(plant, R, CostToGo(*end))
+    wanted = jax.jit(one_stage_back)(plant, R, CostToGo(*end), Q[:1], y_d[:1])
+    plan = jax.jit(first_control)(plant, R, CostToGo(*end))
     K = np.array(gain(shape, sizes, M, chosen.L))
-    problems.close((K[:, :3], -K[:, 3]), (plan.F[0], plan.f[0]), 1e-12)
+    problems.close((K[:, :3], -K[:, 3]), (np.asarray(plan.F)[0], np.asarray(plan.f)[0]), 1e-12)
     H = np.array([[before[key(i, k)] for k in range(3)] for i in range(3)])
     g = np.array([before[i, 3] for i in range(3)])
-    problems.close((H, g), (wanted.H[0], wanted.g[0]), 1e-12)
+    problems.close((H, g), (np.asarray(wanted.H)[0], np.asarray(wanted.g)[0]), 1e-12)

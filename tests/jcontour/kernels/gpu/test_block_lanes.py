@@ -36,7 +36,7 @@ def test_equals_the_sweep_of_all_blocks(problems, sizes, inputs, outputs, steps,
     blocks = -(-steps // preview)
     ends = CostToGo(*(rows[:blocks] for rows in end))
     found, wanted = (
-        problems.quick(jax.vmap(plan, in_axes=(0, None)))(jnp.stack([Q, 2 * Q]), y_d)
+        problems.quick(jax.vmap(plan, in_axes=(0, None)))(np.stack([Q, 2 * Q]), y_d)
         for plan in (
             lambda Q, y_d: block_plan(
                 plant.pattern, preview, plant.A, plant.B, plant.C, Q, y_d, R, *ends

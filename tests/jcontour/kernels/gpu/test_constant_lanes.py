@@ -4,7 +4,6 @@ Without a GPU the kernels are interpreted, so the cases are tiny.
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -26,7 +25,7 @@ def test_an_axis_by_itself():
 def test_responses_of_the_condensed_problem(problems, sizes, inputs, preview):
     plant = problems.machine(sizes, inputs, len(sizes))
     stage, q, R = np.linspace(0.7, 1.5, preview), 2.3, 0.4 * np.eye(inputs)
-    arrays = plant.A, plant.B, plant.C, jnp.array([q]), jnp.asarray(stage), jnp.asarray(R)
+    arrays = plant.A, plant.B, plant.C, np.array([q]), stage, R
 
     def found():
         part = constant_part(plant.pattern, preview, [Operand(array) for array in arrays])

@@ -1,7 +1,6 @@
 """Distances in the lanes of a GPU against `Contour.nearest`; the kernel is interpreted here."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -17,9 +16,9 @@ RISE = polyline([(0.0, 0.0, 0.0), (2e-3, 0.0, 1e-3), (2e-3, 3e-3, 2e-3)])
 def by_lanes(contour, point, at, reach):
     """Squared distances of points (N, m)."""
     count, m = point.shape
-    fixed = contour_rows(jax.tree.map(Operand, contour))
+    fixed = contour_rows(jax.tree.map(Operand, jax.device_get(contour)))
     rows = [Operand(one.array.astype(float), one.axes).fixed() for one in fixed]
-    seen = [Operand(jnp.asarray(array), (0,)) for array in (point.T, at[None], reach[None])]
+    seen = [Operand(array, (0,)) for array in (point.T, at[None], reach[None])]
     batch = Batch.of([*seen, *rows])
 
     def kernel(*refs):
@@ -29,14 +28,14 @@ def by_lanes(contour, point, at, reach):
         value = path.square([y.fixed(a) for a in range(m)], at.fixed(0), reach.fixed(0))
         refs[-1][0, lanes.member] = value
 
-    return launch(kernel, 1, [*seen, *rows], [(1, count)])[0][0]
+    return np.asarray(launch(kernel, 1, [*seen, *rows], [(1, count)])[0])[0]
 
 
 @pytest.mark.parametrize(
     "contour",
     [
         polygon([(0.0, 0.0), (2e-2, 0.0), (2e-2, 2e-2), (0.0, 2e-2)]),
-        jax.tree.map(lambda leaf: leaf[0], stack([WAY, polyline(CORNERS)])),
+        jax.tree.map(lambda leaf: np.asarray(leaf)[0], stack([WAY, polyline(CORNERS)])),
         pytest.param(polyline(CORNERS), marks=pytest.mark.slow),
         pytest.param(circle(2e-3), marks=pytest.mark.slow),
         pytest.param(RISE, marks=pytest.mark.slow),

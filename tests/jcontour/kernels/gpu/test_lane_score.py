@@ -19,8 +19,8 @@ from jcontour.simulation.metrics import SEARCH_REACH, score_signals
 def case(problems, sizes, inputs, outputs, steps):
     plant, random = problems.machine(sizes, inputs, outputs), np.random.default_rng(3)
     shapes = (steps, inputs, plant.states), (steps, inputs), (plant.states,), (steps, outputs)
-    F, f, start, reference = (jnp.asarray(random.standard_normal(shape)) for shape in shapes)
-    return plant, (0.1 * F, f, start, (reference, jnp.arange(steps) != 1))
+    F, f, start, reference = (random.standard_normal(shape) for shape in shapes)
+    return plant, (0.1 * F, f, start, (reference, np.arange(steps) != 1))
 
 
 def numbers(y, u, reference):

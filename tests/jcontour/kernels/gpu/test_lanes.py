@@ -34,7 +34,7 @@ def product_and_sum(x, y):
     ],
 )
 def test_every_vmap_is_merged_into_the_batch(nested):
-    found = nested(batch_last(product_and_sum))(x, y)
+    found = jax.jit(nested(batch_last(product_and_sum)))(x, y)
     np.testing.assert_array_equal(found[0], x * y[:, None, None])
     np.testing.assert_array_equal(found[1], x.sum(-1) + y[:, None])
 
@@ -46,7 +46,7 @@ def test_what_is_not_batched_is_not_copied():
         seen.append((a, b))
         return [a.array[:, None] * b.array.reshape(1, -1)]
 
-    jax.vmap(lambda one: batch_last(shapes)(x[0, 0], one))(jnp.ones(5))
+    jax.vmap(lambda one: batch_last(shapes)(x[0, 0], one))(np.ones(5))
     assert [(operand.array.shape, operand.axes) for operand in seen[-1]] == [
         ((3,), ()),
         ((5,), (0,)),
@@ -56,11 +56,11 @@ def test_what_is_not_batched_is_not_copied():
 @pytest.mark.parametrize("axes", [(), (0,), (1,), (2,), (0, 1), (0, 2), (1, 2), (0, 1, 2)])
 def test_lanes_find_their_member_of_every_operand(axes):
     sizes = (2, 3, 5)
-    array = jnp.arange(4.0 * np.prod([sizes[axis] for axis in axes], dtype=int)).reshape(
+    array = np.arange(4.0 * np.prod([sizes[axis] for axis in axes], dtype=int)).reshape(
         2, 2, *(sizes[axis] for axis in axes)
     )
-    operands = Operand(array, axes), Operand(jnp.zeros(sizes), (0, 1, 2))
-    rows, _ = Batch.of(operands).rows([operands[0].timed().array, None], jnp.arange(30))
+    operands = Operand(array, axes), Operand(np.zeros(sizes), (0, 1, 2))
+    rows, _ = Batch.of(operands).rows([operands[0].timed().array, None], np.arange(30))
     wanted = np.broadcast_to(spread(operands[0], sizes), (2, 2, *sizes)).reshape(2, 2, 30)
     for row in range(2):
         for sample in range(2):
@@ -72,8 +72,8 @@ def test_lanes_find_their_member_of_every_operand(axes):
 @pytest.mark.parametrize("axes", [set(), {0}, {1}, {2}, {0, 2}, {1, 2}, {0, 1, 2}])
 def test_some_axes_one_at_a_time_and_the_others_together(axes):
     wide, narrow = (
-        Operand(jnp.arange(120.0).reshape(4, 2, 3, 5), (0, 1, 2)),
-        Operand(jnp.arange(8.0).reshape(4, 2), (0,)),
+        Operand(np.arange(120.0).reshape(4, 2, 3, 5), (0, 1, 2)),
+        Operand(np.arange(8.0).reshape(4, 2), (0,)),
     )
     left = 3 - len(axes)
 
@@ -82,13 +82,14 @@ def test_some_axes_one_at_a_time_and_the_others_together(axes):
         return x * jnp.expand_dims(y, tuple(range(y.ndim, x.ndim)))
 
     np.testing.assert_array_equal(
-        for_every(axes, function, (wide, narrow)), wide.array * narrow.array[:, :, None, None]
+        jax.jit(lambda: for_every(axes, function, (wide, narrow)))(),
+        wide.array * narrow.array[:, :, None, None],
     )
 
 
 def test_an_operand_over_a_whole_batch():
-    batch = Batch.of((Operand(jnp.zeros((2, 3)), (0, 1)),))
-    found = Operand(jnp.arange(6.0).reshape(2, 3), (1,)).over(batch)
+    batch = Batch.of((Operand(np.zeros((2, 3)), (0, 1)),))
+    found = Operand(np.arange(6.0).reshape(2, 3), (1,)).over(batch)
     assert found.axes == (0, 1) and found.core == (2,)
     np.testing.assert_array_equal(
         found.array, np.broadcast_to(np.arange(6.0).reshape(2, 1, 3), (2, 2, 3))
@@ -99,13 +100,14 @@ def test_an_operand_over_a_whole_batch():
 def test_pieces_are_the_whole(monkeypatch, numbers):
     monkeypatch.setattr(lanes, "MOST_NUMBERS", numbers)
     whole = (
-        Operand(jnp.arange(42.0).reshape(2, 3, 7), (0, 1)),
-        Operand(jnp.array([2.0, 3.0, 5.0]), (0,)),
+        Operand(np.arange(42.0).reshape(2, 3, 7), (0, 1)),
+        Operand(np.array([2.0, 3.0, 5.0]), (0,)),
     )
-    for found, wanted in zip(
-        in_pieces(product_and_sum, whole, 2), product_and_sum(*whole), strict=True
-    ):
-        np.testing.assert_array_equal(found, wanted)
+    pieces, wanted = jax.jit(
+        lambda: (in_pieces(product_and_sum, whole, 2), product_and_sum(*whole))
+    )()
+    for found, one in zip(pieces, wanted, strict=True):
+        np.testing.assert_array_equal(found, one)
 
 
 def test_lanes_beyond_the_last_repeat_it():

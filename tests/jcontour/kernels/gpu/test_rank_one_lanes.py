@@ -25,7 +25,7 @@ def window(outputs: int, steps: int, preview: int):
     tangent = random.standard_normal((steps + preview, outputs))
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     stage = random.uniform(0.5, 1.5, preview)
-    return map(jnp.asarray, (tangent, 0.3 + np.cumsum(tangent, axis=0), stage))
+    return tangent, 0.3 + np.cumsum(tangent, axis=0), stage
 
 
 def readable(plant, alpha, beta, tangent, y_d, stage, R) -> AffinePlan:
@@ -46,14 +46,14 @@ def readable(plant, alpha, beta, tangent, y_d, stage, R) -> AffinePlan:
 def test_equals_the_readable_sweep(problems, sizes, inputs, steps, preview):
     plant = problems.machine(sizes, inputs, len(sizes))
     tangent, y_d, stage = window(len(sizes), steps, preview)
-    weights = jnp.array([[1.0, 2.0, 0.1], [0.1, 5.0, 0.3], [0.0, 1.0, 0.2], [2.0, 0.0, 0.5]])
+    weights = np.array([[1.0, 2.0, 0.1], [0.1, 5.0, 0.3], [0.0, 1.0, 0.2], [2.0, 0.0, 0.5]])
 
     def lanes(alpha, beta, rho):
         model, R = (plant.pattern, plant.A, plant.B, plant.C), rho * jnp.eye(inputs)
         return rank_one_gains(*model, alpha + beta, beta, tangent, y_d, stage, R)
 
     def sweep(alpha, beta, rho):
-        plan = readable(plant, alpha, beta, tangent, y_d, stage, rho * jnp.eye(inputs))
+        plan = readable(plant, alpha, beta, tangent, y_d, jnp.asarray(stage), rho * jnp.eye(inputs))
         return plan.F, plan.f
 
     found, wanted = (jax.jit(jax.vmap(gains))(*weights.T) for gains in (lanes, sweep))

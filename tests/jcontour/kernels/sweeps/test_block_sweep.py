@@ -4,6 +4,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from jcontour.riccati.blockwise import blockwise_plan, swept
@@ -26,7 +27,7 @@ def test_equals_the_readable_blocks_with_its_derivative(
     ends = CostToGo(*(rows[: -(-steps // preview)] for rows in end))
 
     # scales, as symmetric matrices stay symmetric
-    weights = jnp.array([1.0, 2.0, 0.5])
+    weights = np.array([1.0, 2.0, 0.5])
 
     def value(plan, weights, y_d, g):
         q, r, h = weights
@@ -51,7 +52,7 @@ def test_windows_side_by_side_have_the_derivative_of_each(problems):
     plant, preview = problems.machine((2,), 1, 1), 3
     Q, y_d, _, R, end = problems.data(plant, 7, preview)
     ends = CostToGo(*(rows[:3] for rows in end))
-    many = jnp.stack([y_d, 2 * y_d])
+    many = np.stack([y_d, 2 * y_d])
 
     def gains(scale, y_d):
         plan = blockwise_plan(plant, scale * Q, y_d, R, ends, preview)
@@ -59,5 +60,5 @@ def test_windows_side_by_side_have_the_derivative_of_each(problems):
 
     side_by_side = jax.jacfwd(jax.jit(lambda scale: jax.vmap(partial(gains, scale))(many)))
     alone = [problems.quick(jax.jacfwd(gains))(1.5, y_d) for y_d in many]
-    stacked = [jnp.stack(rows) for rows in zip(*alone, strict=True)]
+    stacked = [np.stack(rows) for rows in zip(*alone, strict=True)]
     problems.close(list(problems.quick(side_by_side)(1.5)), stacked, 1e-12)

@@ -187,7 +187,7 @@ def test_answer_of_matrices_that_may_be_singular(rank):
         random.standard_normal((4, 2)),
     )
     H, C = root @ root.T, other @ other.T
-    found = answer(*(jnp.asarray(M)[..., None] for M in (H, C, V)))[..., 0]
+    found = jax.jit(answer)(*(M[..., None] for M in (H, C, V)))
     np.testing.assert_allclose(
-        found, H @ np.linalg.solve(np.eye(4) + C @ H, V), rtol=1e-11, atol=1e-12
+        np.asarray(found)[..., 0], H @ np.linalg.solve(np.eye(4) + C @ H, V), rtol=1e-11, atol=1e-12
     )

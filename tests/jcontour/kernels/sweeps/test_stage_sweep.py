@@ -20,15 +20,15 @@ def problem(plant: LinearPlant, steps: int, preview: int) -> SweepData:
 
     def positive(*shape):
         root = random.standard_normal((*shape, shape[-1]))
-        return jnp.asarray(root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(shape[-1]))
+        return root @ np.swapaxes(root, -1, -2) + 0.1 * np.eye(shape[-1])
 
     Q, y_d = positive(steps + preview, plant.axes), random.standard_normal((steps + preview, 2))
     return SweepData(
-        cost_entries(Q, jnp.asarray(y_d)),
-        jnp.asarray(random.uniform(0.5, 2.0, preview)),
+        jax.jit(cost_entries)(Q, y_d),
+        random.uniform(0.5, 2.0, preview),
         positive(plant.inputs),
         positive(steps, plant.states),
-        jnp.asarray(random.standard_normal((steps, plant.states))),
+        random.standard_normal((steps, plant.states)),
     )
 
 
@@ -63,32 +63,35 @@ def test_windows_with_samples_of_their_own_are_the_equations(coupled_plant):
     data = problem(plant, windows, stages)
     random = np.random.default_rng(2)
     root = random.standard_normal((stages - 1, windows, 2, 2))
-    Q, y_d = jnp.asarray(root @ root.mT), jnp.asarray(random.standard_normal(root.shape[:3]))
-    cost = jnp.stack([cost_entries(*rows) for rows in zip(Q, y_d, strict=True)], axis=1)
+    Q, y_d = root @ root.mT, random.standard_normal(root.shape[:3])
+    cost = jax.jit(jax.vmap(cost_entries, out_axes=1))(Q, y_d)
     scale = data.stage[:-1]
-    K, G, product = jax.jit(stage_sweep, static_argnums=(0, 9, 10))(
-        plant.pattern, plant.A, plant.B, plant.C, data.R, cost, scale, data.H, data.g, kept, True
-    )
+    sweep = jax.jit(stage_sweep, static_argnums=(0, 9, 10))
+    model = plant.pattern, plant.A, plant.B, plant.C
+    K, G, product = jax.device_get(sweep(*model, data.R, cost, scale, data.H, data.g, kept, True))
     remembered = np.broadcast_to(np.eye(3), (windows, 3, 3))
     behind, order = CostToGo(data.H, data.g), packing(plant.pattern).order
+    A, B = np.asarray(plant.A), np.asarray(plant.B)
     for s in reversed(range(stages)):
-        plan = first_control(plant, data.R, behind)
+        plan = jax.device_get(jax.jit(first_control)(plant, data.R, behind))
         if s >= kept:
-            remembered = remembered @ np.asarray(plant.A[None] - plant.B[None] @ plan.F)
+            remembered = remembered @ (A - B @ plan.F)
         else:
             close(np.moveaxis(K[s, :, :3], -1, 0), plan.F[:, :, order])
             close(-K[s, :, 3].T, plan.f)
         if s == 0:
-            inverse = np.linalg.inv(plant.B.T @ behind.H @ plant.B + data.R[None])
+            inverse = np.linalg.inv(B.T @ behind.H @ B + data.R)
             close(np.moveaxis(G, -1, 0), inverse)
             close(np.moveaxis(product, -1, 0), remembered)
             break
-        behind = one_stage_back(plant, data.R, behind, scale[s - 1] * Q[s - 1], y_d[s - 1])
+        behind = jax.device_get(
+            jax.jit(one_stage_back)(plant, data.R, behind, scale[s - 1] * Q[s - 1], y_d[s - 1])
+        )
 
 
 def test_single_precision_and_large_plants_are_left_to_xla(coupled_plant):
     plant = bridgeport()
-    assert not suits_stages(plant.pattern, jnp.zeros(1, jnp.float32))
+    assert not suits_stages(plant.pattern, np.zeros(1, np.float32))
     assert not suits_stages(coupled_plant(0, 12, 3).pattern, plant.A)
 
 
@@ -102,7 +105,7 @@ def test_second_derivatives_are_those_of_the_sweep_in_xla(monkeypatch):
         plan = window_sweep._plan(plant.pattern, plant.A, plant.B, plant.C, moved)
         return sum(jnp.sum(jnp.sin(rows)) for rows in plan)
 
-    found = jax.jit(jax.hessian(value))(jnp.array([1.1, 0.9]))
+    found = jax.jit(jax.hessian(value))(np.array([1.1, 0.9]))
     monkeypatch.setattr(window_sweep, "suits_stages", lambda *_: False)
-    wanted = jax.jit(jax.hessian(lambda weights: value(weights)))(jnp.array([1.1, 0.9]))
+    wanted = jax.jit(jax.hessian(lambda weights: value(weights)))(np.array([1.1, 0.9]))
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
