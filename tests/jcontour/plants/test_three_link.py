@@ -23,6 +23,9 @@ REFERENCE = json.loads(DATA.read_text())
 ROWS = REFERENCE["kinematics"]["rows"]
 
 
+legs_of, balls_of = jax.jit(ThreeLink.legs), jax.jit(ThreeLink.balls)
+
+
 def pose_of(row):
     tilt = row["beta"] * np.array([np.cos(row["alpha"]), np.sin(row["alpha"])])
     return np.array([1e-3 * row["z"], *tilt])
@@ -42,7 +45,7 @@ def balls_by_scipy(pose, h):
 
 @pytest.mark.parametrize("row", ROWS)
 def test_legs_are_those_of_the_reference(row):
-    legs = ThreeLink().legs(pose_of(row))
+    legs = np.asarray(legs_of(ThreeLink(), pose_of(row)))
     np.testing.assert_allclose(1e3 * legs, row["lengths_mm"], rtol=1e-13)
 
 
@@ -72,7 +75,7 @@ def test_legs_stay_in_the_planes_of_their_pins():
     poses = manipulator_path(np.linspace(0, 6, 101))
     psi = np.deg2rad([0, 120, 240])
     normals = np.stack([-np.sin(psi), np.cos(psi), 0 * psi], axis=-1)
-    balls = np.asarray(ThreeLink().balls(poses))
+    balls = np.asarray(balls_of(ThreeLink(), poses))
     assert np.max(np.abs(np.sum(balls * normals, axis=-1))) < 1e-15
 
 
@@ -82,13 +85,13 @@ def test_pins_stand_on_the_base_circle():
     pins = links.pins()
     half = 0.3 * np.sqrt(3) / 2
     np.testing.assert_allclose(pins, [[0.3, 0, 0], [-0.15, half, 0], [-0.15, -half, 0]], atol=1e-16)
-    lengths = np.linalg.norm(np.asarray(links.balls(pose)) - pins, axis=1)
-    np.testing.assert_allclose(lengths, links.legs(pose), rtol=1e-14)
+    lengths = np.linalg.norm(np.asarray(balls_of(links, pose)) - pins, axis=1)
+    np.testing.assert_allclose(lengths, legs_of(links, pose), rtol=1e-14)
 
 
 def test_the_path_is_that_of_the_reference():
     times = 3e-3 * np.arange(2001)
-    legs = np.asarray(ThreeLink().legs(manipulator_path(times)))
+    legs = np.asarray(legs_of(ThreeLink(), manipulator_path(times)))
     moved = 1e3 * (legs[:, 0] - legs[0, 0])
     wanted = REFERENCE["link0_samples_3ms_every_100"]
     np.testing.assert_allclose(moved[::100], wanted, rtol=1e-11, atol=1e-11)

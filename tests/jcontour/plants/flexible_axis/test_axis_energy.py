@@ -1,7 +1,6 @@
 """Energy of the flexible axis: the work of its forces accounts for every change."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import simpson
@@ -33,7 +32,7 @@ def substep_states(axis, start, currents):
         return after, after
 
     _, states = jax.jit(lambda start, u: jax.lax.scan(step, start, u))(
-        start, jnp.repeat(jnp.asarray(currents), axis.substeps)
+        start, np.repeat(currents, axis.substeps)
     )
     states = jax.tree.map(
         lambda first, rest: np.concatenate([np.asarray(first)[None], rest]), start, states
@@ -61,9 +60,9 @@ def per_sample(power, axis):
 def test_left_alone_it_loses_its_energy_in_the_damper_only(kind, ideal):
     """Every sample of a second of free motion, to 1e-9 J of about 1 J."""
     axis = kind(ideal(), DT)
-    start = Motion(*(jnp.array([value]) for value in (0.0, 0.2, 0.002, -0.3)))
+    start = Motion(*(np.array([value]) for value in (0.0, 0.2, 0.002, -0.3)))
     if kind is FlexibleAxis:
-        start = axis.initial_state(jnp.zeros(1), jnp.ones(1))._replace(motion=start)
+        start = axis.initial_state(np.zeros(1), np.ones(1))._replace(motion=start)
     x, _ = substep_states(axis, start, np.zeros(1000))
     energy = (39.62 * x[:, 1] ** 2 + 0.38 * x[:, 3] ** 2 + 2908.0 * (x[:, 0] - x[:, 2]) ** 2) / 2
     lost = per_sample(2.1 * (x[:, 1] - x[:, 3]) ** 2, axis)

@@ -31,6 +31,10 @@ def driven(axis=FlexibleAxis, parameters=None, period=PERIOD, dt=DT, **options):
     )
 
 
+def advance(motor, *arguments):
+    return jax.device_get(jax.jit(LinearMotor.advance)(motor, *arguments))
+
+
 def test_the_winding_follows_its_equations():
     """(3.3), (3.4) written out in real numbers, against an adaptive integrator."""
     speed, voltage, start, h = 0.7, np.array([-6.0, 60.0]), np.array([0.5, -2.0]), 3e-4
@@ -48,10 +52,11 @@ def test_the_winding_follows_its_equations():
     exact = solve_ivp(rates, (0, h), [*start, 0, 0], method="DOP853", rtol=1e-12, atol=1e-14).y[
         :, -1
     ]
-    after, mean = thesis_motor().advance(
-        jnp.array([start[0] + 1j * start[1]]),
-        jnp.array([voltage[0] + 1j * voltage[1]]),
-        jnp.array([speed]),
+    after, mean = advance(
+        thesis_motor(),
+        np.array([start[0] + 1j * start[1]]),
+        np.array([voltage[0] + 1j * voltage[1]]),
+        np.array([speed]),
         h,
     )
     np.testing.assert_allclose([after[0].real, after[0].imag], exact[:2], rtol=1e-10)
@@ -60,21 +65,21 @@ def test_the_winding_follows_its_equations():
 
 def test_force_is_what_the_voltage_pays_for():
     """3/2 Re(u conj i) over a period: copper, field and k_t i_q v, nothing else."""
-    motor, speed, h = thesis_motor(), jnp.array([0.4]), 1e-3
+    motor, speed, h = thesis_motor(), np.array([0.4]), 1e-3
     rng = np.random.default_rng(1)
     current, voltage = (
-        jnp.array([a + 1j * b]) for a, b in rng.normal(size=(2, 2)) * np.array([[2.0], [30.0]])
+        np.array([a + 1j * b]) for a, b in rng.normal(size=(2, 2)) * np.array([[2.0], [30.0]])
     )
     parts, spent, copper, work, start = 100, 0.0, 0.0, 0.0, current
     for _ in range(parts):
-        after, mean = motor.advance(current, voltage, speed, h / parts)
-        middle = motor.advance(current, voltage, speed, h / parts / 2)[0]
-        squares = (jnp.abs(current) ** 2 + 4 * jnp.abs(middle) ** 2 + jnp.abs(after) ** 2) / 6
+        after, mean = advance(motor, current, voltage, speed, h / parts)
+        middle = advance(motor, current, voltage, speed, h / parts / 2)[0]
+        squares = (np.abs(current) ** 2 + 4 * np.abs(middle) ** 2 + np.abs(after) ** 2) / 6
         spent += 1.5 * (voltage * mean.conj()).real * h / parts
         copper += 1.5 * R * squares * h / parts
-        work += motor.force_constant * mean.imag * speed * h / parts
+        work += np.asarray(motor.force_constant) * mean.imag * speed * h / parts
         current = after
-    field = 0.75 * L * (jnp.abs(current) ** 2 - jnp.abs(start) ** 2)
+    field = 0.75 * L * (np.abs(current) ** 2 - np.abs(start) ** 2)
     np.testing.assert_allclose(spent, copper + work + field, rtol=1e-9)
 
 
@@ -85,7 +90,7 @@ def test_the_current_follows_its_command_like_a_first_order_lag():
 
     @eqx.filter_jit
     def answer(plant, steps):
-        start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
+        start = plant.initial_state(np.zeros(1), np.zeros(1))
         return jax.lax.fori_loop(0, steps, lambda _, s: plant.step(s, jnp.array([0.4])), start)
 
     for period, tolerance in (
@@ -95,11 +100,11 @@ def test_the_current_follows_its_command_like_a_first_order_lag():
         plant = DrivenAxis(
             FlexibleAxis(blocked, period, substeps=1), thesis_motor(), period, bandwidth
         )
-        state = answer(plant, round(2e-3 / period))
+        state = jax.device_get(answer(plant, round(2e-3 / period)))
         np.testing.assert_allclose(
             state.current[0], [0, 0.4 * (1 - np.exp(-bandwidth * 2e-3))], rtol=tolerance, atol=1e-12
         )
-    settled = answer(plant, 10_000)
+    settled = jax.device_get(answer(plant, 10_000))
     np.testing.assert_allclose(settled.current[0], [0, 0.4], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(settled.voltage[0], [0, 0.4 * R], rtol=1e-9, atol=1e-12)
 
@@ -108,18 +113,18 @@ def test_the_current_follows_its_command_like_a_first_order_lag():
 def test_coupled_to_the_axis_against_an_adaptive_integrator(kind):
     """Ten periods, the voltage of each taken from the plant, all of (3.1)-(3.4) in one system."""
     plant = driven(kind, frictionless(), period=5e-5, dt=5e-5)
-    start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
-    moving = Motion(*(jnp.array([value]) for value in (0.0, 0.3, 1e-3, 0.25)))
+    start = plant.initial_state(np.zeros(1), np.zeros(1))
+    moving = Motion(*(np.array([value]) for value in (0.0, 0.3, 1e-3, 0.25)))
     axis = (
         moving
         if kind is SmoothFlexibleAxis
-        else start.axis._replace(motion=moving, mode=jnp.array([1]))
+        else start.axis._replace(motion=moving, mode=np.array([1]))
     )
     state, x = start._replace(axis=axis), np.array([0.0, 0.3, 1e-3, 0.25, 0.0, 0.0])
     step = eqx.filter_jit(plant.step)
     for _ in range(10):
-        state = step(state, jnp.array([2.0]))
-        u = np.asarray(state.voltage[0])
+        state = step(state, np.array([2.0]))
+        u = np.asarray(state.voltage)[0]
 
         def rates(_, x, u=u):
             w, link = np.pi * x[1] / TAU, 2908.0 * (x[0] - x[2]) + 2.1 * (x[1] - x[3])
@@ -135,7 +140,7 @@ def test_coupled_to_the_axis_against_an_adaptive_integrator(kind):
         x = solve_ivp(rates, (0, 5e-5), x, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
     motion = state.axis if kind is SmoothFlexibleAxis else state.axis.motion
     np.testing.assert_allclose(np.concatenate(motion), x[:4], rtol=1e-7, atol=1e-9)
-    np.testing.assert_allclose(state.current[0], x[4:], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(np.asarray(state.current)[0], x[4:], rtol=1e-6, atol=1e-7)
 
 
 def test_a_fast_current_loop_is_nearly_ideal():
@@ -144,11 +149,11 @@ def test_a_fast_current_loop_is_nearly_ideal():
 
     def end(plant):
         pulse = jnp.where(jnp.arange(200) < 100, 4.0, -1.0)[:, None]
-        start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
+        start = plant.initial_state(np.zeros(1), np.zeros(1))
         return plant.output(jax.lax.scan(lambda s, u: (plant.step(s, u), None), start, pulse)[0])
 
-    wanted, found = (eqx.filter_jit(end)(plant) for plant in (ideal, real))
-    assert wanted[0] > 5e-3 and found != wanted
+    wanted, found = (float(eqx.filter_jit(end)(plant)[0]) for plant in (ideal, real))
+    assert wanted > 5e-3 and found != wanted
     np.testing.assert_allclose(found, wanted, rtol=0.01)
 
 
@@ -157,16 +162,12 @@ def test_voltage_limit_and_its_windup():
     run = eqx.filter_jit(
         lambda state, u: jax.lax.fori_loop(0, 100, lambda _, s: plant.step(s, u), state)
     )
-    state = run(plant.initial_state(jnp.zeros(1), jnp.zeros(1)), jnp.array([5.0]))
+    state = run(plant.initial_state(np.zeros(1), np.zeros(1)), np.array([5.0]))
     assert np.linalg.norm(state.voltage) == pytest.approx(20.0)
     assert np.abs(state.integral).max() < 5.0 * R
     free = driven()
-    assert (
-        eqx.filter_jit(free.step)(
-            free.initial_state(jnp.zeros(1), jnp.zeros(1)), jnp.array([5.0])
-        ).voltage[0, 1]
-        > 20.0
-    )
+    after = eqx.filter_jit(free.step)(free.initial_state(np.zeros(1), np.zeros(1)), np.array([5.0]))
+    assert np.asarray(after.voltage)[0, 1] > 20.0
 
 
 @pytest.mark.slow
@@ -177,7 +178,7 @@ def test_derivatives_and_wrappers():
         motor = eqx.tree_at(lambda m: m.resistance, thesis_motor(), resistance)
         inner = DrivenAxis(SmoothFlexibleAxis(thesis_axis(), PERIOD), motor, DT, voltage_limit=30.0)
         plant = Disturbed(inner, force=jnp.full((1, 1), 0.1))
-        start = plant.initial_state(jnp.zeros(1), jnp.zeros(1))
+        start = plant.initial_state(np.zeros(1), np.zeros(1))
         return plant.output(
             jax.lax.fori_loop(0, 20, lambda _, s: plant.step(s, jnp.array([4.0])), start)
         )[0]

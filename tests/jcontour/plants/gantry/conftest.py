@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -39,8 +38,12 @@ def swinging():
     return currents
 
 
-@eqx.filter_jit
 def _run(plant, start, currents):
+    return jax.device_get(_scanned(plant, start, currents))
+
+
+@eqx.filter_jit
+def _scanned(plant, start, currents):
     def step(state, control):
         after = plant.step(state, control)
         return after, (plant.measure(after), after)
@@ -59,7 +62,7 @@ def at_rest():
     """(plant, position) -> its state at rest there."""
 
     def start(plant, position=(0.3, 0.1)):
-        return plant.initial_state(jnp.array(position), jnp.zeros(2))
+        return plant.initial_state(np.array(position), np.zeros(2))
 
     return start
 
@@ -70,7 +73,7 @@ def tools_in_a_loop(gantry_data, gantry_path, gantry_loop):
     gains, (position, velocity, _) = gantry_data("closed_loop")["controller"], gantry_path
 
     def tools(plant):
-        start = plant.initial_state(jnp.asarray(position[0]), jnp.zeros(2))
+        start = plant.initial_state(position[0], np.zeros(2))
         return jax.jit(lambda: gantry_loop(plant, gains, position, velocity, start)[-1])()
 
     return tools

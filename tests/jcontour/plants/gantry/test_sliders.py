@@ -32,43 +32,48 @@ def full(masses: SliderMasses):
 
 def in_the_motors_coordinates(p, state, control):
     """z, z', M_z and f by the chain rule."""
+    z, slope, turning, mass, force = jax.device_get(in_coordinates(p, state, control))
+    back = np.linalg.inv(slope)
+    return z[:3], z[3:], back.T @ mass @ back, back.T @ (force + mass @ back @ turning)
+
+
+@jax.jit
+def in_coordinates(p, state, control):
+    """z and z', J, J' q', and M and f of q."""
     q, v = state[:3], state[3:]
 
     def sliders(q):
         return p.motors(jnp.concatenate([q, jnp.zeros(3)]))[:3]
 
-    back = np.linalg.inv(jax.jacfwd(sliders)(q))
-    _, turning = jax.jvp(lambda q: jax.jacfwd(sliders)(q) @ v, (q,), (v,))  # J' q' = -J (J^-1)' z'
+    slope, turning = jax.jvp(jax.jacfwd(sliders), (q,), (v,))  # J' q' = -J (J^-1)' z'
     motion = EquationOfMotion.of(p)
-    mass = np.asarray(motion.mass_matrix(q))
-    force = np.asarray(motion.forces(q, v, control)) - np.asarray(motion.bias(q, v))
-    z = np.asarray(p.motors(state))
-    return z[:3], z[3:], back.T @ mass @ back, back.T @ (force + mass @ back @ np.asarray(turning))
+    force = jnp.stack(motion.forces(q, v, control)) - jnp.stack(motion.bias(q, v))
+    return p.motors(state), slope, turning @ v, motion.mass_matrix(q), force
 
 
 @pytest.mark.parametrize("state", STATES)
 def test_masses_and_forces_are_those_of_the_chain_rule(odd_gantry, state):
-    control = jnp.array([1.5, -2.0, 3.0])
-    z, v, wanted, force = in_the_motors_coordinates(odd_gantry, jnp.array(state), control)
-    masses, found = SliderEquation.of(odd_gantry).masses_and_forces(
-        jnp.asarray(z), jnp.asarray(v), control
-    )
+    control = np.array([1.5, -2.0, 3.0])
+    z, v, wanted, force = in_the_motors_coordinates(odd_gantry, np.array(state), control)
+    equation, of = SliderEquation.of(odd_gantry), jax.jit(SliderEquation.masses_and_forces)
+    masses, found = jax.device_get(of(equation, z, v, control))
     np.testing.assert_allclose(full(masses), wanted, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(found, force, rtol=1e-11, atol=1e-9 * np.abs(force).max())
 
 
 def test_products_and_solutions_are_those_of_numpy():
     """Where some sliders are held the equation has only the rows and columns of the others."""
-    masses = SliderMasses(*map(jnp.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0)))
+    masses = SliderMasses(*map(np.asarray, (17.0, -3.0, 2.0, 40.0, 11.0, 52.0)))
+    times, solved, solved_for = map(
+        jax.jit, (SliderMasses.times, SliderMasses.solved, SliderMasses.solved_for)
+    )
     force = np.array([5.0, -7.0, 11.0])
     matrix = full(masses)
-    np.testing.assert_allclose(masses.times(tuple(jnp.asarray(force))), matrix @ force, rtol=1e-14)
-    np.testing.assert_allclose(
-        masses.solved(jnp.asarray(force)), np.linalg.solve(matrix, force), rtol=1e-13
-    )
+    np.testing.assert_allclose(times(masses, tuple(force)), matrix @ force, rtol=1e-14)
+    np.testing.assert_allclose(solved(masses, force), np.linalg.solve(matrix, force), rtol=1e-13)
     for slips in map(np.array, product((False, True), repeat=3)):
         wanted = np.zeros(3)
         wanted[slips] = np.linalg.solve(matrix[np.ix_(slips, slips)], force[slips])
-        found = np.array(masses.solved_for(jnp.asarray(slips), jnp.asarray(force)))
+        found = np.array(solved_for(masses, slips, force))
         np.testing.assert_allclose(found, wanted, rtol=1e-13)
         np.testing.assert_array_equal(found[~slips], 0.0)

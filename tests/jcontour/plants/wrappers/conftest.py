@@ -1,17 +1,22 @@
 """Two decoupled axes under random controls, which every wrapper is put around."""
 
+import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 
-def _run_any(plant, state, controls):
+@eqx.filter_jit
+def _scanned(plant, state, controls):
     def step(state, control):
         return plant.step(state, control), (plant.output(state), plant.measure(state))
 
-    last, (outputs, measurements) = jax.lax.scan(step, state, jnp.asarray(controls))
-    return np.asarray(outputs), [np.asarray(leaf) for leaf in jax.tree.leaves(measurements)], last
+    return jax.lax.scan(step, state, controls)
+
+
+def _run_any(plant, state, controls):
+    last, (outputs, measurements) = jax.device_get(_scanned(plant, state, controls))
+    return outputs, jax.tree.leaves(measurements), last
 
 
 def _run(plant, state, controls):
@@ -33,7 +38,7 @@ def run_any():
 
 @pytest.fixture(scope="session")
 def start(two_axes):
-    return two_axes.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    return two_axes.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
 
 
 @pytest.fixture(scope="session")

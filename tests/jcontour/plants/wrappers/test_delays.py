@@ -10,7 +10,7 @@ from jcontour.plants.wrappers.delays import Delayed, LateSensors, PartlyDelayed
 def test_late_sensors_show_what_was(samples, run_any):
     """Motor of the flexible axis under a push; before the start it moved steadily."""
     axis, push = FlexibleAxis(thesis_axis(), 1e-3), np.full((6, 1), 3.0)
-    at, increment = jnp.array([0.01]), jnp.array([1e-4])
+    at, increment = np.array([0.01]), np.array([1e-4])
     _, now, _ = run_any(axis, axis.initial_state(at, increment), push)
     plant = LateSensors(axis, jnp.asarray(samples), 2)
     _, late, _ = run_any(plant, plant.initial_state(at, increment), push)
@@ -24,7 +24,7 @@ def test_late_sensors_show_what_was(samples, run_any):
 @pytest.mark.parametrize("samples", [0, 1, 2])
 def test_delayed_is_the_plant_under_shifted_controls(samples, two_axes, start, controls, run):
     plant = Delayed(two_axes, jnp.asarray(samples), 2, 2)
-    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     outputs, measurements, last = run(plant, state, controls)
     wanted = run(two_axes, start, np.concatenate([np.zeros((samples, 2)), controls])[:8])
     np.testing.assert_allclose(outputs, wanted[0], rtol=1e-14)
@@ -49,7 +49,7 @@ def test_part_of_a_sample_mixes_both_whole_delays(samples, two_axes, controls, r
     """The plant is linear: its output is mixed as its controls are."""
 
     def outputs(plant):
-        return run(plant, plant.initial_state(jnp.zeros(2), jnp.zeros(2)), controls)[0]
+        return run(plant, plant.initial_state(np.zeros(2), np.zeros(2)), controls)[0]
 
     whole = int(np.floor(samples))
     late = [outputs(Delayed(two_axes, jnp.asarray(whole + k), 3, 2)) for k in (0, 1)]

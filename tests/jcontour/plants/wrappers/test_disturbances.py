@@ -1,4 +1,3 @@
-import jax.numpy as jnp
 import numpy as np
 
 from jcontour.plants.wrappers.disturbances import Disturbed
@@ -8,8 +7,8 @@ from jcontour.plants.wrappers.encoders import Encoders
 def test_disturbed_adds_rows_and_holds_the_last(two_axes, start, controls, run):
     random = np.random.default_rng(1)
     force, noise = 1e-3 * random.standard_normal((3, 2)), 1e-6 * random.standard_normal((8, 2))
-    plant = Disturbed(Encoders(two_axes), jnp.asarray(force), jnp.asarray(noise))
-    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    plant = Disturbed(Encoders(two_axes), force, noise)
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     outputs, measurements, last = run(plant, state, controls)
     wanted = run(two_axes, start, controls + force[np.minimum(np.arange(8), 2)])
     np.testing.assert_allclose(outputs, wanted[0], rtol=1e-14)

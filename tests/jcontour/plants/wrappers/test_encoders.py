@@ -29,7 +29,7 @@ def test_quantised_measures_whole_counts_and_moves_as_before(two_axes, start, co
 def test_counting_encoders_count_and_difference(two_axes, start, controls, plain, run_any):
     count = 0.8e-6
     plant = CountingEncoders(two_axes, Sensors((0, 2)), count)
-    first = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    first = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     outputs, (position, speed), _ = run_any(plant, first, controls)
     np.testing.assert_array_equal(outputs, plain[0])
     wanted = count * np.round(plain[1][:, [0, 2]] / count)
@@ -43,13 +43,13 @@ def test_counting_encoders_count_and_difference(two_axes, start, controls, plain
 
 
 def test_noise_is_there_before_the_counts_of_a_late_motor():
-    noise = jnp.array([[0.6e-6, 9.0]])
+    noise = np.array([[0.6e-6, 9.0]])
     inside = Disturbed(FlexibleAxis(thesis_axis(), 1e-3), noise=noise)
     plant = LateSensors(CountingEncoders(inside, motors(1), 1e-6), jnp.asarray(1), 1)
-    position, speed = plant.measure(plant.initial_state(jnp.array([0.02]), jnp.zeros(1)))
+    position, speed = plant.measure(plant.initial_state(np.array([0.02]), np.zeros(1)))
     np.testing.assert_allclose(position, [0.020001], rtol=1e-12)
     np.testing.assert_allclose(speed, [0.0], atol=1e-12)
-    seen, fast = inside.measure(inside.initial_state(jnp.array([0.02]), jnp.zeros(1)))
+    seen, fast = inside.measure(inside.initial_state(np.array([0.02]), np.zeros(1)))
     np.testing.assert_allclose([seen[0], fast[0]], [0.0200006, 9.0], rtol=1e-12)
 
 

@@ -10,7 +10,7 @@ from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.gains import Gained
 
-GAINS = jnp.array([1.2, 0.7])
+GAINS = np.array([1.2, 0.7])
 PLACE = jnp.array([0.03, -0.05])  # [m]
 
 
@@ -23,7 +23,7 @@ def position_drives():
 
 def test_integrating_axes_answer_as_with_other_input_gains(two_axes, start, controls, run):
     plant = Gained(two_axes, GAINS)
-    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     found = run(plant, state, controls)
     wanted = run(with_input_gains(two_axes, GAINS), start, controls)
     np.testing.assert_allclose(found[0], wanted[0], rtol=1e-13)
@@ -32,7 +32,7 @@ def test_integrating_axes_answer_as_with_other_input_gains(two_axes, start, cont
 def test_a_position_drive_stands_where_the_run_begins(position_drives, run):
     """Held by the control of the nominal plant; a step from there is `gains` times as high."""
     plant, step = Gained(position_drives, GAINS), np.array([1e-3, 2e-3])
-    rest = plant.initial_state(PLACE, jnp.zeros(2))
+    rest = plant.initial_state(PLACE, np.zeros(2))
     still, _, _ = run(plant, rest, np.tile(PLACE, (5, 1)))
     np.testing.assert_allclose(still, np.tile(PLACE, (5, 1)), rtol=1e-14)
     stepped, _, _ = run(plant, rest, np.tile(PLACE + step, (300, 1)))
@@ -42,14 +42,14 @@ def test_a_position_drive_stands_where_the_run_begins(position_drives, run):
 @pytest.mark.parametrize(("late", "kind"), [(Delayed, int), (PartlyDelayed, float)])
 def test_a_late_drive_stands_still_too(late, kind, position_drives, run):
     """Its line holds the control that holds it, whatever its gains."""
-    plant = Gained(late(position_drives, jnp.asarray(2.0).astype(kind), 2, 2), GAINS)
-    still, _, _ = run(plant, plant.initial_state(PLACE, jnp.zeros(2)), np.tile(PLACE, (6, 1)))
+    plant = Gained(late(position_drives, np.asarray(2.0).astype(kind), 2, 2), GAINS)
+    still, _, _ = run(plant, plant.initial_state(PLACE, np.zeros(2)), np.tile(PLACE, (6, 1)))
     np.testing.assert_allclose(still, np.tile(PLACE, (6, 1)), rtol=1e-14)
 
 
 def test_the_kept_control_is_no_part_of_a_frozen_loop(position_drives):
     plant = Gained(position_drives, GAINS)
-    state = plant.initial_state(PLACE, jnp.zeros(2))
+    state = plant.initial_state(PLACE, np.zeros(2))
     A, B, _ = linear_machine(plant, state, PLACE)
     np.testing.assert_allclose(A, position_drives.A, atol=1e-15)
     np.testing.assert_allclose(B, position_drives.B * GAINS[None], atol=1e-15)

@@ -12,7 +12,7 @@ from jcontour.sensors import Sensors
 def test_wrappers_nest(two_axes, start, controls, run):
     limit = jnp.array([5e-3, 5e-3])
     plant = Encoders(Saturated(Delayed(two_axes, jnp.asarray(1), 2, 2), limit))
-    state = plant.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     outputs, measurements, _ = run(plant, state, controls)
     late = np.concatenate([np.zeros((1, 2)), np.clip(controls, -limit, limit)])[:8]
     np.testing.assert_allclose(measurements, run(two_axes, start, late)[0], rtol=1e-14)
@@ -25,7 +25,7 @@ def test_unwrapped_is_the_machine_and_its_own_state(two_axes, start):
     wrapped = LateSensors(
         CountingEncoders(Disturbed(delayed), Sensors(range(2)), 1e-6), jnp.asarray(1), 2
     )
-    state = wrapped.initial_state(jnp.array([1e-3, 2e-3]), jnp.array([1e-5, 0.0]))
+    state = wrapped.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     machine, own = unwrapped(wrapped, state)
     assert machine is two_axes
     np.testing.assert_array_equal(own, start)

@@ -4,6 +4,7 @@
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
@@ -20,6 +21,13 @@ from jcontour.plants.gantry.parameters import thesis_gantry
 def test_mass_matrix_accelerations_and_tool(machine, request):
     parameters = request.getfixturevalue(machine)
     motion, ours = EquationOfMotion.of(parameters), Gantry(parameters, 2.5e-4)
+    by_us = jax.jit(
+        lambda q, v, u: (
+            motion.mass_matrix(q),
+            jnp.stack(motion.acceleration(q, v, u)),
+            ours.output(jnp.concatenate([q, v])),
+        )
+    )
     model = mujoco.MjModel.from_xml_string(mjcf(parameters, 2.5e-4))
     data, mass = mujoco.MjData(model), np.zeros((3, 3))
     random = np.random.default_rng(5)
@@ -29,17 +37,16 @@ def test_mass_matrix_accelerations_and_tool(machine, request):
         data.qpos[:], data.qvel[:], data.ctrl[:3] = q[ENGINE_ORDER], v[ENGINE_ORDER], u
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, mass)
-        coordinates = tuple(map(jnp.asarray, (q, v, u)))
-        wanted = np.asarray(motion.mass_matrix(coordinates[0]))
+        wanted, acceleration, tool = jax.device_get(by_us(q, v, u))
         wanted = wanted[np.ix_(ENGINE_ORDER, ENGINE_ORDER)]
         np.testing.assert_allclose(mass, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
-        acceleration = np.array(motion.acceleration(*coordinates))[ENGINE_ORDER]
+        acceleration = acceleration[ENGINE_ORDER]
         np.testing.assert_allclose(
             data.qacc, acceleration, rtol=0, atol=1e-11 * np.abs(acceleration).max()
         )
         np.testing.assert_allclose(
             data.site("tool").xpos[:2],
-            ours.output(jnp.concatenate(coordinates[:2])),
+            tool,
             rtol=0,
             atol=1e-14,
         )

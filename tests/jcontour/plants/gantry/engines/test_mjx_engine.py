@@ -63,7 +63,7 @@ def test_derivatives_of_a_closed_loop_are_those_of_differences(
     )
 
     def loss(change):
-        qpos, qvel = plant.initial_state(jnp.asarray(position[0]), jnp.asarray(velocity[0]) * DT)
+        qpos, qvel = plant.initial_state(position[0], np.asarray(velocity[0]) * DT)
         start = qpos + jnp.array([1e-4, 2e-3 * (1 + change[2]), 1e-4]), qvel
         scaled = {
             **gains,

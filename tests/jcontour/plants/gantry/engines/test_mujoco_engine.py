@@ -40,7 +40,7 @@ def test_steady_start_and_batches(odd_gantry):
         plant.output(plant.initial_state(places[0], increments[0])), places[0], rtol=1e-15
     )
     with pytest.raises(ValueError, match="outside the beam|head runs"):
-        plant.initial_state(jnp.array([0.7, 0.0]), jnp.zeros(2))
+        plant.initial_state(np.array([0.7, 0.0]), np.zeros(2))
     with pytest.raises(ValueError, match="does not divide the sample period"):
         GantryMuJoCo(odd_gantry, 1.1e-3)
 

@@ -63,7 +63,7 @@ def test_it_predicts_a_bench_whose_friction_is_its_own():
     )
     p = eqx.tree_at(lambda p: p.tool_offset, p, jnp.zeros(()))
     plant, model = HardwareInLoop(Gantry(p, DT), bench), delayed_head_model(p, bench, DT)
-    state = plant.initial_state(jnp.zeros(2), jnp.array([1e-4, 0.0]))
+    state = plant.initial_state(np.zeros(2), np.array([1e-4, 0.0]))
     expected = jnp.array([0.0, 0.05, 0.0])
     for current in (2.0, -3.0, 1.0, 5.0):
         state, expected = (
@@ -97,7 +97,7 @@ def test_damping_of_the_twist_is_that_of_the_eigenvalues():
     found, wanted = [], []
     for dt, delay in ((2e-3, 0), (2e-3, 1), (2.5e-4, 1)):
         plant = HardwareInLoop(Gantry(p, dt), bench, delay)
-        start = plant.initial_state(jnp.zeros(2), jnp.array([0.05 * dt, 0.0]))
+        start = plant.initial_state(np.zeros(2), np.array([0.05 * dt, 0.0]))
 
         def sample(z, plant=plant, start=start):
             after = plant.step(

@@ -25,7 +25,7 @@ def bench(coulomb=F_C, stribeck=F_S, viscous=B_A):
 
 def accelerations(p, x, u):
     """q'' of the gantry."""
-    return np.array([float(a) for a in EquationOfMotion.of(p).acceleration(x[:3], x[3:], u)])
+    return np.array(jax.jit(EquationOfMotion.acceleration)(EquationOfMotion.of(p), x[:3], x[3:], u))
 
 
 def advance(plant, state, currents):
@@ -35,7 +35,7 @@ def advance(plant, state, currents):
         after = plant.step(state, u)
         return after, after
 
-    return eqx.filter_jit(lambda: jax.lax.scan(step, state, jnp.asarray(currents)))()[1]
+    return jax.device_get(jax.jit(lambda: jax.lax.scan(step, state, currents))()[1])
 
 
 @pytest.mark.slow
@@ -101,13 +101,18 @@ def test_one_step_by_hand(odd_gantry):
 def test_the_bench_is_the_head_but_for_its_dry_friction(odd_gantry):
     """(5.47) at the instant of sending: d_x is exact, and what is missing is F_fn / M_A."""
     plant = HardwareInLoop(Gantry(odd_gantry, DT), bench(), 0)
+
+    @jax.jit
+    def of_the_bench(mode, x, u):
+        torque = K_A * (u[0] - plant.load_current(x, u))
+        return plant.bench.acceleration(mode, x[3:4], torque)
+
     random = np.random.default_rng(0)
     for mode in (-1, 1) * 5:
         x = random.uniform([-0.5, -1, -0.1, 0, -1, -1], [0.5, 1, 0.1, 1, 1, 1])
         x[3] *= mode
-        x, u = jnp.asarray(x), jnp.asarray(random.uniform(-10, 10, 3))
-        torque = K_A * (u[0] - plant.load_current(x, u))
-        found = plant.bench.acceleration(jnp.array([mode]), x[3:4], torque)
+        u = random.uniform(-10, 10, 3)
+        found = of_the_bench(np.array([mode]), x, u)
         dry = mode * (F_C + F_S / (1 + (x[3] / RADIUS / V_S) ** 2))
         np.testing.assert_allclose(
             found, accelerations(odd_gantry, x, u)[0] - dry / M_A, rtol=1e-11, atol=1e-11
@@ -118,7 +123,7 @@ def test_the_bench_is_the_head_but_for_its_dry_friction(odd_gantry):
 def test_the_shaft_sticks_until_the_head_would_pull_harder():
     """By M_A x_h'' of the gantry against f_c + f_s."""
     plant, p = HardwareInLoop(Gantry(thesis_gantry(), DT), bench(), 0), thesis_gantry()
-    rest = plant.initial_state(jnp.array([0.1, 0.0]), jnp.zeros(2))
+    rest = plant.initial_state(np.array([0.1, 0.0]), np.zeros(2))
     full = (F_C + F_S) / (M_A * accelerations(p, rest.gantry, jnp.array([1.0, 0, 0]))[0])
     held, moved = (plant.step(rest, jnp.array([share * full, 0, 0])) for share in (0.999, 1.001))
     assert held.mode == 0 and held.gantry[3] == 0 and held.gantry[0] == rest.gantry[0]
@@ -127,9 +132,9 @@ def test_the_shaft_sticks_until_the_head_would_pull_harder():
 
 def test_it_comes_to_rest_and_the_beam_goes_on():
     plant = HardwareInLoop(Gantry(thesis_gantry(), DT), bench(), 1)
-    start = plant.initial_state(jnp.zeros(2), jnp.array([5e-5, 2e-4]))
+    start = plant.initial_state(np.zeros(2), np.array([5e-5, 2e-4]))
     states = advance(plant, start, np.zeros((100, 3)))
-    assert start.mode == 1 and states.mode[-1] == 0 and states.gantry[-1, 3] == 0
+    assert int(start.mode[0]) == 1 and states.mode[-1] == 0 and states.gantry[-1, 3] == 0
     assert states.gantry[-1, 4] > 0.05
 
 
@@ -150,10 +155,10 @@ def test_the_delay_is_one_sample_of_the_head_and_none_of_the_drives():
     np.testing.assert_array_equal(later.gantry[0], late.initial_state(none, none).gantry)
     np.testing.assert_allclose(later.gantry[1:], now.gantry[:-1], rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(later.sent[:, 0, 0], currents[:, 0])
-    driven = late.step(late.initial_state(none, none), jnp.array([5.0, 2.0, 2.0]))
+    driven = late.step(late.initial_state(none, none), np.array([5.0, 2.0, 2.0]))
     np.testing.assert_allclose(
         driven.gantry,
-        gantry.step(gantry.initial_state(none, none), jnp.array([0, 2.0, 2.0])),
+        gantry.step(gantry.initial_state(none, none), np.array([0, 2.0, 2.0])),
         rtol=1e-12,
     )
 
@@ -163,13 +168,13 @@ def test_it_starts_under_the_load_of_a_coasting_head():
     p = thesis_gantry()
     for delay in (0, 2):
         plant = HardwareInLoop(Gantry(p, 2.5e-4), bench(0.0, 0.0), delay)
-        start = plant.initial_state(jnp.array([0.1, 0.2]), jnp.array([5e-5, -1e-5]))
+        start = plant.initial_state(np.array([0.1, 0.2]), np.array([5e-5, -1e-5]))
         np.testing.assert_allclose(plant.output(start), [0.1, 0.2], rtol=1e-14)
         np.testing.assert_array_equal(
             plant.measure(start),
-            plant.gantry.initial_state(jnp.array([0.1, 0.2]), jnp.array([5e-5, -1e-5])),
+            plant.gantry.initial_state(np.array([0.1, 0.2]), np.array([5e-5, -1e-5])),
         )
-        slower = (plant.step(start, jnp.zeros(3)).gantry[3] - 0.2) / 2.5e-4
+        slower = (np.asarray(plant.step(start, np.zeros(3)).gantry)[3] - 0.2) / 2.5e-4
         np.testing.assert_allclose(
             slower, accelerations(p, start.gantry, jnp.zeros(3))[0], rtol=2e-3
         )
