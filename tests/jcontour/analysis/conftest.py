@@ -28,9 +28,9 @@ class Law(Controller):
 
     @classmethod
     def static(cls, D):
-        D = jnp.asarray(D)
+        D = np.asarray(D)
         p, q = D.shape
-        return cls(jnp.zeros((0, 0)), jnp.zeros((0, q)), jnp.zeros((p, 0)), D)
+        return cls(np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), D)
 
     def prepare(self, reference):
         return reference.position[: reference.steps]
@@ -97,7 +97,7 @@ def linear_machine():
     """(A, B, C) -> plant; steady motions do not matter to a linear loop."""
 
     def of(A, B, C):
-        nothing = jnp.zeros((len(A), len(C)))
+        nothing = np.zeros((len(A), len(C)))
         return LinearPlant(A, B, C, 1e-3, motion=SteadyMotion(nothing, nothing))
 
     return of

@@ -257,7 +257,7 @@ def test_a_control_that_is_late_and_saturated_is_counted_when_it_acts(integrator
         acting = line_of.pop()
         saturated, x = saturated + (abs(acting) > limit), x + np.clip(acting, -limit, limit)
     found = margins(
-        Delayed(Saturated(integrators, jnp.full(2, limit)), jnp.asarray(late), 3, 2),
+        Delayed(Saturated(integrators, np.full(2, limit)), jnp.asarray(late), 3, 2),
         Proportional(gain),
         reference,
     )

@@ -4,7 +4,6 @@ import json
 from functools import cache
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -42,7 +41,7 @@ class Circle:
     def controller(self, alpha, beta, rho):
         weights = LQWeights(alpha, beta, rho)
         inner = ContouringLQ(self.model, weights, self.numbers["preview"])
-        gain = jnp.asarray(self.numbers["kalman"]["L"])
+        gain = np.asarray(self.numbers["kalman"]["L"])
         return FilterObserver(inner, self.model, gain=gain)
 
     def of(self, row):
@@ -63,8 +62,7 @@ def _random_loop(seed: int, steps: int, states: int = 4) -> DisturbedLoop:
     M *= 0.9 / np.linalg.norm(M, 2, axis=(1, 2))[:, None, None]
     E, C = random.standard_normal((steps, states, 3)), random.standard_normal((steps, 2, states))
     none = np.zeros((steps, 2))
-    arrays = (M, E, C, C, np.zeros((steps, 2, 1)), none, none)
-    return DisturbedLoop(*(jnp.asarray(array) for array in arrays))
+    return DisturbedLoop(M, E, C, C, np.zeros((steps, 2, 1)), none, none)
 
 
 @pytest.fixture(scope="session")

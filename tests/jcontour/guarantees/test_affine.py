@@ -7,7 +7,7 @@ import pytest
 
 from jcontour.guarantees.affine import NotAffine, check_affine
 
-GAIN, X = jnp.ones((2, 2)), jnp.ones(2)
+GAIN, X = np.ones((2, 2)), np.ones(2)
 
 AFFINE = {
     "product": lambda g, x: g @ x - x / g[0, 0] + jnp.sin(g).sum(),

@@ -60,7 +60,7 @@ def test_beside_a_line_the_bound_is_the_sum():
 def test_normals_are_orthonormal_in_space():
     corners = np.array([[0.0, 0.0, 0.0], [1e-3, 2e-3, 1e-3], [2e-3, 0.0, 0.0]])
     reference = along(polyline(corners), np.linspace(0, 4e-3, 9), 1e-3, 1, at_rest=False)
-    frames = frames_along(reference, reference.position[: reference.steps])
+    frames = frames_along(reference, np.asarray(reference.position)[: reference.steps])
     basis = np.concatenate([frames.normals, frames.tangent[:, None]], axis=1)
     assert basis @ np.swapaxes(basis, 1, 2) == pytest.approx(
         np.broadcast_to(np.eye(3), (9, 3, 3)), abs=1e-12

@@ -59,7 +59,7 @@ def test_the_matrices_predict_a_disturbed_run(two_axes, name):
     loop = disturbed_loop(plant, controller, reference)
     random = np.random.default_rng(3)
     w = random.uniform(-1, 1, (STEPS, 4)) * [0.5, 0.5, 1e-5, 1e-5]
-    disturbed = Disturbed(plant, force=jnp.asarray(w[:, :2]), noise=jnp.asarray(w[:, 2:]))
+    disturbed = Disturbed(plant, force=w[:, :2], noise=w[:, 2:])
     run = simulate(disturbed, controller, reference)
     M, E, C, K, D = (np.asarray(matrix) for matrix in loop[:5])
     z = np.zeros(M.shape[1])
@@ -69,7 +69,7 @@ def test_the_matrices_predict_a_disturbed_run(two_axes, name):
         assert np.asarray(run.output)[k] == pytest.approx(output, rel=1e-9, abs=1e-15)
         assert np.asarray(run.control)[k] == pytest.approx(control, rel=1e-9, abs=1e-12)
         z = M[k] @ z + E[k] @ w[k]
-    assert np.abs(np.asarray(run.output - loop.output)).max() > 1e-6
+    assert np.abs(np.subtract(run.output, loop.output)).max() > 1e-6
 
 
 def test_a_controller_that_is_not_linear_is_told(two_axes):

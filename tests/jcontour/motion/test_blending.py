@@ -44,7 +44,7 @@ def test_right_angle_uses_the_whole_tolerance():
 def test_direction_and_curvature_are_continuous(contour):
     inner = joints(unpadded(blended(contour, 20e-6).path))
     assert inner.turn.max() < 1e-9
-    assert inner.bend.max() < 1e-6 * np.asarray(blended(contour, 20e-6).path.curvature(0.0) + 1e4)
+    assert inner.bend.max() < 1e-6 * (float(blended(contour, 20e-6).path.curvature(0.0)) + 1e4)
 
 
 def test_true_arc_runs_along_the_contour():
@@ -52,7 +52,7 @@ def test_true_arc_runs_along_the_contour():
     arc = found.true_arc(np.linspace(0.0, float(found.path.length), 2001))
     assert arc[0] == 0.0 and arc[-1] == float(SLOT.length) and (np.diff(arc) > 0).all()
     apart = found.path.position(np.linspace(0.0, float(found.path.length), 2001))
-    assert np.linalg.norm(apart - SLOT.position(arc), axis=1).max() < 100e-6
+    assert np.linalg.norm(np.subtract(apart, SLOT.position(arc)), axis=1).max() < 100e-6
 
 
 def test_feed_of_a_blend_is_the_lower_one():

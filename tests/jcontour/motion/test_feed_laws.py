@@ -60,7 +60,7 @@ def test_constant_feed_by_piece_adds_up():
 def test_padding_counts_for_nothing():
     path = contours.polyline([[0, 0], [0.02, 0], [0.02, 0.01]])
     padded = jax.tree.map(
-        lambda rows: rows[0],
+        lambda rows: np.asarray(rows)[0],
         contours.stack([path, contours.polygon([[0, 0], [1, 0], [1, 1], [0, 1]])]),
     )
     feed = [0.04, 0.01, np.nan, np.nan]

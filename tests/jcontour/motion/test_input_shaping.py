@@ -28,32 +28,34 @@ CLOSED = {
 }
 
 
+def residual(*arguments):
+    return np.asarray(jax.jit(residual_vibration)(*arguments))
+
+
 @pytest.mark.parametrize(("make", "closed"), CLOSED.values(), ids=CLOSED)
 def test_sensitivity_without_damping(make, closed):
-    np.testing.assert_allclose(
-        residual_vibration(make(W), W * OFF), closed(OFF), rtol=0, atol=1e-14
-    )
+    np.testing.assert_allclose(residual(make(W), W * OFF), closed(OFF), rtol=0, atol=1e-14)
 
 
 def test_ei_is_zero_twice_and_below_five_per_cent_for_forty():
     zeros = np.arccos([-0.95 / 1.05]) / np.pi
     np.testing.assert_allclose(
-        residual_vibration(ei(W), W * np.array([zeros[0], 2 - zeros[0]])), 0, atol=1e-14
+        residual(ei(W), W * np.array([zeros[0], 2 - zeros[0]])), 0, atol=1e-14
     )
     edge = np.arccos((3 * 0.05 - 1) / 1.05) / np.pi
     np.testing.assert_allclose(
-        residual_vibration(ei(W), W * np.array([edge, 1.0, 2 - edge])), 0.05, rtol=1e-12
+        residual(ei(W), W * np.array([edge, 1.0, 2 - edge])), 0.05, rtol=1e-12
     )
     assert 2 * (1 - edge) == pytest.approx(0.3993, abs=5e-4)  # the literature's 0.399
-    assert residual_vibration(ei(W), W * np.linspace(edge, 2 - edge, 200)).max() < 0.05 + 1e-12
+    assert residual(ei(W), W * np.linspace(edge, 2 - edge, 200)).max() < 0.05 + 1e-12
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.0316, 0.2])
 def test_what_is_left_of_the_modelled_mode(zeta):
-    assert residual_vibration(zv(W, zeta), W, zeta) < 1e-14
-    assert residual_vibration(zvd(W, zeta), W, zeta) < 1e-14
-    assert residual_vibration(ei(W, zeta), W, zeta) == pytest.approx(0.05, rel=1e-12)
-    assert residual_vibration(ei(W, zeta, 0.1), W, zeta) == pytest.approx(0.1, rel=1e-12)
+    assert residual(zv(W, zeta), W, zeta) < 1e-14
+    assert residual(zvd(W, zeta), W, zeta) < 1e-14
+    assert residual(ei(W, zeta), W, zeta) == pytest.approx(0.05, rel=1e-12)
+    assert residual(ei(W, zeta, 0.1), W, zeta) == pytest.approx(0.1, rel=1e-12)
 
 
 @pytest.mark.parametrize("zeta", [0.0, 0.1])
@@ -61,10 +63,7 @@ def test_zvd_is_flat_and_zv_is_not(zeta):
     """By central differences of the complex sum, whose modulus is V."""
     h = 1e-4
     slopes = [
-        (
-            residual_vibration(make(W, zeta), W * (1 + h), zeta)
-            + residual_vibration(make(W, zeta), W * (1 - h), zeta)
-        )
+        (residual(make(W, zeta), W * (1 + h), zeta) + residual(make(W, zeta), W * (1 - h), zeta))
         / (2 * h)
         for make in (zv, zvd)
     ]
@@ -79,7 +78,7 @@ def test_damped_ei_has_its_zeros_where_the_decay_is_the_same(zeta):
     for sign in (1, -1):
         other = damped * (1 + sign * (1 - np.arccos(-(1 - G) / (1 + G)) / np.pi))
         w = np.hypot(decay, other)
-        assert residual_vibration(ei(W, zeta), w, decay / w) < 1e-14
+        assert residual(ei(W, zeta), w, decay / w) < 1e-14
 
 
 def test_residual_vibration_is_that_of_an_oscillator():
@@ -104,20 +103,19 @@ def test_residual_vibration_is_that_of_an_oscillator():
     amplitude = np.hypot(
         damped * state[0], state[1] + zeta * w * state[0]
     )  # one after a unit impulse
-    assert residual_vibration(shaper, w, zeta) == pytest.approx(amplitude, rel=1e-8)
+    assert residual(shaper, w, zeta) == pytest.approx(amplitude, rel=1e-8)
 
 
 def test_several_modes_at_once():
     shaper = in_series(zv(W, ZETA), zvd(150.0), ei(400.0))
     assert shaper.times.size == 2 * 3 * 3 and np.sum(shaper.amplitudes) == pytest.approx(1)
     assert np.all(np.diff(shaper.times) >= 0)
-    assert shaper.duration == pytest.approx(
-        zv(W, ZETA).duration + zvd(150.0).duration + ei(400.0).duration
-    )
+    apart = (zv(W, ZETA), zvd(150.0), ei(400.0))
+    assert float(shaper.duration) == pytest.approx(sum(float(one.duration) for one in apart))
     np.testing.assert_allclose(
-        residual_vibration(shaper, np.array([W, 150.0]), np.array([ZETA, 0.0])), 0, atol=1e-14
+        residual(shaper, np.array([W, 150.0]), np.array([ZETA, 0.0])), 0, atol=1e-14
     )
-    assert residual_vibration(shaper, 400.0) <= 0.05
+    assert residual(shaper, 400.0) <= 0.05
 
 
 def left_to_vibrate(reference, step, zeta=ZETA):
@@ -149,7 +147,7 @@ def test_a_shaped_law_leaves_no_vibration():
 def test_samples_have_the_impulses_at_their_exact_times():
     """Against impulses that are rounded to the sample."""
     dt, shaper = 1e-3, zv(W, ZETA)
-    rounded = Shaper(dt * jnp.round(shaper.times / dt), shaper.amplitudes)
+    rounded = Shaper(dt * np.round(np.divide(shaper.times, dt)), shaper.amplitudes)
     left = []
     for impulses in (shaper, rounded):
         reference = in_time(line([0.0], [0.02]), shaped_law(LAW, impulses), 0.34, dt)

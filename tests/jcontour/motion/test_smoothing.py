@@ -26,7 +26,7 @@ def farthest(contour, other) -> float:
     """Greatest distance of points of one contour from another [m]."""
     points = contour.position(np.linspace(0.0, float(contour.length), 1501)[1:-1])
     nearest = other.position(other.nearest_anywhere(points))
-    return float(np.linalg.norm(points - nearest, axis=1).max())
+    return float(np.linalg.norm(np.subtract(points, nearest), axis=1).max())
 
 
 def curvature(path) -> np.ndarray:

@@ -1,5 +1,4 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -37,9 +36,8 @@ def test_every_step_is_a_horizon_up_to_the_end_of_its_block(coupled_plant, steps
     R = 0.3 * np.eye(2)
     at = np.arange(seen)[block_ends(steps, preview)] - preview
     terminal = CostToGo(H[at], g[at])
-    found = jax.jit(blockwise_plan, static_argnums=5)(
-        plant, Q, y_d, jnp.asarray(R), terminal, preview
-    )
+    swept = jax.jit(blockwise_plan, static_argnums=5)
+    found = jax.device_get(swept(plant, Q, y_d, R, terminal, preview))
     for k, last in enumerate(ends):
         ahead, end = slice(k + 1, last), last - preview
         F, f = horizon(plant, Q[ahead], y_d[ahead], R, H[end], g[end])

@@ -29,8 +29,8 @@ STEPS, MEMORY, LENGTH = 7, 4, 3
 def problem(plant, steps, seen, scale=1.0):
     random = np.random.default_rng(0)
     roots = random.standard_normal((seen, 2, 2))
-    Q, y_d = jnp.asarray(scale * roots @ roots.mT), jnp.asarray(random.standard_normal((seen, 2)))
-    return Q, y_d, 0.3 * jnp.eye(plant.inputs)
+    Q, y_d = scale * roots @ roots.mT, random.standard_normal((seen, 2))
+    return Q, y_d, 0.3 * np.eye(plant.inputs)
 
 
 def horizon(plant, Q, y_d, R, k, last):
@@ -64,7 +64,7 @@ def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, mon
     monkeypatch.setattr(forgetting, "remembering_sweep", forgets_all)
     plant = coupled_plant(3, 4, 2)
     Q, y_d, R = problem(plant, STEPS, STEPS + LENGTH + MEMORY)
-    found, apart = short(plant, Q, y_d, R)
+    found, apart = jax.device_get(short(plant, Q, y_d, R))
     numbers = [np.asarray(one) for one in (Q, y_d, R)]
     for k, block_end in enumerate((0, 3, 3, 3, 6, 6, 6)):
         F, f, _ = horizon(plant, *numbers, k, block_end + MEMORY)
@@ -158,7 +158,7 @@ def test_a_batch_takes_the_short_sweep_where_all_members_forget(monkeypatch, sca
             lambda: whole, 5,
         )  # fmt: skip
 
-    found = jax.jit(jax.vmap(plan))(jnp.array(scales))
+    found = jax.jit(jax.vmap(plan))(np.array(scales))
     np.testing.assert_array_equal(found.F, np.full((2, 5, 2, 2), 0.0 if taken else 1.0))
 
 

@@ -24,11 +24,10 @@ def test_gain_schedule_is_the_textbook_recursion_of_each_step():
     Q, stage, R = root @ np.swapaxes(root, 1, 2), random.uniform(0.5, 2, N), np.diag([0.7, 1.3])
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    arrays, terminal = (
-        map(jnp.asarray, (Q, y_d, stage, R)),
-        CostToGo(jnp.asarray(H_N), jnp.asarray(g_N)),
+    arrays, terminal = (Q, y_d, stage, R), CostToGo(H_N, g_N)
+    plan = jax.device_get(
+        eqx.filter_jit(receding_horizon_plan)(LinearPlant(A, B, C, 1.0), *arrays, terminal)
     )
-    plan = eqx.filter_jit(receding_horizon_plan)(LinearPlant(A, B, C, 1.0), *arrays, terminal)
     for k in range(T):
         H, g = H_N[k], g_N[k]
         for j in range(N - 1, 0, -1):
@@ -54,12 +53,10 @@ def test_scheduled_gains_take_the_model_of_each_sample():
     )
     H_N = np.stack([np.eye(n) * (1 + k) for k in range(T)])
     g_N = random.standard_normal((T, n))
-    arrays, terminal = (
-        map(jnp.asarray, (Q, y_d, stage, R)),
-        CostToGo(jnp.asarray(H_N), jnp.asarray(g_N)),
-    )
-    models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))(A, B, C)
-    plan = eqx.filter_jit(scheduled_plan)(models, *arrays, terminal)
+    arrays, terminal = (Q, y_d, stage, R), CostToGo(H_N, g_N)
+    models = eqx.filter_vmap(lambda *matrices: LinearPlant(*matrices, 1.0))
+    models = eqx.filter_jit(models)(A, B, C)
+    plan = jax.device_get(eqx.filter_jit(scheduled_plan)(models, *arrays, terminal))
     for k in range(T):
         H, g = H_N[k], g_N[k]
         for j in range(N - 1, 0, -1):

@@ -2,7 +2,6 @@
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -61,7 +60,7 @@ def friction_of_a_stop(axis, v, control):
     speeds, rates, dry = [], [], []
     for share in (0.0, 0.5, 0.5, 1.0):  # x and the link move by less than a micrometre
         speeds.append(v + share * h * rates[-1] if rates else v)
-        dry.append(float(p.friction.dry(jnp.full(1, speeds[-1]))[0]))
+        dry.append(float(np.asarray(p.friction.dry(np.full(1, speeds[-1])))[0]))
         rates.append((drive - dry[-1] - float(p.friction.viscous[0]) * speeds[-1]) / mass)
     after = v + h / 6 * np.dot([1, 2, 2, 1], rates)
     assert v > 0 and after <= 0
@@ -78,7 +77,7 @@ def run(axis, controller, reference):
 def attacked(axis, controller, reference, random):
     """As `run`, the position and the speed measured as wrong as counts may make them."""
     plant = FineEncoders(axis, motors(1))
-    state, plan = plant.initial_state(jnp.zeros(1), jnp.zeros(1)), controller.prepare(reference)
+    state, plan = plant.initial_state(np.zeros(1), np.zeros(1)), controller.prepare(reference)
     off = random.choice([-1.0, 1.0], (reference.steps, 2)) * [COUNT / 2, COUNT / axis.dt]
 
     def step(carried, row):
@@ -88,7 +87,7 @@ def attacked(axis, controller, reference, random):
         return (plant.step(state, control), memory), (plant.output(state)[0], control[0])
 
     begin = state, controller.initial_memory(reference)
-    _, (output, control) = jax.lax.scan(step, begin, (plan, jnp.asarray(off)))
+    _, (output, control) = jax.lax.scan(step, begin, (plan, off))
     wanted = np.asarray(reference.position)[: reference.steps, 0]
     return np.abs(np.asarray(output) - wanted), np.abs(np.asarray(control))
 
@@ -96,7 +95,7 @@ def attacked(axis, controller, reference, random):
 def test_cogging_stays_below_its_size_and_slope():
     p = thesis_axis()
     x = np.linspace(0.0, 0.0875, 4001)
-    force = np.array(p.cogging(jnp.asarray(x)))
+    force = np.array(jax.jit(lambda x: p.cogging(x))(x))
     assert 0.8 * cogging_size(p) < np.abs(force).max() <= cogging_size(p)
     steepest = np.abs(np.diff(force) / np.diff(x)).max()
     assert 0.5 * cogging_slope(p) < steepest <= cogging_slope(p)
@@ -105,7 +104,7 @@ def test_cogging_stays_below_its_size_and_slope():
 def test_a_stop_needs_no_more_friction_than_its_sample_allows():
     """At one stage it needs more than the drive, where the friction of the others falls less."""
     axis = steep_axis()
-    nothing = 0 * axis.parameters.cogging_sine
+    nothing = 0 * np.asarray(axis.parameters.cogging_sine)
     axis = eqx.tree_at(
         lambda a: (a.parameters.cogging_sine, a.parameters.cogging_cosine), axis, (nothing, nothing)
     )

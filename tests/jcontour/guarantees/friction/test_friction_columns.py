@@ -1,7 +1,6 @@
 """Maps of a sample against the axis's own steps."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -25,8 +24,8 @@ def sliding(coulomb, cogging=0.0):
 
 
 def stepped(axis, control):
-    state = SlidingMotion(Motion(*(jnp.array([value]) for value in START)), jnp.array([1]))
-    return np.ravel(axis.step(state, jnp.array([control])).motion)
+    state = SlidingMotion(Motion(*(np.array([value]) for value in START)), np.array([1]))
+    return np.ravel(eqx.filter_jit(axis.step)(state, np.array([control])).motion)
 
 
 def test_a_sample_without_dry_friction_and_under_a_constant_one():
@@ -40,6 +39,6 @@ def test_a_sample_without_dry_friction_and_under_a_constant_one():
 
 def test_several_axes_are_told():
     p = thesis_axis()
-    two = eqx.tree_at(lambda p: p.motor_mass, p, jnp.array([30.0, 40.0]))
+    two = eqx.tree_at(lambda p: p.motor_mass, p, np.array([30.0, 40.0]))
     with pytest.raises(ValueError, match="axis: needs one, received 2"):
         sample_maps(FlexibleAxis(two, dt=1e-3))

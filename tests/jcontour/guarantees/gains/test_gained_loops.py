@@ -22,7 +22,7 @@ def test_one_integrator_by_hand():
     M, E, one = np.full((3, 1, 1), 0.5), np.ones((3, 1, 1)), np.ones((3, 1, 1))
     none = np.zeros((3, 1, 0))
     x = np.array([0.0, 1.0, 1.5])[:, None]  # at gain one
-    loop = DisturbedLoop(*map(jnp.asarray, (M, E, one, -one / 2, none, x, 1 - x / 2)))
+    loop = DisturbedLoop(M, E, one, -one / 2, none, x, 1 - x / 2)
     found = gained(loop, np.array([2.0]))
     assert np.ravel(found.M).tolist() == [0.0] * 3 and np.ravel(found.E).tolist() == [2.0] * 3
     assert np.ravel(found.output).tolist() == [0.0, 2.0, 2.0]
@@ -36,8 +36,7 @@ def test_a_late_plant_with_other_gains_has_the_same_run_and_answers():
     controller = ContouringLQ(model, LQWeights(3.0, 5.0, 2e-9), preview=5)
     late = Delayed(model, jnp.asarray(1), 2, 2)
     loops = [
-        disturbed_loop(Gained(late, jnp.asarray(one)), controller, reference)
-        for one in (np.ones(2), gains)
+        disturbed_loop(Gained(late, one), controller, reference) for one in (np.ones(2), gains)
     ]
     found = gained(loops[0], gains)
     assert np.asarray(found.output) == pytest.approx(np.asarray(loops[1].output), abs=1e-15)

@@ -19,7 +19,7 @@ def test_slopes_and_bends_over_a_box_are_enclosed():
     random = np.random.default_rng(4)
     middle, width = random.uniform(-1, 1, (6, 3)), random.uniform(0.01, 0.2, (6, 3))
     found = enclosures(bent, middle - width, middle + width)
-    points = jnp.asarray(middle + width * random.uniform(-1, 1, (20, 6, 3)))
+    points = middle + width * random.uniform(-1, 1, (20, 6, 3))
     for derivative, part in ((lambda f: f, "value"), (jax.jacfwd, "slope"), (jax.hessian, "bend")):
         exact = np.array(jax.jit(jax.vmap(jax.vmap(derivative(bent))))(points))
         for i, one in enumerate(found):
@@ -30,7 +30,7 @@ def test_slopes_and_bends_over_a_box_are_enclosed():
 
 def test_boxes_of_one_point_give_the_derivatives_themselves():
     x = np.random.default_rng(5).uniform(-1, 1, (4, 3))
-    bends = np.array(jax.jit(jax.vmap(jax.hessian(bent)))(jnp.asarray(x)))
+    bends = np.array(jax.jit(jax.vmap(jax.hessian(bent)))(x))
     for i, one in enumerate(enclosures(bent, x, x)):
         assert one.bend.low == pytest.approx(bends[:, i], abs=1e-12)
         assert one.bend.high == pytest.approx(bends[:, i], abs=1e-12)

@@ -26,7 +26,7 @@ def without_jerk(path: Contour, limits: AxisLimits, count: int = 4000) -> float:
     """
     s = np.linspace(0.0, float(path.length), count + 1)
     step, middle = s[1], 0.5 * (s[1:] + s[:-1])
-    first, second, _ = derivatives(path)(middle)
+    first, second, _ = jax.device_get(derivatives(path)(middle))
     with np.errstate(divide="ignore"):
         fastest = np.min(limits.speed / np.abs(derivatives(path)(s)[0]), axis=1)
     most = np.minimum(FEED, fastest) ** 2
