@@ -33,7 +33,7 @@ def controller(two_axes):
 @pytest.fixture(scope="module")
 def plants(two_axes):
     return [
-        Delayed(with_input_gains(two_axes, gains), jnp.asarray(d), 2, 2)
+        Delayed(with_input_gains(two_axes, gains), d, 2, 2)
         for gains, d in ((1.0, 0), ((0.9, 1.1), 0), (1.0, 2))
     ]
 

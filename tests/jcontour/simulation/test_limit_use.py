@@ -19,7 +19,7 @@ def test_only_scored_samples_count_and_the_worst_axis_does():
     path = line([0.0, 0.0], [1.0, 0.0])
     reference = along(path, np.linspace(0, 1, 12), dt, 0, at_rest=False, scored=scored)
     limits = AxisLimits(*(np.array([1.0, 4.0]) * k for k in (1.0, 2.0, 3.0, 5.0)))
-    use = limit_use(jnp.asarray(output), jnp.asarray(control), reference, limits)
+    use = limit_use(output, control, reference, limits)
     wanted = dict.fromkeys(limits._fields, 0.0)
     for k in range(12):
         for axis in range(2):
@@ -43,7 +43,7 @@ def test_only_scored_samples_count_and_the_worst_axis_does():
 def test_what_has_no_limit_is_not_used():
     path = line([0.0], [1.0])
     reference = along(path, np.linspace(0, 1, 5), 1.0, 0, at_rest=False)
-    use = limit_use(jnp.ones((5, 1)), jnp.ones((5, 1)), reference, AxisLimits())
+    use = limit_use(np.ones((5, 1)), np.ones((5, 1)), reference, AxisLimits())
     assert [float(value) for value in use] == [0.0] * 4
 
 
@@ -62,10 +62,10 @@ def test_slopes_are_those_of_differences():
             return following, (following[0], control)
 
         begin = jnp.zeros(2), jnp.zeros(2)
-        _, (output, control) = jax.lax.scan(step, begin, jnp.asarray(wanted))
+        _, (output, control) = jax.lax.scan(step, begin, wanted)
         return jnp.stack(limit_use(output, control, reference, limits))
 
-    gains = jnp.linspace(1.0, 90.0, 50)
+    gains = np.linspace(1.0, 90.0, 50)
     slopes = jax.jit(jax.vmap(jax.jacfwd(use)))(gains)
     h = 1e-5
     differences = (jax.vmap(use)(gains + h) - jax.vmap(use)(gains - h)) / (2 * h)

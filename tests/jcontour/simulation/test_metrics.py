@@ -28,7 +28,7 @@ def bent():
 
 
 def masked(reference, mask):
-    return eqx.tree_at(lambda r: r.mask, reference, jnp.asarray([*mask, False, False]))
+    return eqx.tree_at(lambda r: r.mask, reference, np.asarray([*mask, False, False]))
 
 
 def desired(reference):
@@ -157,10 +157,7 @@ def test_gradients_are_finite_at_zero_error(mask, bent):
             jnp.sum(leaf) for leaf in jax.tree.leaves(eqx.filter(metrics, eqx.is_inexact_array))
         )
 
-    assert all(
-        np.isfinite(leaf).all()
-        for leaf in slope((jnp.asarray(desired(bent)), jnp.asarray(NO_CONTROL)))
-    )
+    assert all(np.isfinite(leaf).all() for leaf in slope((desired(bent), NO_CONTROL)))
 
 
 def test_gradients_are_finite_when_padding_is_not(bent):
@@ -172,7 +169,7 @@ def test_gradients_are_finite_when_padding_is_not(bent):
         return score_signals(output, jnp.zeros((T + 2, 2)), longer).rms_contour_error
 
     output = np.concatenate([desired(bent) + 1e-6, np.full((2, 2), np.nan)])
-    found = np.asarray(slope(jnp.asarray(output)))
+    found = np.asarray(slope(output))
     assert np.isfinite(found[:T]).all()
     assert not np.any(np.nan_to_num(found[T:]))
 
@@ -184,7 +181,7 @@ def test_gradient_of_the_contour_error_is_that_of_differences(bent):
         random.standard_normal((T, 2)),
     )
     rms = lambda y: score(y, NO_CONTROL, bent).rms_contour_error  # noqa: E731
-    slope = np.sum(np.asarray(jax.jit(jax.grad(rms))(jnp.asarray(output))) * change)
+    slope = np.sum(np.asarray(jax.jit(jax.grad(rms))(output)) * change)
     h = 1e-9
     assert slope == pytest.approx(
         float(rms(output + h * change) - rms(output - h * change)) / (2 * h), rel=1e-5

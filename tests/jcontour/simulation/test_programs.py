@@ -44,7 +44,7 @@ def test_equals_one_long_run(controller):
         simulate(bridgeport(), controller, reference),
     )
     for one, other in ((signals.output, rollout.output), (signals.control, rollout.control)):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * float(jnp.max(jnp.abs(other))))
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * float(np.max(np.abs(other))))
 
 
 @pytest.mark.parametrize("gpu", [False, True])
@@ -56,9 +56,7 @@ def test_closed_loop_is_the_recursion(monkeypatch, two_axes, gpu):
         random.standard_normal((33, 2)),
         random.standard_normal(4),
     )
-    states, last = jax.jit(programs.closed_loop)(
-        two_axes, AffinePlan(jnp.asarray(F), jnp.asarray(f)), jnp.asarray(x)
-    )
+    states, last = jax.jit(programs.closed_loop)(two_axes, AffinePlan(F, f), x)
     for k in range(33):
         np.testing.assert_allclose(states[k], x, rtol=1e-11, atol=1e-12)
         x = two_axes.A @ x + two_axes.B @ (f[k] - F[k] @ x)
@@ -109,7 +107,7 @@ def test_memory_is_that_of_a_chunk():
     [
         ({"chunk": 0}, "chunk: needs at least one step, received 0"),
         (
-            {"plant": Saturated(bridgeport(), jnp.ones(2))},
+            {"plant": Saturated(bridgeport(), np.ones(2))},
             "plant: a long program needs a LinearPlant, received Saturated",
         ),
         ({"reference": program(5, 2)}, "preview: the controller looks 6 samples ahead"),

@@ -16,7 +16,8 @@ def position_response(table, k_pp=25.0, k_pv=10.0, t_iv=0.05):
     The PI is k_pv + k_pv T_s / T_iv z / (z - 1).
     """
     plant, dt = table.equal, table.dt
-    A, B, C = (np.asarray(m) for m in (plant.A[:4, :4], plant.B[:4, :1], plant.C[:1, :4]))
+    A, B, C = (np.asarray(m) for m in (plant.A, plant.B, plant.C))
+    A, B, C = A[:4, :4], B[:4, :1], C[:1, :4]
     axis = control.ss(A, B, np.vstack([C, [0.0, 0.7958e-3, 0.0, 0.0]]), 0, dt)  # position, velocity
     w = control.tf([k_pv + k_pv * dt / t_iv, -k_pv], [1, -1], dt)
     z = np.exp(1j * table.feed / table.radius * dt)

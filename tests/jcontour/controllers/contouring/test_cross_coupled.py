@@ -81,7 +81,11 @@ def test_the_whole_run_on_a_line_is_the_linear_loop_of_scipy(table):
     G = np.vstack([B @ feed_u, feed_w, k_i * dt * NORMAL, NORMAL])
     start = np.concatenate(
         [
-            np.asarray(table.plant.initial_state(reference.position[0], reference.start_increment)),
+            np.asarray(
+                table.plant.initial_state(
+                    np.asarray(reference.position)[0], reference.start_increment
+                )
+            ),
             np.zeros(4),
         ]
     )

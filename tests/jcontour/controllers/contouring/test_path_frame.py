@@ -75,9 +75,7 @@ def test_contour_error_of_a_circle(clockwise):
     for angle in random.uniform(0, 2 * np.pi, 5):
         sign, radius = -1.0 if clockwise else 1.0, 0.03
         radial = np.array([np.cos(angle), np.sin(angle)])
-        frame = PathFrame(
-            jnp.asarray(sign * np.array([-radial[1], radial[0]])), jnp.asarray(sign / radius)
-        )
+        frame = PathFrame(sign * np.array([-radial[1], radial[0]]), sign / radius)
         tool = radius * radial + random.normal(0, 1e-3, 2)
         expected = sign * (tool @ tool - radius**2) / (2 * radius)
         assert float(frame.contour_error(jnp.asarray(radius * radial - tool))) == pytest.approx(

@@ -72,7 +72,7 @@ def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
     ):
         controller = Cascade(gains, motors(1), 1e-3)
         run = simulate(axis, controller, task)
-        errors.append(np.abs(np.asarray(run.output) - task.position[:-1]).max())
+        errors.append(np.abs(np.asarray(run.output) - np.asarray(task.position)[:-1]).max())
         shares.append(np.abs(run.control - prepared(controller, task).control).max())
     assert errors[1] < 0.02 * errors[0] and shares[1] < 0.05 * np.abs(run.control).max()
 

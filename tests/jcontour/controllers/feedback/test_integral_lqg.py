@@ -92,11 +92,11 @@ def test_gains_are_those_of_scipys_riccati_equation(model, lqg):
 def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter(model, plant, lqg):
     """Separation: the loop of machine, filter and integral against the two problems apart."""
     task = along(line([0.0], [0.1]), 1e-4 * np.arange(2), DT, 1, at_rest=False)
-    whole = with_integrals(model, jnp.asarray(MOTOR[:1]))
-    feedback = np.linalg.eigvals(
-        whole.A - whole.B @ np.hstack([lqg.feedback.gain, lqg.integral_gain])
-    )
-    filtering = np.linalg.eigvals(model.A - model.A @ lqg.filter_gain @ MOTOR)
+    whole = with_integrals(model, MOTOR[:1])
+    gain = np.hstack([lqg.feedback.gain, lqg.integral_gain])
+    feedback = np.linalg.eigvals(np.asarray(whole.A) - np.asarray(whole.B) @ gain)
+    A = np.asarray(model.A)
+    filtering = np.linalg.eigvals(A - A @ np.asarray(lqg.filter_gain) @ MOTOR)
     wanted = np.abs(np.concatenate([feedback, filtering])).max()
     assert frozen_spectral_radii(plant, lqg, task)[0] == pytest.approx(wanted, abs=1e-9)
 
@@ -140,10 +140,10 @@ def test_at_its_limit_it_does_not_wind_up(model, plant, lqg):
     A filter told of the limit settles; untold it swings for ever.
     """
     rest = along(line([0.0], [0.1]), np.zeros(1500), DT, 1, at_rest=True)
-    machine = Saturated(plant, jnp.array([2.0]))
-    start = model.initial_state(jnp.array([-0.02]), jnp.zeros(1))
-    unaware = simulate(machine, lqg, rest, start)
-    aware = simulate(machine, designed(model, limit=2.0), rest, start)
+    machine = Saturated(plant, np.array([2.0]))
+    start = model.initial_state(np.array([-0.02]), np.zeros(1))
+    unaware = jax.device_get(simulate(machine, lqg, rest, start))
+    aware = jax.device_get(simulate(machine, designed(model, limit=2.0), rest, start))
     assert np.abs(unaware.control).max() > 10.0 and np.abs(aware.control).max() == 2.0
     assert np.abs(unaware.output[-200:]).max() > 0.02
     assert aware.output.max() < 0.008 and np.abs(aware.output[-200:]).max() < 5e-4

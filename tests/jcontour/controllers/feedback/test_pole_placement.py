@@ -18,7 +18,7 @@ def two_pairs():
 
 
 def moved(model, K):
-    return np.sort_complex(np.linalg.eigvals(model.A - model.B @ K))
+    return np.sort_complex(np.linalg.eigvals(np.asarray(model.A) - np.asarray(model.B) @ K))
 
 
 def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control(thesis_model):

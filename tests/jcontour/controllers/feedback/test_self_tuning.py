@@ -48,7 +48,7 @@ def square_wave(steps):
 
 
 def run(controller, scale=1.0):
-    start = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(1), jnp.zeros((), int))
+    start = (np.zeros(1), np.zeros(1), np.zeros(1), np.zeros((), int))
     return simulate(DiskArm(scale), controller, square_wave(300), start)
 
 
@@ -73,9 +73,9 @@ def test_the_units_of_the_control_change_nothing(scale):
 
 
 def one_step(controller, gain, variance, control=1.0, y=0.0):
-    past = jnp.array([[0.0], [0.0]])
+    past = np.array([[0.0], [0.0]])
     controls = jnp.array([[control], [control]])
-    known = (jnp.array([gain]), jnp.array([variance]))
+    known = (np.array([gain]), np.array([variance]))
     memory = Estimate(past, controls, *known, jnp.asarray(5))
     return controller.step(memory, jnp.array([1.0]), jnp.array([y]))
 

@@ -36,13 +36,13 @@ def test_targets_of_a_coupled_machine(coupled_plant):
     """Against their definition: the model carries on a steady motion by itself."""
     model = coupled_plant(3, 5, 2)
     y, dy = np.array([0.3, -0.2]), np.array([0.01, 0.02])
-    t = moving_target(model)
+    t = jax.device_get(moving_target(model))
     x, u = t.state @ y + t.state_moving @ dy, t.control @ y + t.control_moving @ dy
-    np.testing.assert_allclose(model.C @ x, y, rtol=1e-10)
+    np.testing.assert_allclose(np.asarray(model.C) @ x, y, rtol=1e-10)
     np.testing.assert_allclose(
         model.step(x, u), t.state @ (y + dy) + t.state_moving @ dy, rtol=1e-9, atol=1e-12
     )
-    rest = quasi_steady_target(model)
+    rest = jax.device_get(quasi_steady_target(model))
     np.testing.assert_allclose(
         model.step(rest.state @ y, rest.control @ y), rest.state @ y, rtol=1e-10
     )

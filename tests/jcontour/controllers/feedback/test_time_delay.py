@@ -111,7 +111,7 @@ def test_a_step_beyond_the_limit_does_not_wind_up(limit):
 def test_a_limit_for_each_axis_bounds_control_and_memory():
     limit = jnp.array([0.5, 2.0])
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(2), PERIOD, limit)
-    target = Motion(jnp.array([0.1, -0.1]), jnp.zeros(2), jnp.zeros(2))
+    target = Motion(np.array([0.1, -0.1]), np.zeros(2), np.zeros(2))
     past = Past(jnp.zeros(2), jnp.zeros(2))
     memory, control = controller.step(past, target, (jnp.zeros(2), jnp.zeros(2)))
     np.testing.assert_array_equal(control, [0.5, -2.0])

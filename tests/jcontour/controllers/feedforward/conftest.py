@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from jcontour.motion.references import from_samples
 from jcontour.plants.three_link import ThreeLink, manipulator_path
 
 DATA = Path(__file__).parents[3] / "data" / "feedforward"
+LEGS = jax.jit(ThreeLink.legs)
 
 
 @pytest.fixture(scope="session")
@@ -24,8 +26,8 @@ def link():
     """Sample period, preview -> the path of the manipulator's first leg, from rest to rest."""
 
     def of(dt, preview, count=None, first=0):
-        legs = ThreeLink().legs(manipulator_path(dt * np.arange(round(6 / dt) + 1)))
-        away = np.asarray(legs - legs[:1])[first:, :1]
+        legs = np.asarray(LEGS(ThreeLink(), manipulator_path(dt * np.arange(round(6 / dt) + 1))))
+        away = (legs - legs[:1])[first:, :1]
         away = away if count is None else away[: count + preview]
         if count is None:
             away = np.concatenate([away, np.repeat(away[-1:], preview, axis=0)])

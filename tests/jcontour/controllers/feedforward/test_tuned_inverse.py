@@ -79,7 +79,7 @@ def test_zero_phase_without_a_model_is_the_plain_one():
     plant = plants()["delayed Bridgeport"]
     found, plain = zero_phase_inverse([plant], 0.0), zero_phase_filter(plant)
     assert found.preview == plain.preview + 1
-    ratio = polynomial.polyval(POINTS, np.asarray(found.numerator[0])) / polynomial.polyval(
+    ratio = polynomial.polyval(POINTS, np.asarray(found.numerator)[0]) / polynomial.polyval(
         POINTS, np.asarray(plain.numerator)
     )
     np.testing.assert_allclose(ratio, POINTS, rtol=1e-12)

@@ -40,7 +40,7 @@ def ahead():
 def test_the_prefilter_has_the_printed_digits(zpetc_numbers):
     fit = zpetc_numbers["fit"]
     found = zero_phase_filter(closed_loop(16.359, fit["pole"], 1e3 * fit["kp"]))
-    taps = np.asarray(found.numerator / found.denominator[0])
+    taps = np.asarray(found.numerator) / np.asarray(found.denominator)[0]
     np.testing.assert_allclose(taps, fit["prefilter"], rtol=1e-8)
     np.testing.assert_allclose(taps, zpetc_numbers["printed_prefilter"], atol=0.5e-4)
     assert found.preview == 2
@@ -73,7 +73,7 @@ def test_the_integral_sweep(zpetc_numbers, link, ahead, row):
     controller = ZeroPhaseTracking(ahead, KP, Sensors([0]), DT, time)
     reference = link(DT, 2)
     run = simulate(plant, controller, reference)
-    error = 1e6 * np.abs(np.asarray(run.output - reference.position[: reference.steps]))
+    error = 1e6 * np.abs(np.asarray(run.output) - np.asarray(reference.position)[: reference.steps])
     assert error.mean() == pytest.approx(wanted["mae_um"], rel=1e-7)
     assert error.max() == pytest.approx(wanted["max_um"], rel=1e-7)
 

@@ -38,7 +38,7 @@ def test_a_correction_shifts_the_reference(small_loop):
 
 def test_no_correction_changes_nothing(small_loop):
     plant, controller, reference = small_loop()
-    learned = simulate(plant, Learned(controller, jnp.zeros((reference.steps, 2))), reference)
+    learned = simulate(plant, Learned(controller, np.zeros((reference.steps, 2))), reference)
     plain = simulate(plant, controller, reference)
     np.testing.assert_array_equal(learned.output, plain.output)
 
@@ -47,7 +47,7 @@ def test_a_correction_of_another_lap_is_refused(small_loop):
     _, controller, reference = small_loop()
     for shape in ((reference.steps + 1, 2), (reference.steps, 1)):
         with pytest.raises(ValueError, match=r"correction: needs the shape \(120, 2\) of the lap"):
-            Learned(controller, jnp.zeros(shape)).prepare(reference)
+            Learned(controller, np.zeros(shape)).prepare(reference)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ def run(small_loop, positions):
 def dense(linear, steps, axes):
     """Matrix of a linear function of signals."""
     inputs = np.eye(steps * axes).reshape(-1, steps, axes)
-    return np.asarray(jax.vmap(linear)(jnp.asarray(inputs))).reshape(steps * axes, -1).T
+    return np.asarray(jax.jit(jax.vmap(linear))(inputs)).reshape(steps * axes, -1).T
 
 
 def test_the_update_is_the_minimum(run):
@@ -35,7 +35,7 @@ def test_the_update_is_the_minimum(run):
         W[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.eye(2) - 0.8 * np.outer(t, t)
     left = G.T @ W @ G + 0.21 * np.eye(2 * STEPS)
     change = np.linalg.solve(left, G.T @ W @ e.ravel() - 0.01 * c.ravel())
-    found = law.update(jnp.asarray(c), jnp.asarray(e))
+    found = law.update(c, e)
     np.testing.assert_allclose(found, c + change.reshape(STEPS, 2), rtol=0, atol=1e-7)
 
 
@@ -46,7 +46,7 @@ def test_the_model_is_the_difference_of_two_runs(run):
     ahead, before = (
         laps(jnp.asarray(c), jnp.zeros((), int)).error for c in (start + change, start)
     )
-    np.testing.assert_allclose(model(jnp.asarray(change)), before - ahead, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(model(change), before - ahead, rtol=0, atol=1e-12)
 
 
 def test_learning_removes_the_contour_error_first(run):

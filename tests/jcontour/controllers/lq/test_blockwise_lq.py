@@ -40,7 +40,7 @@ def least_squares_controls(model, reference, x):
 def test_a_run_of_one_block_is_the_optimum_of_the_whole_path(two_axes):
     reference = arc(6, 8, two_axes)
     found = simulate(two_axes, BlockwiseLQ(two_axes, WEIGHTS, 8), reference)
-    wanted = least_squares_controls(two_axes, reference, np.asarray(found.state[0]))
+    wanted = least_squares_controls(two_axes, reference, np.asarray(found.state)[0])
     np.testing.assert_allclose(found.control, wanted[:6], rtol=1e-9, atol=1e-12)
 
 

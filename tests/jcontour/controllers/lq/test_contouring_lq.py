@@ -89,17 +89,9 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
     random = np.random.default_rng(1)
     Sy, Sv = random.standard_normal((2, states, axes))
     reference = reference_of(2, axes, preview)
-    end = (
-        OutputTerminal()
-        if terminal == "output"
-        else RiccatiTerminal(SteadyMotion(jnp.asarray(Sy), jnp.asarray(Sv)))
-    )
-    rollout = simulate(
-        model,
-        ContouringLQ(model, weights, preview, end),
-        reference,
-        jnp.asarray(random.standard_normal(states)),
-    )
+    end = OutputTerminal() if terminal == "output" else RiccatiTerminal(SteadyMotion(Sy, Sv))
+    controller = ContouringLQ(model, weights, preview, end)
+    rollout = jax.device_get(simulate(model, controller, reference, random.standard_normal(states)))
     H_N = x_d = None
     if terminal == "riccati":
         A, B, C = (np.asarray(m) for m in (model.A, model.B, model.C))
@@ -113,7 +105,7 @@ def test_control_is_the_minimiser_of_the_stated_cost(case, terminal, coupled_pla
         x_d = y_d[1:] @ Sy.T + np.diff(y_d, axis=0) @ Sv.T
     for k in (0, 1, T - 1):
         wanted = best_first_control(
-            model, weights, preview, H_N, x_d, reference, k, np.asarray(rollout.state[k])
+            model, weights, preview, H_N, x_d, reference, k, rollout.state[k]
         )
         np.testing.assert_allclose(
             rollout.control[k], wanted, rtol=1e-9, atol=1e-9 * np.abs(rollout.control).max()
@@ -154,7 +146,7 @@ def test_stage_profile_gradient_is_that_of_differences(two_axes):
 
 def test_contour_weight_forgives_what_is_along():
     tangent = np.array([[0.6, 0.8], [1.0, 0.0]])
-    Q = np.asarray(contour_weight(2.0, 5.0, jnp.asarray(tangent)))
+    Q = np.asarray(contour_weight(2.0, 5.0, tangent))
     along, across = (
         np.einsum("tij,tj->ti", Q, tangent),
         np.einsum("tij,tj->ti", Q, tangent[:, ::-1] * [-1, 1]),

@@ -1,4 +1,3 @@
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -35,7 +34,7 @@ def test_finite_preview_is_case_iii(preview):
 
 def test_given_maps_serve_a_coupled_plant(coupled_plant):
     plant = coupled_plant(4, 5, 2)
-    motion = SteadyMotion(*jnp.asarray(np.random.default_rng(0).standard_normal((2, 5, 2))))
+    motion = SteadyMotion(*np.random.default_rng(0).standard_normal((2, 5, 2)))
     reference = reference_of(4, plant.dt)
     theirs = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion))
     wanted = prepared(theirs, reference)

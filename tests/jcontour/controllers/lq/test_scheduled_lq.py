@@ -73,7 +73,7 @@ def predicted(models, k, x):
     """States x(k+1) ... x(k+N_p) as free + forced u, u all N_p controls in a row."""
     free, forced, rows = x, np.zeros((6, 3 * PREVIEW)), []
     for j in range(PREVIEW):
-        A, B = np.asarray(models.A[k + j]), np.asarray(models.B[k + j])
+        A, B = np.asarray(models.A)[k + j], np.asarray(models.B)[k + j]
         free, forced = A @ free, A @ forced
         forced[:, 3 * j : 3 * j + 3] += B
         rows.append((free, forced.copy()))
@@ -92,7 +92,7 @@ def minimiser(schedule, reference, k, x):
     states = predicted(models, k, x)
     M, g = np.kron(np.eye(PREVIEW), R), np.zeros(3 * PREVIEW)
     for j, (free, forced) in enumerate(states[:-1], start=1):
-        C = np.asarray(models.C[k + j])
+        C = np.asarray(models.C)[k + j]
         across = np.eye(2) - np.outer(r[k + j], r[k + j])
         Q = stage[j - 1] * (ALPHA * np.eye(2) + BETA * across)
         M += (C @ forced).T @ Q @ C @ forced
@@ -109,8 +109,8 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     x = np.random.default_rng(k).normal(0, 0.01, 6)
     wanted = minimiser(schedule, reference, k, x)
     controller = ScheduledLQ(schedule, weighted(), PREVIEW)
-    plan = prepared(controller, reference)
-    _, found = controller.step(None, jax.tree.map(lambda rows: rows[k], plan), jnp.asarray(x))
+    plan = jax.device_get(prepared(controller, reference))
+    _, found = controller.step(None, jax.tree.map(lambda rows: rows[k], plan), x)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 

@@ -44,7 +44,7 @@ class Swinging(Controller):
 
 @cache
 def inner():
-    return Swinging(jnp.array([[2e3, 30.0, -1.9e3, 1.0]]))
+    return Swinging(np.array([[2e3, 30.0, -1.9e3, 1.0]]))
 
 
 @pytest.mark.parametrize(("name", "make"), [("euler", euler_model), ("zoh", zoh_model)])
@@ -57,7 +57,7 @@ def test_thesis_observer(name, make):
         augmented = augmented_model(model, thesis_gain())
         for found, key in (
             (augmented.A, "A_aug"),
-            (augmented.B[:, 0], "B_aug"),
+            (np.asarray(augmented.B)[:, 0], "B_aug"),
             (augmented.C, "C_aug"),
         ):
             np.testing.assert_allclose(found, wanted[key], rtol=0, atol=1e-12)
@@ -77,9 +77,8 @@ def machine(thesis_model):
 def test_estimation_error_obeys_lambda_under_any_control(machine, thesis_model):
     task = thesis_task_a()
     off = np.array([1e-3, -0.02])
-    start = thesis_model.initial_state(task.position[0], task.start_increment) + np.concatenate(
-        [[0, 0], off]
-    )
+    begin = thesis_model.initial_state(np.asarray(task.position)[0], task.start_increment)
+    start = np.asarray(begin) + np.concatenate([[0, 0], off])
     run = simulate(
         machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task, jnp.asarray(start)
     )

@@ -60,7 +60,7 @@ def test_what_is_cancelled_is_as_if_it_were_not_there():
     free = simulate(Mass(0.0), stiff_cascade(), short_task())
     held = simulate(
         Mass(STIFFNESS),
-        Compensated(stiff_cascade(), Cancelling(jnp.asarray(STIFFNESS))),
+        Compensated(stiff_cascade(), Cancelling(STIFFNESS)),
         short_task(),
     )
     np.testing.assert_allclose(held.output, free.output, rtol=0, atol=1e-12)

@@ -15,7 +15,7 @@ DT = 1e-3
 
 def run(filter, signal):
     return np.asarray(
-        jax.lax.scan(lambda memory, x: filter.step(memory, x), jnp.zeros(2), jnp.asarray(signal))[1]
+        jax.lax.scan(lambda memory, x: filter.step(memory, x), np.zeros(2), signal)[1]
     )
 
 
@@ -97,7 +97,7 @@ def test_gradient_with_respect_to_the_notch_frequency():
 
 def test_bad_filters_are_named():
     with pytest.raises(ValueError, match="filter: is not stable"):
-        Biquad(jnp.ones(3), jnp.array([0.0, 1.1]))
+        Biquad(np.ones(3), np.array([0.0, 1.1]))
     with pytest.raises(ValueError, match="not stable"):
         notch(300.0, 0.5, -0.1, DT)
     with pytest.raises(ValueError, match="prewarp"):

@@ -69,7 +69,7 @@ def bang_bang(reference, seed=0):
 
 
 def run(table, controller, reference, disturbance, fallback=None):
-    plant = Disturbed(table, force=jnp.asarray(LOAD * disturbance))
+    plant = Disturbed(table, force=LOAD * disturbance)
     found = reported_loop(plant, controller, reference, fallback=fallback)
     error = np.linalg.norm(np.asarray(contour_error(found.rollout.output, reference)), axis=1)
     return found, error
@@ -249,7 +249,7 @@ def test_bad_input_is_named(table, least, limits, circle):
         BoundedMPC(table, least, limits, tolerance=-1.0)
     with pytest.raises(ValueError, match="weights: need to be finite"):
         BoundedMPC(table, least, limits, weights=BoundedWeights(control=0.0))
-    few = references.along(circle.contour, circle.arc[:50], table.dt, 3, at_rest=False)
+    few = references.along(circle.contour, np.asarray(circle.arc)[:50], table.dt, 3, at_rest=False)
     with pytest.raises(ValueError, match="preview"):
         BoundedMPC(table, least, limits).prepare(few)
 

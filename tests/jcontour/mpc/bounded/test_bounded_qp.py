@@ -24,7 +24,7 @@ def built():
     A = np.eye(4) + DT * np.array([[0, 1, 0, 0], [0, -3, 0, 0.2], [0, 0, 0, 1], [0, 0, 0, -2]])
     B = DT * np.array([[DT / 2, 0], [1, 0], [0, DT / 2], [0, 0.7]])
     C = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
-    Sy = jnp.array([[1.0, 0], [0, 0], [0, 1], [0, 0]])
+    Sy = np.array([[1.0, 0], [0, 0], [0, 1], [0, 0]])
     Sv = jnp.array([[0, 0], [1 / DT, 0], [0, 0], [0, 1 / DT]])
     model = LinearPlant(A, B, C, DT, motion=SteadyMotion(Sy, Sv))
     limits = BoundedLimits(10.0, speed_signals(model, 1.0))

@@ -205,9 +205,9 @@ def test_a_step_without_an_answer_is_nan_and_is_counted(two_axes):
     reference = shape("circle")
     memory = controller.initial_memory(reference)
     plan = jax.tree.map(lambda rows: rows[0], controller.prepare(reference))
-    after, control = eqx.filter_jit(controller.step)(memory, plan, jnp.full(4, jnp.nan))
+    after, control = eqx.filter_jit(controller.step)(memory, plan, np.full(4, np.nan))
     assert np.isnan(control).all() and int(after.failed) == 1
-    after, control = eqx.filter_jit(controller.step)(memory, plan, jnp.zeros(4))
+    after, control = eqx.filter_jit(controller.step)(memory, plan, np.zeros(4))
     assert np.isfinite(control).all() and int(after.failed) == 0
 
 

@@ -135,7 +135,7 @@ def test_the_offset_free_plan_is_the_optimum_of_the_problem_written_in_controls(
     weights = TrackingWeights(ALPHA, BETA, RHO, CHANGE, stage)
     limits = Limits.within(**BOUNDS)
     mpc = TrackingMPC(model, weights, N, limits, terminal, form=OffsetFreeForm())
-    x0 = np.array(model.initial_state(reference.position[0], np.zeros(2)))
+    x0 = np.array(model.initial_state(np.asarray(reference.position)[0], np.zeros(2)))
     x0 += np.append([2e-4, 0.02, -3e-4, 0.01], np.full(2 * delay, 0.05))
     fed, before = DisturbedState(x0, np.array([0.2, -0.15])), np.array([0.1, -0.05])
     memory = mpc.initial_memory(reference)._replace(control=before)
