@@ -81,7 +81,11 @@ def _linearised(plant: Plant, axes: int) -> LinearPlant:
     def start(position, increment):
         return ravel_pytree(plant.initial_state(position, increment))[0]
 
-    A, B = jax.jacfwd(step, (0, 1))(rest, origin)
-    C = jax.jacfwd(lambda state: plant.output(unravelled(state)))(rest)
-    motion = SteadyMotion(*jax.jacfwd(start, (0, 1))(origin, origin))
+    @jax.jit
+    def matrices():
+        C = jax.jacfwd(lambda state: plant.output(unravelled(state)))(rest)
+        motion = SteadyMotion(*jax.jacfwd(start, (0, 1))(origin, origin))
+        return *jax.jacfwd(step, (0, 1))(rest, origin), C, motion
+
+    A, B, C, motion = matrices()
     return LinearPlant(A, B, C, plant.dt, motion=motion)

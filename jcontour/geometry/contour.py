@@ -6,10 +6,12 @@ Contours of different shape therefore batch; see `contours.stack`.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jcontour.geometry.pieces import Piece
 from jcontour.told_values import told
+from jcontour.tracing import is_concrete
 
 
 class Contour(eqx.Module):
@@ -61,10 +63,12 @@ class Contour(eqx.Module):
         return self.polynomial.shape[-1]
 
     @property
-    @jax.jit
     def length(self) -> Float[Array, "*stack"]:
         """Total arc length [m]."""
-        return self.start[..., -1] + self.extent[..., -1]  # padding starts at the end
+        start, extent = self.start, self.extent
+        if is_concrete(start, extent):  # no program for every number of pieces
+            start, extent = np.asarray(start), np.asarray(extent)
+        return jnp.asarray(start[..., -1] + extent[..., -1], start.dtype)  # padding starts there
 
     @jax.jit
     def position(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:

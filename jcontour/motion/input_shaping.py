@@ -121,16 +121,10 @@ def in_series(*shapers: Shaper) -> Shaper:
 
     Each cancels the mode that it is made for.
     """
-
-    def after(first: Shaper, second: Shaper) -> Shaper:
-        times = (first.times[:, None] + second.times[None]).ravel()
-        order = jnp.argsort(times)
-        amplitudes = (first.amplitudes[:, None] * second.amplitudes[None]).ravel()
-        return Shaper(times[order], amplitudes[order])
-
-    return reduce(after, shapers)
+    return reduce(_after, shapers)
 
 
+@jax.jit  # one program where it is called outside of one
 def residual_vibration(
     shaper: Shaper, frequency: Float[ArrayLike, "*b"], damping: Float[ArrayLike, "*#b"] = 0.0
 ) -> Float[Array, "*b"]:
@@ -158,6 +152,14 @@ def shaped_law(law: TimeLaw, shaper: Shaper) -> TimeLaw:
         return np.asarray(law(delayed.ravel())).reshape(delayed.shape) @ amplitudes
 
     return arc
+
+
+@jax.jit
+def _after(first: Shaper, second: Shaper) -> Shaper:
+    times = (first.times[:, None] + second.times[None]).ravel()
+    order = jnp.argsort(times)
+    amplitudes = (first.amplitudes[:, None] * second.amplitudes[None]).ravel()
+    return Shaper(times[order], amplitudes[order])
 
 
 def _mode(frequency, damping) -> tuple[Float[Array, ""], Float[Array, ""]]:

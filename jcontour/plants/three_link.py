@@ -12,6 +12,7 @@ A pose is (z, beta cos alpha, beta sin alpha) in m and rad: unlike (z, alpha, be
 zero tilt. The paper prints neither radii nor the path's numbers: those here are chosen.
 """
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -82,6 +83,7 @@ class ThreeLink(eqx.Module):
         """Pin joints at the base, (leg, coordinate) [m]."""
         return float(self.base_radius) * _legs()
 
+    @jax.jit
     def balls(self, pose: Float[Array | np.ndarray, "*batch 3"]) -> Float[Array, "*batch 3 3"]:
         """Ball joints, (leg, coordinate) [m]."""
         pose = jnp.asarray(pose)
@@ -111,7 +113,7 @@ class ThreeLink(eqx.Module):
         legs = jnp.asarray(legs)
         self._check_stroke(legs)
         rows = jnp.reshape(legs, (-1, 3))
-        poses = jnp.reshape(jax.vmap(self._newton)(rows), legs.shape)
+        poses = jnp.reshape(self._newton(rows), legs.shape)
         if is_concrete(poses):
             missed = np.max(np.abs(np.asarray(self._lengths(poses) - legs)))
             if not missed <= ROUNDING:
@@ -125,13 +127,16 @@ class ThreeLink(eqx.Module):
         share = self.platform_radius / 4 * _sinc(jnp.sqrt(_square(x, y)) / 2) ** 2
         return jnp.stack([-share * (x**2 - y**2), share * 2 * x * y, pose[..., 0]], axis=-1)
 
+    @jax.jit
     def _lengths(self, pose: Array) -> Array:
         pins = self.base_radius * jnp.asarray(_legs(), pose.dtype)
         offset = self.balls(pose) - jnp.expand_dims(pins, tuple(range(pose.ndim - 1)))
         return jnp.linalg.norm(offset, axis=-1)
 
+    @jax.jit
+    @partial(jax.vmap, in_axes=(None, 0))
     def _newton(self, legs: Array) -> Array:
-        """Pose of one set of lengths."""
+        """Pose of every row of lengths."""
         apart = self.base_radius - self.platform_radius
         height = jnp.sqrt(jnp.maximum(jnp.mean(legs) ** 2 - apart**2, 0.0))
         start = jnp.zeros(3, legs.dtype).at[0].set(height)

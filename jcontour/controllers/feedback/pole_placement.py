@@ -7,13 +7,14 @@ of A would lose.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Num
 
-from jcontour.linear.plant import LinearPlant, decoupled_axes
+from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
 from jcontour.tracing import is_concrete
 
 
@@ -33,20 +34,24 @@ def placed_gain(
     """
     axes = decoupled_axes(model.pattern)
     poles = jnp.asarray(poles, complex)
-    poles = jnp.broadcast_to(poles, (len(axes), poles.shape[-1]))
-    K = jnp.zeros((model.inputs, model.states))
-    for axis, wanted in zip(axes, poles, strict=True):
-        rows = np.array(axis.states)
+    for axis in axes:
         if len(axis.inputs) != 1:
             found = f"states {list(axis.states)} have {len(axis.inputs)}"
             raise ValueError(f"model: pole placement needs one input for each axis, {found}")
-        _check_poles(wanted, rows.size)
-        row = _ackermann(model.A[np.ix_(rows, rows)], model.B[rows, axis.inputs[0]], wanted)
-        if is_concrete(row) and not np.isfinite(row).all():
+        if poles.shape[-1] != len(axis.states):
             raise ValueError(
-                f"model: the axis of the states {list(axis.states)} cannot be controlled"
+                f"poles: the axis has {len(axis.states)} states, received {poles.shape[-1]} poles"
             )
-        K = K.at[axis.inputs[0], rows].set(row)
+    if is_concrete(poles):
+        for wanted in np.reshape(poles, (-1, poles.shape[-1])):
+            _check_poles(wanted)
+    K = _of_axes(model.A, model.B, poles, axes)
+    if is_concrete(K):
+        for axis in axes:
+            if not np.isfinite(np.asarray(K)[axis.inputs[0]]).all():
+                raise ValueError(
+                    f"model: the axis of the states {list(axis.states)} cannot be controlled"
+                )
     return K
 
 
@@ -68,7 +73,21 @@ def damped_poles(
     return jnp.exp(dt * jnp.concatenate([s, s.conj()]))
 
 
-@jax.jit
+@partial(jax.jit, static_argnums=3)
+def _of_axes(
+    A: Float[Array, "n n"],
+    B: Float[Array, "n p"],
+    poles: Complex[Array, "*m s"],
+    axes: tuple[Axis, ...],
+) -> Float[Array, "p n"]:
+    K = jnp.zeros((B.shape[1], B.shape[0]))
+    poles = jnp.broadcast_to(poles, (len(axes), poles.shape[-1]))
+    for axis, wanted in zip(axes, poles, strict=True):
+        rows, motor = np.array(axis.states), axis.inputs[0]
+        K = K.at[motor, rows].set(_ackermann(A[np.ix_(rows, rows)], B[rows, motor], wanted))
+    return K
+
+
 def _ackermann(
     A: Float[Array, "n n"], B: Float[Array, " n"], poles: Complex[Array, " n"]
 ) -> Float[Array, " n"]:
@@ -87,12 +106,7 @@ def _ackermann(
     return last.real
 
 
-def _check_poles(poles: Complex[Array, " n"], states: int) -> None:
-    if poles.size != states:
-        raise ValueError(f"poles: the axis has {states} states, received {poles.size} poles")
-    if not is_concrete(poles):
-        return
-    given = np.asarray(poles)
+def _check_poles(given: Complex[np.ndarray, " n"]) -> None:
     received = f"received {np.array2string(given, precision=6)}"
     if not np.all(np.abs(given) < 1):
         raise ValueError(f"poles: need to be inside the unit circle, {received}")

@@ -10,6 +10,7 @@ so that a model of the machine follows a ramp without error.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -104,26 +105,34 @@ def moving_target(model: LinearPlant) -> SteadyTarget:
         ValueError: there are not as many controls as outputs, or the machine cannot hold every
             position (a zero at z = 1).
     """
-    n, p, m = model.states, model.inputs, model.axes
+    p, m = model.inputs, model.axes
     if p != m:
         raise ValueError(
             f"model: a steady target needs as many controls as outputs, received {p} and {m}"
         )
-    matrix = jnp.block([[model.A - jnp.eye(n), model.B], [model.C, jnp.zeros((m, p))]])
-    # each column is scaled to 1: metres, metres per second and amperes differ much
-    largest = jnp.max(jnp.abs(matrix), axis=0)
-    scaled = matrix / largest[None]
-    if is_concrete(matrix) and not np.linalg.cond(np.asarray(scaled)) * np.finfo(float).eps < 1:
+    target, scaled = _moving_target(model.A, model.B, model.C)
+    if is_concrete(scaled) and not np.linalg.cond(np.asarray(scaled)) * np.finfo(float).eps < 1:
         raise ValueError(
             "model: the machine cannot hold every position, its steady equations are singular"
         )
+    return target
+
+
+@jax.jit
+def _moving_target(A: Array, B: Array, C: Array) -> tuple[SteadyTarget, Float[Array, "s s"]]:
+    """Target and the matrix of its equations."""
+    n, m = A.shape[0], C.shape[0]
+    matrix = jnp.block([[A - jnp.eye(n), B], [C, jnp.zeros((m, m))]])
+    # each column is scaled to 1: metres, metres per second and amperes differ much
+    largest = jnp.max(jnp.abs(matrix), axis=0)
+    scaled = matrix / largest[None]
 
     def solve(state, output):
         return jnp.linalg.solve(scaled, jnp.concatenate([state, output])) / largest[:, None]
 
     rest = solve(jnp.zeros((n, m)), jnp.eye(m))
     motion = solve(rest[:n], jnp.zeros((m, m)))
-    return SteadyTarget(rest[:n], rest[n:], motion[:n], motion[n:])
+    return SteadyTarget(rest[:n], rest[n:], motion[:n], motion[n:]), scaled
 
 
 def lq_gain(

@@ -13,6 +13,7 @@ as phi.
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -66,6 +67,7 @@ class NormalisedLeastSquares(eqx.Module):
         share = self.trace / size * jnp.eye(size, dtype=theta.dtype)
         return Estimate(theta, jnp.broadcast_to(share, (*theta.shape, size)))
 
+    @jax.jit
     def update(
         self, estimate: Estimate, phi: Float[Array, "*m q"], y: Float[Array, "*m"]
     ) -> Estimate:

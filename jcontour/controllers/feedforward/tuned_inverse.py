@@ -17,7 +17,7 @@ M_0 B^r(lambda) B^r(1/lambda) / B^r(1)^2, which has no phase.
 
 import warnings
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import jax
 import jax.numpy as jnp
@@ -127,7 +127,7 @@ class OptimalInverse:
         """Conditions on E' at these numbers."""
         with jax.ensure_compile_time_eval():  # of numbers that are known, also inside a trace
             response = np.asarray(self.response(smoothing))
-            below = np.asarray(_weight(self.following, weight))
+            below = np.asarray(_weight(self.following.constraint, weight))
         zeros = np.concatenate([np.zeros(self.plant.delay), self.zeros.unstable])
         return ModelMatching(zeros, response, below)
 
@@ -140,9 +140,9 @@ class OptimalInverse:
     def response(self, smoothing) -> Float[Array, " c"]:
         """R = lambda^N_p M_0 B^r(1/lambda) / B^r(1)^2."""
         rings, following = self.ringing_polynomial, self.following
-        model = jnp.convolve(_model(following.order, smoothing), jnp.asarray(rings[::-1]))
+        model = jnp.convolve(_model(following.order, smoothing), rings[::-1])
         late = following.preview - following.order - rings.size + 1
-        return jnp.concatenate([jnp.zeros(late), model / np.sum(rings) ** 2])
+        return jnp.concatenate([np.zeros(late), model / np.sum(rings) ** 2])
 
     def check(self, smoothing: float, weight: float) -> None:
         """Warn where other taps were better at these numbers.
@@ -172,18 +172,19 @@ class OptimalInverse:
         """X and the values of E' at its taps."""
         matrix = self._system(smoothing, weight)
         unknown = matrix.shape[1] - len(self.taps)
-        wanted = _shifted(self.response(smoothing), 0, matrix.shape[0])
+        wanted = _padded(self.response(smoothing), matrix.shape[0])
         found = jnp.linalg.solve(matrix, wanted)
         return found[:unknown], found[unknown:]
 
     def _system(self, smoothing, weight) -> Float[Array, "s s"]:
         """Columns of lambda^d B^u X + T E'."""
-        below, kept = _weight(self.following, weight), jnp.asarray(self.kept)
+        below, kept = _weight(self.following.constraint, weight), self.kept
         long = self.response(smoothing).size, below.size + max(self.taps, default=0), kept.size
         size = max(long)
-        columns = [_shifted(kept, k, size) for k in range(size - kept.size + 1)]
-        columns += [_shifted(below, k, size) for k in self.taps]
-        return jnp.stack(columns, axis=1)
+        of_kept = [np.pad(kept, (k, size - k - kept.size)) for k in range(size - kept.size + 1)]
+        places = [np.eye(size, below.size, -k) for k in self.taps]
+        of_taps = np.reshape(places, (len(places), size, below.size)) @ below
+        return jnp.concatenate([np.stack(of_kept, axis=1), of_taps.T], axis=1)
 
     def polynomials(self, smoothing, weight) -> tuple[Float[Array, " c"], Float[Array, " d"]]:
         """Numerator and denominator of F = W / P."""
@@ -227,7 +228,7 @@ def zero_phase_inverse(
     model = _model(order, smoothing)
     pairs = []
     for one in filters:
-        late = jnp.zeros(longest - one.preview)  # the axes stay together
+        late = np.zeros(longest - one.preview)  # the axes stay together
         numerator = jnp.concatenate([late, jnp.convolve(model, one.numerator)])
         pairs.append((numerator, one.denominator))
     return _of_axes(pairs, longest + order)
@@ -237,10 +238,11 @@ def _of_axes(pairs: list[tuple[Array, Array]], preview: int) -> PreviewFilter:
     rows = []
     for column in zip(*pairs, strict=True):
         size = max(one.size for one in column)
-        rows.append(jnp.stack([_shifted(one, 0, size) for one in column]))
+        rows.append(jnp.stack([_padded(one, size) for one in column]))
     return PreviewFilter(rows[0], rows[1], preview)
 
 
+@partial(jax.jit, static_argnums=0)
 def _model(order: int, smoothing) -> Float[Array, " c"]:
     """lambda^m M_0."""
     q = jnp.asarray(smoothing, float)
@@ -250,15 +252,16 @@ def _model(order: int, smoothing) -> Float[Array, " c"]:
     return found
 
 
-def _weight(following: ModelFollowing, weight) -> Float[Array, " c"]:
+@partial(jax.jit, static_argnums=0)
+def _weight(power: int, weight) -> Float[Array, " c"]:
     """T = (1 - rho lambda)^N."""
     rho = jnp.asarray(weight, float)
     found = jnp.ones(1)
-    for _ in range(following.constraint):
+    for _ in range(power):
         found = jnp.convolve(found, jnp.stack([jnp.ones_like(rho), -rho]))
     return found
 
 
-def _shifted(coefficients: Array, places: int, size: int) -> Array:
-    """Polynomial times lambda^places, with `size` coefficients."""
-    return jnp.pad(coefficients, (places, size - places - coefficients.size))
+def _padded(coefficients: Array, size: int) -> Array:
+    """The polynomial with `size` coefficients."""
+    return jnp.pad(coefficients, (0, size - coefficients.size))

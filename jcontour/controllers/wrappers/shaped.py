@@ -10,6 +10,7 @@ on a contour, which this does not.
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -53,6 +54,7 @@ class Shaped(Wrapper):
         return self.controller.step(memory, plan, measurement)
 
 
+@jax.jit
 def shaped_positions(reference: Reference, shaper: Shaper) -> Float[Array, "S m"]:
     """Weighted sum of delayed copies [m].
 

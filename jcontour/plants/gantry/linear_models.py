@@ -12,6 +12,7 @@ models over several head positions.
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -116,6 +117,7 @@ def _mass_matrix(parameters: GantryParameters, head) -> Float[Array, "3 3"]:
     return EquationOfMotion.of(parameters).mass_matrix(jnp.stack([head, none, none]))
 
 
+@jax.jit
 def _solved(
     p: GantryParameters, mass: Float[Array, "3 3"], push: Float[Array, "3 3"]
 ) -> LinearGantry:

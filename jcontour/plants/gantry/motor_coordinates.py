@@ -76,6 +76,7 @@ def motor_schedule(
 
 def straight_motion(dt: float) -> SteadyMotion:
     """Readings of a straight beam whose tool moves steadily."""
-    motors = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    none = jnp.zeros_like(motors)
-    return SteadyMotion(jnp.concatenate([motors, none]), jnp.concatenate([none, motors / dt]))
+    motors = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    none = np.zeros_like(motors)
+    maps = np.concatenate([motors, none]), np.concatenate([none, motors / dt])
+    return SteadyMotion(*(jnp.asarray(each, float) for each in maps))

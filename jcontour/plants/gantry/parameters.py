@@ -8,6 +8,7 @@ y_N, theta): head along the beam, centre of the beam, angle of the beam; with s,
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -97,12 +98,14 @@ class GantryParameters(eqx.Module):
         drives = self.half_span**2 * (self.drive_mass_1 + self.drive_mass_2)
         return drives + self.beam_inertia + self.head_mass * (self.tool_offset**2 + head**2)
 
+    @jax.jit
     def tool(self, q: Coordinates) -> Float[Array, "2"]:
         """Tool point P_e [m]."""
         (x, y, theta), d = q, self.tool_offset
         sine, cosine = jnp.sin(theta), jnp.cos(theta)
         return jnp.stack([x * cosine + d * sine, y + x * sine - d * cosine])
 
+    @jax.jit
     def motors(self, state: Float[Array, "6"]) -> Float[Array, "6"]:
         """Positions (x_h, y_1, y_2) [m] and speeds [m/s] of the three motors in a state (q, q')."""
         x, y, theta, dx, dy, omega = state
@@ -155,8 +158,12 @@ def untwisted(parameters: GantryParameters, position, speed) -> Float[Array, "6"
     Raises:
         ValueError: the head would be outside the beam.
     """
-    position, speed = jnp.asarray(position, float), jnp.asarray(speed, float)
     check_on_beam("position", position[..., 0], parameters)
+    return _straight(parameters, jnp.asarray(position, float), jnp.asarray(speed, float))
+
+
+@jax.jit
+def _straight(parameters: GantryParameters, position: Array, speed: Array) -> Float[Array, "6"]:
     rest = jnp.zeros_like(position[..., :1])
     return jnp.concatenate(
         [position.at[..., 1].add(parameters.tool_offset), rest, speed, rest], axis=-1

@@ -4,6 +4,8 @@ The tool is then at (x_h, y_N - d). The turning moment of the head, M_e (d x_h''
 held by the difference of the two drives.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -30,17 +32,21 @@ def straight_beam_currents(
         ValueError: the head would be outside the beam.
     """
     check_on_beam("position", position[:, 0], parameters)
-    motion = EquationOfMotion.of(parameters)
+    return _currents(EquationOfMotion.of(parameters), position, speed, acceleration)
 
-    def currents(position, speed, acceleration):
-        none = jnp.zeros(())
-        q, v = jnp.stack([position[0], none, none]), jnp.append(speed, none)
-        driven = jnp.stack(motion.bias(q, v)) - jnp.stack(motion.forces(q, v, jnp.zeros(3)))
-        along, across, turning = motion.mass_matrix(q) @ jnp.append(acceleration, none) + driven
-        both, apart = across / motion.beam_constant, turning / motion.turning_constant
-        return jnp.stack([along / motion.head_constant, (both - apart) / 2, (both + apart) / 2])
 
-    return jax.vmap(currents)(position, speed, acceleration)
+@jax.jit
+@partial(jax.vmap, in_axes=(None, 0, 0, 0))
+def _currents(
+    motion: EquationOfMotion, position: Array, speed: Array, acceleration: Array
+) -> Float[Array, "3"]:
+    """Currents of every sample."""
+    none = jnp.zeros(())
+    q, v = jnp.stack([position[0], none, none]), jnp.append(speed, none)
+    driven = jnp.stack(motion.bias(q, v)) - jnp.stack(motion.forces(q, v, jnp.zeros(3)))
+    along, across, turning = motion.mass_matrix(q) @ jnp.append(acceleration, none) + driven
+    both, apart = across / motion.beam_constant, turning / motion.turning_constant
+    return jnp.stack([along / motion.head_constant, (both - apart) / 2, (both + apart) / 2])
 
 
 def currents_along(
