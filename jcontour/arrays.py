@@ -8,6 +8,8 @@ import numpy as np
 from jax import dtypes
 from jaxtyping import Array, Float, Shaped
 
+from jcontour.tracing import is_concrete
+
 
 def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:
     """NumPy's array as one of JAX, in single precision where JAX has no other.
@@ -24,3 +26,11 @@ def floating(value: Any) -> Float[Array, "..."]:
         return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
     values = np.asarray(value)  # no weak types, which were a program of their own
     return placed(values if np.issubdtype(values.dtype, np.floating) else values.astype(float))
+
+
+def ranked(value: Any, rank: int) -> Float[Array, "..."]:
+    """Numbers as floating-point array of at least this rank, the new axes in front."""
+    if not is_concrete(*jax.tree.leaves(value)):
+        array = jnp.asarray(value, float)
+        return jnp.expand_dims(array, tuple(range(rank - array.ndim)))
+    return placed(np.array(value, float, ndmin=rank))

@@ -1,8 +1,9 @@
 """Noise that stands for the counts of an encoder where a smooth machine is needed."""
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+from jcontour.arrays import placed
 
 SAMPLES = 8192  # of a run that have noise of their own; the last one holds beyond
 
@@ -15,4 +16,4 @@ def rounding_noise(positions: int, resolution: float) -> Float[Array, "T q"]:
     ((8192, 2), True)
     """
     counts = np.random.default_rng(0).uniform(-0.5, 0.5, (SAMPLES, positions))
-    return jnp.asarray(resolution * counts)
+    return placed(resolution * counts)

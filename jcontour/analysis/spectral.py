@@ -73,6 +73,7 @@ def on_host(function: Callable, like: Any, *arguments: Any) -> Any:
     return jax.pure_callback(function, like, *arguments, vmap_method="broadcast_all")
 
 
+@jax.jit
 def with_slope(value: Array, slope: Any, argument: Any) -> Array:
     """A value without derivative, given its derivative with respect to a tree of matrices."""
     for gradient, leaf in zip(jax.tree.leaves(slope), jax.tree.leaves(argument), strict=True):

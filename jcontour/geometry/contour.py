@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jcontour.arrays import placed
 from jcontour.geometry.pieces import Piece
 from jcontour.told_values import told
 from jcontour.tracing import is_concrete
@@ -65,10 +66,10 @@ class Contour(eqx.Module):
     @property
     def length(self) -> Float[Array, "*stack"]:
         """Total arc length [m]."""
-        start, extent = self.start, self.extent
-        if is_concrete(start, extent):  # no program for every number of pieces
-            start, extent = np.asarray(start), np.asarray(extent)
-        return jnp.asarray(start[..., -1] + extent[..., -1], start.dtype)  # padding starts there
+        if not is_concrete(self.start, self.extent):
+            return self.start[..., -1] + self.extent[..., -1]  # padding starts at the end
+        start, extent = np.asarray(self.start), np.asarray(self.extent)
+        return placed(np.asarray(start[..., -1] + extent[..., -1]))
 
     @jax.jit
     def position(self, arc: Float[ArrayLike, "*batch"]) -> Float[Array, "*batch m"]:

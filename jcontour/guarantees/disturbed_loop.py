@@ -152,7 +152,7 @@ def check_linear(plant: Plant, controller: Controller, reference: Reference) -> 
 def check_planless(controller: Controller) -> None:
     """Raise NotAffine where a controller plans for limits, whether they are reached or not."""
     free = controller.without_planned_limits()
-    if free is not controller and not eqx.tree_equal(controller, free):
+    if free is not controller and not eqx.tree_equal(*jax.device_get((controller, free))):
         raise NotAffine(
             f"{type(controller).__name__}: it plans for limits, with a quadratic program at every "
             "sample"

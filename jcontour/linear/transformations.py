@@ -7,6 +7,7 @@ import jax.scipy.linalg as jsl
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.arrays import floating
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.tracing import is_concrete
 
@@ -30,7 +31,7 @@ def zoh(A, B, dt: float | Float[Array, ""]) -> tuple[Float[Array, "n n"], Float[
     >>> np.asarray(B).round(6).tolist()
     [[0.0025], [0.05]]
     """
-    return _held(jnp.asarray(A), jnp.asarray(B), dt)
+    return _held(floating(A), floating(B), dt)
 
 
 @jax.jit

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jcontour.arrays import placed
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import polyline
 from jcontour.told_values import shape, told
@@ -70,11 +71,9 @@ class Reference(eqx.Module):
         The last offset is kept in the preview. Errors are still those from the contour.
         """
         more = [(0, self.preview), (0, 0)]
-        position = self.position + np.pad(offset, more, mode="edge")
+        position = np.asarray(self.position) + np.pad(offset, more, mode="edge")
         ahead = np.concatenate([tangent, np.asarray(self.tangent)[len(tangent) :]])
-        return eqx.tree_at(
-            lambda one: (one.position, one.tangent), self, (position, jnp.asarray(ahead))
-        )
+        return replace(self, position=placed(position), tangent=placed(ahead))
 
 
 def from_samples(
@@ -267,7 +266,7 @@ def _arc_on(contour: Contour, position: np.ndarray, tangent: np.ndarray) -> np.n
     """Arc length of every sample [m], on the branch that fits the whole run."""
     chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
     branches = _branches(contour, position[0], np.max(chords))
-    arcs = [np.asarray(_projected(contour, jnp.asarray(position), first)) for first in branches]
+    arcs = [np.asarray(_projected(contour, position, first)) for first in branches]
     if len(arcs) == 1:
         return arcs[0]
 
@@ -315,7 +314,8 @@ def _check_on(contour: Contour, position: np.ndarray, arc: np.ndarray, tolerance
     most = FARTHEST * float(contour.size) if tolerance is None else tolerance
     if not most >= 0:
         raise ValueError(f"tolerance: needs a distance in metres, received {tolerance}")
-    apart = np.linalg.norm(position - contour.position(arc[: len(position)]), axis=1)
+    on = np.asarray(contour.position(arc[: len(position)]))
+    apart = np.linalg.norm(position - on, axis=1)
     worst = int(np.argmax(apart))
     if apart[worst] > most:
         raise ValueError(

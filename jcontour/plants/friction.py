@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour.arrays import ranked
 from jcontour.plant import Plant
 from jcontour.tracing import is_concrete
 
@@ -47,7 +48,7 @@ class Friction(eqx.Module):
         for name, value in named.items():
             if is_concrete(value) and not np.all((np.asarray(value) >= 0) & np.isfinite(value)):
                 raise ValueError(f"{name}: needs to be finite and at least zero, received {value}")
-            setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
+            setattr(self, name, ranked(value, 1))
         if is_concrete(stribeck_speed) and not np.all(np.asarray(stribeck_speed) > 0):
             raise ValueError(f"stribeck_speed: needs to be above zero, received {stribeck_speed}")
 

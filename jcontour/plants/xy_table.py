@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jcontour.arrays import placed
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import zoh
 from jcontour.plant import Plant
@@ -148,8 +149,9 @@ class FrictionXYTable(Plant):
         constants = np.array([drive.torque_constant for drive in drives])
         inputs = np.concatenate([torque[:, ::2] * constants, torque], axis=1)
         self.A, both = zoh(A, inputs, SUBSTEP)
-        self.B, self.T, self.C = both[:, : len(drives)], both[:, len(drives) :], jnp.asarray(C)
-        self.coulomb = jnp.tile(jnp.array([motor_coulomb, load_coulomb]), len(drives))
+        self.B, self.T = (placed(part) for part in np.split(np.asarray(both), [len(drives)], 1))
+        self.C = placed(C)
+        self.coulomb = placed(np.tile([motor_coulomb, load_coulomb], len(drives)))
         loads = jnp.broadcast_to(jnp.asarray(load_torque, float), (len(drives),))
         self.load = jnp.stack([jnp.zeros_like(loads), loads], axis=1).reshape(-1)
 

@@ -11,6 +11,7 @@ from jcontour.tracing import is_concrete
 DOUBLINGS = 20
 
 
+@jax.jit
 def dare(
     A: Float[Array, "n n"], B: Float[Array, "n p"], Q: Float[Array, "n n"], R: Float[Array, "p p"]
 ) -> Float[Array, "n n"]:
@@ -36,6 +37,7 @@ def dare(
     return H
 
 
+@jax.jit
 def lqr_gain(A, B, H: Float[Array, "n n"], R) -> Float[Array, "p n"]:
     """Gain of u = -K x: K = (B' H B + R)^-1 B' H A.
 

@@ -6,6 +6,7 @@ Speed and acceleration are those of the tool, by differences of its samples:
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -46,6 +47,7 @@ class LimitUse(NamedTuple):
     increment: Float[Array, "*runs"]
 
 
+@jax.jit
 def limit_use(
     output: Float[Array, "T m"],
     control: Float[Array, "T p"],

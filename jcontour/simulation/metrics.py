@@ -76,6 +76,7 @@ def _whether(diverged: Any) -> str:
     return "yes: its numbers mean nothing" if lost else "no"
 
 
+@jax.jit
 def tracking_error(
     output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
@@ -83,6 +84,7 @@ def tracking_error(
     return jnp.asarray(output) - _over_runs(reference.position[: reference.steps], output)
 
 
+@jax.jit
 def projected_error(
     output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:
@@ -95,6 +97,7 @@ def projected_error(
     return error - jnp.sum(error * tangent, axis=-1, keepdims=True) * tangent
 
 
+@jax.jit
 def contour_error(
     output: Float[Array | np.ndarray, "T *runs m"], reference: Reference
 ) -> Float[Array, "T *runs m"]:

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jcontour.arrays import floating, placed
+from jcontour.arrays import floating, placed, ranked
 
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, bool])
@@ -33,9 +33,23 @@ def test_numbers_become_floating_and_keep_their_precision(value, kind):
     np.testing.assert_array_equal(array, np.array(value, kind))
 
 
+@pytest.mark.parametrize("value", [2, [1, 2], [[1.0, 2.0]], np.ones((1, 2, 1)), jnp.arange(2)])
+@pytest.mark.parametrize("rank", [1, 2])
+def test_new_axes_come_in_front(value, rank):
+    shape = (1,) * (rank - np.ndim(value)) + np.shape(value)
+    for array in (ranked(value, rank), jax.jit(lambda: ranked(jnp.asarray(value), rank))()):
+        assert array.dtype == float and not array.weak_type
+        np.testing.assert_array_equal(array, np.reshape(value, shape))
+
+
+def test_a_list_of_traced_numbers_is_an_array_too():
+    array = jax.jit(lambda x: ranked([x, 2.0], 2))(1.0)
+    np.testing.assert_array_equal(array, [[1.0, 2.0]])
+
+
 def test_without_double_precision_there_is_no_warning():
     with jax.enable_x64(False):
-        for array in (placed(np.ones(2)), floating([[1, 2]]), floating(np.ones(2))):
+        for array in (placed(np.ones(2)), floating([[1, 2]]), floating(np.ones(2)), ranked(1, 2)):
             assert array.dtype == np.float32
 
 

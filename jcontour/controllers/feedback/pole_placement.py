@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Num
 
+from jcontour.arrays import ranked
 from jcontour.linear.plant import Axis, LinearPlant, decoupled_axes
 from jcontour.tracing import is_concrete
 
@@ -63,8 +64,8 @@ def damped_poles(
     Raises:
         ValueError: a frequency is not above zero, or a damping not between zero and one.
     """
-    w = jnp.atleast_1d(jnp.asarray(frequency, float))
-    zeta = jnp.atleast_1d(jnp.asarray(damping, float))
+    w = ranked(frequency, 1)
+    zeta = ranked(damping, 1)
     if is_concrete(w) and not np.all(np.asarray(w) > 0):
         raise ValueError(f"frequency: needs to be above zero, received {frequency}")
     if is_concrete(zeta) and not np.all((np.asarray(zeta) > 0) & (np.asarray(zeta) < 1)):

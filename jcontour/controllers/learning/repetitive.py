@@ -17,6 +17,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from jcontour.arrays import ranked
 from jcontour.controller import Controller
 from jcontour.controllers.learning.error_driven import (
     ErrorDriven,
@@ -63,8 +64,8 @@ class RepetitiveFilter(eqx.Module):
         smoothing: ArrayLike | Sequence[float] = SMOOTH,
         lead: int | float = 0,
     ):
-        self.learning = jnp.atleast_1d(jnp.asarray(learning, float))
-        self.smoothing = jnp.atleast_1d(jnp.asarray(smoothing, float))
+        self.learning = ranked(learning, 1)
+        self.smoothing = ranked(smoothing, 1)
         self.period, self.lead = _whole("period", period), _whole("lead", lead)
         for name, taps in {"learning": self.learning, "smoothing": self.smoothing}.items():
             if taps.ndim != 1 or taps.size % 2 == 0:

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
+from jcontour.arrays import ranked
 from jcontour.controller import Controller, checked_gain
 from jcontour.controllers.learning.error_driven import (
     ErrorDriven,
@@ -58,7 +59,7 @@ class Canceller(eqx.Module):
         phase: ArrayLike | Sequence[float],
         gain: ArrayLike | Sequence[float],
     ):
-        self.frequency = jnp.atleast_1d(jnp.asarray(frequency, float))
+        self.frequency = ranked(frequency, 1)
         self.phase, self.gain = jnp.asarray(phase, float), checked_gain("gain", gain)
         count = self.frequency.size
         if self.frequency.ndim != 1 or self.phase.shape not in ((), (count,)):

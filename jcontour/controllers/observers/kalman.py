@@ -267,18 +267,29 @@ def kalman_gain(
     C = model.C if measured is None else jnp.asarray(measured, model.A.dtype)
     dtype = model.A.dtype
     deviations = jnp.asarray(control_noise, dtype), jnp.asarray(measurement_noise, dtype)
-    dual = _dual(model.A, model.B, C, *deviations)
+    dual, gain = _designed(model.A, model.B, C, *deviations)
     check_dare(*dual)
-    return _filter_gain(*dual)
+    return gain
 
 
 @jax.jit
+def _designed(A, B, C, control_noise, measurement_noise):
+    """Dual equation, which is not checked, and the gain of its solution."""
+    dual = _dual(A, B, C, control_noise, measurement_noise)
+    return dual, _filter_gain(*dual)
+
+
 def _dual(A, B, C, control_noise, measurement_noise):
     """A', C', W and V, with the largest deviation of the measurement for its unit."""
     deviation = jnp.broadcast_to(measurement_noise, (C.shape[0],))
     unit = jnp.max(deviation)
     B = B * jnp.atleast_2d(control_noise) / unit
     return A.T, C.T, B @ B.T, jnp.diag((deviation / unit) ** 2)
+
+
+def _filter_gain(A_dual, C_dual, W, V) -> Float[Array, "n m"]:
+    PC = dare(A_dual, C_dual, W, V) @ C_dual
+    return PC @ jnp.linalg.inv(C_dual.T @ PC + V)
 
 
 def offset_free_gain(
@@ -351,9 +362,3 @@ def _random_walk(B: Float[Array, "n p"]) -> Float[Array, "both 2*p"]:
 @partial(jax.jit, static_argnums=2)
 def _joined(control_noise, drift, inputs: int) -> Float[Array, " noises"]:
     return jnp.concatenate([jnp.broadcast_to(size, (inputs,)) for size in (control_noise, drift)])
-
-
-@jax.jit
-def _filter_gain(A_dual, C_dual, W, V) -> Float[Array, "n m"]:
-    PC = dare(A_dual, C_dual, W, V) @ C_dual
-    return PC @ jnp.linalg.inv(C_dual.T @ PC + V)

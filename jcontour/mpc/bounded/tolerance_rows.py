@@ -10,7 +10,6 @@ their spacing. On a single axis the tracking error itself is kept within eps.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -99,8 +98,8 @@ def _off_the_tangent(
     lengths = along[:, None] * shares
     arc, tangent = np.asarray(reference.arc), np.asarray(reference.tangent)
     points = np.asarray(reference.position)[:, None] + lengths[..., None] * tangent[:, None]
-    places = jnp.asarray(arc[:, None] + lengths)
-    foot = reference.contour.nearest(jnp.asarray(points), places, jnp.asarray(2 * along[:, None]))
+    places = arc[:, None] + lengths
+    foot = reference.contour.nearest(points, places, 2 * along[:, None])
     distance = np.linalg.norm(points - np.asarray(reference.contour.position(foot)), axis=-1)
     straight = np.linalg.norm(points - np.asarray(reference.contour.position(places)), axis=-1)
     distance[reference.steps :] = np.minimum(distance, straight)[reference.steps :]

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour.arrays import ranked
 from jcontour.plant import Plant
 from jcontour.plants.friction import Friction, caught
 from jcontour.plants.integrators import runge_kutta
@@ -99,10 +100,10 @@ class AxisParameters(eqx.Module):
         }
         for name, value in named.items():
             _check_sign(name, value)
-            setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
+            setattr(self, name, ranked(value, 1))
         self.friction = friction
-        self.cogging_sine = jnp.atleast_2d(jnp.asarray(cogging_sine, float))
-        self.cogging_cosine = jnp.atleast_2d(jnp.asarray(cogging_cosine, float))
+        self.cogging_sine = ranked(cogging_sine, 2)
+        self.cogging_cosine = ranked(cogging_cosine, 2)
         wanted, found = self.cogging_sine.shape, self.cogging_cosine.shape
         if wanted != found:
             raise ValueError(f"cogging_cosine: needs shape {wanted}, received {found}")

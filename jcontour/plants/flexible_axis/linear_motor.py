@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from jcontour.arrays import ranked
 from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, SmoothFlexibleAxis
 from jcontour.tracing import is_concrete
@@ -65,7 +66,7 @@ class LinearMotor(eqx.Module):
         for name, value in named.items():
             if is_concrete(value) and not np.all(np.isfinite(value) & (np.asarray(value) > 0)):
                 raise ValueError(f"{name}: needs to be finite and above zero, received {value}")
-            setattr(self, name, jnp.atleast_1d(jnp.asarray(value, float)))
+            setattr(self, name, ranked(value, 1))
 
     @property
     def force_constant(self) -> PerAxis:
@@ -149,8 +150,8 @@ class DrivenAxis(Plant):
             raise ValueError(f"voltage_limit: needs to be above zero, received {voltage_limit}")
         _check_force(axis.parameters.force_constant, motor)
         self.axis, self.motor, self.dt, self.periods = axis, motor, float(dt), periods
-        self.bandwidth = jnp.atleast_1d(jnp.asarray(bandwidth, float))
-        self.voltage_limit = jnp.atleast_1d(jnp.asarray(voltage_limit, float))
+        self.bandwidth = ranked(bandwidth, 1)
+        self.voltage_limit = ranked(voltage_limit, 1)
 
     def initial_state(self, position, increment) -> DrivenState:
         """State of the axis in steady motion, `increment` per sample of this plant; no current."""

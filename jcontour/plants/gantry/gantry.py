@@ -7,6 +7,7 @@ with u = (i_x, i_1, i_2) and the coordinates q of `parameters`. The current loop
 sample is integrated by classical Runge-Kutta substeps under held currents.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -43,6 +44,7 @@ class EquationOfMotion(NamedTuple):
     turning_constant: Scalar  # k_y L [N m/A]
 
     @classmethod
+    @partial(jax.jit, static_argnums=0)
     def of(cls, p: GantryParameters) -> "EquationOfMotion":
         """Equation of motion of a machine."""
         return cls(

@@ -44,8 +44,10 @@ class Gained(Remembering):
     gains: Float[Array, ""] | Float[Array, " p"] = eqx.field(converter=jnp.asarray)
 
     def __check_init__(self):
-        if is_concrete(self.gains) and not np.all(np.isfinite(self.gains) & (self.gains > 0)):
-            raise ValueError(f"gains: needs to be finite and above zero, received {self.gains}")
+        if is_concrete(self.gains):
+            gains = np.asarray(self.gains)
+            if not np.all(np.isfinite(gains) & (gains > 0)):
+                raise ValueError(f"gains: needs to be finite and above zero, received {gains}")
 
     def initial_state(self, position, increment) -> State:
         """State of the wrapped plant, and the bits of u_0."""

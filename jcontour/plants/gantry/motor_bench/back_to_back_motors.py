@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jcontour.arrays import ranked
 from jcontour.plants.friction import Friction
 from jcontour.tracing import is_concrete
 
@@ -19,7 +20,7 @@ Shaft = Float[Array, "1"]  # the bench has one, and `Friction` is an array over 
 
 
 def _number(value) -> Float[Array, "..."]:
-    return jnp.atleast_1d(jnp.asarray(value, float))
+    return ranked(value, 1)
 
 
 class BackToBackMotors(eqx.Module):
