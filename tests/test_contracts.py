@@ -54,7 +54,8 @@ def ran(loop):
 
 
 def disturbed_start(plant, reference):
-    return shifted(plant.initial_state(reference.position[0], reference.start_increment), 1e-6)
+    position = np.asarray(reference.position)[0]
+    return shifted(plant.initial_state(position, reference.start_increment), 1e-6)
 
 
 def shifted(state, size):
@@ -64,7 +65,7 @@ def shifted(state, size):
     def moved(x):
         if not jnp.issubdtype(x.dtype, jnp.inexact):
             return x
-        return x + size * random.standard_normal(x.shape)
+        return np.asarray(x) + size * random.standard_normal(x.shape)
 
     return jax.tree.map(moved, state)
 
@@ -176,7 +177,7 @@ def test_float64_and_the_same_bits_twice_and_zero_control_at_rest(closed_loop, n
         assert first.dtype == np.float64
         np.testing.assert_array_equal(first, second)
     assert isinstance(controller, Controller)
-    nowhere = jnp.zeros_like(moving.position)
+    nowhere = np.zeros_like(moving.position)
     ahead = np.tile(np.eye(nowhere.shape[1])[0], (len(nowhere), 1))
     contour = moving.contour
     still = from_samples(
@@ -190,8 +191,8 @@ def test_float64_and_the_same_bits_twice_and_zero_control_at_rest(closed_loop, n
 @pytest.mark.parametrize("name", some_slow(PLANTS, PLANTS.keys() - {"gantry-friction"}))
 def test_plants_hold_still_and_keep_their_types(name):
     plant, model = PLANTS[name].make(), PLANTS[name].machine().model
-    axes, control = model.axes, jnp.array([0.1, -0.2, 0.3])[: model.inputs]
-    position, increment = jnp.array([1e-3, 2e-3])[:axes], jnp.array([1e-5, 0.0])[:axes]
+    axes, control = model.axes, np.array([0.1, -0.2, 0.3])[: model.inputs]
+    position, increment = np.array([1e-3, 2e-3])[:axes], np.array([1e-5, 0.0])[:axes]
     begin = eqx.filter_jit(plant.initial_state)
     start, rest = begin(position, increment), begin(0 * position, 0 * increment)
     np.testing.assert_allclose(plant.output(start), position, rtol=1e-12)

@@ -92,9 +92,8 @@ def test_filters(make, analogue, prewarp):
     np.testing.assert_allclose(
         np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9
     )
-    stepped = jax.lax.scan(
-        lambda memory, x: found.step(memory, x), jnp.zeros(2), jnp.asarray(STEP)
-    )[1]
+    step = lambda memory, x: found.step(memory, x)  # noqa: E731
+    stepped = jax.jit(lambda x: jax.lax.scan(step, jnp.zeros(2), x)[1])(STEP)
     np.testing.assert_allclose(
         stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9
     )
@@ -111,9 +110,10 @@ def estimates(observer, controls, positions):
         now = observer.update(estimate, control, before, sample[1:])
         return (now, sample[:1], sample[1:]), jnp.concatenate(now)
 
-    none = jnp.zeros(1)
-    rows = jnp.stack([jnp.asarray(controls), jnp.asarray(positions)], axis=1)
-    return np.asarray(jax.lax.scan(step, (Estimate(none, none, none), none, none), rows)[1])
+    none = np.zeros(1)
+    start = Estimate(none, none, none), none, none
+    rows = np.stack([controls, positions], axis=1)
+    return np.asarray(jax.jit(lambda rows: jax.lax.scan(step, start, rows)[1])(rows))
 
 
 @pytest.mark.parametrize(("kind", "method"), [(ExactLESO, "zoh"), (EulerLESO, "euler")])
@@ -145,10 +145,10 @@ def test_extended_state_observers(kind, method):
 def poles(controller):
     """Poles of the loop of the machine and a controller: the Jacobian of one sample."""
     plant, reference = machine(), ramp()
-    plan = jax.tree.map(lambda rows: rows[0], prepared(controller, reference))
+    plan = jax.tree.map(lambda rows: np.asarray(rows)[0], prepared(controller, reference))
     flat, unravel = ravel_pytree(
         (
-            plant.initial_state(reference.position[0], reference.start_increment),
+            plant.initial_state(np.asarray(reference.position)[0], reference.start_increment),
             controller.initial_memory(reference),
         )
     )

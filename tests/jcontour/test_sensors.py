@@ -1,4 +1,3 @@
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -6,7 +5,7 @@ from jcontour.sensors import Sensors, motors
 
 
 def test_positions_and_velocities_are_found_in_one_row_of_all_leaves():
-    measurement = {"b": jnp.array([[4.0, 5.0]]), "a": jnp.array([1.0, 2.0, 3.0])}
+    measurement = {"b": np.array([[4.0, 5.0]]), "a": np.array([1.0, 2.0, 3.0])}
     position, velocity = Sensors((3, 0), (1, 4), scale=np.array([1e-3, 2.0])).read(measurement)
     np.testing.assert_allclose(position, [4e-3, 2.0])
     np.testing.assert_allclose(velocity, [2e-3, 10.0])
@@ -14,7 +13,7 @@ def test_positions_and_velocities_are_found_in_one_row_of_all_leaves():
 
 
 def test_motors_come_as_the_flexible_axis_measures_them():
-    position, velocity = motors(2).read((jnp.array([1.0, 2.0]), jnp.array([3.0, 4.0])))
+    position, velocity = motors(2).read((np.array([1.0, 2.0]), np.array([3.0, 4.0])))
     np.testing.assert_array_equal([position, velocity], [[1.0, 2.0], [3.0, 4.0]])
 
 

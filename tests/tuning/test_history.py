@@ -1,5 +1,3 @@
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jcontour.simulation.metrics import Metrics
@@ -10,8 +8,8 @@ NAMES = [name for name in Metrics.__dataclass_fields__ if name != "diverged"]
 
 
 def row(start, z, error, violation=-1.0, diverged=False):
-    values = {name: jnp.full((1, 1), error) for name in NAMES}
-    metrics = jax.device_get(Metrics(**values, diverged=jnp.full((1, 1), diverged)))
+    values = {name: np.full((1, 1), error) for name in NAMES}
+    metrics = Metrics(**values, diverged=np.full((1, 1), diverged))
     return Evaluated(start, np.array([z]), error, violation, Outcome(metrics), diverged)
 
 

@@ -27,17 +27,12 @@ PEAKS = np.array([[1.5, 3.0], [2.0, 1.2], [1.1, 1.4]])
 
 
 def metrics(**values):
-    shape = (2, 2)
-    return Metrics(
-        **{name: jnp.broadcast_to(values.get(name, 1.0), shape) for name in NAMES},
-        diverged=jnp.zeros(shape, bool),
-    )
+    ones = dict.fromkeys(NAMES, np.ones((2, 2)))
+    return Metrics(**(ones | values), diverged=np.zeros((2, 2), bool))
 
 
 def outcome(**values):
-    return Outcome(
-        metrics(**values), LoopPeaks(jnp.asarray(PEAKS), PEAKS / 2, PEAKS / 4, PEAKS / 8)
-    )
+    return Outcome(metrics(**values), LoopPeaks(PEAKS, PEAKS / 2, PEAKS / 4, PEAKS / 8))
 
 
 @pytest.mark.parametrize(
@@ -48,7 +43,7 @@ def outcome(**values):
     ],
 )
 def test_objectives_return_rows(error, mean, worst, typical):
-    there = Outcome(metrics(**{f"rms_{error}_error": jnp.asarray(ERRORS)}))
+    there = Outcome(metrics(**{f"rms_{error}_error": ERRORS}))
     np.testing.assert_allclose(mean(there), [[2.5e-6]])
     np.testing.assert_allclose(worst(there), ERRORS.reshape(1, 4))
     np.testing.assert_allclose(typical(there), ERRORS)
@@ -73,7 +68,7 @@ def test_regret_needs_a_best_for_every_contour():
 def test_limits_are_logarithms_for_every_contour_and_plant():
     limits = AtMost(rms_contour_error=2e-6, peak_control=0.5)
     np.testing.assert_allclose(
-        limits(outcome(rms_contour_error=jnp.asarray(ERRORS))),
+        limits(outcome(rms_contour_error=ERRORS)),
         [*np.log(ERRORS.ravel() / 2e-6), *[np.log(2)] * 4],
     )
     assert AtMost()(outcome()).shape == (0,)
@@ -96,8 +91,9 @@ def test_entries_name_limit_row_and_plant_in_the_order_of_the_vector():
 
 
 def test_a_limit_has_a_slope_at_zero():
-    slope = jax.grad(lambda u: jnp.sum(AtMost(rms_control=1.0)(outcome(rms_control=u))))(0.0)
-    assert np.isfinite(slope)
+    limits = AtMost(rms_control=1.0)
+    slope = jax.grad(lambda u: jnp.sum(limits(outcome(rms_control=u * np.ones((2, 2))))))
+    assert np.isfinite(jax.jit(slope)(0.0))
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
@@ -112,7 +108,7 @@ def test_no_loop_has_a_peak_sensitivity_of_one():
 
 
 def test_loops_with_more_delay_are_limited_for_every_probe_and_plant():
-    late = jnp.asarray([[0.5, 2.0]])
+    late = np.array([[0.5, 2.0]])
     limits = AtMost(late_radius=0.5)
     np.testing.assert_allclose(limits(Outcome(metrics(), late=late)), [0.0, np.log(4.0)])
     assert limits.entries(Outcome(metrics(), late=late))[1] == Entry("late_radius", 0, 1)
@@ -122,21 +118,21 @@ def test_loops_with_more_delay_are_limited_for_every_probe_and_plant():
 
 def test_errors_are_limited_by_those_before_the_tuning():
     """A contour that nothing is asked of, infinite before, has no slope and no excess."""
-    errors = jnp.asarray(ERRORS)
-    before = Before(jnp.asarray([2e-6, np.inf]))
+    before = Before(np.array([2e-6, np.inf]))
     limits = AtMost(before, error_ratio=0.5)
-    found = limits(outcome(rms_contour_error=errors)).reshape(ERRORS.shape)
+    found = np.asarray(limits(outcome(rms_contour_error=ERRORS))).reshape(ERRORS.shape)
     np.testing.assert_allclose(found[0], np.log(ERRORS[0] / 1e-6), rtol=1e-12)
     assert (found[1] < -60).all()
-    slope = jax.jacfwd(lambda e: limits(outcome(rms_contour_error=e)))(errors)
+    slope = jax.jit(jax.jacfwd(lambda e: limits(outcome(rms_contour_error=e))))(ERRORS)
+    slope = np.asarray(slope)
     np.testing.assert_allclose(slope[0, 0, 0], 1 / ERRORS[0, 0], rtol=1e-12)
     assert np.isfinite(slope).all() and not slope[ERRORS.shape[1] :].any()
 
 
 def test_of_one_contour_the_ratio_is_to_its_own_error():
-    before = Before(jnp.asarray([2e-6, 3e-6]), "tracking")
+    before = Before(np.array([2e-6, 3e-6]), "tracking")
     alone = AtMost(before, error_ratio=1.0, rms_control=1.0).of_contour(1)
-    found = alone(Outcome(metrics(rms_tracking_error=jnp.full((1, 2), 6e-6))))
+    found = np.asarray(alone(Outcome(metrics(rms_tracking_error=np.full((2, 2), 6e-6)))))
     np.testing.assert_allclose(found[:2], np.log(2.0), rtol=1e-12)
     assert AtMost(rms_control=1.0).of_contour(0).before is None
 
@@ -171,7 +167,7 @@ def test_certified_errors_and_controls_need_disturbances():
 
 
 def test_the_noise_of_counts_is_limited_for_every_probe_and_plant():
-    limits, noise = AtMost(count_noise=0.1), jnp.asarray([[0.1, 0.05]])
+    limits, noise = AtMost(count_noise=0.1), np.array([[0.1, 0.05]])
     found = limits(Outcome(metrics(), count_noise=noise))
     np.testing.assert_allclose(found, [0.0, -np.log(2.0)], atol=1e-12)
     with pytest.raises(ValueError, match="count_noise: needs a problem that looks at the noise"):

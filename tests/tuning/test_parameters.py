@@ -1,4 +1,3 @@
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,7 +20,7 @@ def test_round_trip(a, b, part, free):
         "e": Free(),
     }
     start = {"a": [a, b], "b": b, "c": 10 ** (6 * part - 3), "d": 5 * part - 2, "e": free}
-    start = {name: jnp.asarray(value) for name, value in start.items()}
+    start = {name: np.asarray(value) for name, value in start.items()}
     chart = Chart(space, start)
     z = chart.coordinates()
     assert z.shape == (5,)
@@ -35,15 +34,14 @@ def test_round_trip(a, b, part, free):
 @given(st.lists(st.floats(-30, 30), min_size=3, max_size=3))
 def test_no_coordinate_leaves_the_space(z):
     space = {"a": Positive(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0)}
-    weights = Chart(space, dict.fromkeys(space, jnp.asarray(1.0))).weights(jnp.asarray(z))
-    assert weights["a"] > 0
-    assert 1e-3 < weights["c"] < 1e3
-    assert -2 < weights["d"] < 3
+    weights = Chart(space, dict.fromkeys(space, np.asarray(1.0))).weights(np.asarray(z))
+    a, c, d = (float(weights[name]) for name in "acd")
+    assert a > 0 and 1e-3 < c < 1e3 and -2 < d < 3
 
 
 def test_interval_of_positive_bounds_counts_decades_alike():
-    assert float(Interval(1e-4, 1e4).weight(jnp.zeros(()))) == pytest.approx(1.0)
-    assert float(Interval(-1.0, 3.0).weight(jnp.zeros(()))) == pytest.approx(1.0)
+    assert float(Interval(1e-4, 1e4).weight(np.zeros(()))) == pytest.approx(1.0)
+    assert float(Interval(-1.0, 3.0).weight(np.zeros(()))) == pytest.approx(1.0)
 
 
 def test_lq_space_leaves_rho_alone():
@@ -51,7 +49,7 @@ def test_lq_space_leaves_rho_alone():
     chart = Chart(LQSpace(), start)
     z = chart.coordinates()
     np.testing.assert_allclose(z, np.log([3.0, 0.1]))
-    moved = chart.weights(z + 1.0)
+    moved = chart.weights(np.asarray(z) + 1.0)
     np.testing.assert_allclose([moved.alpha, moved.beta], np.array([3.0, 0.1]) * np.e)
     assert moved.rho is start.rho and moved.stage is None
 

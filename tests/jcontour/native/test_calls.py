@@ -35,7 +35,7 @@ def summed(x):
 
 
 def test_a_call_alone_in_a_batch_and_in_a_batch_of_batches():
-    x = jnp.asarray(np.random.default_rng(0).standard_normal((3, 2, 4, 5)))
+    x = np.random.default_rng(0).standard_normal((3, 2, 4, 5))
     for function, numbers in (
         (summed, x[0, 0]),
         (jax.vmap(summed), x[0]),
@@ -46,8 +46,9 @@ def test_a_call_alone_in_a_batch_and_in_a_batch_of_batches():
 
 
 def test_a_batch_of_one_argument_alone():
-    x = jnp.arange(6.0).reshape(2, 3)
-    found = jax.vmap(lambda factor, x: summed(factor * x), (0, None))(jnp.array([1.0, -2.0]), x)
+    x = np.arange(6.0).reshape(2, 3)
+    scaled = jax.jit(jax.vmap(lambda factor, x: summed(factor * x), (0, None)))
+    found = scaled(np.array([1.0, -2.0]), x)
     np.testing.assert_allclose(found, [[3.0, 12.0], [-6.0, -24.0]])
 
 

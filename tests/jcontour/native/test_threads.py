@@ -40,21 +40,21 @@ def shared(x, counts):
 def slow(x):
     """x + 1, the threads, and how often each part was done."""
     counts = np.zeros(x.size, np.int64)
-    found, threads = map(np.asarray, shared(x, jnp.array([float(counts.ctypes.data)])))
+    found, threads = map(np.asarray, shared(x, np.array([float(counts.ctypes.data)])))
     return found, threads, counts
 
 
 @pytest.mark.parametrize("count", [1, 2, 60])
 def test_every_part_is_done_once(count):
     x = np.random.default_rng(0).standard_normal(count)
-    found, _, counts = slow(jnp.asarray(x))
+    found, _, counts = slow(x)
     np.testing.assert_array_equal(found, x + 1.0)
     np.testing.assert_array_equal(counts, np.ones(count))
 
 
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="one core")
 def test_more_than_one_thread_helps():
-    threads = set(slow(jnp.zeros(100))[1])
+    threads = set(slow(np.zeros(100))[1])
     assert 2 <= len(threads) <= len(os.sched_getaffinity(0)) and not alone()
 
 
@@ -63,7 +63,7 @@ def test_calls_that_share_at_once_do_not_wait_for_each_other_without_end():
     found = {}
 
     def call(k):
-        found[k] = slow(jnp.full(20, k))[0]
+        found[k] = slow(np.full(20, k))[0]
 
     threads = [Thread(target=call, args=(float(k),), daemon=True) for k in range(4)]
     for thread in threads:

@@ -1,5 +1,6 @@
 """Problems of the literature with known optima: W. Hock & K. Schittkowski (1981), and others."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -18,23 +19,26 @@ class Ended(NamedTuple):
     count: int
 
 
+@partial(jax.jit, static_argnums=(0, 1))
+def numbers(errors, limits, z):
+    """Rows of errors and limits, and their slopes."""
+
+    def parts(z):
+        return jnp.atleast_2d(errors(z)), jnp.atleast_1d(limits(z))
+
+    return parts(z), jax.jacfwd(parts)(z)
+
+
 def ended(errors, limits, first, box=WIDE, tolerance=1e-7, steps=100, sound=lambda z: True):
     """Descent on rows of errors (g, v) under limits (c,), and evaluations."""
     count = 0
-
-    @jax.jit
-    def numbers(z):
-        parts = jnp.atleast_2d(errors(z)), jnp.atleast_1d(limits(z))
-        return parts, jax.jacfwd(lambda z: (jnp.atleast_2d(errors(z)), jnp.atleast_1d(limits(z))))(
-            z
-        )
 
     def evaluate(z):
         nonlocal count
         count += 1
         if not sound(z):
             return None
-        (e, c), (E, C) = jax.device_get(numbers(jnp.asarray(z)))
+        (e, c), (E, C) = jax.device_get(numbers(errors, limits, z))
         return Model(e, c, E, C)
 
     first = np.asarray(first, float)

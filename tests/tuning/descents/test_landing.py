@@ -1,5 +1,7 @@
 """Ends just outside a curved limit: smallest y - 2x over y >= x^2 is -1 at (1, 1)."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,20 +16,39 @@ BOX = np.full(2, -9.0), np.full(2, 9.0)
 
 def parabola(scale):
     """Limit scale sinh(x^2 - y), and how often it was evaluated."""
-    return counted(lambda z: z[1] - 2 * z[0], lambda z: scale * jnp.sinh(z[0] ** 2 - z[1]))
+    return counted(downhill, above_the_parabola, scale)
 
 
-def counted(objective, limit):
-    points = []
+def downhill(z):
+    return z[1] - 2 * z[0]
 
+
+def above_the_parabola(z):
+    return jnp.sinh(z[0] ** 2 - z[1])
+
+
+def both(z):
+    return -z[0] - z[1]
+
+
+def kinked(z):
+    return jnp.max(jnp.array([z[0] - 0.99 * z[1], z[1] - 0.99 * z[0]]) - 0.01)
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def numbers(objective, limit, scale, z):
     def values(z):
-        return objective(z)[None, None], limit(z)[None]
+        return objective(z)[None, None], scale * limit(z)[None]
 
-    numbers = jax.jit(lambda z: (values(z), jax.jacfwd(values)(z)))
+    return values(z), jax.jacfwd(values)(z)
+
+
+def counted(objective, limit, scale=1.0):
+    points = []
 
     def evaluate(z):
         points.append(z)
-        (e, c), (E, C) = jax.device_get(numbers(jnp.asarray(z)))
+        (e, c), (E, C) = jax.device_get(numbers(objective, limit, scale, z))
         return Model(e, c, E, C)
 
     return evaluate, points
@@ -68,10 +89,7 @@ def test_a_descent_that_was_cut_short_is_worth_its_last_point():
 @pytest.mark.parametrize("scale", [1e-2, 1.0, 1e3])
 def test_a_limit_with_a_kink(scale):
     """The largest of two numbers: each landing sees one slope, and the corner has two."""
-    evaluate, _ = counted(
-        lambda z: -z[0] - z[1],
-        lambda z: scale * jnp.max(jnp.array([z[0] - 0.99 * z[1], z[1] - 0.99 * z[0]]) - 0.01),
-    )
+    evaluate, _ = counted(both, kinked, scale)
     first = np.array([1.0 + 1e-3, 1.0 + 2e-3])  # the corner is (1, 1)
     descent = landed(begin(first, evaluate(first)), evaluate, BOX, 1e-2)
     assert not outside(descent) and descent.model.objective < -1.5
