@@ -47,7 +47,7 @@ def test_a_rest_is_a_dwell_that_is_read_back(tmp_path):
     at = np.flatnonzero(~np.isnan(toolpath.rest))
     # 70 samples, and the sample in which the second half begins where the first one ends
     np.testing.assert_allclose(toolpath.rest[at], [71 * DT], rtol=1e-9)
-    place = toolpath.contour.position(toolpath.contour.start[at + 1])
+    place = toolpath.contour.position(np.asarray(toolpath.contour.start)[at + 1])
     np.testing.assert_allclose(place, [[1e-3, 0.0]], atol=1e-12)
 
 

@@ -40,9 +40,9 @@ def test_samples_keep_the_limits_of_the_machine(tmp_path):
 def test_corners_leave_the_contour_within_the_tolerance(tmp_path):
     found = planned_job(tmp_path, corner_tolerance_um=20.0)
     reference = found.reference(1e-3, 1)
-    points = reference.position[: reference.steps]
+    points = np.asarray(reference.position)[: reference.steps]
     nearest = found.contour.position(found.contour.nearest_anywhere(points))
-    apart = np.linalg.norm(points - nearest, axis=1)
+    apart = np.linalg.norm(points - np.asarray(nearest), axis=1)
     assert 5e-6 < apart.max() <= 20e-6
     assert found.planned is not None and found.planned.motion.stops.size == 4  # at the rapid move
 

@@ -95,8 +95,8 @@ def test_smooth_encoders_have_the_noise_of_counts():
 
 
 def test_biaxial_axes_differ():
-    p = biaxial_axes()
-    for ours, thesis in zip(jax.tree.leaves(p), jax.tree.leaves(thesis_axis()), strict=True):
+    p, one = jax.device_get((biaxial_axes(), thesis_axis()))
+    for ours, thesis in zip(jax.tree.leaves(p), jax.tree.leaves(one), strict=True):
         np.testing.assert_array_equal(ours[0], thesis[0])
     ringing = np.sqrt(p.stiffness * (1 / p.motor_mass + 1 / p.tool_mass)) / (2 * np.pi)
     np.testing.assert_allclose(ringing, [13.99, 15.29], atol=0.01)  # [Hz]

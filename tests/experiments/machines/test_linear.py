@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -27,11 +26,11 @@ def test_a_drive_that_takes_a_position_stands_still_where_its_part_begins():
         LinearPlant(np.diag([0.9, 0.8]), np.diag([0.1, 0.2]), np.eye(2), 1e-3), 1
     )
     machine = replace(linear_machine(model, "drives"), gain=0.2, delay=2)
-    place = jnp.array([0.03, -0.05])
+    place = np.array([0.03, -0.05])
     drawn = machine.random_family(1, 0)
     plants = [machine.exact_family()[1], machine.exact_family()[-1], member(drawn, 0)]
     for plant in plants:
-        state = plant.initial_state(place, jnp.zeros(2))
+        state = plant.initial_state(place, np.zeros(2))
         for _ in range(3):
             state = plant.step(state, place)
         np.testing.assert_allclose(plant.output(state), place, rtol=1e-12)

@@ -1,6 +1,5 @@
 """What every built-in machine says of itself."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -11,7 +10,7 @@ from jcontour.sensors import row
 @pytest.mark.parametrize("name", MACHINES)
 def test_units_of_the_sensors_tell_positions_from_speeds(name):
     machine = MACHINES[name]()
-    plant, still = machine.nominal(), jnp.zeros(len(machine.axes))
+    plant, still = machine.nominal(), np.zeros(len(machine.axes))
     here, there = (
         np.asarray(row(plant.measure(plant.initial_state(still + place, still))))
         for place in (0.0, 1e-3)

@@ -1,6 +1,7 @@
 """A machine around a smooth plant: its linear model, its family, what it refuses."""
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from experiments.machines.own_plant import machine_of
@@ -30,10 +31,10 @@ class Single(Sliding):
 
 def test_a_plant_is_linearised_around_rest():
     model = machine_of(Sliding(), "slide").model
-    position, increment = jnp.array([1.0, 2.0]), jnp.array([3e-3, 4e-3])  # of 1 ms
+    position, increment = np.array([1.0, 2.0]), np.array([3e-3, 4e-3])  # of 1 ms
     state = model.initial_state(position, increment)
     assert state.tolist() == pytest.approx([1.0, 2.0, 3.0, 4.0])
-    after = model.step(state, jnp.array([5.0, 6.0]))  # 1 kg: 5 mm/s and 5 um more
+    after = model.step(state, np.array([5.0, 6.0]))  # 1 kg: 5 mm/s and 5 um more
     assert after.tolist() == pytest.approx([1.003005, 2.004006, 3.005, 4.006])
 
 

@@ -254,7 +254,7 @@ def test_friction_is_inside_its_box():
 
 
 def timed_run(seconds, last):
-    nothing = jnp.zeros((seconds.size, 1))
+    nothing = np.zeros((seconds.size, 1))
     return Rollout(None, nothing, None, nothing, TimedMemory(None, seconds), None, last)
 
 

@@ -7,7 +7,6 @@ import sys
 from importlib import import_module
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
@@ -98,7 +97,7 @@ def test_tool_stays_where_it_is(twist):
     parameters, tool = thesis_gantry(), np.array([-0.55, 0.03])
     found = posed(parameters, tool, twist)
     assert found[2] == twist
-    np.testing.assert_allclose(parameters.tool(jnp.asarray(found)), tool, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(parameters.tool(found), tool, rtol=0, atol=1e-15)
 
 
 class _Recorded:
@@ -127,17 +126,15 @@ def test_frames_show_the_factors_and_move_on(film):
     assert frames.title == "a ring    t = 0.000 s, slowed 10 x    twist x 20,000"
     turned, straight = scene.asked[1]
     assert turned[2] == pytest.approx(20_000 * film.pose[100, 2])
-    np.testing.assert_allclose(
-        parameters.tool(jnp.asarray(turned)), film.tool[100], rtol=0, atol=1e-15
-    )
+    np.testing.assert_allclose(parameters.tool(turned), film.tool[100], rtol=0, atol=1e-15)
     assert straight == pytest.approx(film.tool[100, 1] + 0.2)
 
 
 def test_pose_is_that_of_the_gantry_inside():
     """Its tool is where the plant's output has it, with delay and limits around the machine."""
     parameters = thesis_gantry()
-    plant = Delayed(Saturated(Gantry(parameters, 1e-3), jnp.full(3, 10.0)), jnp.asarray(1), 2, 3)
-    state = jnp.array([-0.5, 0.3, 2e-6, 0.1, 0.2, 1e-4]), jnp.zeros((2, 3))
+    plant = Delayed(Saturated(Gantry(parameters, 1e-3), np.full(3, 10.0)), 1, 2, 3)
+    state = np.array([-0.5, 0.3, 2e-6, 0.1, 0.2, 1e-4]), np.zeros((2, 3))
     np.testing.assert_array_equal(pose(plant, state), [-0.5, 0.3, 2e-6])
     np.testing.assert_allclose(
         parameters.tool(pose(plant, state)), plant.output(state), rtol=0, atol=1e-15

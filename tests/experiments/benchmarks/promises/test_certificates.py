@@ -1,7 +1,6 @@
 """Random laps of the benchmark: inside their box, of every kind, and below the bound."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -9,7 +8,7 @@ from experiments.benchmarks.promises.certificates import disturbances, random_la
 
 
 def test_disturbances_stay_inside_their_box_and_attacks_keep_most_signs():
-    adverse = jnp.asarray(np.sign(np.random.default_rng(0).standard_normal((3, 40, 2))))
+    adverse = np.sign(np.random.default_rng(0).standard_normal((3, 40, 2)))
     found = np.asarray(disturbances(jax.random.key(1), 30, adverse))
     assert found.shape == (30, 40, 2) and np.abs(found).max() <= 1.0
     even, two, telegraph, waves, attacks = (found[kind::5] for kind in range(5))

@@ -86,7 +86,7 @@ def test_looks_without_a_run_count_too(monkeypatch):
         return replace(state, history=[*state.history, row])
 
     monkeypatch.setattr(tuners, "advance", advance)
-    space, start = {"x": Positive()}, {"x": jnp.asarray(1.0)}
+    space, start = {"x": Positive()}, {"x": 1.0}
     problem = with_counted_loops(Posed(Silent(), space))
     found = tuners._ours(problem, start, np.zeros(1), 0, 16, 0.0)
     assert (found.spent, found.best) == ([9.0, 12.0, 15.0], [5.0, 4.0, 3.0])

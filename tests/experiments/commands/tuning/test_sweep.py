@@ -200,7 +200,7 @@ def test_what_varies_can_be_named():
 
 def test_a_best_point_on_the_edge_of_its_grid_is_told():
     grid = {"alpha": jnp.array([1.0, 2.0, 3.0]), "beta": jnp.array([4.0, 5.0, 4.0])}
-    grid["rho"] = jnp.full(3, 7.0)  # one value has no edge
+    grid["rho"] = np.full(3, 7.0)  # one value has no edge
     worst = np.array([9.0, 5.0, 8.0])
     (line,) = edge_lines({"alpha": 2.0, "beta": 5.0, "rho": 7.0}, grid, worst)
     assert line.startswith("The best beta, 5, lies on the edge of the grid: try larger ones")

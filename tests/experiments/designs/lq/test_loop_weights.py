@@ -1,6 +1,5 @@
 """Weights of a loop and their space."""
 
-import jax.numpy as jnp
 import numpy as np
 
 from experiments.designs.lq.loop_weights import LoopSpace, LoopWeights
@@ -11,7 +10,7 @@ def test_what_a_loop_does_not_have_is_not_moved():
     """Fed the state, alpha and beta alone are free."""
     chart = Chart(LoopSpace(), LoopWeights(2.0, 3.0, 1e-6))
     np.testing.assert_allclose(chart.coordinates(), np.log([2.0, 3.0]))
-    moved = chart.weights(jnp.zeros(2))
+    moved = chart.weights(np.zeros(2))
     assert (moved.alpha, moved.beta, moved.rho) == (1.0, 1.0, 1e-6)
     assert moved.stage is None and moved.drift is None
 
@@ -23,6 +22,6 @@ def test_the_observer_has_two_weights_more():
 
 
 def test_the_cost_is_that_of_the_controller():
-    cost = LoopWeights(2.0, 3.0, 1e-6, jnp.ones(4), 0.1, 1e-3).cost
+    cost = LoopWeights(2.0, 3.0, 1e-6, np.ones(4), 0.1, 1e-3).cost
     assert (float(cost.alpha), float(cost.beta), float(cost.rho)) == (2.0, 3.0, 1e-6)
     assert cost.stage.shape == (4,)

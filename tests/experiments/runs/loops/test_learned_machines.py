@@ -66,7 +66,7 @@ def test_linear_members_are_named_like_the_family(axis):
 def test_noise_is_within_half_a_count_and_another_in_every_lap(axis):
     half = axis.machine.encoder_resolution / 2
     first, again, second = (
-        np.asarray(noisy(axis, 0)(jnp.asarray(k)).plant.noise) for k in (0, 0, 1)
+        np.asarray(noisy(axis, 0)(np.asarray(k)).plant.noise) for k in (0, 0, 1)
     )
     np.testing.assert_array_equal(first, again)
     assert np.abs(first).max() <= half and not np.array_equal(first, second)
@@ -74,7 +74,7 @@ def test_noise_is_within_half_a_count_and_another_in_every_lap(axis):
 
 
 def test_positions_are_found_in_what_is_measured():
-    state = jnp.arange(8.0)
+    state = np.arange(8.0)
     table = bridgeport_machine()
     np.testing.assert_array_equal(positions_of(table, "outputs")(state[:2]), [0.0, 1.0])
     np.testing.assert_array_equal(positions_of(table, "state")(state), table.model.output(state))

@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -20,17 +19,15 @@ DT = 1e-3
 
 
 def integrator(gain):
-    nothing = jnp.zeros((1, 1))
-    return LinearPlant(
-        jnp.eye(1), gain * jnp.eye(1), jnp.eye(1), DT, motion=SteadyMotion(nothing, nothing)
-    )
+    one, nothing = np.eye(1), np.zeros((1, 1))
+    return LinearPlant(one, gain * one, one, DT, motion=SteadyMotion(nothing, nothing))
 
 
 @pytest.fixture(scope="module")
 def found():
     path = along(line([0.0], [1e-2]), 1e-5 * np.arange(20), DT, 4, at_rest=False)
     law = ContouringLQ(integrator(1.0), LQWeights(1.0, 0.0, 1.0), 4)
-    gain = float(prepared(law, path).F[0, 0, 0])
+    gain = float(np.asarray(prepared(law, path).F)[0, 0, 0])
     family = [Encoders(integrator(size)) for size in (1.0, 0.5, 2.5 / gain)]
     model = SimpleNamespace(dt=DT)
     machine = SimpleNamespace(smooth_family=lambda fed: family, model=model, doubt=None)

@@ -1,6 +1,5 @@
 """Runs of a library's user."""
 
-import jax.numpy as jnp
 import numpy as np
 
 from experiments.reports.figures.loops.contour_runs import ContourRuns
@@ -20,7 +19,7 @@ def test_runs_of_a_library_user():
     reference = along(contour, arc, 1e-3, 0, at_rest=False)
     output = 1.1 * np.asarray(reference.position)
     control = np.zeros_like(output)
-    rollout = Rollout(None, jnp.asarray(output), None, jnp.asarray(control), None, None, None)
+    rollout = Rollout(None, output, None, control, None, None, None)
     runs = ContourRuns.of(reference, {"mine": rollout}, "ring")
     (run,) = runs.runs
     np.testing.assert_allclose(np.linalg.norm(run.contour_error, axis=1), 0.1 * RADIUS, rtol=1e-9)
