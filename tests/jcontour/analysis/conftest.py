@@ -28,7 +28,7 @@ class Law(Controller):
 
     @classmethod
     def static(cls, D):
-        D = np.asarray(D)
+        D = jnp.asarray(D, float)
         p, q = D.shape
         return cls(np.zeros((0, 0)), np.zeros((0, q)), np.zeros((p, 0)), D)
 
