@@ -49,7 +49,8 @@ def test_the_equations_are_those_of_lagrange(seed):
     arm, (q, v) = TwoLinkArm(mass=(5.0, 3.0), inertia=(0.1, 0.07)), some_state(seed)
     torque = np.array([1.5, -0.7])
     a, forces = by_lagrange(arm, q, v, torque)
-    np.testing.assert_allclose(forces, torque - arm.viscous * v, atol=1e-12)
+    lost = np.asarray(arm.viscous) * v
+    np.testing.assert_allclose(forces, torque - lost, atol=1e-12)
     np.testing.assert_allclose(
         energy(arm, Joints(q, v)), jax.jit(lagrangian)(arm, q, v), rtol=1e-13
     )
