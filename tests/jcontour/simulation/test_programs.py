@@ -56,10 +56,11 @@ def test_closed_loop_is_the_recursion(monkeypatch, two_axes, gpu):
         random.standard_normal((33, 2)),
         random.standard_normal(4),
     )
-    states, last = jax.jit(programs.closed_loop)(two_axes, AffinePlan(F, f), x)
+    states, last = jax.device_get(jax.jit(programs.closed_loop)(two_axes, AffinePlan(F, f), x))
+    A, B = np.asarray(two_axes.A), np.asarray(two_axes.B)
     for k in range(33):
         np.testing.assert_allclose(states[k], x, rtol=1e-11, atol=1e-12)
-        x = two_axes.A @ x + two_axes.B @ (f[k] - F[k] @ x)
+        x = A @ x + B @ (f[k] - F[k] @ x)
     np.testing.assert_allclose(last, x, rtol=1e-11, atol=1e-12)
 
 

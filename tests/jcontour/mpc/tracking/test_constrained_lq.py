@@ -204,7 +204,8 @@ def test_a_step_without_an_answer_is_nan_and_is_counted(two_axes):
     controller = ConstrainedLQ(two_axes, WEIGHTS, N, ACTUATOR)
     reference = shape("circle")
     memory = controller.initial_memory(reference)
-    plan = jax.tree.map(lambda rows: rows[0], controller.prepare(reference))
+    plan = jax.device_get(eqx.filter_jit(controller.prepare)(reference))
+    plan = jax.tree.map(lambda rows: rows[0], plan)
     after, control = eqx.filter_jit(controller.step)(memory, plan, np.full(4, np.nan))
     assert np.isnan(control).all() and int(after.failed) == 1
     after, control = eqx.filter_jit(controller.step)(memory, plan, np.zeros(4))
