@@ -59,7 +59,7 @@ def flexible_pair():
 
 def flexible_cascade():
     return Cascade(
-        CascadeGains(jnp.array([30.0, 30.0]), jnp.array([55.0, 40.0]), 0.04, 0.3, 0.2, 1.0, 0.1),
+        CascadeGains(np.array([30.0, 30.0]), np.array([55.0, 40.0]), 0.04, 0.3, 0.2, 1.0, 0.1),
         Sensors((0, 1), (2, 3)),
         1e-3,
     )
@@ -78,7 +78,7 @@ def test_contour_error_of_a_circle(clockwise):
         frame = PathFrame(sign * np.array([-radial[1], radial[0]]), sign / radius)
         tool = radius * radial + random.normal(0, 1e-3, 2)
         expected = sign * (tool @ tool - radius**2) / (2 * radius)
-        assert float(frame.contour_error(jnp.asarray(radius * radial - tool))) == pytest.approx(
+        assert float(frame.contour_error(radius * radial - tool)) == pytest.approx(
             expected, rel=1e-12
         )
 

@@ -73,7 +73,7 @@ def test_feedforward_is_what_the_motion_needs_of_a_rigid_motor():
         controller = Cascade(gains, motors(1), 1e-3)
         run = simulate(axis, controller, task)
         errors.append(np.abs(np.asarray(run.output) - np.asarray(task.position)[:-1]).max())
-        shares.append(np.abs(run.control - prepared(controller, task).control).max())
+        shares.append(np.abs(np.subtract(run.control, prepared(controller, task).control)).max())
     assert errors[1] < 0.02 * errors[0] and shares[1] < 0.05 * np.abs(run.control).max()
 
 
@@ -84,7 +84,8 @@ def test_friction_feedforward_halves_the_error_of_the_cosine():
         CascadeGains(30.0, 55.67, 0.04, 1.0, 0.504, 250.9 / 79.33, 58.4 / 79.33),
     ]
     runs = [thesis_run(thesis_task_b(), gains) for gains in fed]
-    errors = [np.abs(np.asarray(run.output) - thesis_task_b().position[:-1]).mean() for run in runs]
+    wanted = np.asarray(thesis_task_b().position)[:-1]
+    errors = [np.abs(np.asarray(run.output) - wanted).mean() for run in runs]
     assert errors[1] < 0.5 * errors[0]
 
 

@@ -74,10 +74,10 @@ def test_the_units_of_the_control_change_nothing(scale):
 
 def one_step(controller, gain, variance, control=1.0, y=0.0):
     past = np.array([[0.0], [0.0]])
-    controls = jnp.array([[control], [control]])
+    controls = np.array([[control], [control]])
     known = (np.array([gain]), np.array([variance]))
-    memory = Estimate(past, controls, *known, jnp.asarray(5))
-    return controller.step(memory, jnp.array([1.0]), jnp.array([y]))
+    memory = Estimate(past, controls, *known, 5)
+    return controller.step(memory, np.array([1.0]), np.array([y]))
 
 
 def test_the_control_is_divided_by_no_less_than_a_part_of_the_first_estimate():

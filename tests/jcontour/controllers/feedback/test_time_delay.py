@@ -62,7 +62,7 @@ def test_what_is_left_is_that_of_the_reference(spring, row):
     reference = held_at(0.01, 2000)
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(1), PERIOD)
     plant = Bearing(spring, row["b_over_bhat"])
-    rest = (jnp.zeros(1), jnp.zeros(1), jnp.zeros(()))
+    rest = (np.zeros(1), np.zeros(1), np.zeros(()))
     run = simulate(plant, controller, reference, rest)
     error = np.abs(0.01 - np.asarray(run.output)[:, 0])
     if row["tail_max_err_m"] == "inf":
@@ -109,10 +109,10 @@ def test_a_step_beyond_the_limit_does_not_wind_up(limit):
 
 
 def test_a_limit_for_each_axis_bounds_control_and_memory():
-    limit = jnp.array([0.5, 2.0])
+    limit = np.array([0.5, 2.0])
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(2), PERIOD, limit)
     target = Motion(np.array([0.1, -0.1]), np.zeros(2), np.zeros(2))
-    past = Past(jnp.zeros(2), jnp.zeros(2))
+    past = Past(np.zeros(2), np.zeros(2))
     memory, control = controller.step(past, target, (jnp.zeros(2), jnp.zeros(2)))
     np.testing.assert_array_equal(control, [0.5, -2.0])
     np.testing.assert_array_equal(memory.control, [0.5, -2.0])

@@ -83,7 +83,7 @@ def test_equation_5_corrected(zpetc_numbers, ahead):
     wanted = zpetc_numbers["eq5_check_3Hz"]
     x = np.exp(-2j * np.pi * 3 * DT)
     loop = closed_loop(1.1 * 16.359, POLE, KP)
-    taps = np.asarray(ahead.numerator / ahead.denominator[0])
+    taps = np.asarray(ahead.numerator) / np.asarray(ahead.denominator)[0]
     fed = taps @ np.array([x**-2, x**-1, 1, x])
     integral = wanted["k_I"] / (1 - x)
     through = loop.response(x)

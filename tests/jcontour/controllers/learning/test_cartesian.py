@@ -69,7 +69,7 @@ def test_other_masses_are_learned_as_well(ring):
     heavy = TwoLinkArm(mass=(12.0, 6.0), inertia=(0.18, 0.06), viscous=(1.0, 0.6), dt=DT)
     control = CartesianControl(TwoLinkArm(dt=DT), *GAINS, np.zeros((STEPS, 2)), DT)
     run = cartesian_cycles(lambda lap: heavy, control, ring)
-    laps, _ = learn(run, LAW, CYCLES, jnp.zeros((STEPS, 2)))
+    laps, _ = learn(run, LAW, CYCLES, np.zeros((STEPS, 2)))
     away = np.asarray(laps.output) - np.asarray(ring.position)[:STEPS]
     rms = np.sqrt(np.mean(np.sum(away**2, axis=2), axis=1))
     assert rms[-1] < 0.05 * rms[0]
@@ -78,12 +78,12 @@ def test_other_masses_are_learned_as_well(ring):
 def test_a_spring_and_a_damper_at_the_tool(ring):
     arm = TwoLinkArm(dt=DT)
     control = CartesianControl(arm, *GAINS, jnp.ones((STEPS, 2)), DT)
-    plan = jax.tree.map(lambda rows: rows[7], control.prepare(ring))
-    angle, speed = jnp.array([0.2, 1.1]), jnp.array([0.3, -0.4])
+    plan = jax.tree.map(lambda rows: np.asarray(rows)[7], control.prepare(ring))
+    angle, speed = np.array([0.2, 1.1]), np.array([0.3, -0.4])
     J = np.asarray(arm.jacobian(angle))
     path = np.asarray(ring.position)
     pull = 6000 * (path[7] - np.asarray(arm.tool(angle)))
-    pull = pull + 300 * ((path[8] - path[6]) / (2 * DT) - J @ np.asarray(speed))
+    pull = pull + 300 * ((path[8] - path[6]) / (2 * DT) - J @ speed)
     _, torque = control.step(None, plan, (angle, speed))
     np.testing.assert_allclose(torque, J.T @ (pull + 1), rtol=1e-12)
 

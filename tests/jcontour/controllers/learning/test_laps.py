@@ -101,7 +101,7 @@ def test_no_laps_are_refused(small_loop, positions):
     plant, controller, reference = small_loop()
     run = laps_of(lambda lap: plant, controller, reference, positions)
     with pytest.raises(ValueError, match="laps: needs at least one, received 0"):
-        learn(run, PType(0.5), 0, jnp.zeros((120, 2)))
+        learn(run, PType(0.5), 0, np.zeros((120, 2)))
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def test_a_constant_force_is_cancelled_without_an_integrator(cascade, rigid, tas
     run = simulate(Disturbed(rigid, np.ones((1, 1))), observed(cascade), task)
     # the integral of the PI has nothing to hold
     np.testing.assert_allclose(np.asarray(run.memory.inner)[-1], 0.0, atol=1e-4)
-    np.testing.assert_allclose(run.output[-1], 0.1, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(run.output)[-1], 0.1, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -79,9 +79,7 @@ def test_estimation_error_obeys_lambda_under_any_control(machine, thesis_model):
     off = np.array([1e-3, -0.02])
     begin = thesis_model.initial_state(np.asarray(task.position)[0], task.start_increment)
     start = np.asarray(begin) + np.concatenate([[0, 0], off])
-    run = simulate(
-        machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task, jnp.asarray(start)
-    )
+    run = simulate(machine, ReducedObserver(inner(), thesis_model, thesis_gain()), task, start)
     states = np.asarray(run.state)
     estimate = np.asarray(run.memory.z) + states[:, :2] @ thesis_gain().T
     assert np.abs(states).max() > 1e-2

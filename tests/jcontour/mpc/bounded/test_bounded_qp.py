@@ -1,6 +1,5 @@
 """The QP of a bounded MPC against its definition, written out sample by sample."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -25,7 +24,7 @@ def built():
     B = DT * np.array([[DT / 2, 0], [1, 0], [0, DT / 2], [0, 0.7]])
     C = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
     Sy = np.array([[1.0, 0], [0, 0], [0, 1], [0, 0]])
-    Sv = jnp.array([[0, 0], [1 / DT, 0], [0, 0], [0, 1 / DT]])
+    Sv = np.array([[0, 0], [1 / DT, 0], [0, 0], [0, 1 / DT]])
     model = LinearPlant(A, B, C, DT, motion=SteadyMotion(Sy, Sv))
     limits = BoundedLimits(10.0, speed_signals(model, 1.0))
     disturbed = DisturbedModel.loaded(model, 0.5)

@@ -76,7 +76,7 @@ class Stiffening(Plant):
     dt: float = DT
 
     def initial_state(self, position, increment):
-        return np.stack([position[0], increment[0] / self.dt])
+        return jnp.stack([position[0], increment[0] / self.dt])
 
     def step(self, state, control):
         x, v = state
