@@ -75,7 +75,7 @@ def plant_of(name):
 def terminal_of(inputs):
     if inputs["terminal"] == "output":
         return OutputTerminal()
-    return RiccatiTerminal(SteadyMotion(jnp.asarray(inputs["Sy"]), jnp.asarray(inputs["Sv"])))
+    return RiccatiTerminal(SteadyMotion(np.asarray(inputs["Sy"]), np.asarray(inputs["Sv"])))
 
 
 def reference_of(inputs):
@@ -93,7 +93,7 @@ def references():
     """
     single = {name: reference_of(case["inputs"]) for name, case in CASES.items()}
     alike = [name for name in single if name not in SLOW_CASES]
-    stacked = stack_references([single[name] for name in alike])
+    stacked = jax.device_get(stack_references([single[name] for name in alike]))
     return {**single, **{name: member(stacked, i) for i, name in enumerate(alike)}}
 
 

@@ -20,16 +20,18 @@ class Ended(NamedTuple):
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def numbers(errors, limits, z):
-    """Rows of errors and limits, and their slopes."""
+def numbers(errors, limits, scale, z):
+    """Rows of errors and scaled limits, and their slopes."""
 
     def parts(z):
-        return jnp.atleast_2d(errors(z)), jnp.atleast_1d(limits(z))
+        return jnp.atleast_2d(errors(z)), scale * jnp.atleast_1d(limits(z))
 
     return parts(z), jax.jacfwd(parts)(z)
 
 
-def ended(errors, limits, first, box=WIDE, tolerance=1e-7, steps=100, sound=lambda z: True):
+def ended(
+    errors, limits, first, scale=1.0, box=WIDE, tolerance=1e-7, steps=100, sound=lambda z: True
+):
     """Descent on rows of errors (g, v) under limits (c,), and evaluations."""
     count = 0
 
@@ -38,7 +40,7 @@ def ended(errors, limits, first, box=WIDE, tolerance=1e-7, steps=100, sound=lamb
         count += 1
         if not sound(z):
             return None
-        (e, c), (E, C) = jax.device_get(numbers(errors, limits, z))
+        (e, c), (E, C) = jax.device_get(numbers(errors, limits, scale, z))
         return Model(e, c, E, C)
 
     first = np.asarray(first, float)
@@ -87,7 +89,7 @@ def rosen_suzuki_limits(z):
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
 def test_limits_and_their_prices_whatever_their_scale(first, scale):
     """Hock & Schittkowski 43: -44 at (0, 1, 2, -1) with the multipliers 1, 0 and 2."""
-    descent, count = ended(rosen_suzuki, lambda z: scale * rosen_suzuki_limits(z), first)
+    descent, count = ended(rosen_suzuki, rosen_suzuki_limits, first, scale)
     assert descent.stationary and count <= 60
     assert descent.model.objective == pytest.approx(-44.0, abs=1e-4)
     np.testing.assert_allclose(descent.z, [0, 1, 2, -1], atol=1e-3)
@@ -109,34 +111,44 @@ def test_rows_count_by_their_mean():
     assert abs(descent.z[1]) < 1e-3 and abs(descent.z[0]) <= 1 + 1e-6
 
 
+def to_the_right(z):
+    return -z[0]
+
+
+def banana(z):
+    x, y = z
+    return 1e-3 * jnp.array([jnp.arctan(x**2 - y), jnp.arctan(y - x**2 - 0.1 * (2 - x))])
+
+
 @pytest.mark.parametrize("first", [(0.0, 0.0), (3.0, -4.0), (-2.0, 8.0), (6.0, 6.0)])
 def test_a_narrow_curved_valley(first):
     """A limit that moves by a thousandth decides an objective that moves by ones.
 
     x^2 - y - 1 <= 0 and its mirror leave a banana; at its end x = 2 the limits cross.
     """
-
-    def limits(z):
-        x, y = z
-        return 1e-3 * jnp.array([jnp.arctan(x**2 - y), jnp.arctan(y - x**2 - 0.1 * (2 - x))])
-
-    descent, count = ended(lambda z: -z[0], limits, first)
+    descent, count = ended(to_the_right, banana, first)
     assert descent.stationary and count <= 100
     np.testing.assert_allclose(descent.z, [2.0, 4.0], atol=1e-4)
     assert descent.model.excess < 1e-6
+
+
+def ten_times_the_sum(z):
+    return 10 * jnp.sum(z)
+
+
+def chained_valley(z):
+    chained = 100 * (z[1:] - z[:-1] ** 2) ** 2 + (1 - z[:-1]) ** 2
+    return jnp.log(1e-2 + jnp.sum(chained))
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 @pytest.mark.parametrize("seed", range(3))
 def test_limits_beyond_a_curved_valley_are_met(scale, seed):
     """Ten weights: the limit holds near the end of Rosenbrock's chained valley, at ones."""
-
-    def limit(z):
-        chained = 100 * (z[1:] - z[:-1] ** 2) ** 2 + (1 - z[:-1]) ** 2
-        return scale * jnp.log((1e-2 + jnp.sum(chained)) / 1.0)[None]
-
     first = np.random.default_rng(seed).uniform(-2, 2, 10)
-    descent, count = ended(lambda z: 10 * jnp.sum(z), limit, first, tolerance=1e-4, steps=300)
+    descent, count = ended(
+        ten_times_the_sum, chained_valley, first, scale, tolerance=1e-4, steps=300
+    )
     assert descent.model.excess <= 1e-6 * scale and count <= 300
 
 
@@ -164,7 +176,7 @@ def test_a_descent_does_not_leave_its_box():
 
 
 def test_a_region_that_diverges_is_not_entered():
-    descent, count = ended(lambda z: -z[0], free, (0.0,), sound=lambda z: z[0] < 1.0)
+    descent, count = ended(to_the_right, free, (0.0,), sound=lambda z: z[0] < 1.0)
     assert not descent.stationary
     assert 0.999 < descent.z[0] < 1.0 and count <= 100
 
