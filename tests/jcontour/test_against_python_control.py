@@ -93,7 +93,7 @@ def test_filters(make, analogue, prewarp):
         np.sort_complex(ours.poles()), np.sort_complex(wanted.poles()), rtol=0, atol=1e-9
     )
     step = lambda memory, x: found.step(memory, x)  # noqa: E731
-    stepped = jax.jit(lambda x: jax.lax.scan(step, jnp.zeros(2), x)[1])(STEP)
+    stepped = jax.jit(lambda x: jax.lax.scan(step, np.zeros(2), x)[1])(STEP)
     np.testing.assert_allclose(
         stepped, control.forced_response(wanted, U=STEP).outputs, rtol=0, atol=1e-9
     )

@@ -1,6 +1,5 @@
 """Checks that controllers share: number of axes and sample period, of every one that has them."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -42,9 +41,7 @@ SAMPLED = {
     "time delay": lambda dt: TimeDelayControl(400.0, 40.0, 1.0, motors(2), dt),
     "zpetc": lambda dt: ZeroPhaseTracking(PreviewFilter([1.0], [1.0], 0), 1.0, motors(2), dt),
     "adaptive zpetc": adaptive_zpetc,
-    "cartesian": lambda dt: CartesianControl(
-        TwoLinkArm(dt=DT), 1.0, 1.0, jnp.zeros((STEPS, 2)), dt
-    ),
+    "cartesian": lambda dt: CartesianControl(TwoLinkArm(dt=DT), 1.0, 1.0, np.zeros((STEPS, 2)), dt),
 }
 CONTROLLERS = SAMPLED | {
     "self-tuning": lambda dt: SelfTuning(0.02, 0.25, motors(2), gain=0.01),

@@ -9,7 +9,7 @@ from tuning.outcome import LoopPeaks, Outcome
 def outcome(lost, radii):
     metrics = Metrics(
         **{name: jnp.ones((1, 2)) for name in Metrics.__dataclass_fields__ if name != "diverged"},
-        diverged=jnp.asarray([[False, lost]]),
+        diverged=np.asarray([[False, lost]]),
     )
     loops = (
         None

@@ -1,10 +1,9 @@
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from tuning.descents.stabilise import Measured, loop_radii, stabilised
 
-START = {"x": jnp.asarray(50.0), "y": jnp.asarray(20.0)}
+START = {"x": np.asarray(50.0), "y": np.asarray(20.0)}
 Z = np.log([50.0, 20.0])
 
 
