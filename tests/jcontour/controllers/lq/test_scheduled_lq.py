@@ -82,7 +82,7 @@ def predicted(models, k, x):
 
 def minimiser(schedule, reference, k, x):
     """First control of the N_p that minimise the cost, as one quadratic form c + 2 g'u + u'M u."""
-    weights, models = weighted(), schedule.along(reference.position)
+    weights, models = weighted(), eqx.filter_jit(schedule.along)(reference.position)
     y_d, r = np.asarray(reference.position), np.asarray(reference.tangent)
     stage, R, end = np.asarray(weights.stage), np.asarray(weights.rho), k + PREVIEW
     speed = (y_d[end] - y_d[end - 1]) / DT

@@ -48,16 +48,16 @@ def test_whole_samples_of_delay_are_the_shaped_law():
     shaper = Shaper([0.0, 0.02, 0.035], [0.2, 0.5, 0.3])
     wanted = in_time(line([0.0], [0.02]), shaped_law(LAW, shaper), 0.45, DT)
     np.testing.assert_allclose(
-        shaped_positions(short_task(), shaper), wanted.position, rtol=0, atol=1e-15
+        jax.jit(shaped_positions)(short_task(), shaper), wanted.position, rtol=0, atol=1e-15
     )
 
 
 def test_a_ramp_is_late_by_the_mean_delay_from_its_first_sample_on():
     ramp = along(line([0.0, 0.0], [0.3, 0.4]), 1e-4 * np.arange(60), DT, 1, at_rest=False)
     shaper = zvd(87.0, 0.05)
-    late = float(shaper.times @ shaper.amplitudes) / DT
+    late = float(np.dot(shaper.times, shaper.amplitudes)) / DT
     np.testing.assert_allclose(
-        shaped_positions(ramp, shaper),
+        jax.jit(shaped_positions)(ramp, shaper),
         np.asarray(ramp.position) - late * 1e-4 * np.array([0.6, 0.8]),
         rtol=0,
         atol=1e-15,

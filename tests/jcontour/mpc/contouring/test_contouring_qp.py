@@ -3,6 +3,7 @@
 Models, paths and blocks are such as the reference data do not have.
 """
 
+import jax
 import numpy as np
 import pytest
 
@@ -37,6 +38,13 @@ def blocks():
 def helix():
     path = contours.arc([0.02, 0.0, 0.0], [0.0, 0.0, 0.0], 7.0, rise=0.01)
     return three_axes(), path, W3, (2, 1, 3)
+
+
+@jax.jit
+def jet(contour, arc):
+    """Place on the contour and its derivatives with respect to arc length."""
+    piece, s, _ = contour._at(arc)
+    return piece.jet(s)
 
 
 def cost(controller, memory, measurement, v, u):
@@ -76,10 +84,7 @@ def cost(controller, memory, measurement, v, u):
         arc = min(
             guess_now * unit + length, np.nextafter(length, 0)
         )  # the end itself wraps on a closed contour
-        piece, s, _ = contour._at(arc)
-        point, slope, _ = (
-            np.asarray(values) for values in piece.jet(s)
-        )  # slope is dp/darc, not normalised
+        point, slope, _ = jax.device_get(jet(contour, arc))  # slope is dp/darc, not normalised
         tangent = slope / np.linalg.norm(slope)
         error = (y - point) / unit - slope * (theta - guess_now)
         lag = tangent @ error

@@ -139,7 +139,7 @@ def test_the_offset_free_plan_is_the_optimum_of_the_problem_written_in_controls(
     x0 += np.append([2e-4, 0.02, -3e-4, 0.01], np.full(2 * delay, 0.05))
     fed, before = DisturbedState(x0, np.array([0.2, -0.15])), np.array([0.1, -0.05])
     memory = mpc.initial_memory(reference)._replace(control=before)
-    window = type(plan := mpc.prepare(reference))(*(rows[0] for rows in plan))
+    window = type(plan := mpc.prepare(reference))(*(np.asarray(rows)[0] for rows in plan))
     after, control, report = mpc.step(memory, window, fed)
     H, g, G, h = qp_in_controls(
         model, fed, before, reference, stage, isinstance(terminal, RiccatiTerminal)
