@@ -10,11 +10,12 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.plants.flexible_axis.models import zoh_model
 
 DT = 1e-3
+pairs = jax.jit(damped_poles)
 
 
 @cache
 def two_pairs():
-    return damped_poles([40.0, 95.0], [0.9, 0.3], DT)
+    return pairs([40.0, 95.0], [0.9, 0.3], DT)
 
 
 def moved(model, K):
@@ -38,7 +39,7 @@ def test_poles_are_where_they_were_asked_for_and_the_gain_that_of_python_control
 def test_pairs_are_those_of_the_continuous_oscillator():
     s = np.roots([1.0, 2 * 0.3 * 95.0, 95.0**2])
     np.testing.assert_allclose(
-        np.sort_complex(damped_poles(95.0, 0.3, DT)), np.sort_complex(np.exp(s * DT)), rtol=1e-14
+        np.sort_complex(pairs(95.0, 0.3, DT)), np.sort_complex(np.exp(s * DT)), rtol=1e-14
     )
 
 

@@ -33,9 +33,13 @@ def feedback(dt, axes=1, gains=(60.0, 150.0, 0.03), limit=np.inf):
     return SpeedByDifference(loops, Sensors(range(axes)), dt)
 
 
+def filter_of(inverses):
+    return jax.jit(lambda *numbers: optimal_filter(inverses, *numbers))(0.25, 1.0)
+
+
 def tracked(drive, following, wrapped, trajectory):
-    inverse = OptimalInverse(transfer_function(drive), following)
-    controller = InverseFeedforward(wrapped, optimal_filter([inverse], 0.25, 1.0), Encoders(drive))
+    ahead = filter_of([OptimalInverse(transfer_function(drive), following)])
+    controller = InverseFeedforward(wrapped, ahead, Encoders(drive))
     samples = np.concatenate([np.asarray(trajectory), np.zeros(controller.preview)])[:, None]
     reference = from_samples(
         samples, np.ones_like(samples), drive.dt, controller.preview, in_motion=False
@@ -89,7 +93,7 @@ def test_a_run_in_motion_is_followed_from_the_start(drive):
     axes = [transfer_function(drive)] * 2
     A, B, C = (np.kron(np.eye(2), np.asarray(m)) for m in (drive.A, drive.B, drive.C))
     machine = LinearPlant(A, B, C, drive.dt)
-    ahead = optimal_filter([OptimalInverse(a, ModelFollowing(0, 4, 2)) for a in axes], 0.25, 1.0)
+    ahead = filter_of([OptimalInverse(axis, ModelFollowing(0, 4, 2)) for axis in axes])
     controller = InverseFeedforward(feedback(drive.dt, 2), ahead, Encoders(machine))
     path = circle(20e-3)
     arc = 0.2 * drive.dt * np.arange(800)

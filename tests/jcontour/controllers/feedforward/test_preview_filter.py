@@ -16,7 +16,7 @@ TOP, BELOW = np.array([0.5, -0.2, 0.1]), np.array([2.0, -1.0, 0.3, 0.1])
 def test_causal_is_lfilter():
     samples = np.random.default_rng(0).standard_normal((40, 2))
     rows = (np.stack([TOP, -TOP]), np.stack([BELOW, BELOW]))
-    found = causal(rows[0], rows[1], samples)
+    found = jax.jit(causal)(rows[0], rows[1], samples)
     wanted = np.stack(
         [lfilter(TOP, BELOW, samples[:, 0]), lfilter(-TOP, BELOW, samples[:, 1])], axis=1
     )

@@ -72,7 +72,8 @@ def test_a_cascade_learns_its_circle(small_loop):
 def test_the_plug_in_shifts_what_the_controller_reads():
     sensors = Sensors((2, 0), (), scale=2.0)
     measurement = (np.arange(2.0), np.ones(2))
-    moved = moved_positions(measurement, sensors, np.array([4.0, 6.0]))
+    shift = jax.jit(lambda seen, by: moved_positions(seen, sensors, by))
+    moved = shift(measurement, np.array([4.0, 6.0]))
     np.testing.assert_array_equal(moved[0], [3.0, 1.0])
     np.testing.assert_array_equal(moved[1], [3.0, 1.0])
 

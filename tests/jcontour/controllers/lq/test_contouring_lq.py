@@ -146,7 +146,7 @@ def test_stage_profile_gradient_is_that_of_differences(two_axes):
 
 def test_contour_weight_forgives_what_is_along():
     tangent = np.array([[0.6, 0.8], [1.0, 0.0]])
-    Q = np.asarray(contour_weight(2.0, 5.0, tangent))
+    Q = np.asarray(jax.jit(contour_weight)(2.0, 5.0, tangent))
     along, across = (
         np.einsum("tij,tj->ti", Q, tangent),
         np.einsum("tij,tj->ti", Q, tangent[:, ::-1] * [-1, 1]),

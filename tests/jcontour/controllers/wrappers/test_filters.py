@@ -14,9 +14,8 @@ DT = 1e-3
 
 
 def run(filter, signal):
-    return np.asarray(
-        jax.lax.scan(lambda memory, x: filter.step(memory, x), np.zeros(2), signal)[1]
-    )
+    step = lambda memory, x: filter.step(memory, x)  # noqa: E731
+    return np.asarray(jax.jit(lambda x: jax.lax.scan(step, jnp.zeros(2), x)[1])(signal))
 
 
 def coefficients(filter):
