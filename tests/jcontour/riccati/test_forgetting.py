@@ -46,11 +46,15 @@ def horizon(plant, Q, y_d, R, k, last):
     return np.linalg.solve(M, B.T @ H @ A), -np.linalg.solve(M, B.T @ g), loops
 
 
-def short(plant, Q, y_d, R):
-    def terminal_at(ends):
-        return output_cost(plant, Q[ends], y_d[ends])
+def short(*problem):
+    @jax.jit
+    def planned(plant, Q, y_d, R):
+        def terminal_at(ends):
+            return output_cost(plant, Q[ends], y_d[ends])
 
-    return forgetting.short_plan(plant, Q, y_d, R, terminal_at, STEPS, MEMORY, LENGTH)
+        return forgetting.short_plan(plant, Q, y_d, R, terminal_at, STEPS, MEMORY, LENGTH)
+
+    return jax.device_get(planned(*problem))
 
 
 def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, monkeypatch):
@@ -64,7 +68,7 @@ def test_short_sweep_and_its_difference_are_those_of_horizons(coupled_plant, mon
     monkeypatch.setattr(forgetting, "remembering_sweep", forgets_all)
     plant = coupled_plant(3, 4, 2)
     Q, y_d, R = problem(plant, STEPS, STEPS + LENGTH + MEMORY)
-    found, apart = jax.device_get(short(plant, Q, y_d, R))
+    found, apart = short(plant, Q, y_d, R)
     numbers = [np.asarray(one) for one in (Q, y_d, R)]
     for k, block_end in enumerate((0, 3, 3, 3, 6, 6, 6)):
         F, f, _ = horizon(plant, *numbers, k, block_end + MEMORY)
