@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def one_step(controller, gain, variance, control=1.0, y=0.0):
     controls = np.array([[control], [control]])
     known = (np.array([gain]), np.array([variance]))
     memory = Estimate(past, controls, *known, 5)
-    return controller.step(memory, np.array([1.0]), np.array([y]))
+    return eqx.filter_jit(controller.step)(memory, np.array([1.0]), np.array([y]))
 
 
 def test_the_control_is_divided_by_no_less_than_a_part_of_the_first_estimate():

@@ -1,5 +1,6 @@
 """Friction feedforward against the friction that it cancels, differences and bad input."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,12 +28,12 @@ def reference():
 
 def test_it_is_a_step_against_every_direction(reference, two_axes):
     cascade = Cascade(GAINS, motors(2), DT)
-    plan = FrictionFeedforward(cascade, [0.5, 0.2]).prepare(reference)
+    plan = eqx.filter_jit(FrictionFeedforward(cascade, [0.5, 0.2]).prepare)(reference)
     signs = np.concatenate([np.ones(30), np.zeros(20), -np.ones(30)])
     wanted = np.stack([0.5 * signs, -0.2 * signs], axis=1)
     np.testing.assert_array_equal(plan.friction, wanted)
     # one number stands for all axes
-    one = FrictionFeedforward(cascade, 0.5).prepare(reference)
+    one = eqx.filter_jit(FrictionFeedforward(cascade, 0.5).prepare)(reference)
     np.testing.assert_array_equal(np.asarray(one.friction)[:, 1], -0.5 * signs)
 
 
