@@ -1,5 +1,8 @@
 """The quickest warp of time within its conditions, stretch by stretch: a stop parts two of them."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -7,6 +10,7 @@ from jcontour.motion.jerk_limited.conditions import SPEED, SQUARE, STILL, Condit
 from jcontour.motion.jerk_limited.newton import solve
 
 STEPS = 150  # of Newton's method; forty are usual
+MANY = 10_000  # unknowns: fewer are solved sooner than threads have started
 
 
 def quickest(
@@ -33,9 +37,18 @@ def quickest(
     c = start.copy()
     ends = np.searchsorted(stretch, np.arange(wanted.size + 1))
     gap = np.zeros(wanted.size)
-    for k in np.flatnonzero(wanted):
+
+    def improve(k: int) -> None:
         of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
         gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near)
+
+    numbers = np.flatnonzero(wanted).tolist()
+    if c.size < MANY:
+        for k in numbers:
+            improve(k)
+        return c, gap
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        list(threads.map(improve, numbers))  # what is wrong is raised here
     return c, gap
 
 
