@@ -1,11 +1,14 @@
 """`jcontour simulate`: one controller on one contour, on every plant of the machine's family."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.status import Status
 
+from experiments.beside import Beside
 from experiments.catalogue.choices import design_for, job_named, machine_named, seeing_all
 from experiments.catalogue.contours import CONTOURS
 from experiments.designs.design import Design, plain_weights
@@ -13,14 +16,15 @@ from experiments.files.results.run_metrics import RunMetrics
 from experiments.files.results.simulated_result import SimulatedResult, VideoResult
 from experiments.files.results.stored import from_json, write_result
 from experiments.flags.loops import Simulate
-from experiments.jobs.job import Job, Pace
+from experiments.jobs.job import Job, Pace, Task
 from experiments.jobs.listed_moves import listed_moves
 from experiments.jobs.replays import Replay, Scenarios, desired, replay, scored
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.contours import figures_of
-from experiments.reports.figures.loops.motion import draw_motion
-from experiments.reports.figures.shared.png import save_figure
+from experiments.reports.figures.loops.motion import motion_figure
+from experiments.reports.figures.shared.beside import drawn_by
+from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
 from experiments.runs.checks.machine_limits import limits_met
@@ -77,23 +81,36 @@ def run(flags: Simulate, status: Status) -> tuple[SimulatedResult, Path, str]:
         tables.say(status.console, line)
     status.update(f"running {job.samples:,} samples")
     scenarios = Scenarios.of([job], [False], machine, design.fed, design.preview)
-    replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
-    status.update("writing and drawing")
-    folder = created(flags, "simulate")
-    found = simulated_result(design, scenarios, replayed)
-    title = f"jcontour simulate: {found.controller} on {found.contour}"
-    named = {found.controller: replayed}
-    line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
-    for name, figure in figures_of(contour_runs(named, scenarios, 0, machine)).items():
-        save_figure(figure, folder / f"{name}.png")
-    if isinstance(job, Job) and job.planned:
-        draw_motion(job.planned, machine.axes, folder)
+    with Beside(image.__module__) as process:
+        drawn = _drawn(process, _motion(job, machine))
+        replayed = replay(design.build(design.start), scenarios, maker and maker.watch)
+        status.update("writing and drawing")
+        folder = created(flags, "simulate")
+        found = simulated_result(design, scenarios, replayed)
+        title = f"jcontour simulate: {found.controller} on {found.contour}"
+        named = {found.controller: replayed}
+        drawn |= _drawn(process, figures_of(contour_runs(named, scenarios, 0, machine)))
+        line = save_rollouts(flags.rollouts, named, scenarios, machine, title, folder)
+        for name, save in drawn.items():
+            save(folder / f"{name}.png")
     write_result(folder, found)
     if maker:
         title = f"{design.name} on {found.contour}"
         found = replace(found, video=_filmed(maker, scenarios, replayed, folder, title))
         write_result(folder, found)
     return found, folder, line
+
+
+def _motion(job: Task, machine: Machine) -> dict[str, Figure]:
+    """Figure of a motion that is planned."""
+    if not (isinstance(job, Job) and job.planned):
+        return {}
+    return {"motion": motion_figure(job.planned, machine.axes)}
+
+
+def _drawn(process: Beside, figures: dict[str, Figure]) -> dict[str, Callable[[Path], Path]]:
+    """What writes the figures, which the process draws meanwhile."""
+    return {name: drawn_by(process, figure) for name, figure in figures.items()}
 
 
 def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> SimulatedResult:

@@ -1,13 +1,11 @@
 """Figure of a jerk-limited motion: feed, and acceleration and jerk of the axes, over the path."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.reports.figures.shared.axes import DESIRED, OTHER, colours_of, grid, legend_below
-from experiments.reports.figures.shared.png import save_figure
 from jcontour.motion.cornering import Planned
 from jcontour.motion.jerk_limited.joints import unpadded
 
@@ -47,8 +45,3 @@ def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
                 row.axhline(sign * limit[k], color=colours[name], ls="--", lw=0.8)
     legend_below(figure, columns=5)
     return figure
-
-
-def draw_motion(planned: Planned, axes: Sequence[str], folder: Path) -> Path:
-    """Draw the motion into `motion.png` of a folder."""
-    return save_figure(motion_figure(planned, axes), folder / "motion.png")

@@ -1,13 +1,13 @@
 """Figures drawn by a process of their own while the command goes on."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from experiments.beside import Beside
-from experiments.reports.figures.shared.png import save_figure
+from experiments.reports.figures.shared.png import image, save_image
 
 
 @contextmanager
@@ -18,11 +18,13 @@ def drawn_beside(figures: Mapping[Path, Figure]) -> Iterator[None]:
         figures: by their files.
     """
     with Beside() as process:
-        drawn = process.submit(_save, dict(figures))
+        files = {path: drawn_by(process, figure) for path, figure in figures.items()}
         yield
-        drawn()
+        for path, save in files.items():
+            save(path)
 
 
-def _save(figures: Mapping[Path, Figure]) -> None:
-    for path, figure in figures.items():
-        save_figure(figure, path)
+def drawn_by(process: Beside, figure: Figure) -> Callable[[Path], Path]:
+    """Let a process draw a figure; what is returned waits for it and writes the file."""
+    drawn = process.submit(image, figure)
+    return lambda path: save_image(drawn(), path)

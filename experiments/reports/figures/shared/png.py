@@ -1,5 +1,6 @@
 """Figures as PNG files."""
 
+import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -22,10 +23,21 @@ def save_figures(
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Write one figure; the file appears whole.
+    """Write one figure; the file appears whole."""
+    return save_image(image(figure), path)
+
+
+def save_image(content: bytes, path: Path) -> Path:
+    """Write the content of a PNG file; the file appears whole."""
+    return write(path, lambda temporary: temporary.write_bytes(content))
+
+
+def image(figure: Figure) -> bytes:
+    """Content of a figure's PNG file.
 
     It is drawn once; `savefig` lays it out in a drawing of its own before.
     """
     figure.set_dpi(DOTS)
-    canvas = FigureCanvasAgg(figure)
-    return write(path, lambda temporary: canvas.print_png(temporary, pil_kwargs=PACKED))
+    content = io.BytesIO()
+    FigureCanvasAgg(figure).print_png(content, pil_kwargs=PACKED)
+    return content.getvalue()
