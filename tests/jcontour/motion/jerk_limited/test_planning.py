@@ -1,5 +1,7 @@
 """Jerk-limited motions against closed forms, and their limits at random times."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,36 @@ def test_stretches_between_stops_are_as_quick_as_alone():
     best = stopping_time(hairpins, FEED, LIMITS)
     assert motion.stops.size == 6
     assert motion.duration == pytest.approx(best, rel=1e-9)
+
+
+def test_stretches_side_by_side_are_those_one_after_the_other(monkeypatch):
+    quarter = contours.arc([10e-3, 0.0], [0.0, 0.0], np.pi / 2)
+    path = contours.chain([quarter, contours.arc([0.0, 10e-3], [0.0, 20e-3], -np.pi)])
+    alone = jerk_limited(path, FEED, LIMITS)
+    seen = set()
+    solve = optimum.solve
+
+    def watched(*arguments):
+        seen.add(threading.current_thread())
+        return solve(*arguments)
+
+    monkeypatch.setattr(optimum, "solve", watched)
+    monkeypatch.setattr(optimum, "MANY", 0)
+    beside = jerk_limited(path, FEED, LIMITS)
+    assert beside.stops.size == 3 and threading.current_thread() not in seen
+    for name in ("duration", "gap"):
+        assert getattr(beside, name) == getattr(alone, name)
+    np.testing.assert_array_equal(beside.nodes, alone.nodes)
+
+
+def test_what_is_wrong_in_a_stretch_is_raised_side_by_side_too(monkeypatch):
+    def wrong(*_):
+        raise ValueError("start: needs to be within every condition")
+
+    monkeypatch.setattr(optimum, "solve", wrong)
+    monkeypatch.setattr(optimum, "MANY", 0)
+    with pytest.raises(ValueError, match="within every condition"):
+        jerk_limited(contours.circle(10e-3), FEED, LIMITS)
 
 
 def test_lines_between_curves_are_as_quick_as_alone():
