@@ -1,5 +1,6 @@
 """Other input gains: B times the gains, but for what holds the plant where a run begins."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -50,7 +51,7 @@ def test_a_late_drive_stands_still_too(late, kind, position_drives, run):
 def test_the_kept_control_is_no_part_of_a_frozen_loop(position_drives):
     plant = Gained(position_drives, GAINS)
     state = plant.initial_state(PLACE, np.zeros(2))
-    A, B, _ = linear_machine(plant, state, PLACE)
+    A, B, _ = jax.jit(lambda state: linear_machine(plant, state, PLACE))(state)
     np.testing.assert_allclose(A, position_drives.A, atol=1e-15)
     np.testing.assert_allclose(B, position_drives.B * GAINS[None], atol=1e-15)
     assert spectral_radius(A) < 1
