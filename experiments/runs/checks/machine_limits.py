@@ -103,15 +103,20 @@ def _peaks(
     machine: Machine,
     counted: Bool[np.ndarray, "contours steps"],
 ) -> Iterator[Peak]:
-    """Peak of every limited quantity of every axis in the samples that are counted, and where."""
-    increment = np.diff(replay.control, axis=-2)
-    speed, acceleration = measured_speeds(replay.output, machine.model.dt)
+    """Peak of every limited quantity of every axis in the samples that are counted, and where.
+
+    A run that diverged is left out: its numbers mean nothing.
+    """
+    lost = np.asarray(replay.metrics.diverged)[..., None, None]
+    output, control = (np.where(lost, 0.0, rows) for rows in (replay.output, replay.control))
+    increment = np.diff(control, axis=-2)
+    speed, acceleration = measured_speeds(output, machine.model.dt)
     unit, limits = machine.control_unit, machine.limits
     inputs = [f"input {k + 1}" for k in range(machine.model.inputs)]
     for limit, quantity, values, names, shown in (
         (limits.speed, "speed", speed, machine.axes, "m/s"),
         (limits.acceleration, "acceleration", acceleration, machine.axes, "m/s^2"),
-        (limits.control, "control", replay.control, inputs, unit),
+        (limits.control, "control", control, inputs, unit),
         (limits.increment, "control increment", increment, inputs, f"{unit} per sample"),
     ):
         if limit is None:

@@ -97,7 +97,7 @@ def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Ben
     scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
     tell("running the reference as it is")
     before = replay(controller, scenarios)
-    beyond = bool(exceeded_limits(before, scenarios, machine))  # no smoother shift mends it
+    beyond = _lost(before) or exceeded_limits(before, scenarios, machine)
     part = 0.0 if machine.error == "tracking" else CONTOURING
 
     def priced(price: float) -> Bent:
@@ -109,10 +109,15 @@ def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Ben
 
     one = priced(roughness)
     for attempt in range(1, TRIES):
-        if beyond or not one.exceeded:
-            break
+        if beyond or not (one.exceeded or _lost(one.after)):
+            break  # no smoother shift mends what is so without one
         one = priced(roughness * 10**attempt)
     return one
+
+
+def _lost(runs: Replay) -> bool:
+    """Whether a plant does not follow."""
+    return bool(np.asarray(runs.metrics.diverged).any())
 
 
 def _family(loop: StoredLoop, reference: Reference):

@@ -43,7 +43,8 @@ def scenarios(program=None):
 def run():
     """Two contours on two plants, at rest."""
     still = np.zeros((2, 2, SAMPLES, 2))
-    return Replay(cast(Any, None), still.copy(), still.copy(), still)
+    metrics = SimpleNamespace(diverged=np.zeros((2, 2), bool))
+    return Replay(cast(Any, metrics), still.copy(), still.copy(), still)
 
 
 def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
@@ -61,6 +62,18 @@ def test_limits_that_are_near_or_exceeded_are_named_where_the_run_is_scored():
     seen.output[0, 1, 10:, 0] = 1.7e-4
     assert limit_warnings(seen, scenarios(), MACHINE) == []
     assert exceeded_limits(seen, scenarios(), MACHINE) == []
+
+
+def test_a_run_that_diverged_has_no_peaks_and_hides_none():
+    seen = run()
+    seen.metrics.diverged[0, 1] = True
+    seen.control[0, 1, 9:, 0] = np.nan
+    seen.output[0, 1, 8, 0], seen.output[0, 1, 9:, 0] = 1e9, np.inf
+    assert limits_met(seen, scenarios(), MACHINE) == []
+    seen.control[0, 0, 7, 0] = 20.0
+    assert limits_met(seen, scenarios(), MACHINE) == [
+        "control of input 1 EXCEEDS its limit: 20 of 10 A (ring, nominal)"
+    ]
 
 
 def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
