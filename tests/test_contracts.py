@@ -55,7 +55,8 @@ def ran(loop):
 
 def disturbed_start(plant, reference):
     position = np.asarray(reference.position)[0]
-    return shifted(plant.initial_state(position, reference.start_increment), 1e-6)
+    start = eqx.filter_jit(plant.initial_state)(position, reference.start_increment)
+    return shifted(start, 1e-6)
 
 
 def shifted(state, size):

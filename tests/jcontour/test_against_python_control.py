@@ -6,6 +6,7 @@ None of its mathematics is shared.
 from functools import cache
 
 import control
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -83,7 +84,7 @@ FILTERS = {  # how to make it, the analogue one, the frequency [rad/s] at which 
 @pytest.mark.parametrize(("make", "analogue", "prewarp"), FILTERS.values(), ids=FILTERS)
 def test_filters(make, analogue, prewarp):
     """Frequency response up to Nyquist, poles, step response."""
-    found = make()
+    found = jax.jit(make)()
     warped = {} if prewarp is None else {"prewarp_frequency": prewarp}
     wanted = control.c2d(control.tf(*analogue), DT, "tustin", **warped)
     ours = control.tf(np.asarray(found.numerator), [1.0, *np.asarray(found.denominator)], DT)
@@ -146,9 +147,10 @@ def poles(controller):
     """Poles of the loop of the machine and a controller: the Jacobian of one sample."""
     plant, reference = machine(), ramp()
     plan = jax.tree.map(lambda rows: np.asarray(rows)[0], prepared(controller, reference))
+    start = eqx.filter_jit(plant.initial_state)
     flat, unravel = ravel_pytree(
         (
-            plant.initial_state(np.asarray(reference.position)[0], reference.start_increment),
+            start(np.asarray(reference.position)[0], reference.start_increment),
             controller.initial_memory(reference),
         )
     )
