@@ -93,9 +93,11 @@ def sentences(result: BentResult) -> list[str]:
     elif any(run.diverged for run in result.after.values()):
         why = "a plant of the family diverges"
     else:
+        less = "gains less than the nominal one loses"
         why = (
-            "the worst machine is no better. Either one shift cannot help it without harm to "
-            "another of the family, or the controller already sees what the model knows"
+            f"the worst machine {less if result.worst_gain > 1 else 'is no better'}. Either one "
+            "shift cannot help it without harm to another of the family, or the controller already "
+            "sees what the model knows"
         )
     return [gain, f"DO NOT USE: {why}."]
 

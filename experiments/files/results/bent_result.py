@@ -47,6 +47,10 @@ class BentResult:
 
     @property
     def usable(self) -> bool:
-        """Better for the worst machine, every plant follows, and no limit is exceeded."""
+        """Better for the worst machine, by more than the nominal one is worse; and sound.
+
+        Every plant follows, and no limit is exceeded.
+        """
         lost = any(run.diverged for run in self.after.values())
-        return self.worst_gain > 1 and not lost and not self.exceeded
+        worth = self.worst_gain > max(1.0, 1 / self.nominal_gain)
+        return worth and not lost and not self.exceeded

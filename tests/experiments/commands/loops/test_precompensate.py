@@ -42,8 +42,21 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     worse = replace(result, before=result.after, after=result.before)
     assert "times LARGER" in sentences(worse)[0]
     assert "DO NOT USE: the worst machine is no better" in sentences(worse)[1]
+    traded = replace(result, before=_runs(result, 1e-6, 10e-6), after=_runs(result, 3e-6, 9e-6))
+    assert "gains less than the nominal one loses" in sentences(traded)[1] and not traded.usable
+    fair = replace(traded, after=_runs(result, 1.05e-6, 9e-6))
+    assert len(sentences(fair)) == 1 and fair.usable
     as_before = replace(result, after=result.before, largest=0.0)
     assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
+
+
+def _runs(result, nominal, others):
+    """Runs with these RMS contour errors [m]."""
+    sizes = [nominal] + [others] * (len(result.after) - 1)
+    return {
+        name: replace(run, rms_contour_error=size)
+        for (name, run), size in zip(result.after.items(), sizes, strict=True)
+    }
 
 
 @pytest.mark.parametrize(
