@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -18,10 +19,10 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 )
 def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     path = random_path(seed)
-    pieces = path.contour.pieces
-    extent = np.asarray(pieces.extent)
+    pieces = jax.tree.map(lambda rows: np.asarray(rows)[:, None], path.contour.pieces)
+    extent = pieces.extent
     assert path.kind == KINDS[seed % 4] and 2 <= extent.size <= 50
-    begin, end = pieces.jet(0.0 * extent)[0], pieces.jet(extent)[0]
+    begin, end = (pieces.jet(part * extent)[0][:, 0] for part in (0.0, 1.0))
     np.testing.assert_allclose(begin[1:], end[:-1], atol=1e-12)
     if path.points is not None:
         np.testing.assert_allclose(begin, path.points[:-1], atol=1e-15)
