@@ -27,13 +27,13 @@ from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import Fit, fitted
 from jcontour.motion.blending import BlendedPath, blended
 from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.spline_fit import Tangents, fitted_spline
 
 SHARE = 0.7  # of the tolerance, for the smoothing; what it leaves is for the blends
 SHARPEST = np.radians(30.0)  # turn up to which pieces stand for one curve
 TANGENT = np.radians(10.0)  # turn up to which a run leaves its neighbour tangentially
 FEWEST = 4  # pieces of a run
 LONGEST = 1000.0  # piece of a run, in tolerances: a longer one stands for itself
-DEGREE = 5
 POINTS = 4  # of a piece at which the distance is measured and made small
 PER_CELL = 32  # pieces between two knots, at first
 ROUNDS = 40  # of halving
@@ -54,7 +54,7 @@ class Run(NamedTuple):
     last: int
     pieces: Piece
     ends: Float[np.ndarray, " n"]
-    tangents: tuple[np.ndarray | None, np.ndarray | None]
+    tangents: Tangents
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
         if knots.size > count:
             return None
         try:
-            spline = _least_squares(knots, arc, points, run)
+            spline = fitted_spline(knots, arc, points, run.tangents)
         except np.linalg.LinAlgError:  # pieces far too unlike in length
             return None
         distance = np.linalg.norm(spline(arc) - points, axis=1)
@@ -219,36 +219,6 @@ def _sampled(run: Run) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, "S m"
     inner = np.swapaxes(points[:-1], 0, 1).reshape(-1, points.shape[-1])
     arc = (run.ends[:-1, None] + into[:-1].T).ravel()
     return np.append(arc, run.ends[-1]), np.vstack([inner, points[-1, -1:]])
-
-
-def _least_squares(knots: np.ndarray, arc: np.ndarray, points: np.ndarray, run: Run):
-    """Spline with the least mean square distance that keeps the run's ends and directions."""
-    # imported here: it takes longer than the rest of the library
-    from scipy.interpolate import BSpline
-    from scipy.linalg import solveh_banded
-
-    whole = np.concatenate([np.full(DEGREE, knots[0]), knots, np.full(DEGREE, knots[-1])])
-    count = whole.size - DEGREE - 1
-    coefficients = np.zeros((count, points.shape[1]))
-    coefficients[0], coefficients[-1] = points[0], points[-1]
-    first, last = 1, count - 1
-    before, after = run.tangents
-    if before is not None:
-        coefficients[1] = points[0] + before * (knots[1] - knots[0]) / DEGREE
-        first = 2
-    if after is not None:
-        coefficients[-2] = points[-1] - after * (knots[-1] - knots[-2]) / DEGREE
-        last = count - 2
-    design = BSpline.design_matrix(arc, whole, DEGREE)
-    left = points - design @ coefficients
-    free = design[:, first:last]
-    normal = (free.T @ free).todia()
-    bands = np.zeros((DEGREE + 1, last - first))
-    for offset, diagonal in zip(normal.offsets, normal.data, strict=True):
-        if 0 <= offset <= DEGREE:
-            bands[DEGREE - offset] = diagonal[: last - first]
-    coefficients[first:last] = solveh_banded(bands, free.T @ left)
-    return BSpline(whole, coefficients, DEGREE)
 
 
 def _curve(spline):
