@@ -3,15 +3,18 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float, Int
 from matplotlib.figure import Figure
 
 from experiments.reports.figures.shared.axes import DESIRED, OTHER, colours_of, grid, legend_below
+from experiments.reports.thinning import kept_samples
 from jcontour.motion.cornering import Planned
 from jcontour.motion.jerk_limited.joints import unpadded
 
 MM_PER_MIN = 60e3  # of a metre per second
 POINTS = 4000  # evenly in time, beside the ends of smooth parts
 MARGIN = 0.05  # of the feed
+MOST = 20_000  # points that are drawn: twenty for every dot across
 
 
 def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
@@ -23,9 +26,11 @@ def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
     time = np.union1d(motion.nodes, np.linspace(0.0, motion.duration, POINTS))
     along = 1e3 * motion.at(time).arc
     speed, acceleration, jerk = motion.axes_at(time)
+    fed, asked = MM_PER_MIN * np.linalg.norm(speed, axis=1), MM_PER_MIN * motion.feed
+    kept = _kept(fed, acceleration, jerk)
+    along, fed, acceleration, jerk = (rows[kept] for rows in (along, fed, acceleration, jerk))
     figure = Figure(figsize=(9, 7), layout="constrained")
     rows = figure.subplots(3, 1, sharex=True)
-    fed, asked = MM_PER_MIN * np.linalg.norm(speed, axis=1), MM_PER_MIN * motion.feed
     ends = 1e3 * np.append(0.0, np.cumsum(unpadded(motion.path).extent))
     rows[0].stairs(asked, ends, baseline=None, color=OTHER, ls="--", label="feed asked for")
     rows[0].plot(along, fed, color=DESIRED, lw=1, label="feed")
@@ -45,3 +50,14 @@ def motion_figure(planned: Planned, axes: Sequence[str]) -> Figure:
                 row.axhline(sign * limit[k], color=colours[name], ls="--", lw=0.8)
     legend_below(figure, columns=5)
     return figure
+
+
+def _kept(
+    fed: Float[np.ndarray, " T"],
+    acceleration: Float[np.ndarray, "T m"],
+    jerk: Float[np.ndarray, "T m"],
+) -> Int[np.ndarray, " K"]:
+    """Points that are drawn: of a long motion those of its peaks, either way."""
+    both = np.concatenate([acceleration, jerk], axis=1).T
+    peaks = [fed[None], fed.max() - fed[None], both.clip(min=0.0), (-both).clip(min=0.0)]
+    return kept_samples(np.concatenate(peaks), MOST)
