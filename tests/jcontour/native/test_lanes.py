@@ -1,6 +1,7 @@
 """Eight numbers as one value, against NumPy; and what Numba keeps."""
 
 import os
+import time
 
 import numba
 import numpy as np
@@ -43,12 +44,17 @@ def test_what_was_compiled_before_a_source_changed_is_dropped(tmp_path):
     source, kept = tmp_path / "one.py", tmp_path / "__pycache__" / "one.f-1.nbi"
     kept.parent.mkdir()
     source.write_text(""), kept.write_text("")
-    os.utime(source, (1000, 1000))
-    os.utime(kept, (2000, 2000))
+    now = time.time()  # what says how to compile is a source, too, and older than this
+    os.utime(source, (now, now + 1000))
+    os.utime(kept, (now, now + 2000))
     drop_stale(tmp_path, source)
     assert kept.exists()
-    os.utime(source, (3000, 3000))
+    os.utime(source, (now, now + 3000))
     drop_stale(tmp_path, source)
+    assert not kept.exists()
+    kept.write_text("")
+    os.utime(source, (1000, 1000)), os.utime(kept, (2000, 2000))
+    drop_stale(tmp_path, source)  # kept before `compiled` was as it is
     assert not kept.exists()
 
 
