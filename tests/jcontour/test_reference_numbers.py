@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from jcontour.analysis.stability import frozen_spectral_radius
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -75,7 +76,9 @@ def plant_of(name):
 def terminal_of(inputs):
     if inputs["terminal"] == "output":
         return OutputTerminal()
-    return RiccatiTerminal(SteadyMotion(np.asarray(inputs["Sy"]), np.asarray(inputs["Sv"])))
+    return RiccatiTerminal(
+        SteadyMotion(placed(np.array(inputs["Sy"])), placed(np.array(inputs["Sv"])))
+    )
 
 
 def reference_of(inputs):

@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.guarantees.worst_cases import PeakValues
 from jcontour.simulation.metrics import Metrics
 from tuning.objectives import (
@@ -118,7 +119,7 @@ def test_loops_with_more_delay_are_limited_for_every_probe_and_plant():
 
 def test_errors_are_limited_by_those_before_the_tuning():
     """A contour that nothing is asked of, infinite before, has no slope and no excess."""
-    before = Before(np.array([2e-6, np.inf]))
+    before = Before(placed(np.array([2e-6, np.inf])))
     limits = AtMost(before, error_ratio=0.5)
     found = np.asarray(limits(outcome(rms_contour_error=ERRORS))).reshape(ERRORS.shape)
     np.testing.assert_allclose(found[0], np.log(ERRORS[0] / 1e-6), rtol=1e-12)
@@ -130,7 +131,7 @@ def test_errors_are_limited_by_those_before_the_tuning():
 
 
 def test_of_one_contour_the_ratio_is_to_its_own_error():
-    before = Before(np.array([2e-6, 3e-6]), "tracking")
+    before = Before(placed(np.array([2e-6, 3e-6])), "tracking")
     alone = AtMost(before, error_ratio=1.0, rms_control=1.0).of_contour(1)
     found = np.asarray(alone(Outcome(metrics(rms_tracking_error=np.full((2, 2), 6e-6)))))
     np.testing.assert_allclose(found[:2], np.log(2.0), rtol=1e-12)

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import LQWeights
 from tuning.parameters import Chart, Fixed, Free, Interval, LQSpace, Positive
 
@@ -34,7 +35,7 @@ def test_round_trip(a, b, part, free):
 @given(st.lists(st.floats(-30, 30), min_size=3, max_size=3))
 def test_no_coordinate_leaves_the_space(z):
     space = {"a": Positive(), "c": Interval(1e-3, 1e3), "d": Interval(-2.0, 3.0)}
-    weights = Chart(space, dict.fromkeys(space, np.asarray(1.0))).weights(np.asarray(z))
+    weights = Chart(space, dict.fromkeys(space, np.asarray(1.0))).weights(placed(np.asarray(z)))
     a, c, d = (float(weights[name]) for name in "acd")
     assert a > 0 and 1e-3 < c < 1e3 and -2 < d < 3
 
@@ -49,7 +50,7 @@ def test_lq_space_leaves_rho_alone():
     chart = Chart(LQSpace(), start)
     z = chart.coordinates()
     np.testing.assert_allclose(z, np.log([3.0, 0.1]))
-    moved = chart.weights(np.asarray(z) + 1.0)
+    moved = chart.weights(placed(np.asarray(z) + 1.0))
     np.testing.assert_allclose([moved.alpha, moved.beta], np.array([3.0, 0.1]) * np.e)
     assert moved.rho is start.rho and moved.stage is None
 

@@ -44,7 +44,7 @@ def placed_gain(
                 f"poles: the axis has {len(axis.states)} states, received {poles.shape[-1]} poles"
             )
     if is_concrete(poles):
-        for wanted in np.reshape(poles, (-1, poles.shape[-1])):
+        for wanted in np.asarray(poles).reshape(-1, poles.shape[-1]):
             _check_poles(wanted)
     K = _of_axes(model.A, model.B, poles, axes)
     if is_concrete(K):

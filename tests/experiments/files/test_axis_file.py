@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import experiments.machines
 from experiments.files.axis_file import AxisFile, Electrical, axis_fields, axis_from, save_axis
 from experiments.files.checks import MachineError
+from jcontour.arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 
 EXAMPLE = Path(experiments.machines.__file__).parent / "thesis-axis.json"
@@ -78,7 +79,7 @@ def test_several_axes_take_one_number_or_each_its_own():
 
 def test_no_cogging():
     axis = axis_from(FIELDS | {"cogging_sine": [], "cogging_cosine": []})
-    np.testing.assert_array_equal(axis.parameters.cogging(np.array([0.01])), [0.0])
+    np.testing.assert_array_equal(axis.parameters.cogging(placed(np.array([0.01]))), [0.0])
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from experiments.machines.gantry import (
     gantry_machine,
 )
 from jcontour.analysis.stability import margins
+from jcontour.arrays import placed
 from jcontour.geometry.contours import line
 from jcontour.motion.references import along
 from jcontour.plants.gantry.engines.mujoco_engine import GantryMuJoCo
@@ -175,7 +176,7 @@ def test_with_friction_the_true_family_sticks_and_nobody_else_confirms_it(machin
         "14, 20, 24 N to break loose" in rubbing.description()["Friction"]
         and "Friction" not in machine.description()
     )
-    position, increment = np.array([0.3, -0.02]), np.array([1e-4, 2e-4])
+    position, increment = placed(np.array([0.3, -0.02])), placed(np.array([1e-4, 2e-4]))
     for family, kind in (
         (rubbing.smooth_family(), SmoothFrictionGantry),
         (rubbing.true_family(), StickSlipGantry),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.catalogue.machines import MACHINES
+from jcontour.arrays import placed
 from jcontour.sensors import row
 
 
@@ -12,7 +13,7 @@ def test_units_of_the_sensors_tell_positions_from_speeds(name):
     machine = MACHINES[name]()
     plant, still = machine.nominal(), np.zeros(len(machine.axes))
     here, there = (
-        np.asarray(row(plant.measure(plant.initial_state(still + place, still))))
+        np.asarray(row(plant.measure(plant.initial_state(placed(still + place), placed(still)))))
         for place in (0.0, 1e-3)
     )
     assert here.size == len(machine.sensed)

@@ -41,6 +41,7 @@ from experiments.papers.yuan_contouring_bounded.runs import (
 )
 from experiments.papers.yuan_contouring_bounded.timed import Timed, TimedMemory, seconds
 from experiments.papers.yuan_gantry.runs import SAMPLE
+from jcontour.arrays import placed
 from jcontour.host.controller import HostController, StepReport
 from jcontour.plants.gantry.gantry import Gantry
 from jcontour.plants.gantry.linear_models import tangent
@@ -254,7 +255,7 @@ def test_friction_is_inside_its_box():
 
 
 def timed_run(seconds, last):
-    nothing = np.zeros((seconds.size, 1))
+    nothing = placed(np.zeros((seconds.size, 1)))
     return Rollout(None, nothing, None, nothing, TimedMemory(None, seconds), None, last)
 
 

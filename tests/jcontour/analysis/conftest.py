@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jcontour.analysis.probes import probe_windows
+from jcontour.arrays import placed
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
@@ -97,7 +98,7 @@ def linear_machine():
     """(A, B, C) -> plant; steady motions do not matter to a linear loop."""
 
     def of(A, B, C):
-        nothing = np.zeros((len(A), len(C)))
+        nothing = placed(np.zeros((len(A), len(C))))
         return LinearPlant(A, B, C, 1e-3, motion=SteadyMotion(nothing, nothing))
 
     return of

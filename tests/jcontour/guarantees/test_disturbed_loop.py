@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, kalman_gain
@@ -59,7 +60,7 @@ def test_the_matrices_predict_a_disturbed_run(two_axes, name):
     loop = disturbed_loop(plant, controller, reference)
     random = np.random.default_rng(3)
     w = random.uniform(-1, 1, (STEPS, 4)) * [0.5, 0.5, 1e-5, 1e-5]
-    disturbed = Disturbed(plant, force=w[:, :2], noise=w[:, 2:])
+    disturbed = Disturbed(plant, force=placed(w[:, :2]), noise=placed(w[:, 2:]))
     run = simulate(disturbed, controller, reference)
     M, E, C, K, D = (np.asarray(matrix) for matrix in loop[:5])
     z = np.zeros(M.shape[1])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import (
     ContouringLQ,
     LQWeights,
@@ -43,7 +44,7 @@ def late_table(delay: int):
 
 def behind_encoders(model):
     """The machine of the model under the load, seen by its encoders."""
-    return Encoders(Disturbed(model, force=LOAD[None]))
+    return Encoders(Disturbed(model, force=placed(LOAD[None])))
 
 
 def limited(model, observer, limits, terminal=None, preview=N, penalty=None):

@@ -3,6 +3,7 @@ import jax
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.linear.model_schedule import ModelSchedule
 from jcontour.linear.plant import LinearPlant
 
@@ -40,7 +41,7 @@ def test_a_path_beyond_the_points_is_refused(schedule):
         ValueError,
         match=r"points: the models cover -0.2 to 0.3 m of output 1, the path goes from 0 to 0.31 m",
     ):
-        schedule.along(path)
+        schedule.along(placed(path))
     traced = np.asarray(jax.jit(lambda position: schedule.along(position).A)(path))
     assert np.isfinite(traced[0]).all() and np.isnan(traced[1]).all()
 

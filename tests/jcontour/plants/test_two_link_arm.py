@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from jcontour.arrays import placed
 from jcontour.plants.two_link_arm import Joints, TwoLinkArm
 
 energy = jax.jit(TwoLinkArm.energy)
@@ -109,7 +110,7 @@ def test_kinematics_both_ways(tool):
 @pytest.mark.parametrize("tool", [[0.8, 0.0], [0.05, 0.0]])
 def test_out_of_reach(tool):
     with pytest.raises(ValueError, match="out of reach.*reaches from 0.1 to 0.7 m"):
-        TwoLinkArm().angles(np.array(tool))
+        TwoLinkArm().angles(placed(np.array(tool, float)))
 
 
 @pytest.mark.parametrize("numbers", [{"mass": (0.0, 1.0)}, {"viscous": -1.0}, {"dt": 0.0}])

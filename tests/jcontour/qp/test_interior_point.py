@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.qp import interior_point
 from jcontour.qp.interior_point import SOLVED, solve
 from jcontour.qp.solvers import DAQP
@@ -260,7 +261,7 @@ def test_arrays_that_do_not_fit_are_refused(limited, one_of, name, value):
 def test_a_guess_of_another_type_is_converted_and_one_of_another_size_refused(limited, one_of):
     qp = one_of(limited, 0)
     with pytest.raises(ValueError, match="guess"):
-        solve(qp, np.ones((1, 1)))
+        solve(qp, placed(np.ones((1, 1))))
     found, wanted = (
         jax.device_get(single(qp, np.ones((6, 2), dtype))) for dtype in ("float32", "float64")
     )

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controller import Wrapper
 from jcontour.controllers import ContouringLQ, LQWeights, PreviewLQ, RiccatiTerminal
 from jcontour.geometry.contours import circle
@@ -56,7 +57,9 @@ def test_closed_loop_is_the_recursion(monkeypatch, two_axes, gpu):
         random.standard_normal((33, 2)),
         random.standard_normal(4),
     )
-    states, last = jax.device_get(jax.jit(programs.closed_loop)(two_axes, AffinePlan(F, f), x))
+    states, last = jax.device_get(
+        jax.jit(programs.closed_loop)(two_axes, AffinePlan(placed(F), placed(f)), x)
+    )
     A, B = np.asarray(two_axes.A), np.asarray(two_axes.B)
     for k in range(33):
         np.testing.assert_allclose(states[k], x, rtol=1e-11, atol=1e-12)

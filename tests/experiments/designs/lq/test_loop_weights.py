@@ -3,6 +3,7 @@
 import numpy as np
 
 from experiments.designs.lq.loop_weights import LoopSpace, LoopWeights
+from jcontour.arrays import placed
 from tuning.parameters import Chart, Positive
 
 
@@ -10,7 +11,7 @@ def test_what_a_loop_does_not_have_is_not_moved():
     """Fed the state, alpha and beta alone are free."""
     chart = Chart(LoopSpace(), LoopWeights(2.0, 3.0, 1e-6))
     np.testing.assert_allclose(chart.coordinates(), np.log([2.0, 3.0]))
-    moved = chart.weights(np.zeros(2))
+    moved = chart.weights(placed(np.zeros(2)))
     assert (moved.alpha, moved.beta, moved.rho) == (1.0, 1.0, 1e-6)
     assert moved.stage is None and moved.drift is None
 

@@ -7,6 +7,7 @@ import pytest
 
 from experiments.jobs.replays import Scenarios
 from experiments.runs.tuning.family_loops import FREQUENCIES, family_curves, family_peaks
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import line
 from jcontour.linear.plant import LinearPlant, SteadyMotion
@@ -19,7 +20,7 @@ DT = 1e-3
 
 
 def integrator(gain):
-    one, nothing = np.eye(1), np.zeros((1, 1))
+    one, nothing = np.eye(1), placed(np.zeros((1, 1)))
     return LinearPlant(one, gain * one, one, DT, motion=SteadyMotion(nothing, nothing))
 
 

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.contouring.command_shaping import CommandShaped
 from jcontour.controllers.contouring.cross_coupled import (
     ConstantCoupling,
@@ -75,10 +76,11 @@ def test_contour_error_of_a_circle(clockwise):
     for angle in random.uniform(0, 2 * np.pi, 5):
         sign, radius = -1.0 if clockwise else 1.0, 0.03
         radial = np.array([np.cos(angle), np.sin(angle)])
-        frame = PathFrame(sign * np.array([-radial[1], radial[0]]), sign / radius)
+        tangent = placed(sign * np.array([-radial[1], radial[0]]))
+        frame = PathFrame(tangent, placed(np.array(sign / radius)))
         tool = radius * radial + random.normal(0, 1e-3, 2)
         expected = sign * (tool @ tool - radius**2) / (2 * radius)
-        assert float(frame.contour_error(radius * radial - tool)) == pytest.approx(
+        assert float(frame.contour_error(placed(radius * radial - tool))) == pytest.approx(
             expected, rel=1e-12
         )
 

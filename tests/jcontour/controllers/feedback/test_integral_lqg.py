@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from jcontour.analysis.stability import frozen_spectral_radii
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.integral_lqg import (
     IntegralLQG,
     integral_lq_gains,
@@ -92,7 +93,7 @@ def test_gains_are_those_of_scipys_riccati_equation(model, lqg):
 def test_poles_of_the_loop_are_those_of_the_feedback_and_of_the_filter(model, plant, lqg):
     """Separation: the loop of machine, filter and integral against the two problems apart."""
     task = along(line([0.0], [0.1]), 1e-4 * np.arange(2), DT, 1, at_rest=False)
-    whole = with_integrals(model, MOTOR[:1])
+    whole = with_integrals(model, placed(MOTOR[:1]))
     gain = np.hstack([lqg.feedback.gain, lqg.integral_gain])
     feedback = np.linalg.eigvals(np.asarray(whole.A) - np.asarray(whole.B) @ gain)
     A = np.asarray(model.A)

@@ -10,12 +10,12 @@ from jcontour.linear.plant import LinearPlant
 from jcontour.plants.flexible_axis.models import zoh_model
 
 DT = 1e-3
-pairs = jax.jit(damped_poles)
+pairs = jax.jit(damped_poles, static_argnums=2)
 
 
 @cache
 def two_pairs():
-    return pairs([40.0, 95.0], [0.9, 0.3], DT)
+    return pairs(np.array([40.0, 95.0]), np.array([0.9, 0.3]), DT)
 
 
 def moved(model, K):

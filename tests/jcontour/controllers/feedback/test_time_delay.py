@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.time_delay import Motion, Past, TimeDelayControl
 from jcontour.geometry.contours import line
 from jcontour.motion.references import from_samples
@@ -112,8 +113,8 @@ def test_a_step_beyond_the_limit_does_not_wind_up(limit):
 def test_a_limit_for_each_axis_bounds_control_and_memory():
     limit = np.array([0.5, 2.0])
     controller = TimeDelayControl(400.0, 40.0, 1.0, motors(2), PERIOD, limit)
-    target = Motion(np.array([0.1, -0.1]), np.zeros(2), np.zeros(2))
-    past = Past(np.zeros(2), np.zeros(2))
+    target = Motion(*map(placed, np.array([[0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])))
+    past = Past(*map(placed, np.zeros((2, 2))))
     step = eqx.filter_jit(controller.step)
     memory, control = step(past, target, (np.zeros(2), np.zeros(2)))
     np.testing.assert_array_equal(control, [0.5, -2.0])

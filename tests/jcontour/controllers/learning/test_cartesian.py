@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.learning.cartesian import CartesianControl, cartesian_cycles
 from jcontour.controllers.learning.laps import learn
 from jcontour.controllers.learning.p_type import PType
@@ -69,7 +70,7 @@ def test_other_masses_are_learned_as_well(ring):
     heavy = TwoLinkArm(mass=(12.0, 6.0), inertia=(0.18, 0.06), viscous=(1.0, 0.6), dt=DT)
     control = CartesianControl(TwoLinkArm(dt=DT), *GAINS, np.zeros((STEPS, 2)), DT)
     run = cartesian_cycles(lambda lap: heavy, control, ring)
-    laps, _ = learn(run, LAW, CYCLES, np.zeros((STEPS, 2)))
+    laps, _ = learn(run, LAW, CYCLES, placed(np.zeros((STEPS, 2))))
     away = np.asarray(laps.output) - np.asarray(ring.position)[:STEPS]
     rms = np.sqrt(np.mean(np.sum(away**2, axis=2), axis=1))
     assert rms[-1] < 0.05 * rms[0]
@@ -79,7 +80,7 @@ def test_a_spring_and_a_damper_at_the_tool(ring):
     arm = TwoLinkArm(dt=DT)
     control = CartesianControl(arm, *GAINS, jnp.ones((STEPS, 2)), DT)
     plan = jax.tree.map(lambda rows: np.asarray(rows)[7], control.prepare(ring))
-    angle, speed = np.array([0.2, 1.1]), np.array([0.3, -0.4])
+    angle, speed = placed(np.array([0.2, 1.1])), placed(np.array([0.3, -0.4]))
     J = np.asarray(arm.jacobian(angle))
     path = np.asarray(ring.position)
     pull = 6000 * (path[7] - np.asarray(arm.tool(angle)))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import dfreqresp, dlti
 
+from jcontour.arrays import placed
 from jcontour.controllers.learning.convergence import convergence, frequency_response
 from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal
@@ -60,8 +61,8 @@ def test_laps_come_closer_by_at_least_the_bound(seed):
     def run(u, lap):
         return Lap(u, wanted[:, None] - plant(u), plant(u), u)
 
-    _, limit = learn(run, law, 200, np.zeros((STEPS, 1)))
-    found, _ = learn(run, law, 6, np.zeros((STEPS, 1)))
+    _, limit = learn(run, law, 200, placed(np.zeros((STEPS, 1))))
+    found, _ = learn(run, law, 6, placed(np.zeros((STEPS, 1))))
     away = np.linalg.norm((np.asarray(found.correction) - np.asarray(limit))[..., 0], axis=1)
     assert bound < 1 and np.all(away[1:] <= (bound + 1e-9) * away[:-1])
 
@@ -85,7 +86,7 @@ def test_a_norm_optimal_law_on_the_opposite_of_its_model_is_not():
     def run(u, lap):
         return Lap(u, ramp - against(u), against(u), u)
 
-    laps, _ = learn(run, law, 5, np.zeros((STEPS, 1)))
+    laps, _ = learn(run, law, 5, placed(np.zeros((STEPS, 1))))
     errors = np.sqrt(np.mean(np.asarray(laps.error) ** 2, axis=(1, 2)))
     assert diverged_lap(errors) == 3
 

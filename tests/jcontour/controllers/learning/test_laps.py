@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.learning.laps import (
     Learned,
@@ -38,7 +39,9 @@ def test_a_correction_shifts_the_reference(small_loop):
 
 def test_no_correction_changes_nothing(small_loop):
     plant, controller, reference = small_loop()
-    learned = simulate(plant, Learned(controller, np.zeros((reference.steps, 2))), reference)
+    learned = simulate(
+        plant, Learned(controller, placed(np.zeros((reference.steps, 2)))), reference
+    )
     plain = simulate(plant, controller, reference)
     np.testing.assert_array_equal(learned.output, plain.output)
 
@@ -47,7 +50,7 @@ def test_a_correction_of_another_lap_is_refused(small_loop):
     _, controller, reference = small_loop()
     for shape in ((reference.steps + 1, 2), (reference.steps, 1)):
         with pytest.raises(ValueError, match=r"correction: needs the shape \(120, 2\) of the lap"):
-            Learned(controller, np.zeros(shape)).prepare(reference)
+            Learned(controller, placed(np.zeros(shape))).prepare(reference)
 
 
 @pytest.mark.slow
@@ -101,7 +104,7 @@ def test_no_laps_are_refused(small_loop, positions):
     plant, controller, reference = small_loop()
     run = laps_of(lambda lap: plant, controller, reference, positions)
     with pytest.raises(ValueError, match="laps: needs at least one, received 0"):
-        learn(run, PType(0.5), 0, np.zeros((120, 2)))
+        learn(run, PType(0.5), 0, placed(np.zeros((120, 2))))
 
 
 @pytest.mark.parametrize(

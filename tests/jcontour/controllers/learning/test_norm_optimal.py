@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.learning.laps import laps_of, learn
 from jcontour.controllers.learning.norm_optimal import NormOptimal, linearised, norm_optimal
 
@@ -44,7 +45,8 @@ def test_the_model_is_the_difference_of_two_runs(run):
     laps, _ = run
     start, change = np.random.default_rng(1).standard_normal((2, STEPS, 2))
     model = linearised(laps, jnp.zeros((STEPS, 2)))
-    ahead, before = (laps(c, np.zeros((), int)).error for c in (start + change, start))
+    lap = np.zeros((), int)
+    ahead, before = (laps(placed(c), lap).error for c in (start + change, start))
     np.testing.assert_allclose(model(change), before - ahead, rtol=0, atol=1e-12)
 
 

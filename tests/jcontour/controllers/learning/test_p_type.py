@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve1d
 
+from jcontour.arrays import placed
 from jcontour.controllers.learning.laps import Lap, diverged_lap, learn
 from jcontour.controllers.learning.p_type import PType, smoothed, smoothing_of
 
@@ -19,7 +20,7 @@ def first_order(u, lap):
 
 
 def trials(gain, laps):
-    found, _ = learn(first_order, PType(gain), laps, np.zeros((50, 1)))
+    found, _ = learn(first_order, PType(gain), laps, placed(np.zeros((50, 1))))
     return np.abs(np.asarray(found.error)).max(axis=(1, 2))
 
 
@@ -43,14 +44,14 @@ def test_the_filter_is_a_convolution_with_held_ends():
     wanted = signal
     for _ in range(5):
         wanted = convolve1d(wanted, [0.25, 0.5, 0.25], axis=0, mode="nearest")
-    np.testing.assert_allclose(smoothed(signal, 5), wanted, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(smoothed(placed(signal), 5), wanted, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("frequency", [5.0, 50.0, 200.0])
 def test_the_filter_halves_the_amplitude_at_its_bandwidth(frequency):
     times = smoothing_of(2 * np.pi * frequency, 1e-3)
     wave = np.cos(2 * np.pi * frequency * 1e-3 * np.arange(4001))
-    found = np.asarray(smoothed(wave[:, None], times))[2000, 0]
+    found = np.asarray(smoothed(placed(wave[:, None]), times))[2000, 0]
     assert found == pytest.approx(0.5 * wave[2000], abs=0.08)
 
 
@@ -82,7 +83,7 @@ def test_bad_input(any_type, arguments, says):
 
 def test_a_lead_longer_than_the_lap():
     with pytest.raises(ValueError, match="lead: 9 samples are more than the lap of 5 has"):
-        PType(0.5, lead=9).update(np.zeros((5, 1)), np.zeros((5, 1)))
+        PType(0.5, lead=9).update(*map(placed, np.zeros((2, 5, 1))))
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, 4000.0])

@@ -2,6 +2,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.planned_feedback import PlannedFeedback
 from jcontour.geometry.contours import circle
 from jcontour.linear.plant import AffinePlan
@@ -19,7 +20,7 @@ class Given(PlannedFeedback):
 
 def test_the_control_is_that_of_the_plan(two_axes):
     random = np.random.default_rng(0)
-    plan = AffinePlan(*(random.standard_normal(s) for s in ((5, 2, 4), (5, 2))))
+    plan = AffinePlan(*(placed(random.standard_normal(s)) for s in ((5, 2, 4), (5, 2))))
     reference = along(circle(1e-2), 1e-4 * np.arange(5), 1e-3, 0, at_rest=True)
     found = jax.device_get(simulate(two_axes, Given(plan), reference))
     x = found.state[0]

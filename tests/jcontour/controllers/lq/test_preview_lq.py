@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal
 from jcontour.controllers.lq.preview_lq import PreviewLQ
 from jcontour.linear.plant import SteadyMotion
@@ -34,7 +35,7 @@ def test_finite_preview_is_case_iii(preview):
 
 def test_given_maps_serve_a_coupled_plant(coupled_plant):
     plant = coupled_plant(4, 5, 2)
-    motion = SteadyMotion(*np.random.default_rng(0).standard_normal((2, 5, 2)))
+    motion = SteadyMotion(*map(placed, np.random.default_rng(0).standard_normal((2, 5, 2))))
     reference = reference_of(4, plant.dt)
     theirs = ContouringLQ(plant, LQWeights(0.5, 0.0, 0.1), 4, RiccatiTerminal(motion))
     wanted = prepared(theirs, reference)

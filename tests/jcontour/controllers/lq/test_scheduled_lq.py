@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights, RiccatiTerminal, balanced
 from jcontour.controllers.lq.scheduled_lq import ScheduledLQ
 from jcontour.geometry.contours import circle
@@ -110,7 +111,7 @@ def test_control_is_the_minimiser_of_the_stated_cost(schedule, reference, k):
     wanted = minimiser(schedule, reference, k, x)
     controller = ScheduledLQ(schedule, weighted(), PREVIEW)
     plan = jax.device_get(prepared(controller, reference))
-    _, found = controller.step(None, jax.tree.map(lambda rows: rows[k], plan), x)
+    _, found = controller.step(None, jax.tree.map(lambda rows: placed(rows[k]), plan), placed(x))
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
 
 

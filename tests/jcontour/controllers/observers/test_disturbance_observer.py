@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.disturbance_observer import DisturbanceObserver
 from jcontour.linear.plant import LinearPlant
@@ -54,7 +55,7 @@ def test_the_nominal_machine_is_left_as_it_was(cascade, rigid, task):
 def test_the_estimate_is_the_disturbance_through_q(cascade, rigid, task):
     """Whatever the loop does: against the response by python-control."""
     force = np.random.default_rng(0).standard_normal(task.steps)
-    run = simulate(Disturbed(rigid, force[:, None]), observed(cascade), task)
+    run = simulate(Disturbed(rigid, placed(force[:, None])), observed(cascade), task)
     estimate = np.asarray(run.memory.first)[:, 0]
     x = np.asarray(run.state[0])[:, 0]
     inverse = float(observed(cascade)._filters()[1])
@@ -70,7 +71,7 @@ def test_q_is_a_low_pass_of_its_bandwidth():
 
 
 def test_a_constant_force_is_cancelled_without_an_integrator(cascade, rigid, task):
-    run = simulate(Disturbed(rigid, np.ones((1, 1))), observed(cascade), task)
+    run = simulate(Disturbed(rigid, placed(np.ones((1, 1)))), observed(cascade), task)
     # the integral of the PI has nothing to hold
     np.testing.assert_allclose(np.asarray(run.memory.inner)[-1], 0.0, atol=1e-4)
     np.testing.assert_allclose(np.asarray(run.output)[-1], 0.1, atol=1e-6)

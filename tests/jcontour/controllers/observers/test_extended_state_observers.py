@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.observers.extended_state_observers import (
     NLESO,
@@ -94,9 +95,7 @@ def test_the_current_form_knows_a_constant_disturbance_after_three_samples_of_a_
     w = 300.0
     observer = CurrentLESO(w, B0, DT)
     jacobian = jax.jacfwd(
-        lambda z: jnp.concatenate(
-            observer.update(Estimate(*z[:, None]), np.zeros(1), np.zeros(1), np.zeros(1))
-        )
+        lambda z: jnp.concatenate(observer.update(Estimate(*z[:, None]), *jnp.zeros((3, 1))))
     )
     polynomial = np.poly(np.asarray(jax.jit(jacobian)(np.zeros(3))))
     np.testing.assert_allclose(polynomial, np.poly([np.exp(-w * DT)] * 3), atol=1e-9)
@@ -141,7 +140,7 @@ def test_a_constant_force_is_found_and_cancelled(kind, options):
     smooth = AxisParameters(
         39.62, 0.38, 2908.0, 50.0, 79.33, Friction(0.0, 0.0, 1.0, 0.0), [0.0], [0.0], 0.0875
     )  # well damped
-    axis = Disturbed(FlexibleAxis(smooth, DT), np.ones((1, 1)))
+    axis = Disturbed(FlexibleAxis(smooth, DT), placed(np.ones((1, 1))))
     errors = []
     for controller in (inside, DisturbanceRejection(inside, observer, one_motor())):
         run = simulate(axis, controller, task)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from jcontour.arrays import placed
 from jcontour.controller import Controller, Wrapper
 from jcontour.controllers.feedback.state_feedback import StateFeedback, lq_gain, moving_target
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
@@ -163,7 +164,7 @@ def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_doe
     frictionless = AxisParameters(
         39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
     )
-    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jnp.full((1, 1), 0.5))
+    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jplaced(np.full((1, 1), 0.5)))
     errors = [
         abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01)
         for controller in (plain, integral)
@@ -207,7 +208,7 @@ class Cancelling(Wrapper):
 def test_who_is_told_of_the_load_may_cancel_it_himself(thesis_model, thesis_feedback):
     gain = offset_free_gain(thesis_model, MOTOR, 0.05, 0.05, [1e-6, 1e-3])
     task = in_time(line([0.0], [0.01]), PointToPoint(0.01, 0.1, 4.0), 0.2, 1e-3)
-    machine = Disturbed(Sensed(thesis_model, lambda x: x[:2]), np.full((1, 1), 0.5))
+    machine = Disturbed(Sensed(thesis_model, lambda x: x[:2]), placed(np.full((1, 1), 0.5)))
     wanted, found = (
         simulate(machine, observer, task).control
         for observer in (

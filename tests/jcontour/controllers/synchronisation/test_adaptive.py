@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.synchronisation.adaptive import (
     AdaptiveSynchronisation,
     SynchronisedGains,
@@ -34,7 +35,7 @@ def run(p, sampled, beta, speeds, estimate=None):
     steps = len(speeds) - 2
     force = np.zeros((steps, 2))
     force[round(p["t_step"] / dt) :, 1] = p["d2_step"]
-    plant = Disturbed(servo_axes(p["b"], p["a"], dt), force)
+    plant = Disturbed(servo_axes(p["b"], p["a"], dt), placed(force))
     gains = SynchronisedGains(p["kc"], sampled["gamma_d"], beta, bias=p["v_c"])
     start = axes.feedforward(dt) if estimate is None else estimate
     controller = AdaptiveSynchronisation(gains, STATE, dt, start)
@@ -106,7 +107,7 @@ def test_unequal_axes_and_a_load_that_moves():
     wanted, theta = plain_loop(axes, ([0.3, 0.2], 0.02, 1.7, 0.5), speeds, dt, force)
     gains = SynchronisedGains([0.3, 0.2], 0.02, 1.7, bias=0.5)
     controller = AdaptiveSynchronisation(gains, STATE, dt, axes.feedforward(dt))
-    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), force)
+    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), placed(force))
     found = simulate(plant, controller, following(speeds, dt))
     error = speeds[:300, None] - np.asarray(found.measurement)[:, 1::2]
     np.testing.assert_allclose(error, wanted, rtol=0, atol=1e-11)
@@ -116,7 +117,7 @@ def test_unequal_axes_and_a_load_that_moves():
 def test_positions_are_held_by_their_own_gain():
     """A load leaves no error in the position once the estimates have taken it over."""
     axes, dt = speed_axes([10.0, 10.0], 50.0), 2e-3
-    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), np.array([[0.0, 1.0]]))
+    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), placed(np.array([[0.0, 1.0]])))
     gains = SynchronisedGains(0.3, 0.022, 2.0, position=20.0)
     controller = AdaptiveSynchronisation(gains, STATE, dt, axes.feedforward(dt))
     rollout = simulate(plant, controller, following(np.full(3003, 0.3), dt))
@@ -136,7 +137,7 @@ def test_gradients_of_all_gains_through_fifty_steps_of_adaptation():
     dt, axes = 2e-3, speed_axes([10.0, 4.0], [50.0, 70.0])
     speeds = 0.5 + 0.1 * np.sin(0.3 * np.arange(52))
     force = np.random.default_rng(0).standard_normal((50, 2))
-    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), force)
+    plant = Disturbed(servo_axes(axes.gain, axes.pole, dt), placed(force))
     reference = following(speeds, dt)
     gains = SynchronisedGains([0.3, 0.2], 0.02, 1.7, position=[3.0, 2.0], bias=0.5)
     controller = AdaptiveSynchronisation(gains, STATE, dt, 0.9 * axes.feedforward(dt))

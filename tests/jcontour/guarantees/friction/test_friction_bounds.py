@@ -5,6 +5,7 @@ import jax
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.geometry.contours import line
 from jcontour.guarantees.affine import NotAffine
@@ -60,7 +61,7 @@ def friction_of_a_stop(axis, v, control):
     speeds, rates, dry = [], [], []
     for share in (0.0, 0.5, 0.5, 1.0):  # x and the link move by less than a micrometre
         speeds.append(v + share * h * rates[-1] if rates else v)
-        dry.append(float(np.asarray(p.friction.dry(np.full(1, speeds[-1])))[0]))
+        dry.append(float(np.asarray(p.friction.dry(placed(np.full(1, speeds[-1]))))[0]))
         rates.append((drive - dry[-1] - float(p.friction.viscous[0]) * speeds[-1]) / mass)
     after = v + h / 6 * np.dot([1, 2, 2, 1], rates)
     assert v > 0 and after <= 0

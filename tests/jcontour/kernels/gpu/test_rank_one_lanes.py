@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.controllers.lq.contouring_lq import contour_weight
 from jcontour.kernels.gpu.rank_one_lanes import (
     lanes_of,
@@ -53,7 +54,8 @@ def test_equals_the_readable_sweep(problems, sizes, inputs, steps, preview):
         return rank_one_gains(*model, alpha + beta, beta, tangent, y_d, stage, R)
 
     def sweep(alpha, beta, rho):
-        plan = readable(plant, alpha, beta, tangent, y_d, jnp.asarray(stage), rho * jnp.eye(inputs))
+        samples = map(placed, (tangent, y_d, stage))
+        plan = readable(plant, alpha, beta, *samples, rho * jnp.eye(inputs))
         return plan.F, plan.f
 
     found, wanted = (jax.jit(jax.vmap(gains))(*weights.T) for gains in (lanes, sweep))

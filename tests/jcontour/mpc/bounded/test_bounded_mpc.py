@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.geometry import contours
 from jcontour.host.loop import Stopped, reported_loop
 from jcontour.linear.plant import LinearPlant
@@ -69,7 +70,7 @@ def bang_bang(reference, seed=0):
 
 
 def run(table, controller, reference, disturbance, fallback=None):
-    plant = Disturbed(table, force=LOAD * disturbance)
+    plant = Disturbed(table, force=placed(LOAD * np.asarray(disturbance)))
     found = reported_loop(plant, controller, reference, fallback=fallback)
     error = np.linalg.norm(np.asarray(contour_error(found.rollout.output, reference)), axis=1)
     return found, error

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.geometry import contours
 from jcontour.linear.plant import LinearPlant, SteadyMotion
 from jcontour.motion import references
@@ -25,7 +26,7 @@ def built():
     C = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0]])
     Sy = np.array([[1.0, 0], [0, 0], [0, 1], [0, 0]])
     Sv = np.array([[0, 0], [1 / DT, 0], [0, 0], [0, 1 / DT]])
-    model = LinearPlant(A, B, C, DT, motion=SteadyMotion(Sy, Sv))
+    model = LinearPlant(A, B, C, DT, motion=SteadyMotion(placed(Sy), placed(Sv)))
     limits = BoundedLimits(10.0, speed_signals(model, 1.0))
     disturbed = DisturbedModel.loaded(model, 0.5)
     least = bounded_response(model, disturbed, limits, LENGTH)

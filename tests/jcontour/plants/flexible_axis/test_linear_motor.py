@@ -32,7 +32,7 @@ def driven(axis=FlexibleAxis, parameters=None, period=PERIOD, dt=DT, **options):
 
 
 def advance(motor, *arguments):
-    return jax.device_get(jax.jit(LinearMotor.advance)(motor, *arguments))
+    return jax.device_get(jax.jit(LinearMotor.advance, static_argnums=4)(motor, *arguments))
 
 
 def test_the_winding_follows_its_equations():

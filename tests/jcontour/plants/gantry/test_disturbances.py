@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.plants.gantry.disturbances import disturbance_bounds, disturbances
 from jcontour.plants.gantry.gantry import EquationOfMotion
 from jcontour.plants.gantry.linear_models import X, Y, control_oriented
@@ -101,4 +102,4 @@ def test_bad_boxes_are_named():
         with pytest.raises(ValueError, match=says):
             disturbance_bounds(p, HEAD, low, high)
     with pytest.raises(ValueError, match="head runs"):
-        disturbances(p, 1.0, np.zeros(6), np.zeros(3))
+        disturbances(p, 1.0, placed(np.zeros(6)), placed(np.zeros(3)))

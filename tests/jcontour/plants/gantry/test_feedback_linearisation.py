@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.plants.gantry.feedback_linearisation import (
     EncoderLinearisation,
     coupling_currents,
@@ -44,6 +45,9 @@ def numbers(p):
 
 
 rates = jax.jit(EquationOfMotion.acceleration)
+linearising = jax.jit(linearising_currents)
+coupling = jax.jit(coupling_currents)
+uncoupled = jax.jit(uncoupled_acceleration)
 
 
 def moved(p, state, control):
@@ -89,7 +93,7 @@ def test_currents_are_those_of_the_thesis(odd_gantry):
     )
     for seed in range(5):
         state, acceleration = drawn(seed)
-        found = coupling_currents(odd_gantry, state[:3], state[3:], tuple(acceleration))
+        found = coupling(odd_gantry, state[:3], state[3:], tuple(acceleration))
         np.testing.assert_allclose(
             found,
             n["head_mass"] * brackets(odd_gantry, state, acceleration) / constants,
@@ -99,7 +103,7 @@ def test_currents_are_those_of_the_thesis(odd_gantry):
 
 
 def test_motors_share_sum_and_difference():
-    i_x, i_1, i_2 = np.asarray(motor_currents(np.array([7.0, 3.0, -5.0])))
+    i_x, i_1, i_2 = np.asarray(motor_currents(placed(np.array([7.0, 3.0, -5.0]))))
     assert (i_x, i_1 + i_2, i_2 - i_1) == (7.0, 3.0, -5.0)
 
 
@@ -107,7 +111,7 @@ def test_accelerations_are_those_of_the_control_oriented_model(odd_gantry):
     for seed in range(5):
         state, control = drawn(seed)
         A, B, _ = (np.asarray(matrix) for matrix in control_oriented(odd_gantry, state[0]))
-        found = uncoupled_acceleration(odd_gantry, state[:3], state[3:], control)
+        found = uncoupled(odd_gantry, state[:3], state[3:], control)
         np.testing.assert_allclose(found, (A @ state + B @ control)[3:], rtol=1e-10, atol=1e-9)
 
 
@@ -119,9 +123,10 @@ def test_a_plant_of_the_nominal_parameters_moves_as_the_model_but_for_what_is_dr
     motion = EquationOfMotion.of(odd_gantry)
     for seed in range(10):
         state, control = drawn(seed)
-        whole = control + linearising_currents(odd_gantry, state, control)
-        model = np.array(uncoupled_acceleration(odd_gantry, state[:3], state[3:], control))
-        off = np.asarray(motion.mass_matrix(state[:3])) @ (moved(odd_gantry, state, whole) - model)
+        whole = control + linearising(odd_gantry, state, control)
+        model = np.array(uncoupled(odd_gantry, state[:3], state[3:], control))
+        mass = np.asarray(motion.mass_matrix(placed(state[:3])))
+        off = mass @ (moved(odd_gantry, state, whole) - model)
         wanted = dropped(odd_gantry, state, np.asarray(whole), model)
         np.testing.assert_allclose(off, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
 
@@ -130,8 +135,8 @@ def test_without_twist_nothing_is_left(odd_gantry):
     for seed in range(5):
         state, control = drawn(seed)
         state[2] = 0.0
-        whole = control + linearising_currents(odd_gantry, state, control)
-        model = np.array(uncoupled_acceleration(odd_gantry, state[:3], state[3:], control))
+        whole = control + linearising(odd_gantry, state, control)
+        model = np.array(uncoupled(odd_gantry, state[:3], state[3:], control))
         np.testing.assert_allclose(moved(odd_gantry, state, whole), model, rtol=1e-11, atol=1e-9)
         assert np.abs(moved(odd_gantry, state, control) - model).max() > 0.1
 
@@ -151,14 +156,12 @@ def test_the_sampled_plant_follows_the_linear_model():
 
     def linear(state, control):
         def rates(x):
-            return jnp.concatenate(
-                [x[3:], jnp.stack(uncoupled_acceleration(p, x[:3], x[3:], control))]
-            )
+            return jnp.concatenate([x[3:], jnp.stack(uncoupled(p, x[:3], x[3:], control))])
 
         return runge_kutta(rates, state, dt)
 
     def linearised(state, control):
-        return plant.step(state, control + linearising_currents(p, state, control))
+        return plant.step(state, control + linearising(p, state, control))
 
     def positions(step):
         return np.asarray(
@@ -201,10 +204,10 @@ def test_residuals_are_the_thesiss_sums(odd_gantry, head):
     )
     for seed in range(10):
         state, control = drawn(seed)
-        whole = control + linearising_currents(odd_gantry, state, control)
+        whole = control + linearising(odd_gantry, state, control)
         real, model = (
             moved(plant, state, whole),
-            uncoupled_acceleration(odd_gantry, state[:3], state[3:], control),
+            uncoupled(odd_gantry, state[:3], state[3:], control),
         )
         off = float(state[0]) - head
         wanted = (share * n["head_mass"] - M) * brackets(plant, state, real)
@@ -215,16 +218,16 @@ def test_residuals_are_the_thesiss_sums(odd_gantry, head):
             share * n["head_mass"] * (brackets(plant, state, model) - brackets(plant, state, real))
         )
         wanted += dropped(plant, state, np.asarray(whole), real)
-        found = residuals(plant, odd_gantry, head, state, control)
+        found = jax.jit(residuals)(plant, odd_gantry, head, state, control)
         np.testing.assert_allclose(found, wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
 
 
 def test_encoders_tell_as_much_as_the_state(odd_gantry):
     state, control = drawn(0)
     encoders = MotorEncoders(odd_gantry)
-    np.testing.assert_allclose(encoders.state(encoders(state)), state, rtol=1e-12)
-    found = EncoderLinearisation(odd_gantry)(encoders(state), control)
-    np.testing.assert_allclose(found, linearising_currents(odd_gantry, state, control), rtol=1e-10)
+    np.testing.assert_allclose(encoders.state(encoders(placed(state))), state, rtol=1e-12)
+    found = EncoderLinearisation(odd_gantry)(encoders(placed(state)), placed(control))
+    np.testing.assert_allclose(found, linearising(odd_gantry, state, control), rtol=1e-10)
 
 
 @pytest.mark.slow

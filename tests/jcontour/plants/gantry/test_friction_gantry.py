@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
+from jcontour.arrays import placed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.friction_gantry import SmoothFrictionGantry, StickSlipGantry
 from jcontour.plants.gantry.gantry import EquationOfMotion, Gantry
@@ -177,14 +178,14 @@ def test_without_dry_friction_it_is_the_gantry(kind, odd_gantry, swinging, run):
     plant, plain = kind(odd_gantry, only(), DT, substeps=SUBSTEPS), Gantry(odd_gantry, DT, SUBSTEPS)
     state = np.array([0.3, -0.2, 0.03, 0.2, -0.1, 0.5])
     start = plant.initial_state(np.array([0.3, 0.1]), np.array([1e-4, 1e-4]))
-    sliders = np.asarray(odd_gantry.motors(state))
+    sliders = odd_gantry.motors(placed(state))
     start = (
-        start._replace(sliders=sliders, mode=np.sign(sliders[3:]).astype(np.int32))
+        start._replace(sliders=sliders, mode=placed(np.sign(sliders[3:]).astype(np.int32)))
         if kind is StickSlipGantry
         else sliders
     )
     np.testing.assert_allclose(plant.measure(start), state, rtol=1e-13)
-    np.testing.assert_allclose(plant.output(start), plain.output(state), rtol=1e-13)
+    np.testing.assert_allclose(plant.output(start), plain.output(placed(state)), rtol=1e-13)
     currents = swinging(STEPS, seed=2, size=5.0)
     found, _ = run(plant, start, currents)
     np.testing.assert_allclose(found, run(plain, state, currents)[0], rtol=0, atol=1e-7)
@@ -252,8 +253,10 @@ def test_a_speed_that_is_not_a_number_is_never_taken_for_rest(slider, rubbing, r
     moving = plant.initial_state(np.array([0.3, 0.1]), np.array([2e-4, -1e-4]))
     sliders = np.array(moving.sliders)
     sliders[3 + slider] = np.nan
-    lost = moving._replace(sliders=sliders)
-    after = jax.tree.map(lambda rows: rows[-1], run(plant, lost, np.zeros((STEPS, 3)))[1])
+    lost = moving._replace(sliders=placed(sliders))
+    after = jax.tree.map(
+        lambda rows: placed(np.asarray(rows)[-1]), run(plant, lost, np.zeros((STEPS, 3)))[1]
+    )
     assert np.isnan(after.sliders[slider]) and np.isnan(after.sliders[3 + slider])
     assert np.isnan(plant.measure(after)).any() and np.isnan(plant.output(after)).any()
 

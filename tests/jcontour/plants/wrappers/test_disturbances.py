@@ -1,5 +1,6 @@
 import numpy as np
 
+from jcontour.arrays import placed
 from jcontour.plants.wrappers.disturbances import Disturbed
 from jcontour.plants.wrappers.encoders import Encoders
 
@@ -7,7 +8,7 @@ from jcontour.plants.wrappers.encoders import Encoders
 def test_disturbed_adds_rows_and_holds_the_last(two_axes, start, controls, run):
     random = np.random.default_rng(1)
     force, noise = 1e-3 * random.standard_normal((3, 2)), 1e-6 * random.standard_normal((8, 2))
-    plant = Disturbed(Encoders(two_axes), force, noise)
+    plant = Disturbed(Encoders(two_axes), placed(force), placed(noise))
     state = plant.initial_state(np.array([1e-3, 2e-3]), np.array([1e-5, 0.0]))
     outputs, measurements, last = run(plant, state, controls)
     wanted = run(two_axes, start, controls + force[np.minimum(np.arange(8), 2)])

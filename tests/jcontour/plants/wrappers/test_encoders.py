@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.wrappers.delays import LateSensors
 from jcontour.plants.wrappers.disturbances import Disturbed
@@ -55,7 +56,7 @@ def measured_at_rest(plant):
 
 
 def test_noise_is_there_before_the_counts_of_a_late_motor():
-    noise = np.array([[0.6e-6, 9.0]])
+    noise = placed(np.array([[0.6e-6, 9.0]]))
     inside = Disturbed(FlexibleAxis(thesis_axis(), 1e-3), noise=noise)
     plant = LateSensors(CountingEncoders(inside, motors(1), 1e-6), jnp.asarray(1), 1)
     position, speed = measured_at_rest(plant)

@@ -3,6 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.plants.flexible_axis.axis import FlexibleAxis, thesis_axis
 from jcontour.plants.flexible_axis.linear_motor import DrivenAxis, thesis_motor
 from tuning.identification.flexible_axis.instruments import InstrumentedAxis
@@ -15,7 +16,7 @@ def axis(noise=0.0, rows=20, seed=0):
     driven = DrivenAxis(FlexibleAxis(thesis_axis(), PERIOD), thesis_motor(), PERIOD)
     return InstrumentedAxis(
         driven=driven,
-        noise=noise * random.normal(size=(rows, 2)),
+        noise=placed(noise * random.normal(size=(rows, 2))),
         resolution=COUNT,
         dt=DT,
     )

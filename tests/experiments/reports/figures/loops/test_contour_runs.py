@@ -4,6 +4,7 @@ import numpy as np
 
 from experiments.reports.figures.loops.contour_runs import ContourRuns
 from experiments.reports.figures.loops.contours import contour_figure
+from jcontour.arrays import placed
 from jcontour.geometry.contours import circle
 from jcontour.motion.feed_laws import constant_feed
 from jcontour.motion.references import along
@@ -17,8 +18,8 @@ def test_runs_of_a_library_user():
     contour = circle(RADIUS)
     arc = constant_feed(contour, 0.1, 1e-3)
     reference = along(contour, arc, 1e-3, 0, at_rest=False)
-    output = 1.1 * np.asarray(reference.position)
-    control = np.zeros_like(output)
+    output = placed(1.1 * np.asarray(reference.position))
+    control = placed(np.zeros(output.shape))
     rollout = Rollout(None, output, None, control, None, None, None)
     runs = ContourRuns.of(reference, {"mine": rollout}, "ring")
     (run,) = runs.runs

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from jcontour.arrays import placed
 from jcontour.plants.friction import Friction
 from jcontour.plants.gantry.motor_bench.back_to_back_motors import BackToBackMotors, servo_bench
 
@@ -50,5 +51,7 @@ def test_the_servo_bench_turns():
 
     0.04 N m against 0.02 + 0.01 / (1 + 3^2) dry and 1e-3 x 3 viscous.
     """
-    found = servo_bench().acceleration(np.array([1]), np.array([0.06]), np.array([0.04]))
+    found = servo_bench().acceleration(
+        *map(placed, (np.array([1]), np.array([0.06]), np.array([0.04])))
+    )
     np.testing.assert_allclose(found, 0.02 * (0.04 - 0.021 - 0.003) / 1e-3, rtol=1e-13)
