@@ -164,7 +164,7 @@ def test_integral_action_leaves_no_error_under_a_constant_load_and_plain_lqg_doe
     frictionless = AxisParameters(
         39.62, 0.38, 2908.0, 2.1, 79.33, Friction(0.0, 0.0, 1.0, 250.9), [0.0], [0.0], 0.1
     )
-    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), jplaced(np.full((1, 1), 0.5)))
+    machine = Disturbed(FlexibleAxis(frictionless, 1e-3), placed(np.full((1, 1), 0.5)))
     errors = [
         abs(float(simulate(machine, controller, task).output[-1, 0]) - 0.01)
         for controller in (plain, integral)
