@@ -52,5 +52,5 @@ class BentResult:
         Every plant follows, and no limit is exceeded.
         """
         lost = any(run.diverged for run in self.after.values())
-        worth = self.worst_gain > max(1.0, 1 / self.nominal_gain)
+        worth = self.worst_gain > 1 and self.worst_gain * self.nominal_gain > 1
         return worth and not lost and not self.exceeded
