@@ -1,6 +1,7 @@
 """The tool of a run where it went, coloured by its contour error.
 
-Contours with many details, as letters or pockets, have no room for a magnified error.
+Contours with many details, as letters or pockets, have no room for a magnified error. Nor have
+passes side by side.
 """
 
 from collections.abc import Sequence
@@ -13,20 +14,25 @@ from matplotlib.collections import LineCollection
 from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 
 DETAILED = 0.35  # mean diameter of the curves, of the contour's size: below it there are many
+CROWDED = 10.0  # length, of the contour's size: beyond it passes lie side by side
 STANDSTILL = 1e-9  # m in a sample: no direction below it
 MOST = 20_000  # pieces of a colour, beside those that end where a rapid move begins or ends
 COLOURS = "viridis_r"  # dark where the error is large
 
 
 def detailed(runs: ContourRuns) -> bool:
-    """Whether the curves are tight: their mean radius is the length over the angle turned."""
+    """Whether passes lie side by side, or curves are tight: the length over the angle turned.
+
+    That is the mean radius of the curves.
+    """
     place = runs.reference[:, :2]
     step = np.diff(place, axis=0)[runs.scored[1:] & runs.scored[:-1]]
     length = np.linalg.norm(step, axis=1)
     step, length = step[length > STANDSTILL], length[length > STANDSTILL]
     heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
     turned = np.abs(np.diff(heading)).sum()
-    return bool(2 * length.sum() < DETAILED * np.ptp(place[runs.scored], axis=0).max() * turned)
+    size, whole = np.ptp(place[runs.scored], axis=0).max(), length.sum()
+    return bool(whole > CROWDED * size or 2 * whole < DETAILED * size * turned)
 
 
 def draw_coloured(

@@ -50,7 +50,8 @@ def contour_figure(runs: ContourRuns) -> Figure:
     """The contour in the plane of its first two axes, with the error drawn larger than it is.
 
     Every run has a panel. Runs of one plant have one magnification, so that they compare; the title
-    says how large it is. A contour of many details has the tool's line coloured by its error.
+    says how large it is. Where there are many details or passes, colours of the tool's line tell
+    its error instead.
     """
     panels = [[(run, row) for run in row] for row in runs.rows]
     shape, wide = _height_to_width(runs), PANEL

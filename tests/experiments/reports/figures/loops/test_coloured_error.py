@@ -45,6 +45,14 @@ def test_curves_are_many_when_they_are_tight(loops, many):
     assert detailed(runs_along(wave(3001, loops), 1e-6)) == many
 
 
+@pytest.mark.parametrize(("laps", "crowded"), [(1, False), (3, False), (4, True), (20, True)])
+def test_laps_of_a_circle_crowd_it(laps, crowded):
+    """Its curves are as wide as the whole. A lap is pi sizes long, and 3 pi < 10 < 4 pi."""
+    angle = np.linspace(0.0, 2 * np.pi * laps, 200 * laps + 1)
+    place = 0.05 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    assert detailed(runs_along(place, 1e-6)) == crowded
+
+
 def test_a_standstill_has_no_direction():
     place = np.repeat(np.linspace([0.0, 0.0], [0.1, 0.0], 50), 20, axis=0)
     jitter = 1e-12 * np.random.default_rng(1).standard_normal(place.shape)
