@@ -7,7 +7,8 @@ from experiments.reports.figures.loops.contour_runs import ContourRuns
 from experiments.reports.figures.shared.axes import DESIRED, OTHER
 
 ARROWS = np.array([0.2, 0.5, 0.8])  # of the way: where arrows show its direction
-ARROW = 0.005  # of the way: length of one
+ARROW = 0.005  # of the way: length of one,
+LONGEST = 0.05  # and of the contour's size: it is straight, the way is not
 ARROW_STYLE = {"arrowstyle": "-|>", "color": DESIRED}
 
 
@@ -30,8 +31,9 @@ def _draw_arrows(axes: Axes, place: np.ndarray, cut: np.ndarray) -> None:
     begins = np.diff(cut, prepend=cut[0] - 2) > 1  # of every stretch without a rapid move
     steps = np.linalg.norm(np.diff(place[cut], axis=0, prepend=place[cut[:1]]), axis=1)
     way = np.cumsum(np.where(begins, 0.0, steps))
+    length = min(ARROW * way[-1], LONGEST * float(np.ptp(place[cut], axis=0).max()))
     tips = np.searchsorted(way, way[-1] * ARROWS)
-    tails = np.searchsorted(way, way[tips] - ARROW * way[-1], side="right") - 1
+    tails = np.searchsorted(way, way[tips] - length, side="right") - 1
     tails = np.maximum(tails, np.maximum.accumulate(np.where(begins, np.arange(cut.size), 0))[tips])
     for tail, tip in zip(cut[tails], cut[tips], strict=True):
         axes.annotate("", tuple(place[tip]), tuple(place[tail]), arrowprops=ARROW_STYLE)

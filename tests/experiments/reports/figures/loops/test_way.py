@@ -40,3 +40,15 @@ def test_no_arrow_lies_across_a_rapid_move(runs, gap):
     for arrow in drawn(replace(runs, scored=scored)).texts:
         length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
         assert 0.9 < length < 1.1
+
+
+def test_arrows_of_many_laps_are_short(runs):
+    """They are straight: half a lap long they would cross the part."""
+    angle = np.linspace(0.0, 200 * np.pi, 40_000)
+    place = 5e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    laps = replace(runs, reference=place, scored=np.ones(len(place), bool))
+    arrows = drawn(laps).texts
+    assert len(arrows) == 3
+    for arrow in arrows:
+        length = np.linalg.norm(np.array(arrow.xyann) - np.array(arrow.xy))
+        assert 0.4 < length < 0.6  # [mm], of a contour of 10 mm
