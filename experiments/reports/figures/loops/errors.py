@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 from experiments.reports.figures.shared.axes import DESIRED, colours_of, grid, short
+from experiments.reports.figures.shared.curve import WORDS, draw_curve, long
 
 
 def error_figure(runs: ContourRuns) -> Figure:
@@ -21,7 +22,8 @@ def error_figure(runs: ContourRuns) -> Figure:
     for column, row in zip(columns, runs.rows, strict=True):
         _draw_errors(column, runs, row)
     left_out = ", without rapid moves" if runs.rapids else ""
-    figure.suptitle(f"{short(runs.name)}: scored samples{left_out}")
+    words = f" ({WORDS})" if long(runs.time.size) else ""
+    figure.suptitle(f"{short(runs.name)}: scored samples{left_out}{words}")
     return figure
 
 
@@ -33,8 +35,7 @@ def _draw_errors(column: Sequence[Axes], runs: ContourRuns, row: Sequence[DrawnR
     for run in row:
         legend = f"{run.label}, {run.plant}{', diverged' if run.diverged else ''}"
         for axes, signal in zip(column, _errors(runs, run, alone), strict=True):
-            shown = runs.shown(signal)
-            axes.plot(runs.time, shown, color=colours[run.label], linewidth=0.8, label=legend)
+            draw_curve(axes, runs.time, runs.shown(signal), colours[run.label], 0.8, legend)
     if alone:
         desired = 1e3 * runs.shown(runs.reference)[:, 0]
         column[0].plot(runs.time, desired, color=DESIRED, linewidth=0.8, linestyle="--")

@@ -29,3 +29,15 @@ def test_short_peaks_of_a_long_motion_are_drawn():
     figure = motion_figure(cornered(line, np.array([1e-3]), LIMITS, 0.0), "XY")  # 200 s
     jerk = next(line for line in figure.axes[2].lines if line.get_label() == "X")
     assert np.abs(jerk.get_ydata()).max() > 0.99 * LIMITS.jerk[0]
+
+
+def test_a_motion_of_many_nodes_is_drawn_as_bands_up_to_its_limits():
+    zigzag = contours.polyline([[1e-3 * k, 1e-3 * (k % 2)] for k in range(5000)])
+    planned = cornered(zigzag, np.full(4999, 0.02), LIMITS, 0.0)
+    figure = motion_figure(planned, "XY")
+    assert "mean" in figure.axes[0].get_title()
+    for axes, limit in zip(figure.axes[1:], (LIMITS.acceleration, LIMITS.jerk), strict=True):
+        bands = [np.concatenate([p.vertices for p in one.get_paths()]) for one in axes.collections]
+        peak = max(corners[:, 1].max() for corners in bands)
+        mean = axes.get_lines()[0].get_ydata()
+        assert len(bands) == 2 and 0 < mean.min() < mean.max() < peak <= limit[0]
