@@ -10,9 +10,9 @@ import xarray as xr
 
 from experiments.files import run_folder
 from experiments.files.netcdf import load_dataset
+from experiments.reports.page.thinning import kept_samples, packed
 from experiments.reports.rollouts import FILE as ROLLOUTS
 from experiments.reports.sensitivity_curves import FILE as SENSITIVITY
-from experiments.reports.thinning import kept_samples, packed
 
 COMMANDS = ("tune", "simulate", "front")
 BYTES = 3e6  # of the signals of a run on its page

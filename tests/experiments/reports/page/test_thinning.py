@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.reports.thinning import kept_samples, packed
+from experiments.reports.page.thinning import kept_samples, packed
 
 
 @given(st.integers(0, 1000), st.integers(1, 4), st.integers(10, 5000))

@@ -1,4 +1,4 @@
-"""Samples of long signals that a page or a figure keeps: those that the eye would miss."""
+"""Samples of long signals that a page keeps: those that the eye would miss."""
 
 import base64
 
