@@ -8,10 +8,11 @@ until
 
     |r(s) - piece(s)| <= tolerance        for all s,
 
-which bounds the distance of the curve from the pieces and of the pieces from the curve. So rounding
-of the coordinates is smoothed away as far as the tolerance allows, and the curvature is that of the
-curve. A run begins and ends in its own points, and tangent to a longer piece beside it that it
-hardly turns into.
+which bounds the distance of the curve from the pieces and of the pieces from the curve. Between two
+points that are h apart the difference of the two is at most h^2 / 8 times its second derivative
+farther than at both of them. So rounding of the coordinates is smoothed away as far as the
+tolerance allows, and the curvature is that of the curve. A run begins and ends in its own points,
+and tangent to a longer piece beside it that it hardly turns into.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.lib.stride_tricks import sliding_window_view
 
+from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.pieces import Piece
@@ -34,10 +37,9 @@ SHARPEST = np.radians(30.0)  # turn up to which pieces stand for one curve
 TANGENT = np.radians(10.0)  # turn up to which a run leaves its neighbour tangentially
 FEWEST = 4  # pieces of a run
 LONGEST = 1000.0  # piece of a run, in tolerances: a longer one stands for itself
-POINTS = 4  # of a piece at which the distance is measured and made small
+POINTS = 4  # of a piece between two knots at which the distance is measured and made small
 PER_CELL = 32  # pieces between two knots, at first
 ROUNDS = 40  # of halving
-SAFETY = 0.98  # of the tolerance: the distance may peak between two points
 FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
 
 
@@ -190,35 +192,64 @@ def _direction(piece: Piece, at) -> np.ndarray:
 
 def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
     """A run as a spline within the tolerance; None where a knot for every piece is not enough."""
-    arc, points = _sampled(run)
     count = run.ends.size - 1
     cells = max(1, count // PER_CELL)
-    knots = np.interp(np.linspace(0, count, cells + 1), np.arange(count + 1), run.ends)
+    knots = run.ends[np.linspace(0, count, cells + 1).astype(int)]
     for _ in range(ROUNDS):
         if knots.size > count:
             return None
+        sampled = _sampled(run, knots)
         try:
-            spline = fitted_spline(knots, arc, points, run.tangents)
+            spline = fitted_spline(knots, sampled.arc, sampled.points, run.tangents)
         except np.linalg.LinAlgError:  # pieces far too unlike in length
             return None
-        distance = np.linalg.norm(spline(arc) - points, axis=1)
-        far = np.searchsorted(knots, arc[distance > SAFETY * tolerance]) - 1
+        distance = _distance(spline, knots, sampled)
+        far = np.searchsorted(knots, sampled.arc[:-1][distance > tolerance], side="right") - 1
         if far.size == 0:
-            cells = knots[:-1], knots[1:]
-            fit = fitted("smoothing", _curve(spline), _frame(run, points), *cells, FIT * tolerance)
-            return Smoothed(fit, float(distance.max()) / SAFETY + fit.error)
-        far = np.unique(np.clip(far, 0, knots.size - 2))
+            cells, frame = (knots[:-1], knots[1:]), _frame(run, sampled.points)
+            fit = fitted("smoothing", _curve(spline), frame, *cells, FIT * tolerance)
+            return Smoothed(fit, float(distance.max()) + fit.error)
+        far = np.unique(far)
         knots = np.insert(knots, far + 1, 0.5 * (knots[far] + knots[far + 1]))
     return None
 
 
-def _sampled(run: Run) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, "S m"]]:
-    """Arc lengths and points of a run, some of every piece and its ends."""
-    into = np.arange(POINTS + 1)[:, None] / POINTS * run.pieces.extent
-    points = run.pieces.jet(into)[0]  # (point, piece, axis)
-    inner = np.swapaxes(points[:-1], 0, 1).reshape(-1, points.shape[-1])
-    arc = (run.ends[:-1, None] + into[:-1].T).ravel()
-    return np.append(arc, run.ends[-1]), np.vstack([inner, points[-1, -1:]])
+class _Sampled(NamedTuple):
+    """Points of a run: some of every part of a piece between two knots, and its end.
+
+    Attributes:
+        arc: arc lengths [m], increasing.
+        points: there [m].
+        bend: second derivative of the pieces there, its size [1/m].
+    """
+
+    arc: Float[np.ndarray, " S"]
+    points: Float[np.ndarray, "S m"]
+    bend: Float[np.ndarray, " S"]
+
+
+def _sampled(run: Run, knots: Float[np.ndarray, " K"]) -> _Sampled:
+    """Where a piece is longer than a cell, every cell has points: else it would have none."""
+    ends = np.union1d(run.ends, knots)
+    piece = np.searchsorted(run.ends, ends[:-1], side="right") - 1
+    arc = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(POINTS) / POINTS
+    arc, piece = np.append(arc, ends[-1]), np.append(np.repeat(piece, POINTS), piece[-1])
+    place, _, bend, _ = jet(run.pieces, piece, arc - run.ends[piece])
+    return _Sampled(arc, place, np.linalg.norm(bend, axis=1))
+
+
+def _distance(spline, knots: Float[np.ndarray, " K"], sampled: _Sampled) -> Float[np.ndarray, " I"]:
+    """Bound of the distance between a spline and a run, for every interval between two points [m].
+
+    The second derivative of the spline lies within the hull of its coefficients; four count in a
+    cell.
+    """
+    apart = np.linalg.norm(spline(sampled.arc) - sampled.points, axis=1)
+    size = np.linalg.norm(spline.derivative(2).c[: knots.size + 2], axis=1)
+    cell = np.searchsorted(knots, sampled.arc[:-1], side="right") - 1
+    of_cell = sliding_window_view(size, 4).max(axis=1)
+    bend = of_cell[cell] + np.maximum(sampled.bend[:-1], sampled.bend[1:])
+    return np.maximum(apart[:-1], apart[1:]) + np.diff(sampled.arc) ** 2 / 8 * bend
 
 
 def _curve(spline):

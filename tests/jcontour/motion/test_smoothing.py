@@ -95,6 +95,25 @@ def test_corners_stay():
     assert found.deviation <= TOLERANCE
 
 
+def rounded(radius: float, chord: float, side: float) -> np.ndarray:
+    """Points of half circles in chords with straight sides between them, as around a pad."""
+    angle = np.linspace(0.0, np.pi, int(np.pi * radius / chord) + 1)
+    half = radius * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    points = np.vstack([half + [side, 0.0], -half, [side, -radius], [side, -radius - side]])
+    return np.round(points, 8)  # 0.01 um
+
+
+@pytest.mark.parametrize("radius", [0.15e-3, 0.18e-3, 0.3e-3, 1.1e-3])
+@pytest.mark.parametrize("side", [0.05e-3, 0.175e-3, 0.4e-3, 1.2e-3])
+def test_long_and_short_moves_of_one_run_stay_within_the_tolerance(radius, side):
+    """Far from the points that it is fitted to, a curve may swing."""
+    rough = contours.polyline(rounded(radius, 10.5e-6, side))
+    found = smooth_path(rough, TOLERANCE)
+    assert found.path.rate.size < 0.6 * rough.rate.size  # it is smoothed at all
+    assert max(farthest(found.path, rough), farthest(rough, found.path)) <= found.deviation
+    assert found.deviation <= TOLERANCE
+
+
 def test_where_the_feed_changes_the_run_ends():
     rough = contours.polyline(chords(800, turn=np.pi))
     feed = np.where(np.arange(800) < 300, 0.05, 0.02)
