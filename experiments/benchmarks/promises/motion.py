@@ -10,7 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from experiments.benchmarks.kept_rows import opened, write
-from experiments.benchmarks.promises.random_paths import KINDS, Checked, checked
+from experiments.benchmarks.promises.kept_promises import Checked, checked
+from experiments.benchmarks.promises.random_paths import KINDS, WITH_ARCS
 from experiments.flags.others import Bench
 from experiments.reports import tables
 
@@ -73,7 +74,7 @@ def _run(seeds: Sequence[int], tell: Callable[[str], None]) -> Iterator[Checked]
 
 def broken(row: Checked) -> list[str]:
     """Promises that a motion breaks; a ratio that is not finite breaks one, too."""
-    known = [name for name in PROMISES if name != "stopping" or row.kind != "lines and arcs"]
+    known = [name for name in PROMISES if name != "stopping" or row.kind not in WITH_ARCS]
     return [name for name in known if not getattr(row, name) <= 1 + SLACK]
 
 

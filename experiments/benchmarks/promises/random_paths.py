@@ -1,6 +1,5 @@
-"""Random toolpaths and limits of all sizes, and how near their motions come to what is promised."""
+"""Random toolpaths and limits of all sizes, in the manners in which programs are written."""
 
-import time
 from typing import NamedTuple
 
 import numpy as np
@@ -9,18 +8,24 @@ from jaxtyping import Float
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import from_pieces, polyline
 from jcontour.geometry.pieces import Piece
-from jcontour.motion.cornering import Planned, cornered
-from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.point_to_point import PointToPoint
 
-KINDS = ("lines", "lines, feeds differ", "chords of curves", "lines and arcs")
+# one after the other, by the seed
+KINDS = (
+    "lines of all lengths",
+    "rounded outlines, feeds differ",
+    "rounded outlines in chords",
+    "lines and arcs, nearly smooth",
+    "lines",
+    "lines, feeds differ",
+    "chords of curves",
+    "lines and arcs",
+)
+WITH_ARCS = ("lines and arcs", "lines and arcs, nearly smooth")
 MOST_PIECES = 50
-INSIDE = 3  # random times in every cell
-BESIDE = 1e-9  # of a cell: so near its ends the motion is looked at, too
 LONGEST = 100.0  # that a side of the box takes, in times in which the acceleration builds up
 NEW = 0.6  # chance that a piece does not go on along the line or the circle of the one before
-ON_PATH = 2000  # points whose distance from the lines is measured
+WHOLE = np.array([0.0, 1.0])  # a piece that is not parted
 
 
 class RandomPath(NamedTuple):
@@ -43,80 +48,71 @@ class RandomPath(NamedTuple):
     points: Float[np.ndarray, "n m"] | None
 
 
-class Checked(NamedTuple):
-    """How near one motion came to each promise; above 1 it is broken.
-
-    Attributes:
-        seed, kind, pieces: of the path.
-        feed, speed, acceleration, jerk: greatest ever, over its limit.
-        deviation: from the path, over the tolerance.
-        stopping: duration over that with a stop in every corner; NaN where that is not known.
-        seconds: that it took to plan [s].
-    """
-
-    seed: int
-    kind: str
-    pieces: int
-    feed: float
-    speed: float
-    acceleration: float
-    jerk: float
-    deviation: float
-    stopping: float
-    seconds: float
-
-
 def random_path(seed: int) -> RandomPath:
     """Path of 2 to 50 pieces; sizes, limits, feed and tolerance vary over decades."""
     random = np.random.default_rng(seed)
     kind = KINDS[seed % len(KINDS)]
     count = int(random.integers(2, MOST_PIECES + 1))
-    axes = 2 if kind == "lines and arcs" else int(random.integers(2, 4))
+    axes = 2 if kind in WITH_ARCS else int(random.integers(2, 4))
     feed = np.full(count, 10 ** random.uniform(-3, 0))
     if kind == "lines, feeds differ":
         feed *= random.uniform(0.1, 1.0, count)
+    if kind == "rounded outlines, feeds differ":
+        feed *= np.repeat(random.uniform(0.1, 1.0, count), random.integers(1, 20, count))[:count]
     acceleration = 10 ** random.uniform(-1, 1.5, axes)
     build_up = 10 ** random.uniform(-2.5, -0.5)
     speed = 10 ** random.uniform(-2, 0.3, axes)
     limits = AxisLimits.of(axes, acceleration, acceleration / build_up, speed)
     slowest = min(feed.min(), speed.min())
     size = min(10 ** random.uniform(-4, -1), LONGEST * build_up * slowest)
+    drawn = _drawn(random, kind, count, axes, size)
+    tolerance = 10 ** random.uniform(-6, -3.5)
+    if isinstance(drawn, Contour):
+        return RandomPath(kind, drawn, feed, limits, tolerance, None)
+    return RandomPath(kind, polyline(drawn), feed, limits, tolerance, drawn)
+
+
+def _drawn(
+    random: np.random.Generator, kind: str, count: int, axes: int, size: float
+) -> Float[np.ndarray, "n m"] | Contour:
+    """Points of lines, or lines and arcs."""
+    if kind == "lines of all lengths":
+        return _lines(random, count, axes, size)
+    if kind.startswith("rounded outlines"):
+        return _rounded(random, count, axes, size)
+    if kind == "lines and arcs, nearly smooth":
+        return _nearly_smooth(random, count, size)
     points = random.uniform(0, size, (count + 1, axes))
     if kind == "chords of curves":
-        points = _curve(random, count, axes, size)
-    contour = _with_arcs(random, points) if kind == "lines and arcs" else polyline(points)
-    tolerance = 10 ** random.uniform(-6, -3.5)
-    known = None if kind == "lines and arcs" else points
-    return RandomPath(kind, contour, feed, limits, tolerance, known)
+        return _curve(random, count, axes, size)
+    return _with_arcs(random, points) if kind == "lines and arcs" else points
 
 
-def checked(seed: int) -> Checked:
-    """Plan the motion of a random path and compare it with its limits."""
-    path = random_path(seed)
-    began = time.perf_counter()
-    planned = cornered(path.contour, path.feed, path.limits, path.tolerance)
-    seconds = time.perf_counter() - began
-    random = np.random.default_rng([seed, 1])
-    peaks = _peaks(planned, random)
-    off, stopping = planned.around.deviation, np.nan
-    if path.points is not None:
-        off = max(off, _farthest(planned, path.points, random))
-        stopping = planned.motion.duration / stopping_time(path.points, path.feed, path.limits)
-    pieces = path.feed.size
-    return Checked(seed, path.kind, pieces, *peaks, off / path.tolerance, stopping, seconds)
+def _lines(random: np.random.Generator, count: int, axes: int, size: float) -> np.ndarray:
+    """Points that are some thousandths of the size apart, or all of it."""
+    steps = random.normal(size=(count, axes))
+    length = size * 10 ** random.uniform(-3, 0, (count, 1))
+    steps *= length / np.linalg.norm(steps, axis=1, keepdims=True)
+    return np.vstack([np.zeros(axes), np.cumsum(steps, axis=0)])
 
 
-def stopping_time(
-    points: Float[np.ndarray, "n m"], feed: Float[np.ndarray, " P"], limits: AxisLimits
-) -> float:
-    """Duration of the motion along lines that stops in every corner [s], in closed form."""
-    total = 0.0
-    for delta, speed in zip(np.diff(points, axis=0), feed, strict=True):
-        length = float(np.linalg.norm(delta))
-        with np.errstate(divide="ignore"):
-            fastest, *others = (float((each / np.abs(delta / length)).min()) for each in limits)
-        total += PointToPoint(length, min(float(speed), fastest), *others).duration
-    return total
+def _rounded(random: np.random.Generator, count: int, axes: int, size: float) -> np.ndarray:
+    """Points of straight sides and of arcs in chords, as around a pad.
+
+    They are rounded, as in a file; on a third axis the path climbs.
+    """
+    length, turn = np.empty(0), np.empty(0)
+    while length.size < count:
+        chords, chord = random.integers(2, 20), size * 10 ** random.uniform(-3, -1)
+        side = size * 10 ** random.uniform(-3, 0)
+        bend = random.choice([-1, 1]) * 10 ** random.uniform(-2.5, -0.7)  # [rad] in every chord
+        length = np.concatenate([length, [side], np.full(chords, chord)])
+        turn = np.concatenate([turn, [0.0], np.full(chords, bend)])
+    heading = np.cumsum(turn[:count])
+    steps = np.stack([np.cos(heading), np.sin(heading), 0.3 + 0 * heading], axis=1)[:, :axes]
+    points = np.cumsum(steps * length[:count, None], axis=0)
+    digit = size * 10 ** random.uniform(-7, -4)
+    return np.round(np.vstack([np.zeros(axes), points]) / digit) * digit
 
 
 def _curve(random: np.random.Generator, count: int, axes: int, size: float) -> np.ndarray:
@@ -146,8 +142,30 @@ def _with_arcs(random: np.random.Generator, points: Float[np.ndarray, "n 2"]) ->
         chord = end - start
         across = np.array([-chord[1], chord[0]]) / (2 * np.tan(angle / 2))
         pieces.append(_arc(start, (start + end) / 2 + across, angle, share))
-    # a contour for every piece would take a third of the time to plan
-    return from_pieces(Piece(*(np.concatenate(rows) for rows in zip(*pieces, strict=True))))
+    return _joined(pieces)
+
+
+def _nearly_smooth(random: np.random.Generator, count: int, size: float) -> Contour:
+    """Lines and arcs that go on in about the direction of the one before, as CAM systems fit them.
+
+    Their lengths vary over decades.
+    """
+    place, heading, pieces = np.zeros(2), 0.0, []
+    for _ in range(count):
+        heading += random.choice([-1, 1]) * 10 ** random.uniform(-7, -1.5)
+        along = np.array([np.cos(heading), np.sin(heading)])
+        length = size * 10 ** random.uniform(-2.5, 0)
+        turn = min(10 ** random.uniform(-2, 1) * length / size, 4.0)
+        angle = random.choice([0.0, -turn, turn])
+        if angle:
+            centre = place + length / angle * np.array([-along[1], along[0]])
+            pieces.append(_arc(place, centre, angle, WHOLE))
+            place = centre + _turned(place - centre, angle)
+        else:
+            pieces.append(_line(place, place + length * along, WHOLE))
+            place = place + length * along
+        heading += angle
+    return _joined(pieces)
 
 
 def _line(
@@ -181,40 +199,11 @@ def _arc(
     return Piece(polynomial, cosine, sine, zero + 1 / radius, zero, extent)
 
 
-def _peaks(planned: Planned, random: np.random.Generator) -> tuple[float, float, float, float]:
-    """Feed, speed, acceleration and jerk over their limits: in every cell and at its ends."""
-    motion = planned.motion
-    length = np.diff(motion.nodes)[:, None]
-    ends = np.broadcast_to([0.0, BESIDE, 1 - BESIDE], (length.size, 3))
-    inside = np.concatenate([ends, random.uniform(0, 1, (length.size, INSIDE))], axis=1)
-    at = (motion.nodes[:-1, None] + inside * length).ravel()
-    speed, acceleration, jerk = motion.axes_at(at)
-    arcs = np.append(0.0, np.cumsum(unpadded(motion.path).extent))
-    piece = np.searchsorted(arcs, motion.at(at).arc, side="right") - 1
-    # where two pieces meet, the feed of either holds
-    either = np.clip([piece - (motion.at(at).arc - arcs[piece] < 1e-9 * arcs[-1]), piece], 0, None)
-    allowed = motion.feed[np.minimum(either, motion.feed.size - 1)].max(axis=0)
-    fed = float((np.linalg.norm(speed, axis=1) / allowed).max())
-    over = [
-        float((np.abs(values) / limit).max())
-        for values, limit in zip((speed, acceleration, jerk), motion.limits, strict=True)
-    ]
-    return fed, over[0], over[1], over[2]
+def _turned(vector: Float[np.ndarray, "2"], angle: float) -> Float[np.ndarray, "2"]:
+    (x, y), cos, sin = vector, np.cos(angle), np.sin(angle)
+    return np.array([x * cos - y * sin, x * sin + y * cos])
 
 
-def _farthest(
-    planned: Planned, points: Float[np.ndarray, "n m"], random: np.random.Generator
-) -> float:
-    """Greatest distance of points of the path from the nearest of all lines [m]."""
-    pieces = unpadded(planned.around.path)
-    piece = random.integers(0, pieces.extent.size, ON_PATH)
-    on = pieces.taken(piece)
-    place = on.jet(random.uniform(0, 1, ON_PATH) * on.extent)[0]
-    nearest = np.full(ON_PATH, np.inf)
-    for start, end in zip(points[:-1], points[1:], strict=True):
-        delta = end - start
-        share = np.clip((place - start) @ delta / (delta @ delta), 0.0, 1.0)
-        nearest = np.minimum(
-            nearest, np.linalg.norm(place - start - share[:, None] * delta, axis=1)
-        )
-    return float(nearest.max())
+def _joined(pieces: list[Piece]) -> Contour:
+    # a contour for every piece would take a third of the time to plan
+    return from_pieces(Piece(*(np.concatenate(rows) for rows in zip(*pieces, strict=True))))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.benchmarks.kept_rows import opened, write
-from experiments.benchmarks.promises.random_paths import Checked
+from experiments.benchmarks.promises.kept_promises import Checked
 
 WHAT = "random toolpaths"
 ROWS = [

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 
 from experiments.benchmarks.promises import motion
+from experiments.benchmarks.promises.kept_promises import Checked
 from experiments.benchmarks.promises.motion import MotionBench, broken, measured, show
-from experiments.benchmarks.promises.random_paths import Checked
 from experiments.flags.others import Bench
 from experiments.reports.tables import console_of
 

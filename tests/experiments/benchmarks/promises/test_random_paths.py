@@ -6,22 +6,23 @@ import jax
 import numpy as np
 import pytest
 
-from experiments.benchmarks.promises import random_paths
+from experiments.benchmarks.promises import kept_promises
+from experiments.benchmarks.promises.kept_promises import checked, stopping_time
 from experiments.benchmarks.promises.motion import broken
-from experiments.benchmarks.promises.random_paths import KINDS, checked, random_path, stopping_time
+from experiments.benchmarks.promises.random_paths import KINDS, random_path
 from jcontour.motion.cornering import cornered
 from jcontour.motion.jerk_limited.joints import joints, unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 7))]
+    "seed", [0, 3, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 4, 5, 6))]
 )
 def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     path = random_path(seed)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[:, None], path.contour.pieces)
     extent = pieces.extent
-    assert path.kind == KINDS[seed % 4] and 2 <= extent.size <= 50
+    assert path.kind == KINDS[seed % 8] and 2 <= extent.size <= 50
     begin, end = (pieces.jet(part * extent)[0][:, 0] for part in (0.0, 1.0))
     np.testing.assert_allclose(begin[1:], end[:-1], atol=1e-12)
     if path.points is not None:
@@ -29,7 +30,7 @@ def test_paths_have_two_to_fifty_pieces_that_meet(seed):
 
 
 def test_lines_and_arcs_go_on_smoothly_in_some_joints():
-    path = random_path(3)
+    path = random_path(7)
     found = joints(unpadded(path.contour))
     smooth = found.smooth(path.feed, float(path.limits.acceleration.min()))
     arcs = np.asarray(path.contour.rate) > 0
@@ -44,27 +45,28 @@ def test_time_of_stopping_in_closed_form():
     assert stopping_time(points, np.full(2, 1e3), limits) == pytest.approx(4.0 + 2.0, rel=1e-12)
 
 
-# of 1138783 a jerk turns by its third difference between two places that are looked at
-@pytest.mark.parametrize("seed", [2, 3, 13, 1138783])
+# in 18, 41 and 90 a curve once swung between the points that it was fitted to; of 1138783 a jerk
+# turns by its third difference between two places that are looked at
+@pytest.mark.parametrize("seed", [3, 6, 8, 13, 18, 41, 90, 1138783])
 def test_a_path_keeps_all_promises(seed):
     assert broken(checked(seed)) == []
 
 
 def test_a_jerk_above_its_limit_is_found(monkeypatch):
-    def loose(contour, feed, limits, tolerance):
+    def loose(contour, feed, limits, tolerance, alike):
         planned = cornered(contour, feed, limits._replace(jerk=1.1 * limits.jerk), tolerance)
         return planned._replace(motion=dataclasses.replace(planned.motion, limits=limits))
 
-    monkeypatch.setattr(random_paths, "cornered", loose)
+    monkeypatch.setattr(kept_promises, "cornered", loose)
     assert broken(checked(4)) == ["jerk"]
 
 
 def test_a_corner_cut_too_far_is_found(monkeypatch):
-    def loose(contour, feed, limits, tolerance):
+    def loose(contour, feed, limits, tolerance, alike):
         planned = cornered(contour, feed, limits, 2 * tolerance)
         return planned._replace(around=dataclasses.replace(planned.around, deviation=0.0))
 
-    monkeypatch.setattr(random_paths, "cornered", loose)
+    monkeypatch.setattr(kept_promises, "cornered", loose)
     assert broken(checked(4)) == ["deviation"]
 
 

@@ -1,0 +1,119 @@
+"""How near the motions of random toolpaths come to what is promised."""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from experiments.benchmarks.promises.random_paths import random_path
+from jcontour.geometry.pieces import Piece
+from jcontour.motion.cornering import Planned, cornered
+from jcontour.motion.jerk_limited.joints import unpadded
+from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.point_to_point import PointToPoint
+
+INSIDE = 3  # random times in every cell
+BESIDE = 1e-9  # of a cell: so near its ends the motion is looked at, too
+ON_PATH = 2000  # points whose distance from the lines and arcs is measured
+
+
+class Checked(NamedTuple):
+    """How near one motion came to each promise; above 1 it is broken.
+
+    Attributes:
+        seed, kind, pieces: of the path.
+        feed, speed, acceleration, jerk: greatest ever, over its limit.
+        deviation: from the path, over the tolerance.
+        stopping: duration over that with a stop in every corner; NaN where that is not known.
+        seconds: that it took to plan [s].
+    """
+
+    seed: int
+    kind: str
+    pieces: int
+    feed: float
+    speed: float
+    acceleration: float
+    jerk: float
+    deviation: float
+    stopping: float
+    seconds: float
+
+
+def checked(seed: int) -> Checked:
+    """Plan the motion of a random path and compare it with its limits."""
+    path = random_path(seed)
+    began = time.perf_counter()
+    alike = path.feed[1:] == path.feed[:-1]
+    planned = cornered(path.contour, path.feed, path.limits, path.tolerance, alike=alike)
+    seconds = time.perf_counter() - began
+    random = np.random.default_rng([seed, 1])
+    peaks = _peaks(planned, random)
+    off = max(planned.around.deviation, _farthest(planned, random))
+    stopping = np.nan
+    if path.points is not None:
+        stopping = planned.motion.duration / stopping_time(path.points, path.feed, path.limits)
+    pieces = path.feed.size
+    return Checked(seed, path.kind, pieces, *peaks, off / path.tolerance, stopping, seconds)
+
+
+def stopping_time(
+    points: Float[np.ndarray, "n m"], feed: Float[np.ndarray, " P"], limits: AxisLimits
+) -> float:
+    """Duration of the motion along lines that stops in every corner [s], in closed form."""
+    total = 0.0
+    for delta, speed in zip(np.diff(points, axis=0), feed, strict=True):
+        length = float(np.linalg.norm(delta))
+        with np.errstate(divide="ignore"):
+            fastest, *others = (float((each / np.abs(delta / length)).min()) for each in limits)
+        total += PointToPoint(length, min(float(speed), fastest), *others).duration
+    return total
+
+
+def _peaks(planned: Planned, random: np.random.Generator) -> tuple[float, float, float, float]:
+    """Feed, speed, acceleration and jerk over their limits: in every cell and at its ends."""
+    motion = planned.motion
+    length = np.diff(motion.nodes)[:, None]
+    ends = np.broadcast_to([0.0, BESIDE, 1 - BESIDE], (length.size, 3))
+    inside = np.concatenate([ends, random.uniform(0, 1, (length.size, INSIDE))], axis=1)
+    at = (motion.nodes[:-1, None] + inside * length).ravel()
+    speed, acceleration, jerk = motion.axes_at(at)
+    arcs = np.append(0.0, np.cumsum(unpadded(motion.path).extent))
+    piece = np.searchsorted(arcs, motion.at(at).arc, side="right") - 1
+    # where two pieces meet, the feed of either holds
+    either = np.clip([piece - (motion.at(at).arc - arcs[piece] < 1e-9 * arcs[-1]), piece], 0, None)
+    allowed = motion.feed[np.minimum(either, motion.feed.size - 1)].max(axis=0)
+    fed = float((np.linalg.norm(speed, axis=1) / allowed).max())
+    over = [
+        float((np.abs(values) / limit).max())
+        for values, limit in zip((speed, acceleration, jerk), motion.limits, strict=True)
+    ]
+    return fed, over[0], over[1], over[2]
+
+
+def _farthest(planned: Planned, random: np.random.Generator) -> float:
+    """Greatest distance of points of the path from the nearest of all lines and arcs [m]."""
+    pieces, true = unpadded(planned.around.path), unpadded(planned.around.contour)
+    piece = random.integers(0, pieces.extent.size, ON_PATH)
+    on = pieces.taken(piece)
+    place = on.jet(random.uniform(0, 1, ON_PATH) * on.extent)[0]
+    nearest = np.full(ON_PATH, np.inf)
+    for k in range(true.extent.size):
+        away = _to_arc if true.rate[k] > 0 else _to_line
+        nearest = np.minimum(nearest, away(place, true.taken(k)))
+    return float(nearest.max())
+
+
+def _to_line(place: Float[np.ndarray, "n m"], line: Piece) -> Float[np.ndarray, " n"]:
+    start, along = line.polynomial[:2]
+    into = np.clip((place - start) @ along, 0.0, line.extent)
+    return np.linalg.norm(place - start - into[:, None] * along, axis=1)
+
+
+def _to_arc(place: Float[np.ndarray, "n 2"], arc: Piece) -> Float[np.ndarray, " n"]:
+    away, radius, turn = place - arc.polynomial[0], 1 / arc.rate, arc.rate * arc.extent
+    begin, end = arc.cosine, arc.cosine * np.cos(turn) + arc.sine * np.sin(turn)
+    to_ends = np.minimum(*(np.linalg.norm(away - one, axis=1) for one in (begin, end)))
+    beside = np.mod(np.arctan2(away @ arc.sine, away @ arc.cosine), 2 * np.pi) < turn
+    return np.where(beside, np.abs(np.linalg.norm(away, axis=1) - radius), to_ends)
