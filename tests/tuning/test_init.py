@@ -8,6 +8,7 @@ import tuning
 def test_every_file_is_reached_from_the_package():
     assert callable(tuning.tune.tune) and callable(tuning.pareto.trade_off_front)
     assert callable(tuning.sweep.sweep) and callable(tuning.problem.Problem)
+    assert callable(tuning.precompensation.precompensate)
 
 
 def test_what_is_not_there_is_named():
