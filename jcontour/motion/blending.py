@@ -35,10 +35,13 @@ STEPS = 32  # of a blend, at which its deviation is measured
 SAFETY = 0.99  # of the tolerance: the deviation may peak between two of them
 FIT = 1e-3  # of the tolerance: what the quintics may be off the blend
 SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
-ROUNDING = 1e-9  # jump of the tangent, and of the curvature over the tolerance, that is none
+ROUNDING = 1e-9  # jump of the tangent that is none
+STRAIGHT = 1e-8  # [1/m] jump of the curvature that is none: at 1 m/s, 1e-8 m/s^2
 CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
 SEARCHES = 60  # halvings and secants for the length of a blend
 SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
+MEETING = 1e-13  # [m] what is left where two blends meet
+SHORTER = 0.99  # of a blend, where less than the shortest would be left: a gap, which turns
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,10 @@ class BlendedPath:
 
 
 def blended(
-    contour: Contour, tolerance: float, allowed: Bool[np.ndarray, " joints"] | None = None
+    contour: Contour,
+    tolerance: float,
+    allowed: Bool[np.ndarray, " joints"] | None = None,
+    used: Float[np.ndarray, " joints"] | None = None,
 ) -> BlendedPath:
     """Path with a continuous curvature that stays within a tolerance of a contour.
 
@@ -95,6 +101,8 @@ def blended(
         contour: one contour, not a stack.
         tolerance: greatest distance [m]; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be blended; all when not given.
+        used: of the tolerance beside every joint [m], by a contour that stands for another one;
+            nothing when not given. The deviation counts it.
 
     Raises:
         ValueError: a tolerance below zero or not finite, or a wrong shape.
@@ -106,8 +114,9 @@ def blended(
     allowed = np.ones(count - 1, bool) if allowed is None else np.asarray(allowed, bool)
     if allowed.shape != (count - 1,):
         raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
+    used = np.zeros(count - 1) if used is None else used
     found = joints(pieces)
-    rough = (found.turn > ROUNDING) | (found.bend * tolerance > ROUNDING**2)
+    rough = (found.turn > ROUNDING) | (found.bend > STRAIGHT)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
     starts = np.append(0.0, np.cumsum(pieces.extent))
     if tolerance == 0 or at.size == 0:
@@ -115,7 +124,8 @@ def blended(
         return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
     most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
     blends = _Blends(pieces, at, found.turn[at] > CORNER, most)
-    return _assembled(contour, _reaching(blends, SAFETY * tolerance), tolerance)
+    blends = _without_gaps(_reaching(blends, SAFETY * (tolerance - used[at])))
+    return _assembled(contour, blends, used[at], FIT * tolerance)
 
 
 class _Blends(NamedTuple):
@@ -128,6 +138,13 @@ class _Blends(NamedTuple):
     at: Int[np.ndarray, " B"]
     corner: Bool[np.ndarray, " B"]
     reach: Float[np.ndarray, " B"]
+
+    def left(self) -> Float[np.ndarray, " P"]:
+        """What is left of every piece [m]."""
+        left = self.pieces.extent.copy()
+        left[self.at] -= self.reach
+        left[self.at + 1] -= self.reach
+        return left
 
     def some(self, which: np.ndarray) -> "_Blends":
         """Some of the blends."""
@@ -174,8 +191,8 @@ def _deviation(blends: _Blends) -> Float[np.ndarray, " B"]:
     return np.linalg.norm(point - blends.path(u), axis=-1).max(axis=1)
 
 
-def _reaching(blends: _Blends, tolerance: float) -> _Blends:
-    """The blends shortened until each is within the tolerance [m].
+def _reaching(blends: _Blends, tolerance: Float[np.ndarray, " B"]) -> _Blends:
+    """The blends shortened until each is within its tolerance [m].
 
     The deviation grows with the reach at a corner, and with its square where the curvature jumps.
     """
@@ -189,23 +206,31 @@ def _reaching(blends: _Blends, tolerance: float) -> _Blends:
         with np.errstate(divide="ignore", invalid="ignore"):
             power = np.log(deviation[over] / nearby) / np.log(1 / 0.9)
         steep = np.clip(np.nan_to_num(power, nan=1.0), 0.5, 4.0)
-        factor = (0.999 * tolerance / deviation[over]) ** (1 / steep)
+        factor = (0.999 * tolerance[over] / deviation[over]) ** (1 / steep)
         reach = blends.reach.copy()
         reach[over] *= np.clip(factor, 1e-3, 0.999)
         blends = blends._replace(reach=reach)
     return blends
 
 
-def _assembled(contour: Contour, blends: _Blends, tolerance: float) -> BlendedPath:
+def _without_gaps(blends: _Blends) -> _Blends:
+    """The blends, those a little shortened between which too little of a piece is left."""
+    left = blends.left()[blends.at]
+    narrow = (left > MEETING) & (left <= SHORTEST)
+    return blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
+
+
+def _assembled(
+    contour: Contour, blends: _Blends, used: Float[np.ndarray, " B"], fit_tolerance: float
+) -> BlendedPath:
     """The pieces between blends, cut, and the blends in arc length, in order."""
     pieces = blends.pieces
     count = pieces.extent.size
-    cut_before, cut_after = np.zeros(count), np.zeros(count)
-    cut_after[blends.at], cut_before[blends.at + 1] = blends.reach, blends.reach
-    left = pieces.extent - cut_before - cut_after
+    cut_before, left = np.zeros(count), blends.left()
+    cut_before[blends.at + 1] = blends.reach
     kept = np.flatnonzero(left > SHORTEST)
     cut = _cut(pieces.taken(kept), cut_before[kept], left[kept])
-    fit = fitted("blend", *_curves(blends), FIT * tolerance)
+    fit = fitted("blend", *_curves(blends), fit_tolerance)
     number = (0.5 * fit.begin).astype(int)
     joint = blends.at[number]
     curves = fit.pieces()
@@ -224,7 +249,7 @@ def _assembled(contour: Contour, blends: _Blends, tolerance: float) -> BlendedPa
     piece = np.concatenate([kept, joint])[order]
     blend = np.concatenate([np.zeros(kept.size, bool), np.ones(joint.size, bool)])[order]
     path = from_pieces(whole, fit_error=fit.error, newton_steps=NEWTON_STEPS)
-    deviation = float(_deviation(blends).max()) + fit.error
+    deviation = float((_deviation(blends) + used).max()) + fit.error
     return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), deviation)
 
 

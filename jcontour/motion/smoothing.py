@@ -21,7 +21,6 @@ from typing import NamedTuple
 import jax
 import numpy as np
 from jaxtyping import Bool, Float
-from numpy.lib.stride_tricks import sliding_window_view
 
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
@@ -96,23 +95,24 @@ def smooth_path(
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
     if not tolerance > 0 or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed)
-    found, within = smoothed(contour, SHARE * tolerance, allowed & alike)
+    found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike)
     joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
-    around = blended(found.path, tolerance - found.deviation, within | allowed[joint])
+    used = np.maximum(apart[:-1], apart[1:])
+    around = blended(found.path, tolerance, within | allowed[joint], used)
     return BlendedPath(
         path=around.path,
         contour=contour,
         piece=found.piece[around.piece],
         blend=around.blend,
         place=found.true_arc(around.place),
-        deviation=around.deviation + found.deviation,
+        deviation=max(around.deviation, found.deviation),
     )
 
 
 def smoothed(
     contour: Contour, tolerance: float, alike: Bool[np.ndarray, " joints"]
-) -> tuple[BlendedPath, Bool[np.ndarray, " inner"]]:
-    """Path with its runs smoothed, and which of its joints lie within a run.
+) -> tuple[BlendedPath, Bool[np.ndarray, " inner"], Float[np.ndarray, " P"]]:
+    """Path with its runs smoothed, which of its joints lie within a run, deviations of its pieces.
 
     It is the contour itself where there are no runs. No piece of it counts as a blend.
 
@@ -124,8 +124,8 @@ def smoothed(
     pieces = unpadded(contour)
     runs = _runs(pieces, tolerance, alike)
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    kept, places, numbers, goes_on = [], [], [], []
-    deviation, at = 0.0, 0
+    kept, places, numbers, goes_on, apart = [], [], [], [], []
+    at = 0
     for run in runs:
         curve = _smooth_run(run, tolerance)
         if curve is None:
@@ -137,25 +137,26 @@ def smoothed(
         inner[-1] = run.last  # what comes after the run comes after its last piece
         numbers += [before, inner]
         goes_on += [np.zeros(before.size, bool), np.arange(inner.size) < inner.size - 1]
-        deviation = max(deviation, curve.deviation)
+        apart += [np.zeros(before.size), np.full(inner.size, curve.deviation)]
         at = run.last + 1
     if at == 0:
         every = np.arange(pieces.extent.size)
         none = np.zeros(every.size, bool)
-        return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1]
+        return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1], 0.0 * every
     rest = np.arange(at, pieces.extent.size)
     kept.append(pieces.taken(rest))
     whole = jax.tree.map(lambda *rows: np.concatenate(rows), *kept)
     within = np.concatenate([*goes_on, np.zeros(rest.size, bool)])
+    apart = np.concatenate([*apart, np.zeros(rest.size)])
     path = BlendedPath(
         path=from_pieces(whole, fit_error=FIT * tolerance, newton_steps=NEWTON_STEPS),
         contour=contour,
         piece=np.concatenate([*numbers, rest]),
         blend=np.zeros(within.size, bool),
         place=np.concatenate([*places, starts[rest], starts[-1:]]),
-        deviation=deviation,
+        deviation=float(apart.max()),
     )
-    return path, within[:-1]
+    return path, within[:-1], apart
 
 
 def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
@@ -220,36 +221,44 @@ class _Sampled(NamedTuple):
     Attributes:
         arc: arc lengths [m], increasing.
         points: there [m].
-        bend: second derivative of the pieces there, its size [1/m].
+        bend: second derivative of the piece at both ends of every interval between them [1/m].
+        fourth: bound of its fourth derivative in every interval [1/m^3].
     """
 
     arc: Float[np.ndarray, " S"]
     points: Float[np.ndarray, "S m"]
-    bend: Float[np.ndarray, " S"]
+    bend: Float[np.ndarray, "2 I m"]
+    fourth: Float[np.ndarray, " I"]
 
 
 def _sampled(run: Run, knots: Float[np.ndarray, " K"]) -> _Sampled:
     """Where a piece is longer than a cell, every cell has points: else it would have none."""
-    ends = np.union1d(run.ends, knots)
-    piece = np.searchsorted(run.ends, ends[:-1], side="right") - 1
+    ends, pieces = np.union1d(run.ends, knots), run.pieces
     arc = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(POINTS) / POINTS
-    arc, piece = np.append(arc, ends[-1]), np.append(np.repeat(piece, POINTS), piece[-1])
-    place, _, bend, _ = jet(run.pieces, piece, arc - run.ends[piece])
-    return _Sampled(arc, place, np.linalg.norm(bend, axis=1))
+    arc = np.append(arc, ends[-1])
+    piece = np.repeat(np.searchsorted(run.ends, ends[:-1], side="right") - 1, POINTS)
+    both = np.stack([arc[:-1], arc[1:]]) - run.ends[piece]
+    place, _, bend, _ = jet(pieces, np.stack([piece, piece]), both)
+    *_, quartic, quintic = np.linalg.norm(pieces.polynomial, axis=2).T
+    wave = pieces.rate**4 * np.linalg.norm(pieces.cosine, axis=1)
+    fourth = wave + 24 * quartic + 120 * quintic * pieces.extent
+    return _Sampled(arc, np.vstack([place[0], place[1, -1:]]), bend, fourth[piece])
 
 
 def _distance(spline, knots: Float[np.ndarray, " K"], sampled: _Sampled) -> Float[np.ndarray, " I"]:
     """Bound of the distance between a spline and a run, for every interval between two points [m].
 
-    The second derivative of the spline lies within the hull of its coefficients; four count in a
-    cell.
+    The second derivative of their difference is bounded by its ends and its own second derivative:
+    the fourth one, which for a spline is linear in every cell.
     """
-    apart = np.linalg.norm(spline(sampled.arc) - sampled.points, axis=1)
-    size = np.linalg.norm(spline.derivative(2).c[: knots.size + 2], axis=1)
-    cell = np.searchsorted(knots, sampled.arc[:-1], side="right") - 1
-    of_cell = sliding_window_view(size, 4).max(axis=1)
-    bend = of_cell[cell] + np.maximum(sampled.bend[:-1], sampled.bend[1:])
-    return np.maximum(apart[:-1], apart[1:]) + np.diff(sampled.arc) ** 2 / 8 * bend
+    arc, points, bend, fourth = sampled
+    apart, bent = np.linalg.norm(spline(arc) - points, axis=1), spline(arc, 2)
+    ends = np.linalg.norm(spline(knots, 4), axis=1)
+    cell = np.searchsorted(knots, arc[:-1], side="right") - 1
+    fourth = fourth + np.maximum(ends[:-1], ends[1:])[cell]
+    between = np.diff(arc) ** 2 / 8
+    second = np.linalg.norm(np.stack([bent[:-1], bent[1:]]) - bend, axis=2).max(axis=0)
+    return np.maximum(apart[:-1], apart[1:]) + between * (second + between * fourth)
 
 
 def _curve(spline):

@@ -1,4 +1,7 @@
-"""Quintic spline with the least mean square distance from points, its ends and directions given.
+"""Quintic spline with the least mean square distance from a path, its ends and directions given.
+
+The mean is one over the arc length, by the trapezoidal rule between points: it hardly depends on
+where they are.
 
 The normal equations of B-splines have six diagonals. They are summed interval by interval: on one
 interval the same six B-splines are not zero. So a fit of some hundred points is mostly arithmetic;
@@ -47,8 +50,11 @@ def fitted_spline(
         coefficients[-2] = points[-1] - after * (knots[-1] - knots[-2]) / DEGREE
         last = count - 2
     design = BSpline.design_matrix(arc, whole, DEGREE)
+    step = np.diff(arc, prepend=arc[0], append=arc[-1])
+    weight = np.sqrt(step[:-1] + step[1:])[:, None]
     values, column = design.data.reshape(-1, SIX.size), design.indices[:: SIX.size]
     left = points - np.einsum("rk,rkm->rm", values, coefficients[column[:, None] + SIX])
+    values, left = weight * values, weight * left
     bands, right = _normal_equations(values, column, left, count)
     coefficients[first:last] = solveh_banded(bands[:, first:last], right[first:last])
     return BSpline(whole, coefficients, DEGREE)

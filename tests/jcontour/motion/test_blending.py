@@ -96,3 +96,34 @@ def test_the_slightest_bend_that_would_stop_a_motion_is_blended():
     found = blended(path, 2e-6)
     feeds = np.full(found.piece.size, feed)
     assert joints(unpadded(found.path)).smooth(feeds, acceleration).all()
+
+
+def test_two_blends_leave_no_gap_that_turns():
+    """Each takes half of the shorter arc beside it: of the middle one 0.5 nm would be left."""
+    length, place, heading, arcs = [0.1e-3 - 1e-9, 0.1e-3, 0.15e-3], np.zeros(2), 0.0, []
+    for radius, along in zip([0.2e-3, 0.1e-3, 0.2e-3], length, strict=True):
+        inward = np.array([-np.sin(heading), np.cos(heading)])
+        arcs.append(contours.arc(place, place + radius * inward, along / radius))
+        place, heading = np.asarray(arcs[-1].position(along)), heading + along / radius
+    found = blended(contours.chain(arcs), 1e-3)
+    assert found.blend.any()
+    changes = joints(unpadded(found.path))
+    assert changes.turn.max() < 1e-12 and changes.bend.max() < 1e-6
+
+
+def test_rounding_of_a_curvature_is_no_jump_of_it():
+    first = contours.arc([1e-3, 0.0], [0.0, 0.0], 1.0)
+    start = np.asarray(first.position(first.length))
+    for off, blends in ((1e-15, False), (1e-6, True)):
+        second = contours.arc(start, -off * start, 1.0)
+        assert blended(contours.chain([first, second]), 1e-6).blend.any() == blends
+
+
+def test_what_is_used_of_the_tolerance_is_not_used_twice():
+    used = np.array([0.0, 4e-6, 9e-6])
+    found = blended(SQUARE, 10e-6, used=used)
+    sides = np.asarray(found.path.extent)[~found.blend]
+    reach = 8 / np.sqrt(2) * 0.99 * (10e-6 - used)  # d sqrt(2) / 8 at a right angle
+    cut = np.convolve(reach, [1.0, 1.0])  # of every side, at one corner or at both
+    np.testing.assert_allclose(20e-3 - sides, cut, rtol=2e-3)
+    assert 9.9e-6 < found.deviation <= 10e-6

@@ -10,7 +10,7 @@ from jcontour.motion.spline_fit import DEGREE, fitted_spline
 def fit(tangents=(None, None), cells=4, samples=60, axes=2):
     random = np.random.default_rng(cells)
     knots = np.sort(np.append([0.0, 1.0], random.uniform(0.1, 0.9, cells - 1)))
-    arc = np.linspace(0.0, 1.0, samples)
+    arc = np.sort(np.append([0.0, 1.0], random.uniform(0.0, 1.0, samples - 2)))
     points = random.normal(size=(samples, axes))
     return fitted_spline(knots, arc, points, tangents), arc, points
 
@@ -19,7 +19,10 @@ def fit(tangents=(None, None), cells=4, samples=60, axes=2):
 @pytest.mark.parametrize("begins", [False, True])
 @pytest.mark.parametrize("ends", [False, True])
 def test_the_distance_is_least_under_the_conditions_at_its_ends(cells, begins, ends):
-    """What is free is that of `lstsq`; what is not keeps ends and directions."""
+    """What is free is that of `lstsq`; what is not keeps ends and directions.
+
+    Every point counts as much as the path that is nearest to it.
+    """
     before = np.array([0.6, 0.8]) if begins else None
     after = np.array([0.0, -1.0]) if ends else None
     spline, arc, points = fit((before, after), cells)
@@ -31,7 +34,10 @@ def test_the_distance_is_least_under_the_conditions_at_its_ends(cells, begins, e
     free = slice(1 + begins, dense.shape[1] - 1 - ends)
     fixed = spline.c.copy()
     fixed[free] = 0.0
-    best = np.linalg.lstsq(dense[:, free], points - dense @ fixed, rcond=None)[0]
+    middle = 0.5 * (arc[1:] + arc[:-1])
+    weight = np.sqrt(np.diff(middle, prepend=0.0, append=1.0))[:, None]
+    left = points - dense @ fixed
+    best = np.linalg.lstsq(weight * dense[:, free], weight * left, rcond=None)[0]
     np.testing.assert_allclose(spline.c[free], best, atol=1e-9)
 
 
