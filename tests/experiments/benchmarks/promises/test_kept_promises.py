@@ -8,7 +8,9 @@ import pytest
 from experiments.benchmarks.promises import kept_promises
 from experiments.benchmarks.promises.kept_promises import checked, stopping_time
 from experiments.benchmarks.promises.motion import broken
+from jcontour.geometry import contours
 from jcontour.motion.cornering import cornered
+from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 
@@ -50,3 +52,12 @@ def test_a_corner_cut_too_far_is_found(monkeypatch):
 def test_many_paths_keep_all_promises(first):
     found = [checked(seed) for seed in range(first, first + 40)]
     assert [(row.seed, broken(row)) for row in found if broken(row)] == []
+
+
+@pytest.mark.parametrize("turn", [-4.5, -0.3, 0.3, 2.0, 6.0])
+def test_the_distance_from_an_arc_is_that_from_its_nearest_point(turn):
+    piece = unpadded(contours.arc([3e-3, 1e-3], [1e-3, 2e-3], turn)).taken(0)
+    points = np.random.default_rng(1).uniform(-4e-3, 6e-3, (200, 2))
+    on = piece.taken(None).jet(np.linspace(0.0, 1.0, 20_001) * piece.extent)[0]
+    nearest = np.linalg.norm(points[:, None] - on, axis=2).min(axis=1)
+    np.testing.assert_allclose(kept_promises._to_arc(points, piece), nearest, atol=1e-7)
