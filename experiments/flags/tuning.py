@@ -46,7 +46,7 @@ class Tune(Aimed):
 class Front(Aimed):
     """Trace the trade-off of contour error against control increment, or against robustness.
 
-    A tracking cap holds if one is given.
+    The RMS tracking error keeps the limit that `tune` gives it, or the one that is given.
     """
 
     parts: Positional[tuple[str, ...]] = ()
