@@ -12,6 +12,7 @@ from jcontour.geometry.pieces import Piece
 
 TURN = 1e-8  # of the speed: a smaller jump of p' is rounding of a file
 BEND = 1e-6  # of an axis's acceleration limit: a smaller jump of p'' v^2 is rounding
+SHARP = 1e-9  # of p'': a smaller jump of it is rounding, which is coarse on the smallest curves
 
 
 class Joints(NamedTuple):
@@ -19,7 +20,7 @@ class Joints(NamedTuple):
 
     Attributes:
         turn: (P-1,) jump of p' [1].
-        bend: (P-1,) jump of p'' [1/m].
+        bend: (P-1,) jump of p'' [1/m], 0 where it is rounding.
     """
 
     turn: Float[np.ndarray, " joints"]
@@ -48,4 +49,6 @@ def joints(pieces: Piece) -> Joints:
     number = np.arange(pieces.extent.size - 1)
     before = jet(pieces, number, pieces.extent[:-1])
     after = jet(pieces, number + 1, 0.0 * pieces.extent[1:])
-    return Joints(*np.linalg.norm(after - before, axis=-1)[1:3])
+    turn, bend = np.linalg.norm(after - before, axis=-1)[1:3]
+    curvature = np.maximum(*(np.linalg.norm(side[2], axis=-1) for side in (before, after)))
+    return Joints(turn, np.where(bend < SHARP * curvature, 0.0, bend))

@@ -22,9 +22,10 @@ def test_time_of_stopping_in_closed_form():
 
 
 # in 18, 41 and 90 a curve swings between its points where some moves have too few of them, in 2930
-# where the distance is known at them alone; of 1138783 a jerk turns by its third difference between
+# where the distance is known at them alone; 1526248 has a blend of 0.1 um, whose curvature is known
+# to some digits only; of 1138783 a jerk turns by its third difference between
 # two places that are looked at
-@pytest.mark.parametrize("seed", [3, 6, 8, 13, 18, 41, 90, 2930, 1138783])
+@pytest.mark.parametrize("seed", [3, 6, 8, 13, 18, 41, 90, 2930, 1526248, 1138783])
 def test_a_path_keeps_all_promises(seed):
     assert broken(checked(seed)) == []
 

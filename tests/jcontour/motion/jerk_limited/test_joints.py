@@ -49,3 +49,14 @@ def test_a_joint_is_passed_at_the_lower_feed_of_its_two_pieces(feeds, expected):
 def test_a_stack_of_contours_is_refused():
     with pytest.raises(ValueError, match="one contour"):
         unpadded(contours.stack([TANGENT, contours.circle(RADIUS)]))
+
+
+@pytest.mark.parametrize(("off", "jumps"), [(1e-10, False), (1e-7, True)])
+def test_a_jump_of_curvature_is_one_where_it_is_more_than_rounding(off, jumps):
+    """Of arcs of 0.1 um, at a feed that no machine has there: the curvature counts."""
+    first = contours.arc([1e-7, 0.0], [0.0, 0.0], 1.0)
+    start = np.asarray(first.position(first.length))
+    second = contours.arc(start, -off * start, 1.0)
+    found = joints(unpadded(contours.chain([first, second])))
+    assert found.smooth(np.ones(2), 1.0).all() != jumps
+    np.testing.assert_allclose(found.bend, 1e7 * off if jumps else 0.0, rtol=1e-5)
