@@ -205,7 +205,7 @@ def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
         except np.linalg.LinAlgError:  # pieces far too unlike in length
             return None
         distance = _distance(spline, knots, sampled)
-        far = np.searchsorted(knots, sampled.arc[:-1][distance > tolerance], side="right") - 1
+        far = np.searchsorted(knots, sampled.arc[:-1][~(distance <= tolerance)], side="right") - 1
         if far.size == 0:
             cells, frame = (knots[:-1], knots[1:]), _frame(run, sampled.points)
             fit = fitted("smoothing", _curve(spline), frame, *cells, FIT * tolerance)
