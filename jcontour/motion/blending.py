@@ -36,7 +36,6 @@ SAFETY = 0.99  # of the tolerance: the deviation may peak between two of them
 FIT = 1e-3  # of the tolerance: what the quintics may be off the blend
 SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
 ROUNDING = 1e-9  # jump of the tangent that is none
-STRAIGHT = 1e-8  # [1/m] jump of the curvature that is none: at 1 m/s, 1e-8 m/s^2
 CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
 SEARCHES = 60  # halvings and secants for the length of a blend
 SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
@@ -116,7 +115,7 @@ def blended(
         raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
     used = np.zeros(count - 1) if used is None else used
     found = joints(pieces)
-    rough = (found.turn > ROUNDING) | (found.bend > STRAIGHT)
+    rough = (found.turn > ROUNDING) | (found.bend > 0)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
     starts = np.append(0.0, np.cumsum(pieces.extent))
     if tolerance == 0 or at.size == 0:

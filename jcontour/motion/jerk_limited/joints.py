@@ -12,7 +12,8 @@ from jcontour.geometry.pieces import Piece
 
 TURN = 1e-8  # of the speed: a smaller jump of p' is rounding of a file
 BEND = 1e-6  # of an axis's acceleration limit: a smaller jump of p'' v^2 is rounding
-SHARP = 1e-9  # of p'': a smaller jump of it is rounding, which is coarse on the smallest curves
+STRAIGHT = 1e-8  # [1/m] a smaller jump of p'' is rounding: at 1 m/s, 1e-8 m/s^2
+SHARP = 1e-9  # of p'': likewise, for rounding is coarse on the smallest curves
 
 
 class Joints(NamedTuple):
@@ -51,4 +52,5 @@ def joints(pieces: Piece) -> Joints:
     after = jet(pieces, number + 1, 0.0 * pieces.extent[1:])
     turn, bend = np.linalg.norm(after - before, axis=-1)[1:3]
     curvature = np.maximum(*(np.linalg.norm(side[2], axis=-1) for side in (before, after)))
-    return Joints(turn, np.where(bend < SHARP * curvature, 0.0, bend))
+    rounding = np.maximum(STRAIGHT, SHARP * curvature)
+    return Joints(turn, np.where(bend < rounding, 0.0, bend))
