@@ -18,7 +18,7 @@ from jcontour.motion.jerk_limited.cubic_motion import CubicMotion
 from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
-PER_RAMP = 8  # cells in the time in which an axis builds up its acceleration
+PER_RAMP = 8  # cells in the time for which a motion keeps up its jerk
 CURVED = 6  # cells of a curved piece at least
 WHOLE = 0.5  # of a cell's time: a piece that is passed in less has fewer
 PER_STRETCH = 40  # cells between two stops at least
@@ -29,15 +29,32 @@ MOST_CELLS = 2_000_000
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
 
 
-def cell_time(limits: AxisLimits) -> float:
-    """Time of a cell [s]."""
-    return float((limits.acceleration / limits.jerk).min()) / PER_RAMP
+def build_up(limits: AxisLimits) -> float:
+    """Time in which jerk builds up the acceleration of an axis [s], of the quickest one."""
+    return float((limits.acceleration / limits.jerk).min())
+
+
+def cell_times(
+    pieces: Piece, feed: Float[np.ndarray, " P"], limits: AxisLimits
+) -> Float[np.ndarray, " P"]:
+    """Time of a cell on every piece [s].
+
+    Jerk j lasts for a / j until the acceleration a is built up, but not longer than sqrt(v / j)
+    where that takes the motion to half of its feed v: the acceleration sinks again behind it.
+    """
+    first, _, _ = everywhere(pieces)
+    with np.errstate(divide="ignore"):
+        speed, jerk = (
+            (limit / np.abs(first)).min(axis=-1).max(axis=0)
+            for limit in (limits.speed, limits.jerk)
+        )
+    ramp = np.sqrt(np.minimum(feed, speed) / jerk)
+    return np.minimum(ramp, build_up(limits)) / PER_RAMP
 
 
 def launch_length(limits: AxisLimits) -> float:
     """Length [m] that constant jerk passes from rest while a stop is felt."""
-    ramp = LAUNCH * (limits.acceleration / limits.jerk).min()
-    return float(limits.jerk.min() * ramp**3 / 6)
+    return float(limits.jerk.min() * (LAUNCH * build_up(limits)) ** 3 / 6)
 
 
 def curved(pieces: Piece) -> np.ndarray:
@@ -95,11 +112,13 @@ def nodes(
     """
     starts = np.append(0.0, np.cumsum(pieces.extent))
     speed = passing_speed(pieces, feed, limits)
-    tick = max(cell_time(limits), float(np.sum(pieces.extent / speed)) / MOST_CELLS)
+    shortest = float(np.sum(pieces.extent / speed)) / MOST_CELLS
+    tick = np.maximum(cell_times(pieces, feed, limits), shortest)
+    sample = max(build_up(limits) / PER_RAMP, shortest)
     axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
     rest = np.where(np.isin(starts[1:], stops), 0.0, np.nan)
-    arc = trapezoidal(contour, speed, tick, 1e9, axis_speed, limits.acceleration, 0.0, rest)
-    place, time = _times(arc, tick, stops, limits, starts)
+    arc = trapezoidal(contour, speed, sample, 1e9, axis_speed, limits.acceleration, 0.0, rest)
+    place, time = _times(arc, sample, stops, limits, starts)
     ends = np.interp(starts, place, time)
     least = np.where(curved(pieces), cells_of_curve(np.diff(ends) / tick), 1)
     stretch = np.searchsorted(stops, 0.5 * (starts[1:] + starts[:-1])) - 1
@@ -176,16 +195,16 @@ def cells_between(
     return Cells(on, starts[on], node[:-1] - old.time[cell], cell, np.diff(node)), node
 
 
-def _times(arc, tick, stops, limits, starts):
+def _times(arc, sample, stops, limits, starts):
     """Table of places [m] and times [s] that the cells share out."""
-    ramp = LAUNCH * float((limits.acceleration / limits.jerk).min())
+    ramp = LAUNCH * build_up(limits)
     jerk = float(limits.jerk.min())
     launch = jerk * np.linspace(0.0, ramp, 100)[1:] ** 3 / 6
     half = 0.5 * np.diff(stops)
     after = (stops[:-1, None] + np.minimum(launch, half[:, None])).ravel()
     before = (stops[1:, None] - np.minimum(launch, half[:, None])).ravel()
     place = np.unique(np.concatenate([arc, starts, after, before, stops[:-1] + half]))
-    quick = np.interp(place, arc, tick * np.arange(arc.size))
+    quick = np.interp(place, arc, sample * np.arange(arc.size))
     i = np.clip(np.searchsorted(stops, place, side="right") - 1, 0, stops.size - 2)
     far = np.minimum(launch[-1], half)
     lasting = np.cbrt(6 * far / jerk)

@@ -161,7 +161,8 @@ def _again(
     bends: Bool[np.ndarray, " stretches"],
 ) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    tick = max(mesh.cell_time(motion.limits), motion.duration / mesh.MOST_CELLS)
+    tick = mesh.cell_times(task.pieces, task.feed, task.limits)
+    tick = np.maximum(tick, motion.duration / mesh.MOST_CELLS)
     time, ends = shares(motion, tick, bends)
     splines = through(time, motion.at(time).arc, ends)
     if splines is None:

@@ -16,7 +16,9 @@ GROWTH = 1 / 32  # of the time to where they are needed: so long may cells becom
 
 
 def shares(
-    motion: JerkLimitedMotion, tick: float, wanted: Bool[np.ndarray, " stretches"]
+    motion: JerkLimitedMotion,
+    tick: Float[np.ndarray, " P"],
+    wanted: Bool[np.ndarray, " stretches"],
 ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " ends"]]:
     """Times from stop to stop that share out every piece evenly, none longer than `tick`.
 
@@ -25,7 +27,7 @@ def shares(
 
     Args:
         motion: that is shared out.
-        tick: longest time between two of them where jerk acts [s].
+        tick: on every piece, longest time between two of them where jerk acts [s].
         wanted: stretches between stops.
     """
     time, share = _activity(motion, tick)
@@ -46,22 +48,24 @@ def shares(
 
 
 def _activity(
-    motion: JerkLimitedMotion, tick: float
+    motion: JerkLimitedMotion, tick: Float[np.ndarray, " P"]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Table of times, and of the cells that are due up to each: few where no jerk acts."""
-    node = motion.nodes
-    speed, acceleration, jerk = motion.axes_at(0.5 * (node[1:] + node[:-1]))
+    node, begins = motion.nodes, motion.passed[1:-1]
+    centre = 0.5 * (node[1:] + node[:-1])
+    speed, acceleration, jerk = motion.axes_at(centre)
     active = np.flatnonzero((np.abs(jerk) / motion.limits.jerk).max(axis=-1) > QUIET)
-    ramp = mesh.PER_RAMP * tick
-    begin, end = node[active] - ramp, node[active + 1] + ramp
+    ramp = mesh.PER_RAMP * tick[np.searchsorted(begins, centre[active])]
+    begin, end = np.sort(node[active] - ramp), np.sort(node[active + 1] + ramp)
     time = np.unique(np.clip(np.concatenate([node, begin, end]), 0.0, node[-1]))
     middle = 0.5 * (time[1:] + time[:-1])
     begun, ended = np.searchsorted(begin, middle), np.searchsorted(end, middle)
     since = middle - np.append(-np.inf, end)[ended]
     until = np.append(begin, np.inf)[begun] - middle
-    longest = tick / SPARSE + GROWTH * np.minimum(np.minimum(since, until), node[-1])
+    fine = tick[np.searchsorted(begins, middle)]
+    longest = fine / SPARSE + GROWTH * np.minimum(np.minimum(since, until), node[-1])
     turning = np.linalg.norm(acceleration, axis=-1) / np.linalg.norm(speed, axis=-1)
     on = np.searchsorted(node, middle) - 1
-    quiet = np.maximum(1 / longest, np.minimum(turning[on] / mesh.TURN, SPARSE / tick))
-    density = np.where(begun > ended, 1 / tick, quiet)
+    quiet = np.maximum(1 / longest, np.minimum(turning[on] / mesh.TURN, SPARSE / fine))
+    density = np.where(begun > ended, 1 / fine, quiet)
     return time, np.append(0.0, np.cumsum(density * np.diff(time)))
