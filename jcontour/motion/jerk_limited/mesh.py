@@ -25,6 +25,7 @@ PER_STRETCH = 40  # cells between two stops at least
 FINE = 4  # launches beside the ends of calm pieces in which cells are not longer
 CALM = 0.1  # of the limits of acceleration and jerk: what a calm piece asks for at its feed
 TURN = 0.2  # [rad] of the path, in a long cell
+TOUCHING = 1e-6  # of a cell: in a shorter one the jerk would be rounding
 MOST_CELLS = 2_000_000
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
 
@@ -183,10 +184,11 @@ def cells_between(
     starts = np.append(0.0, np.cumsum(pieces.extent))
     time = old.reached(place)
     gap = np.diff(np.append(time, old.time[-1]))
+    beside = np.minimum(gap, np.append(old.time[-1], gap[:-1]))
     near = np.clip(np.searchsorted(old.time, time), 1, old.time.size - 1)
     apart = np.minimum(np.abs(old.time[near] - time), np.abs(time - old.time[near - 1]))
     begins = np.append(True, np.diff(piece) > 0)
-    kept = np.where(begins, apart > 1e-9 * old.time[-1] / gap.size, apart > 0.3 * gap)
+    kept = np.where(begins, apart > TOUCHING * beside, apart > 0.3 * gap)
     node = np.sort(np.concatenate([time[kept], old.time]))
     middle = 0.5 * (node[1:] + node[:-1])
     cell = np.searchsorted(old.time, middle, side="right") - 1

@@ -9,6 +9,7 @@ from jcontour.geometry import contours
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited import mesh, optimum
 from jcontour.motion.jerk_limited.cubic_motion import ramped
+from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
@@ -88,6 +89,17 @@ def test_a_slow_speed_is_reached_quickly(slow, who):
     motion = jerk_limited(line, [feed, np.nextafter(feed, 1.0)], limits)
     assert best * (1 - 1e-9) < motion.duration < 1.0005 * best
     check_limits(motion, slow, seed=0)
+
+
+def test_pieces_that_meet_beside_the_middle_of_a_stretch_make_no_cell_of_rounding():
+    """The middle is a node; a cell of a picosecond between both had a thousand times the jerk."""
+    line = contours.polyline([[0.0, 0.0], [1e-3 + 8e-13, 0.0], [2e-3, 0.0]])
+    stops, (piece,) = np.array([0.0, 2e-3]), [unpadded(line)]
+    old = ramped(stops, np.full(1, mesh.launch_length(LIMITS)))
+    place, on = mesh.nodes(line, piece, 0.12 * ONE_DIGIT_APART, LIMITS, stops)
+    _, node = mesh.cells_between(place, on, piece, old)
+    assert np.isclose(node, 1e-3, rtol=1e-9).sum() == 1
+    assert np.diff(node).min() > 1e-9
 
 
 def test_a_search_that_ends_early_says_how_much_is_left(monkeypatch):
