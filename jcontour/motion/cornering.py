@@ -2,11 +2,12 @@
 
 A blend takes a corner within a tolerance, often at a crawl; far away from it the tool could have
 been quicker to a stop in the corner. Both are compared between two stops of the blended motion,
-over all of the corners in between. Pieces that meet smoothly, as two arcs of one circle do, are
-one leg: nothing makes a motion stop between them. The time of a line from rest to rest is known in
-closed form. That of a curve is estimated from its length and the most that limits allow anywhere on
-it, so that it is rather too short. Where stops look quicker, the path is planned again without
-blends there. A joint that is stopped in once stays so: there is an end.
+over all of the corners in between, and where the feed changes. Pieces that meet smoothly at one
+feed, as two arcs of one circle do, are one leg: nothing makes a motion stop between them. The time
+of a line from rest to rest is known in closed form. That of a curve is estimated from its length
+and the most that limits allow anywhere on it, so that it is rather too short. Where stops look
+quicker, the path is planned again without blends there. A joint that is stopped in once stays so:
+there is an end.
 """
 
 from typing import NamedTuple
@@ -109,7 +110,8 @@ def _better_stopped(
     """Joints between legs that a motion passes, and rather should stop in."""
     around, motion, _ = planned
     pieces = unpadded(around.contour)
-    found = ~joints(pieces).smooth(feed, float(limits.acceleration.min())) | stopped_in
+    smooth = joints(pieces).smooth(feed, float(limits.acceleration.min()))
+    found = ~smooth | (feed[1:] != feed[:-1]) | stopped_in
     first = np.flatnonzero(np.append(True, found))  # piece of every leg
     starts = np.append(0.0, np.cumsum(pieces.extent))
     ends = starts[np.append(first, feed.size)]

@@ -10,16 +10,18 @@ from jcontour.motion.cornering import cornered
 from jcontour.motion.feed_laws import SharpTurnError
 from jcontour.motion.jerk_limited.limits import AxisLimits
 from jcontour.motion.jerk_limited.planning import jerk_limited
+from jcontour.motion.point_to_point import PointToPoint
 
 LIMITS = AxisLimits.of(2, acceleration=3.0, jerk=150.0, speed=0.2)
-# two lines that turn by 113 degrees: around them within a tolerance is slower than a stop
+# two lines that turn by 113 degrees: around them within this tolerance is slower than a stop
+TIGHT = 1e-8  # [m]
 SHARP = 1e-3 * np.array([[0.0, 0.0], [30.0, 0.0], [20.0, 24.0]])
 
 
 def test_a_corner_that_is_slow_to_pass_is_stopped_in():
-    path, feed = contours.polyline(SHARP), 0.01
-    passed = jerk_limited(blended(path, 2e-6).path, feed, LIMITS)
-    planned = cornered(path, np.full(2, feed), LIMITS, 2e-6)
+    path, feed = contours.polyline(SHARP), 0.1
+    passed = jerk_limited(blended(path, TIGHT).path, feed, LIMITS)
+    planned = cornered(path, np.full(2, feed), LIMITS, TIGHT)
     stopped = jerk_limited(path, feed, LIMITS)
     assert planned.motion.duration == stopped.duration < passed.duration
     assert planned.around.deviation == 0.0 and planned.motion.stops.size == 3
@@ -66,10 +68,19 @@ def test_lines_in_parts_are_stopped_in_as_whole_ones_are():
     """Nothing stops between the parts: the time from rest to rest is that of the whole line."""
     parts = np.linspace(SHARP[:-1], SHARP[1:], 4, endpoint=False)
     path = contours.polyline(np.vstack([*np.swapaxes(parts, 0, 1), SHARP[-1:]]))
-    planned = cornered(path, np.full(8, 0.01), LIMITS, 2e-6)
-    stopped = jerk_limited(contours.polyline(SHARP), 0.01, LIMITS)
+    planned = cornered(path, np.full(8, 0.1), LIMITS, TIGHT)
+    stopped = jerk_limited(contours.polyline(SHARP), 0.1, LIMITS)
     assert planned.motion.stops.size == 3 and planned.around.deviation == 0.0
     np.testing.assert_allclose(planned.motion.duration, stopped.duration, rtol=1e-9)
+
+
+def test_a_line_is_stopped_on_where_that_is_the_quicker_change_of_the_feed():
+    """Its last micrometre is slow: to come down to that feed takes about as long as to stop."""
+    path = contours.polyline([[0.0, 0.0], [10e-3, 0.0], [10.001e-3, 0.0]])
+    stopping = PointToPoint(10e-3, 0.01, 3.0, 150.0).duration
+    stopping += PointToPoint(1e-6, 1e-4, 3.0, 150.0).duration
+    planned = cornered(path, np.array([0.01, 1e-4]), LIMITS, 2e-6)
+    assert planned.duration <= stopping * (1 + 1e-9)
 
 
 def test_a_curve_that_turns_without_end_is_told_by_its_number_on_the_contour():
