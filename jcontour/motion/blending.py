@@ -227,7 +227,7 @@ def _assembled(
     count = pieces.extent.size
     cut_before, left = np.zeros(count), blends.left()
     cut_before[blends.at + 1] = blends.reach
-    kept = np.flatnonzero(left > SHORTEST)
+    kept = np.flatnonzero((left > SHORTEST) | (left == pieces.extent))
     cut = _cut(pieces.taken(kept), cut_before[kept], left[kept])
     fit = fitted("blend", *_curves(blends), fit_tolerance)
     number = (0.5 * fit.begin).astype(int)

@@ -111,6 +111,14 @@ def test_two_blends_leave_no_gap_that_turns():
     assert changes.turn.max() < 1e-12 and changes.bend.max() < 1e-6
 
 
+def test_the_shortest_piece_stays_where_nothing_is_cut_off_it():
+    """It is shorter than what has to be left of a piece between two blends."""
+    path = contours.polyline(1e-3 * np.array([[0, 0], [10, 0], [10, 10], [10 + 5e-7, 10]]))
+    found = blended(path, 10e-6, np.array([True, False]))
+    assert found.piece.max() == 2 and found.joint(np.array([1])) == found.piece.size - 2
+    np.testing.assert_array_equal(np.asarray(found.path.extent)[-1], np.asarray(path.extent)[2])
+
+
 def test_rounding_of_a_curvature_is_no_jump_of_it():
     first = contours.arc([1e-3, 0.0], [0.0, 0.0], 1.0)
     start = np.asarray(first.position(first.length))
