@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from experiments.benchmarks.promises.random_paths import random_path
+from jcontour.compiled import compiled
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.cornering import Planned, cornered
 from jcontour.motion.jerk_limited.joints import unpadded
@@ -41,9 +42,9 @@ class Checked(NamedTuple):
     seconds: float
 
 
-def checked(seed: int) -> Checked:
+def checked(seed: int, kind: str | None = None) -> Checked:
     """Plan the motion of a random path and compare it with its limits."""
-    path = random_path(seed)
+    path = random_path(seed, kind)
     began = time.perf_counter()
     alike = path.feed[1:] == path.feed[:-1]
     planned = cornered(path.contour, path.feed, path.limits, path.tolerance, alike=alike)
@@ -98,17 +99,29 @@ def _farthest(planned: Planned, random: np.random.Generator) -> float:
     piece = random.integers(0, pieces.extent.size, ON_PATH)
     on = pieces.taken(piece)
     place = on.jet(random.uniform(0, 1, ON_PATH) * on.extent)[0]
-    nearest = np.full(ON_PATH, np.inf)
-    for k in range(true.extent.size):
-        away = _to_arc if true.rate[k] > 0 else _to_line
-        nearest = np.minimum(nearest, away(place, true.taken(k)))
+    lines = true.taken(true.rate == 0)
+    start, along = lines.polynomial[:, 0].copy(), lines.polynomial[:, 1].copy()
+    square = np.full(ON_PATH, np.inf)
+    _fill_squares_to_lines(place, start, along, lines.extent, square)
+    nearest = np.sqrt(square)
+    for k in np.flatnonzero(true.rate > 0):
+        nearest = np.minimum(nearest, _to_arc(place, true.taken(k)))
     return float(nearest.max())
 
 
-def _to_line(place: Float[np.ndarray, "n m"], line: Piece) -> Float[np.ndarray, " n"]:
-    start, along = line.polynomial[:2]
-    into = np.clip((place - start) @ along, 0.0, line.extent)
-    return np.linalg.norm(place - start - into[:, None] * along, axis=1)
+@compiled
+def _fill_squares_to_lines(place, start, along, extent, square):
+    """Write the squared distance of places from the nearest of all lines, where it is less."""
+    for k in range(extent.size):
+        for i in range(square.size):
+            into = 0.0
+            for axis in range(place.shape[1]):
+                into += (place[i, axis] - start[k, axis]) * along[k, axis]
+            into = min(max(into, 0.0), extent[k])
+            away = 0.0
+            for axis in range(place.shape[1]):
+                away += (place[i, axis] - start[k, axis] - into * along[k, axis]) ** 2
+            square[i] = min(square[i], away)
 
 
 def _to_arc(place: Float[np.ndarray, "n 2"], arc: Piece) -> Float[np.ndarray, " n"]:

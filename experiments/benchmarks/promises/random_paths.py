@@ -13,6 +13,7 @@ from jcontour.motion.jerk_limited.limits import AxisLimits
 # one after the other, by the seed
 KINDS = (
     "lines of all lengths",
+    "lines back and forth, feeds differ",
     "rounded outlines, feeds differ",
     "rounded outlines in chords",
     "lines and arcs, nearly smooth",
@@ -48,16 +49,19 @@ class RandomPath(NamedTuple):
     points: Float[np.ndarray, "n m"] | None
 
 
-def random_path(seed: int) -> RandomPath:
-    """Path of 2 to 50 pieces; sizes, limits, feed and tolerance vary over decades."""
+def random_path(seed: int, kind: str | None = None) -> RandomPath:
+    """Path of 2 to 50 pieces; sizes, limits, feed and tolerance vary over decades.
+
+    The kind follows from the seed where it is not given.
+    """
     random = np.random.default_rng(seed)
-    kind = KINDS[seed % len(KINDS)]
+    kind = kind or KINDS[seed % len(KINDS)]
     count = int(random.integers(2, MOST_PIECES + 1))
     axes = 2 if kind in WITH_ARCS else int(random.integers(2, 4))
     feed = np.full(count, 10 ** random.uniform(-3, 0))
     if kind == "lines, feeds differ":
         feed *= random.uniform(0.1, 1.0, count)
-    if kind == "rounded outlines, feeds differ":
+    if kind.endswith(("outlines, feeds differ", "forth, feeds differ")):
         feed *= np.repeat(random.uniform(0.1, 1.0, count), random.integers(1, 20, count))[:count]
     acceleration = 10 ** random.uniform(-1, 1.5, axes)
     build_up = 10 ** random.uniform(-2.5, -0.5)
@@ -78,6 +82,8 @@ def _drawn(
     """Points of lines, or lines and arcs."""
     if kind == "lines of all lengths":
         return _lines(random, count, axes, size)
+    if kind == "lines back and forth, feeds differ":
+        return _back_and_forth(random, count, axes, size)
     if kind.startswith("rounded outlines"):
         return _rounded(random, count, axes, size)
     if kind == "lines and arcs, nearly smooth":
@@ -94,6 +100,21 @@ def _lines(random: np.random.Generator, count: int, axes: int, size: float) -> n
     length = size * 10 ** random.uniform(-3, 0, (count, 1))
     steps *= length / np.linalg.norm(steps, axis=1, keepdims=True)
     return np.vstack([np.zeros(axes), np.cumsum(steps, axis=0)])
+
+
+def _back_and_forth(
+    random: np.random.Generator, count: int, axes: int, size: float
+) -> Float[np.ndarray, "n m"]:
+    """Points of lines that turn back, go on nearly straight or turn, some of a nanometre or so."""
+    points, along = [np.zeros(axes)], random.normal(size=axes)
+    for _ in range(count):
+        turn = random.choice([0.0, 10 ** random.uniform(-8, -1), 1.0], p=[0.2, 0.6, 0.2])
+        along = along / np.linalg.norm(along) + turn * random.normal(size=axes)
+        along *= random.choice([-1.0, 1.0], p=[0.2, 0.8]) / np.linalg.norm(along)
+        tiny = random.uniform() < 0.1
+        length = 10 ** random.uniform(-9.5, -7) if tiny else size * 10 ** random.uniform(-4, 0)
+        points.append(points[-1] + length * along)
+    return np.array(points)
 
 
 def _rounded(random: np.random.Generator, count: int, axes: int, size: float) -> np.ndarray:

@@ -9,13 +9,13 @@ from jcontour.motion.jerk_limited.joints import joints, unpadded
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 3, 7, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 4, 5, 6))]
+    "seed", [0, 1, 4, 8, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3, 5, 6, 7))]
 )
 def test_paths_have_two_to_fifty_pieces_that_meet(seed):
     path = random_path(seed)
     pieces = jax.tree.map(lambda rows: np.asarray(rows)[:, None], path.contour.pieces)
     extent = pieces.extent
-    assert path.kind == KINDS[seed % 8] and 2 <= extent.size <= 50
+    assert path.kind == KINDS[seed % len(KINDS)] and 2 <= extent.size <= 50
     begin, end = (pieces.jet(part * extent)[0][:, 0] for part in (0.0, 1.0))
     np.testing.assert_allclose(begin[1:], end[:-1], atol=1e-12)
     if path.points is not None:
@@ -23,7 +23,7 @@ def test_paths_have_two_to_fifty_pieces_that_meet(seed):
 
 
 def test_lines_and_arcs_go_on_smoothly_in_some_joints():
-    path = random_path(7)
+    path = random_path(8)
     found = joints(unpadded(path.contour))
     smooth = found.smooth(path.feed, float(path.limits.acceleration.min()))
     arcs = np.asarray(path.contour.rate) > 0
