@@ -26,8 +26,9 @@ FINE = 4  # launches beside the ends of calm pieces in which cells are not longe
 CALM = 0.1  # of the limits of acceleration and jerk: what a calm piece asks for at its feed
 TURN = 0.2  # [rad] of the path, in a long cell
 TOUCHING = 1e-6  # of a cell: in a shorter one the jerk would be rounding
-MOST_CELLS = 2_000_000
+MOST_CELLS = MOST_SAMPLES = 2_000_000  # of the mesh, and of the motion that it is made from
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
+SLOW = 4.0  # likewise, times the time for which jerk lasts at a slow feed
 
 
 def build_up(limits: AxisLimits) -> float:
@@ -53,9 +54,23 @@ def cell_times(
     return np.minimum(ramp, build_up(limits)) / PER_RAMP
 
 
-def launch_length(limits: AxisLimits) -> float:
-    """Length [m] that constant jerk passes from rest while a stop is felt."""
-    return float(limits.jerk.min() * (LAUNCH * build_up(limits)) ** 3 / 6)
+def launch_lengths(
+    tick: Float[np.ndarray, " P"], limits: AxisLimits, stretch: Int[np.ndarray, " P"]
+) -> Float[np.ndarray, " stretches"]:
+    """Lengths [m] that constant jerk passes from rest while a stop is felt, on every stretch.
+
+    Both its ends have the same one: the less, where their feeds differ.
+
+    Args:
+        tick: time of a cell on every piece [s].
+        limits: of the axes.
+        stretch: number of the stretch of every piece.
+    """
+    last = np.flatnonzero(np.diff(stretch, append=stretch[-1] + 1))
+    first = np.append(0, last[:-1] + 1)
+    lasting = PER_RAMP * np.minimum(tick[first], tick[last])
+    ramp = LAUNCH * np.minimum(SLOW * lasting, build_up(limits))
+    return limits.jerk.min() * ramp**3 / 6
 
 
 def curved(pieces: Piece) -> np.ndarray:
@@ -104,6 +119,7 @@ def nodes(
     feed: Float[np.ndarray, " P"],
     limits: AxisLimits,
     stops: Float[np.ndarray, " k"],
+    tick: Float[np.ndarray, " P"],
 ) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Arc lengths [m] at which cells begin, and the piece of each.
 
@@ -113,26 +129,26 @@ def nodes(
     """
     starts = np.append(0.0, np.cumsum(pieces.extent))
     speed = passing_speed(pieces, feed, limits)
-    shortest = float(np.sum(pieces.extent / speed)) / MOST_CELLS
-    tick = np.maximum(cell_times(pieces, feed, limits), shortest)
-    sample = max(build_up(limits) / PER_RAMP, shortest)
+    sample = max(build_up(limits) / PER_RAMP, float(np.sum(pieces.extent / speed)) / MOST_SAMPLES)
     axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
     rest = np.where(np.isin(starts[1:], stops), 0.0, np.nan)
     arc = trapezoidal(contour, speed, sample, 1e9, axis_speed, limits.acceleration, 0.0, rest)
     place, time = _times(arc, sample, stops, limits, starts)
     ends = np.interp(starts, place, time)
-    least = np.where(curved(pieces), cells_of_curve(np.diff(ends) / tick), 1)
+    quiet = calm(pieces, speed, limits)
+    apart = ~(quiet[1:] & quiet[:-1]) | (feed[1:] != feed[:-1]) | np.isin(starts[1:-1], stops)
+    row = np.append(0, np.cumsum(apart))
+    begin, end = ends[np.searchsorted(row, row)], ends[np.searchsorted(row, row, "right")]
+    straight = ~curved(pieces)  # along a line nothing changes, even where an axis limits the speed
+    fine = np.where(quiet | straight, LAUNCH * FINE * tick * PER_RAMP, np.inf)
+    clock = _Clock(begin, end, fine)
+    first, last = clock.shortened(ends[:-1]), clock.shortened(ends[1:])
+    tick = tick * max(1.0, np.sum((last - first) / tick) / MOST_CELLS)
+    least = np.where(straight, 1, cells_of_curve(np.diff(ends) / tick))
     stretch = np.searchsorted(stops, 0.5 * (starts[1:] + starts[:-1])) - 1
     share = np.diff(ends) / np.bincount(stretch, np.diff(ends), stops.size - 1)[stretch]
     least = np.maximum(least, np.ceil(PER_STRETCH * share))
-    quiet = calm(pieces, speed, limits)
     least = np.maximum(least, np.where(quiet, np.ceil(turned(pieces) / TURN), 1))
-    apart = ~(quiet[1:] & quiet[:-1]) | (feed[1:] != feed[:-1]) | np.isin(starts[1:-1], stops)
-    row = np.append(0, np.cumsum(apart))
-    straight = ~curved(pieces)  # along a line nothing changes, even where an axis limits the speed
-    fine = np.where(quiet | straight, LAUNCH * FINE * tick * PER_RAMP, np.inf)
-    clock = _Clock(ends[np.searchsorted(row, row)], ends[np.searchsorted(row, row, "right")], fine)
-    first, last = clock.shortened(ends[:-1]), clock.shortened(ends[1:])
     count = np.maximum(np.ceil((last - first) / tick), least).astype(int)
     piece = np.repeat(np.arange(count.size), count)
     number = np.arange(piece.size) - np.repeat(np.cumsum(count) - count, count)

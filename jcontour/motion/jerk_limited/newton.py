@@ -35,6 +35,7 @@ def solve(
     c: Float[np.ndarray, " n"],
     steps: int,
     near: float,
+    busy: float,
 ) -> float:
     """Improve the unknowns of one stretch in place; they begin within every condition.
 
@@ -47,6 +48,7 @@ def solve(
         c: unknowns.
         steps: of Newton's method.
         near: share of the duration by which it may be longer than the optimum.
+        busy: time for which the share counts, of a longer duration [s].
 
     Raises:
         ValueError: the unknowns break a condition.
@@ -55,7 +57,9 @@ def solve(
     point = np.ones(len(blocks) * (POINTS + PER_ROOM * rooms) * WIDTH)
     equations, scratch = np.empty(PER_UNKNOWN * c.size), np.empty(12 * WIDTH)
     step, ahead = np.zeros(c.size), np.empty(c.size)
-    gap = _solved(blocks.ravel(), axes, c, steps, near, point, equations, step, ahead, scratch)
+    gap = _solved(
+        blocks.ravel(), axes, c, steps, near, busy, point, equations, step, ahead, scratch
+    )
     if gap < 0:
         raise ValueError("start: needs to be within every condition")
     return gap
@@ -80,7 +84,7 @@ def _ahead(c, far, step, equations, ahead):
 
 
 @compiled
-def _solved(cells, axes, c, steps, near, point, equations, step, ahead, scratch):
+def _solved(cells, axes, c, steps, near, busy, point, equations, step, ahead, scratch):
     count = c.size * rooms_of(axes)
     inside, _, duration = go(
         cells, axes, point, c, step, Going(0.0, 0.0, 0.0, 1.0), equations, scratch
@@ -107,7 +111,8 @@ def _solved(cells, axes, c, steps, near, point, equations, step, ahead, scratch)
         for i in range(c.size):  # c[:] = ahead compiles more: an error of shapes, its words
             c[i] = ahead[i]
         gap, before, duration = gap_ahead, duration, duration_ahead
-        if gap < near * duration and before - duration < 0.3 * near * duration:
+        left = near * min(duration, busy)
+        if gap < left and before - duration < 0.3 * left:
             return gap
         mu = gap / count * _centring(moved, gain / duration)
     return gap

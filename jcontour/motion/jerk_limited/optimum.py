@@ -19,6 +19,7 @@ def quickest(
     stretch: Int[np.ndarray, " n"],
     wanted: Bool[np.ndarray, " stretches"],
     near: float,
+    busy: Float[np.ndarray, " stretches"],
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " stretches"]]:
     """Unknowns of the quickest warp, from unknowns that are within every condition.
 
@@ -30,6 +31,7 @@ def quickest(
         stretch: number of the stretch of every cell.
         wanted: stretches that are solved; the others stay as they are.
         near: share of its duration by which the warp may be longer than the quickest.
+        busy: time for which the share counts, of a longer duration [s].
 
     Raises:
         ValueError: the start breaks a condition.
@@ -40,7 +42,7 @@ def quickest(
 
     def improve(k: int) -> None:
         of_stretch = parts.blocks[parts.first[k] : parts.first[k + 1]]
-        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near)
+        gap[k] = solve(of_stretch, parts.axes, c[ends[k] : ends[k + 1]], STEPS, near, busy[k])
 
     numbers = np.flatnonzero(wanted).tolist()
     if c.size < MANY:

@@ -70,19 +70,20 @@ def jerk_limited(
         smooth[stopping] = False
     stretch = np.append(0, np.cumsum(~smooth))
     stops = starts[np.concatenate([[True], ~smooth, [True]])]
-    task = _Task(contour, limits, feed, stops, pieces)
+    tick = mesh.cell_times(pieces, feed, limits)
+    task = _Task(contour, limits, feed, stops, pieces, tick)
     lines = straight_motions(pieces, feed, limits, stretch)
     bends = np.array([line is None for line in lines])
-    ramp = np.full(1, mesh.launch_length(limits))
+    ramps = mesh.launch_lengths(tick, limits, stretch)
     old = joined(
         [
             ramped(np.array(ends), ramp) if line is None else line
-            for ends, line in zip(pairwise(stops), lines, strict=True)
+            for ends, ramp, line in zip(pairwise(stops), ramps[:, None], lines, strict=True)
         ]
     )
     if not bends.any():
         return _planned(task, old, *_own_cells(task, old), bends, tightenings=0)
-    place, piece = mesh.nodes(contour, pieces, feed, limits, stops)
+    place, piece = mesh.nodes(contour, pieces, feed, limits, stops, tick)
     kept = bends[stretch[piece]] | (place == starts[piece])
     cells, node = mesh.cells_between(place[kept], piece[kept], pieces, old)
     motion = _planned(task, old, cells, node, bends, tightenings=0)
@@ -91,13 +92,14 @@ def jerk_limited(
 
 
 class _Task(NamedTuple):
-    """What is planned: the fields of a motion that come first."""
+    """What is planned: the fields of a motion that come first, and the time of cells [s]."""
 
     path: Contour
     limits: AxisLimits
     feed: Float[np.ndarray, " P"]
     stops: Float[np.ndarray, " k"]
     pieces: Piece
+    tick: Float[np.ndarray, " P"]
 
 
 def _planned(
@@ -115,7 +117,7 @@ def _planned(
     gap = 0.0
     if bends.any():
         square[open_], gap = _quickest(task, old, cells.taken(open_), begins[open_], tightenings)
-    return JerkLimitedMotion(*task, old, cells, Warp.of(node, square), gap)
+    return JerkLimitedMotion(*task[:-1], old, cells, Warp.of(node, square), gap)
 
 
 def _quickest(
@@ -131,7 +133,8 @@ def _quickest(
     every = np.ones(stretch[-1] + 1, bool)
     parts = conditions(task.pieces, task.feed, task.limits, old, cells, unknowns, stretch)
     start = _fitted(parts, stretch, np.ones(stretch.size))
-    found, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH)
+    busy = np.bincount(stretch, task.tick[cells.piece])
+    found, gap = quickest(parts, start, stretch, every, NEAR if tightenings else ROUGH, busy)
     less = slower(task.pieces, task.feed, task.limits, old, cells, unknowns.of(found))
     for _ in range(tightenings):
         exceeds = np.zeros_like(every)
@@ -139,7 +142,7 @@ def _quickest(
         again = exceeds[stretch]
         parts.tighten(np.where(again, 1 / less**TIGHTER, 1.0))
         start = np.where(again, _fitted(parts, stretch, found), found)
-        found, left = quickest(parts, start, stretch, exceeds, NEAR)
+        found, left = quickest(parts, start, stretch, exceeds, NEAR, busy)
         gap = np.where(exceeds, left, gap)
         less[again] = slower(
             task.pieces, task.feed, task.limits, old, cells.taken(again), unknowns.of(found)[again]
@@ -161,9 +164,7 @@ def _again(
     bends: Bool[np.ndarray, " stretches"],
 ) -> JerkLimitedMotion | None:
     """The motion planned again, as a warp of itself on cells of equal times; None if it cannot."""
-    tick = mesh.cell_times(task.pieces, task.feed, task.limits)
-    tick = np.maximum(tick, motion.duration / mesh.MOST_CELLS)
-    time, ends = shares(motion, tick, bends)
+    time, ends = shares(motion, task.tick, bends)
     splines = through(time, motion.at(time).arc, ends)
     if splines is None:
         return None

@@ -68,4 +68,5 @@ def _activity(
     on = np.searchsorted(node, middle) - 1
     quiet = np.maximum(1 / longest, np.minimum(turning[on] / mesh.TURN, SPARSE / fine))
     density = np.where(begun > ended, 1 / fine, quiet)
-    return time, np.append(0.0, np.cumsum(density * np.diff(time)))
+    share = np.append(0.0, np.cumsum(density * np.diff(time)))
+    return time, share * min(1.0, mesh.MOST_CELLS / share[-1])
