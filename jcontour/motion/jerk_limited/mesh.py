@@ -26,6 +26,7 @@ FINE = 4  # launches beside the ends of calm pieces in which cells are not longe
 CALM = 0.1  # of the limits of acceleration and jerk: what a calm piece asks for at its feed
 TURN = 0.2  # [rad] of the path, in a long cell
 TOUCHING = 1e-6  # of a cell: in a shorter one the jerk would be rounding
+SHORT = 1e-4  # of the way at the lowest speed: a shorter sample, at an end, counts by its way
 MOST_CELLS = MOST_SAMPLES = 2_000_000  # of the mesh, and of the motion that it is made from
 LAUNCH = 2.0  # times the ramp's time: how long a stop is felt
 SLOW = 4.0  # likewise, times the time for which jerk lasts at a slow feed
@@ -133,7 +134,9 @@ def nodes(
     axis_speed = np.minimum(limits.speed, np.max(speed))  # no axis is faster than the path
     rest = np.where(np.isin(starts[1:], stops), 0.0, np.nan)
     arc = trapezoidal(contour, speed, sample, 1e9, axis_speed, limits.acceleration, 0.0, rest)
-    place, time = _times(arc, sample, stops, limits, starts)
+    far = np.diff(arc) / (SHORT * sample * speed.min())
+    sampled = np.append(0.0, np.cumsum(sample * np.minimum(far, 1.0)))
+    place, time = _times(arc, sampled, stops, limits, starts)
     ends = np.interp(starts, place, time)
     quiet = calm(pieces, speed, limits)
     apart = ~(quiet[1:] & quiet[:-1]) | (feed[1:] != feed[:-1]) | np.isin(starts[1:-1], stops)
@@ -213,7 +216,7 @@ def cells_between(
     return Cells(on, starts[on], node[:-1] - old.time[cell], cell, np.diff(node)), node
 
 
-def _times(arc, sample, stops, limits, starts):
+def _times(arc, sampled, stops, limits, starts):
     """Table of places [m] and times [s] that the cells share out."""
     ramp = LAUNCH * build_up(limits)
     jerk = float(limits.jerk.min())
@@ -222,7 +225,7 @@ def _times(arc, sample, stops, limits, starts):
     after = (stops[:-1, None] + np.minimum(launch, half[:, None])).ravel()
     before = (stops[1:, None] - np.minimum(launch, half[:, None])).ravel()
     place = np.unique(np.concatenate([arc, starts, after, before, stops[:-1] + half]))
-    quick = np.interp(place, arc, sample * np.arange(arc.size))
+    quick = np.interp(place, arc, sampled)
     i = np.clip(np.searchsorted(stops, place, side="right") - 1, 0, stops.size - 2)
     far = np.minimum(launch[-1], half)
     lasting = np.cbrt(6 * far / jerk)

@@ -40,3 +40,13 @@ def test_there_are_no_more_cells_than_there_may_be(monkeypatch):
     monkeypatch.setattr(mesh, "MOST_CELLS", 300)
     place, _ = mesh.nodes(circle, pieces, feed, limits, stops, tick)
     assert 250 < place.size <= 301
+
+
+def test_no_cell_lies_within_rounding_of_a_stop():
+    """Samples of the motion that it is made from may come to its end a whole sample too soon."""
+    path = contours.arc([3e-3, 0.0], [0.0, 0.0], 3.0)
+    pieces, length = unpadded(path), float(path.length)
+    for feed in np.geomspace(5e-6, 1e-5, 20):
+        tick = mesh.cell_times(pieces, np.full(1, feed), LIMITS)
+        place, _ = mesh.nodes(path, pieces, np.full(1, feed), LIMITS, np.array([0, length]), tick)
+        assert np.diff(place, append=length).min() > 1e-13 * length
