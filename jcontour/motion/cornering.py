@@ -53,7 +53,8 @@ def cornered(
 ) -> Planned:
     """Quickest motion that is found within a tolerance of a contour, from rest to rest.
 
-    On lines it is never slower than one that stops in every corner.
+    On lines it is never slower than one that stops in every corner, but for a ten-thousandth where
+    a long way at a slow feed is planned as a whole.
 
     >>> from jcontour.geometry import contours
     >>> limits = AxisLimits.of(2, acceleration=[0.1, 10.0], jerk=[1.0, 1000.0])
