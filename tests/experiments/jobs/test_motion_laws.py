@@ -62,6 +62,18 @@ def test_summary_adds_up(tmp_path):
     assert max(summary.peak_jerk) <= 500.0 * (1 + 1e-9)
 
 
+def test_summary_sees_ramps_of_a_millisecond_in_a_minute(tmp_path):
+    """The speed v is reached at the acceleration sqrt(v j)."""
+    found = planned_job(tmp_path, "G21 G90 G0 X0 Y0\nG1 X1 F1\n", jerk=100.0)
+    assert found.planned is not None
+    summary = motion_summary(found.planned)
+    np.testing.assert_allclose(summary.peak_jerk, [100.0, 0.0], rtol=1e-9)
+    np.testing.assert_allclose(
+        summary.peak_acceleration, [np.sqrt(1e-3 / 60 * 100.0), 0.0], rtol=1e-6
+    )
+    assert 0.9999 < summary.shares["feed"] < 1.0 and 0 < summary.shares["jerk"] < 1e-4
+
+
 @pytest.mark.parametrize(
     ("name", "given"), [("jerk", {"jerk": 0.0}), ("corner", {"corner_tolerance_um": -1.0})]
 )
