@@ -2,73 +2,29 @@
 
 Two pieces of length l that meet at an angle a, with a jump c of the curvature, stand for a curve
 that is about l a / 8 + l^2 c / 16 away from them; one through their middle is half as far. Where
-that is within the tolerance, they belong to one run. A run is followed along a quintic spline over
-its own arc length s, with the least mean square distance from the pieces. Its knots are halved
-until
-
-    |r(s) - piece(s)| <= tolerance        for all s,
-
-which bounds the distance of the curve from the pieces and of the pieces from the curve. Between two
-points that are h apart the difference of the two is at most h^2 / 8 times its second derivative
-farther than at both of them. So rounding of the coordinates is smoothed away as far as the
-tolerance allows, and the curvature is that of the curve. A run begins and ends in its own points,
-and tangent to a longer piece beside it that it hardly turns into.
+that is within the tolerance, they belong to one run, which is followed along a spline within the
+tolerance (see `runs`). So rounding of the coordinates is smoothed away as far as the tolerance
+allows, and the curvature is that of the curve. A run begins and ends in its own points, and tangent
+to a longer piece beside it that it hardly turns into.
 """
-
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.pieces import Piece
-from jcontour.geometry.quintics import Fit, fitted
 from jcontour.motion.blending import BlendedPath, blended
 from jcontour.motion.jerk_limited.joints import joints, unpadded
-from jcontour.motion.spline_fit import Tangents, fitted_spline
+from jcontour.motion.runs import FIT, Runs, followed
 
 SHARE = 0.7  # of the tolerance, for the smoothing; what it leaves is for the blends
 SHARPEST = np.radians(30.0)  # turn up to which pieces stand for one curve
 TANGENT = np.radians(10.0)  # turn up to which a run leaves its neighbour tangentially
 FEWEST = 4  # pieces of a run
 LONGEST = 1000.0  # piece of a run, in tolerances: a longer one stands for itself
-POINTS = 4  # of a piece between two knots at which the distance is measured and made small
-PER_CELL = 32  # pieces between two knots, at first
-ROUNDS = 40  # of halving
-FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
-
-
-class Run(NamedTuple):
-    """Pieces from `first` to `last`, with the directions in which they begin and end.
-
-    Attributes:
-        pieces: of the run.
-        ends: (n,) arc lengths from its begin at which they begin, and its own [m].
-        tangents: unit vector at the begin and at the end; None where any will do.
-    """
-
-    first: int
-    last: int
-    pieces: Piece
-    ends: Float[np.ndarray, " n"]
-    tangents: Tangents
-
-
-@dataclass(frozen=True)
-class Smoothed:
-    """A run as quintic pieces.
-
-    Attributes:
-        fit: pieces, which begin at arc lengths of the run.
-        deviation: bound of the distance from the run [m].
-    """
-
-    fit: Fit
-    deviation: float
 
 
 def smooth_path(
@@ -122,45 +78,52 @@ def smoothed(
         alike: joints at which pieces may belong to one run.
     """
     pieces = unpadded(contour)
-    runs = _runs(pieces, tolerance, alike)
+    every = np.arange(pieces.extent.size)
+    none = np.zeros(every.size, bool)
     starts = np.append(0.0, np.cumsum(pieces.extent))
-    kept, places, numbers, goes_on, apart = [], [], [], [], []
-    at = 0
-    for run in runs:
-        curve = _smooth_run(run, tolerance)
-        if curve is None:
-            continue
-        before = np.arange(at, run.first)
-        kept += [pieces.taken(before), curve.fit.pieces()]
-        places += [starts[before], starts[run.first] + curve.fit.begin]
-        inner = np.searchsorted(run.ends, curve.fit.begin, side="right") - 1 + run.first
-        inner[-1] = run.last  # what comes after the run comes after its last piece
-        numbers += [before, inner]
-        goes_on += [np.zeros(before.size, bool), np.arange(inner.size) < inner.size - 1]
-        apart += [np.zeros(before.size), np.full(inner.size, curve.deviation)]
-        at = run.last + 1
-    if at == 0:
-        every = np.arange(pieces.extent.size)
-        none = np.zeros(every.size, bool)
+    first, last, runs = _runs(pieces, tolerance, alike)
+    curves = followed(runs, tolerance) if first.size else None
+    if curves is None or curves.run.size == 0:
         return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1], 0.0 * every
-    rest = np.arange(at, pieces.extent.size)
-    kept.append(pieces.taken(rest))
-    whole = jax.tree.map(lambda *rows: np.concatenate(rows), *kept)
-    within = np.concatenate([*goes_on, np.zeros(rest.size, bool)])
-    apart = np.concatenate([*apart, np.zeros(rest.size)])
+    smooth = np.unique(curves.run)
+    rest = every[~_covered(first[smooth], last[smooth], every.size)]
+    fit, run = curves.fit, curves.run
+    ends = np.append(run[1:] > run[:-1], True)  # which of the curves' pieces end a run
+    within = runs.piece(fit.begin) - runs.edges[run]
+    # what comes after a run comes after its last piece
+    piece = np.where(ends, last[run], first[run] + within)
+    place = starts[first[run]] + (fit.begin - runs.ends[runs.edges[run]])
+    order = np.argsort(np.concatenate([rest, piece]), kind="stable")
+
+    def joined(of_rest, of_curves):
+        return np.concatenate([of_rest, of_curves])[order]
+
+    goes_on = joined(np.zeros(rest.size, bool), ~ends)
+    apart = joined(np.zeros(rest.size), curves.deviation[run])
+    whole = jax.tree.map(joined, pieces.taken(rest), fit.pieces())
     path = BlendedPath(
         path=from_pieces(whole, fit_error=FIT * tolerance, newton_steps=NEWTON_STEPS),
         contour=contour,
-        piece=np.concatenate([*numbers, rest]),
-        blend=np.zeros(within.size, bool),
-        place=np.concatenate([*places, starts[rest], starts[-1:]]),
+        piece=joined(rest, piece),
+        blend=np.zeros(order.size, bool),
+        place=np.append(joined(starts[rest], place), starts[-1]),
         deviation=float(apart.max()),
     )
-    return path, within[:-1], apart
+    return path, goes_on[:-1], apart
 
 
-def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
-    """Pieces that stand for curves, from the first to the last."""
+def _covered(first: np.ndarray, last: np.ndarray, count: int) -> Bool[np.ndarray, " count"]:
+    """Which of so many numbers lie in one of the ranges."""
+    change = np.zeros(count + 1, int)
+    change[first] += 1
+    change[last + 1] -= 1
+    return np.cumsum(change[:-1]) > 0
+
+
+def _runs(
+    pieces: Piece, tolerance: float, alike: np.ndarray
+) -> tuple[Int[np.ndarray, " R"], Int[np.ndarray, " R"], Runs]:
+    """First and last piece of every run of pieces that stand for a curve, and the runs."""
     jump, bend = joints(pieces)
     turn = 2 * np.arcsin(np.clip(jump / 2, 0.0, 1.0))
     longer = np.maximum(pieces.extent[:-1], pieces.extent[1:])
@@ -168,113 +131,28 @@ def _runs(pieces: Piece, tolerance: float, alike: np.ndarray) -> list[Run]:
     short = longer <= LONGEST * tolerance
     together = alike & short & (apart <= tolerance) & (turn <= SHARPEST)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], together, [False]]).astype(int)))
-    return [
-        _run(pieces, int(first), int(last), turn)
-        for first, last in edges.reshape(-1, 2)
-        if last - first + 1 >= FEWEST and apart[first:last].any()
-    ]
+    first, last = edges.reshape(-1, 2).T
+    bent = np.append(0, np.cumsum(apart > 0))
+    kept = (last - first + 1 >= FEWEST) & (bent[last] > bent[first])
+    first, last = first[kept], last[kept]
+    inside = np.flatnonzero(_covered(first, last, pieces.extent.size))
+    of = np.repeat(np.arange(first.size), last - first + 1)
+    ends = np.append(0.0, np.cumsum(pieces.extent[inside]))
+    turns = np.concatenate([[np.inf], turn, [np.inf]])  # before every piece, and after the last
+    tangents = np.stack(
+        [
+            _directions(pieces, first - 1, 1.0, turns[first]),
+            _directions(pieces, last + 1, 0.0, turns[last + 1]),
+        ]
+    )
+    return first, last, Runs(pieces.taken(inside), of, ends, tangents)
 
 
-def _run(pieces: Piece, first: int, last: int, turn: np.ndarray) -> Run:
-    before = after = None
-    if first > 0 and turn[first - 1] <= TANGENT:
-        neighbour = pieces.taken(first - 1)
-        before = _direction(neighbour, neighbour.extent)
-    if last < turn.size and turn[last] <= TANGENT:
-        after = _direction(pieces.taken(last + 1), np.zeros(()))
-    of_run = pieces.taken(slice(first, last + 1))
-    return Run(first, last, of_run, np.append(0.0, np.cumsum(of_run.extent)), (before, after))
-
-
-def _direction(piece: Piece, at) -> np.ndarray:
-    velocity = piece.jet(at)[1]
-    return velocity / np.linalg.norm(velocity)
-
-
-def _smooth_run(run: Run, tolerance: float) -> Smoothed | None:
-    """A run as a spline within the tolerance; None where a knot for every piece is not enough."""
-    count = run.ends.size - 1
-    cells = max(1, count // PER_CELL)
-    knots = run.ends[np.linspace(0, count, cells + 1).astype(int)]
-    for _ in range(ROUNDS):
-        if knots.size > count:
-            return None
-        sampled = _sampled(run, knots)
-        try:
-            spline = fitted_spline(knots, sampled.arc, sampled.points, run.tangents)
-        except np.linalg.LinAlgError:  # pieces far too unlike in length
-            return None
-        distance = _distance(spline, knots, sampled)
-        far = np.searchsorted(knots, sampled.arc[:-1][~(distance <= tolerance)], side="right") - 1
-        if far.size == 0:
-            cells, frame = (knots[:-1], knots[1:]), _frame(run, sampled.points)
-            fit = fitted("smoothing", _curve(spline), frame, *cells, FIT * tolerance)
-            return Smoothed(fit, float(distance.max()) + fit.error)
-        far = np.unique(far)
-        knots = np.insert(knots, far + 1, 0.5 * (knots[far] + knots[far + 1]))
-    return None
-
-
-class _Sampled(NamedTuple):
-    """Points of a run: some of every part of a piece between two knots, and its end.
-
-    Attributes:
-        arc: arc lengths [m], increasing.
-        points: there [m].
-        bend: second derivative of the piece at both ends of every interval between them [1/m].
-        fourth: bound of its fourth derivative in every interval [1/m^3].
-    """
-
-    arc: Float[np.ndarray, " S"]
-    points: Float[np.ndarray, "S m"]
-    bend: Float[np.ndarray, "2 I m"]
-    fourth: Float[np.ndarray, " I"]
-
-
-def _sampled(run: Run, knots: Float[np.ndarray, " K"]) -> _Sampled:
-    """Where a piece is longer than a cell, every cell has points: else it would have none."""
-    ends, pieces = np.union1d(run.ends, knots), run.pieces
-    arc = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(POINTS) / POINTS
-    arc = np.append(arc, ends[-1])
-    piece = np.repeat(np.searchsorted(run.ends, ends[:-1], side="right") - 1, POINTS)
-    both = np.stack([arc[:-1], arc[1:]]) - run.ends[piece]
-    place, _, bend, _ = jet(pieces, np.stack([piece, piece]), both)
-    *_, quartic, quintic = np.linalg.norm(pieces.polynomial, axis=2).T
-    wave = pieces.rate**4 * np.linalg.norm(pieces.cosine, axis=1)
-    fourth = wave + 24 * quartic + 120 * quintic * pieces.extent
-    return _Sampled(arc, np.vstack([place[0], place[1, -1:]]), bend, fourth[piece])
-
-
-def _distance(spline, knots: Float[np.ndarray, " K"], sampled: _Sampled) -> Float[np.ndarray, " I"]:
-    """Bound of the distance between a spline and a run, for every interval between two points [m].
-
-    The second derivative of their difference is bounded by its ends and its own second derivative:
-    the fourth one, which for a spline is linear in every cell.
-    """
-    arc, points, bend, fourth = sampled
-    apart, bent = np.linalg.norm(spline(arc) - points, axis=1), spline(arc, 2)
-    ends = np.linalg.norm(spline(knots, 4), axis=1)
-    cell = np.searchsorted(knots, arc[:-1], side="right") - 1
-    fourth = fourth + np.maximum(ends[:-1], ends[1:])[cell]
-    between = np.diff(arc) ** 2 / 8
-    second = np.linalg.norm(np.stack([bent[:-1], bent[1:]]) - bend, axis=2).max(axis=0)
-    return np.maximum(apart[:-1], apart[1:]) + between * (second + between * fourth)
-
-
-def _curve(spline):
-    return lambda s: (spline(s), spline(s, 1), spline(s, 2))
-
-
-def _frame(run: Run, points: Float[np.ndarray, "S m"]):
-    """Frames of a run: its own points and directions at both ends, to the last bit."""
-
-    def frame(s, inner):
-        point, tangent, bend = inner
-        for at, where, direction in zip((0, -1), run.ends[[0, -1]], run.tangents, strict=True):
-            end = (s == where)[:, None]
-            point = np.where(end, points[at], point)
-            if direction is not None:
-                tangent = np.where(end, direction, tangent)
-        return point, tangent, bend
-
-    return frame
+def _directions(
+    pieces: Piece, number: Int[np.ndarray, " R"], end: float, turn: Float[np.ndarray, " R"]
+) -> Float[np.ndarray, "R m"]:
+    """Unit tangents at an end (0 or 1) of the neighbours of runs; NaN where they turn too far."""
+    on = np.clip(number, 0, pieces.extent.size - 1)
+    velocity = jet(pieces, on, end * pieces.extent[on])[1]
+    unit = velocity / np.linalg.norm(velocity, axis=-1, keepdims=True)
+    return np.where((turn <= TANGENT)[:, None], unit, np.nan)

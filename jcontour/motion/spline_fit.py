@@ -1,63 +1,100 @@
-"""Quintic spline with the least mean square distance from a path, its ends and directions given.
+"""Quintic splines with the least mean square distance from paths, ends and directions given.
 
-The mean is one over the arc length, by the trapezoidal rule between points: it hardly depends on
-where they are.
-
-The normal equations of B-splines have six diagonals. They are summed interval by interval: on one
-interval the same six B-splines are not zero. So a fit of some hundred points is mostly arithmetic;
-with sparse matrices it is mostly bookkeeping.
+Many splines are one problem: they lie one behind the other on one parameter, and the knots at the
+begin and at the end of each are sixfold, so that none meets the next. The normal equations of
+B-splines have six diagonals. They are summed interval by interval: on one interval the same six
+B-splines are not zero. So a fit is arithmetic of long arrays, however short the splines are.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 5
 SIX = np.arange(DEGREE + 1)  # B-splines that are not zero in an interval
-Tangents = tuple[Float[np.ndarray, " m"] | None, Float[np.ndarray, " m"] | None]
 
 
-def fitted_spline(
-    knots: Float[np.ndarray, " k"],
+def fitted_splines(
+    knots: Float[np.ndarray, " K"],
+    sizes: Int[np.ndarray, " R"],
     arc: Float[np.ndarray, " S"],
     points: Float[np.ndarray, "S m"],
-    tangents: Tangents,
-):
-    """`scipy.interpolate.BSpline` through the first and the last of the points.
+    weight: Float[np.ndarray, " S"],
+    tangents: Float[np.ndarray, "2 R m"],
+) -> tuple["BSpline", Bool[np.ndarray, " R"]]:
+    """Splines through the first and the last of their points, and which of them are determined.
+
+    Where one ends and the next begins, the value is that of the next: an end is asked for just
+    before. A spline that its points do not determine is zero but at its ends.
 
     Args:
-        knots: from the first arc length to the last [m], increasing.
-        arc: arc lengths of the points [m], increasing.
-        points: what it is fitted to [m].
-        tangents: its derivative at both ends [1]; None where any will do.
-
-    Raises:
-        LinAlgError: the points do not determine it.
+        knots: those of each spline, from its begin to its end [m], increasing in each.
+        sizes: how many each has, two at least.
+        arc: parameter of the points [m], increasing. The first of a spline is at its begin, the
+            last just before its end.
+        points: what is fitted [m].
+        weight: how much each counts.
+        tangents: derivatives at the begin and at the end of each [1]; NaN where any will do.
     """
     # imported here: it takes longer than the rest of the library
     from scipy.interpolate import BSpline
-    from scipy.linalg import solveh_banded
+    from scipy.linalg import get_lapack_funcs
 
-    whole = np.concatenate([np.full(DEGREE, knots[0]), knots, np.full(DEGREE, knots[-1])])
-    count = whole.size - DEGREE - 1
+    last = np.cumsum(sizes) - 1
+    first = last - sizes + 1
+    repeats = np.ones(knots.size, int)
+    repeats[first] = repeats[last] = SIX.size
+    whole = np.repeat(knots, repeats)
+    begin = first + 2 * DEGREE * np.arange(sizes.size)  # B-splines of each, from the first
+    end = begin + sizes + DEGREE - 2  # to the last
+    count = whole.size - SIX.size
+    one = np.searchsorted(arc, knots[first])
+    other = np.append(one[1:], arc.size) - 1
     coefficients = np.zeros((count, points.shape[1]))
-    coefficients[0], coefficients[-1] = points[0], points[-1]
-    first, last = 1, count - 1
-    before, after = tangents
-    if before is not None:
-        coefficients[1] = points[0] + before * (knots[1] - knots[0]) / DEGREE
-        first = 2
-    if after is not None:
-        coefficients[-2] = points[-1] - after * (knots[-1] - knots[-2]) / DEGREE
-        last = count - 2
+    coefficients[begin], coefficients[end] = points[one], points[other]
+    inside = np.zeros(count + 1, int)
+    inside[begin + 1], inside[end] = 1, -1
+    free = np.cumsum(inside[:-1]) > 0
+    for beside, at, near, far, way in (
+        (begin + 1, one, first, first + 1, tangents[0]),
+        (end - 1, other, last, last - 1, tangents[1]),
+    ):
+        given = ~np.isnan(way).any(axis=1)
+        step = (knots[far] - knots[near])[:, None] / DEGREE
+        coefficients[beside[given]] = (points[at] + way * step)[given]
+        free[beside[given]] = False
     design = BSpline.design_matrix(arc, whole, DEGREE)
-    step = np.diff(arc, prepend=arc[0], append=arc[-1])
-    weight = np.sqrt(step[:-1] + step[1:])[:, None]
     values, column = design.data.reshape(-1, SIX.size), design.indices[:: SIX.size]
     left = points - np.einsum("rk,rkm->rm", values, coefficients[column[:, None] + SIX])
-    values, left = weight * values, weight * left
-    bands, right = _normal_equations(values, column, left, count)
-    coefficients[first:last] = solveh_banded(bands[:, first:last], right[first:last])
-    return BSpline(whole, coefficients, DEGREE)
+    root = np.sqrt(weight)[:, None]
+    bands, right = _normal_equations(root * values, column, root * left, count)
+    _hold(~free, bands, right)
+    (solve,) = get_lapack_funcs(("pbsv",), (bands, right))
+    determined = np.ones(sizes.size, bool)
+    while True:
+        _, found, lost = solve(bands, right)
+        if lost == 0:
+            break
+        k = np.searchsorted(begin, lost - 1, side="right") - 1
+        determined[k] = False
+        _hold((np.arange(count) >= begin[k]) & (np.arange(count) <= end[k]), bands, right)
+    return BSpline(whole, coefficients + found, DEGREE), determined
+
+
+def _hold(
+    fixed: Bool[np.ndarray, " n"],
+    bands: Float[np.ndarray, "6 n"],
+    right: Float[np.ndarray, "n m"],
+) -> None:
+    """Change equations so that some unknowns are zero."""
+    right[fixed] = 0.0
+    for k in SIX[1:]:
+        bands[DEGREE - k, k:][fixed[k:] | fixed[:-k]] = 0.0
+    bands[DEGREE, fixed] = 1.0
 
 
 def _normal_equations(

@@ -1,0 +1,272 @@
+"""Runs of short pieces, followed along quintic splines; all runs of a path at once.
+
+The runs lie one behind the other on one parameter, their arc length s. A run is followed along the
+spline with the least mean square distance from its pieces. Its knots are halved until
+
+    |r(s) - piece(s)| <= tolerance        for all s,
+
+which bounds the distance of the curve from the pieces and of the pieces from the curve. Between two
+points that are h apart the difference of the two is at most h^2 / 8 times its second derivative
+farther than at both of them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from jcontour.geometry.along_pieces import jet
+from jcontour.geometry.pieces import Piece
+from jcontour.geometry.quintics import Fit, fitted
+from jcontour.motion.spline_fit import DEGREE, fitted_splines
+
+PARTS = 4  # of a piece between two knots, at whose ends the distance is measured and made small
+PER_CELL = 32  # pieces between two knots, at first
+ROUNDS = 40  # of halving
+FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
+
+
+class Runs(NamedTuple):
+    """Pieces that stand for curves, run by run.
+
+    Attributes:
+        pieces: of all runs, n.
+        of: run of every piece, from 0.
+        ends: parameter at which the pieces begin, and the end of the last one [m].
+        tangents: unit vectors in which every run begins and ends; NaN where any will do.
+    """
+
+    pieces: Piece
+    of: Int[np.ndarray, " n"]
+    ends: Float[np.ndarray, " ends"]
+    tangents: Float[np.ndarray, "2 R m"]
+
+    @property
+    def edges(self) -> Int[np.ndarray, " edges"]:
+        """Number of the first piece of every run, and n."""
+        return np.searchsorted(self.of, np.arange(self.tangents.shape[1] + 1))
+
+    def piece(self, s: Float[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+        """Number of the piece at a parameter."""
+        return np.searchsorted(self.ends, s, side="right") - 1
+
+
+class Curves(NamedTuple):
+    """Runs as quintic pieces.
+
+    Attributes:
+        fit: pieces, which begin at parameters of the runs.
+        run: of every piece; some runs may have none.
+        deviation: bound of the distance of every run from its curve [m].
+    """
+
+    fit: Fit
+    run: Int[np.ndarray, " P"]
+    deviation: Float[np.ndarray, " R"]
+
+
+class _Splines(NamedTuple):
+    """Splines of some runs.
+
+    Attributes:
+        knots: of the splines, one behind the other [m].
+        run: of every knot.
+    """
+
+    knots: Float[np.ndarray, " K"]
+    run: Int[np.ndarray, " K"]
+
+    def only(self, kept: Bool[np.ndarray, " R"]) -> "_Splines":
+        """Those of some of the runs."""
+        return _Splines(*(values[kept[self.run]] for values in self))
+
+    def halved(self, cells: Int[np.ndarray, " c"]) -> "_Splines":
+        """With one more knot in the middle of some cells."""
+        middle = 0.5 * (self.knots[cells] + self.knots[cells + 1])
+        return _Splines(
+            np.insert(self.knots, cells + 1, middle),
+            np.insert(self.run, cells + 1, self.run[cells]),
+        )
+
+    @property
+    def begins(self) -> Bool[np.ndarray, " K"]:
+        """Which knots begin a run."""
+        return np.diff(self.run, prepend=-1) > 0
+
+    @property
+    def last(self) -> Bool[np.ndarray, " K"]:
+        """Which knots end a run."""
+        return np.append(self.begins[1:], True)
+
+    def within(self) -> Float[np.ndarray, " K"]:
+        """The knots, the ends of runs moved to just before: there the next run may begin."""
+        return np.where(self.last, np.nextafter(self.knots, 0.0), self.knots)
+
+
+class _Sampled(NamedTuple):
+    """Points of runs: some of every part of a piece between two knots, both its ends included.
+
+    Attributes:
+        cell: knot before every part.
+        arc: parameter [m], just before the end of a part at its last point.
+        points: there [m].
+        bend: second derivative of the piece [1/m].
+        fourth: bound of its fourth derivative in every part [1/m^3].
+    """
+
+    cell: Int[np.ndarray, " I"]
+    arc: Float[np.ndarray, "I p"]
+    points: Float[np.ndarray, "I p m"]
+    bend: Float[np.ndarray, "I p m"]
+    fourth: Float[np.ndarray, " I"]
+
+
+def followed(runs: Runs, tolerance: float) -> Curves:
+    """Runs as curves within a tolerance [m], which begin and end in the points of their runs.
+
+    A run has no curve where a knot for every piece is not enough.
+    """
+    count = np.diff(runs.edges)
+    most = np.full(count.size, np.inf)
+    splines = _first_splines(runs)
+    found: list[tuple[_Splines, np.ndarray]] = []
+    for _ in range(ROUNDS):
+        few = np.bincount(splines.run, minlength=count.size) <= count
+        splines = splines.only(few)
+        if splines.run.size == 0:
+            break
+        sampled = _sampled(runs, splines)
+        spline, open_ = _spline(runs, splines, sampled)
+        distance = _distance(spline, splines, sampled)
+        far = np.unique(sampled.cell[~(distance <= tolerance)])
+        done = open_.copy()
+        done[splines.run[far]] = False
+        of = splines.run[sampled.cell]
+        most[done] = 0.0
+        np.maximum.at(most, of[done[of]], distance[done[of]])
+        found.append(_coefficients(spline, splines, done))
+        splines = splines.halved(far).only(open_ & ~done)
+    return _curves(runs, found, most, tolerance)
+
+
+def _first_splines(runs: Runs) -> _Splines:
+    edges = runs.edges
+    count = np.diff(edges)
+    size = np.maximum(1, count // PER_CELL) + 1
+    run = np.repeat(np.arange(size.size), size)
+    number = np.arange(run.size) - (np.cumsum(size) - size)[run]
+    at = edges[run] + (number * count[run]) // (size - 1)[run]
+    return _Splines(runs.ends[at], run)
+
+
+def _sampled(runs: Runs, splines: _Splines) -> _Sampled:
+    """Where a piece is longer than a cell, every cell has points: else it would have none."""
+    ends = np.union1d(runs.ends, splines.knots)
+    piece = runs.piece(ends[:-1])
+    kept = np.isin(runs.of[piece], splines.run)
+    begin, end, piece = ends[:-1][kept], np.nextafter(ends[1:][kept], 0.0), piece[kept]
+    arc = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, PARTS + 1)
+    arc = np.minimum(arc, end[:, None])
+    on = np.broadcast_to(piece[:, None], arc.shape)
+    place, _, bend, _ = jet(runs.pieces, on, arc - runs.ends[on])
+    *_, quartic, quintic = np.linalg.norm(runs.pieces.polynomial, axis=2).T
+    wave = runs.pieces.rate**4 * np.linalg.norm(runs.pieces.cosine, axis=1)
+    fourth = wave + 24 * quartic + 120 * quintic * runs.pieces.extent
+    cell = np.searchsorted(splines.knots, begin, side="right") - 1
+    return _Sampled(cell, arc, place, bend, fourth[piece])
+
+
+def _spline(runs: Runs, splines: _Splines, sampled: _Sampled):
+    """Splines of all runs that have knots, and which of the runs have one.
+
+    The mean square is one over the arc length, by the trapezoidal rule.
+    """
+    step = np.diff(sampled.arc, axis=1, prepend=sampled.arc[:, :1], append=sampled.arc[:, -1:])
+    weight = step[:, 1:] + step[:, :-1]
+    numbers = splines.run[splines.begins]
+    spline, determined = fitted_splines(
+        splines.knots,
+        np.bincount(splines.run)[numbers],
+        sampled.arc.ravel(),
+        sampled.points.reshape(-1, sampled.points.shape[-1]),
+        weight.ravel(),
+        runs.tangents[:, numbers],
+    )
+    which = np.zeros(runs.tangents.shape[1], bool)
+    which[numbers] = determined
+    return spline, which
+
+
+def _distance(spline, splines: _Splines, sampled: _Sampled) -> Float[np.ndarray, " I"]:
+    """Bound of the distance between a spline and a run, for every part [m].
+
+    The second derivative of their difference is bounded by its ends and its own second derivative:
+    the fourth one, which for a spline is linear in every cell.
+    """
+    cell, arc, points, bend, fourth = sampled
+    apart = np.linalg.norm(spline(arc) - points, axis=-1)
+    second = np.linalg.norm(spline(arc, 2) - bend, axis=-1)
+    ends = np.linalg.norm(spline(splines.within(), 4), axis=1)
+    begins = np.linalg.norm(spline(splines.knots, 4), axis=1)
+    fourth = fourth + np.maximum(begins[cell], ends[cell + 1])
+    between = np.diff(arc, axis=1) ** 2 / 8
+    largest, bent = (np.maximum(of[:, 1:], of[:, :-1]) for of in (apart, second))
+    return (largest + between * (bent + between * fourth[:, None])).max(axis=1)
+
+
+def _coefficients(spline, splines: _Splines, done: np.ndarray) -> tuple[_Splines, np.ndarray]:
+    """All knots of the splines of some runs, the sixfold ones too, and as many coefficients."""
+    repeats = np.where(splines.begins | splines.last, DEGREE + 1, 1)
+    run = np.repeat(splines.run, repeats)
+    rows = np.pad(spline.c, ((0, DEGREE + 1), (0, 0)))
+    return _Splines(spline.t, run).only(done), rows[done[run]]
+
+
+def _curves(
+    runs: Runs,
+    found: list[tuple[_Splines, np.ndarray]],
+    most: Float[np.ndarray, " R"],
+    tolerance: float,
+) -> Curves:
+    """Quintic pieces of splines that were found round by round."""
+    from scipy.interpolate import BSpline
+
+    knots, run = (np.concatenate(rows) for rows in zip(*(one for one, _ in found), strict=True))
+    order = np.argsort(run, kind="stable")
+    rows = np.concatenate([rows for _, rows in found])[order]
+    if order.size == 0:
+        none = np.zeros((0, 6, rows.shape[1]))
+        return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), order, most)
+    spline = BSpline(knots[order], rows[: -DEGREE - 1], DEGREE)
+    single = (np.diff(knots[order], prepend=-1.0) > 0) | (np.diff(run[order], prepend=-1) > 0)
+    splines = _Splines(knots[order][single], run[order][single])
+    begin, end = splines.knots[~splines.last], splines.within()[~splines.begins]
+    frame = _frame(runs, splines)
+    fit = fitted(
+        "smoothing",
+        lambda s: (spline(s), spline(s, 1), spline(s, 2)),
+        frame,
+        begin,
+        end,
+        FIT * tolerance,
+    )
+    return Curves(fit, runs.of[runs.piece(fit.begin)], most + fit.error)
+
+
+def _frame(runs: Runs, splines: _Splines):
+    """Frames of runs: their own points and directions at both ends, to the last bit."""
+    edge = splines.begins | splines.last
+    edges, of = splines.within()[edge], splines.run[edge]
+    piece = runs.piece(edges)
+    side = np.arange(edges.size) % 2
+    along = np.where(side > 0, runs.pieces.extent[piece], 0.0)
+    points, directions = jet(runs.pieces, piece, along)[0], runs.tangents[side, of]
+
+    def frame(s, inner):
+        point, tangent, bend = inner
+        k = np.minimum(np.searchsorted(edges, s), edges.size - 1)
+        own = (edges[k] == s)[:, None]
+        point = np.where(own, points[k], point)
+        return point, np.where(own & ~np.isnan(directions[k]), directions[k], tangent), bend
+
+    return frame

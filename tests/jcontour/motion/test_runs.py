@@ -1,0 +1,85 @@
+"""Curves that follow runs: within the tolerance, from end to end, each as if it were alone."""
+
+import numpy as np
+import pytest
+
+from jcontour.geometry import contours
+from jcontour.motion.jerk_limited.joints import unpadded
+from jcontour.motion.runs import PER_CELL, Runs, followed
+
+TOLERANCE = 1e-6
+
+
+def arc_chords(count: int, radius: float, turn: float) -> np.ndarray:
+    angle = np.linspace(0.0, turn, count + 1)
+    return radius * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1)
+
+
+def runs_of(*points: np.ndarray) -> Runs:
+    """Runs along points, one behind the other."""
+    pieces = [unpadded(contours.polyline(row)) for row in points]
+    count = [one.extent.size for one in pieces]
+    whole = type(pieces[0])(*(np.concatenate(rows) for rows in zip(*pieces, strict=True)))
+    ends = np.append(0.0, np.cumsum(whole.extent))
+    none = np.full((2, len(points), 2), np.nan)
+    return Runs(whole, np.repeat(np.arange(len(points)), count), ends, none)
+
+
+def distance_from(points: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Least distance of places from the lines through points, by projection on every line."""
+    start, along = points[:-1], np.diff(points, axis=0)
+    share = np.einsum("qpm,pm->qp", where[:, None] - start, along) / np.sum(along**2, axis=1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(where[:, None] - nearest, axis=-1).min(axis=1)
+
+
+def places_of(fit, which) -> np.ndarray:
+    s = fit.extent[which, None] * np.linspace(0.0, 1.0, 9)
+    powers = s[..., None] ** np.arange(6)
+    return np.einsum("pqk,pkm->pqm", powers, fit.polynomial[which]).reshape(-1, 2)
+
+
+WAVE = np.stack([np.linspace(0.0, 8e-3, 400), 1e-3 * np.sin(np.linspace(0.0, 9.0, 400))], axis=1)
+ROUGH = WAVE + np.random.default_rng(0).uniform(-3e-7, 3e-7, WAVE.shape)
+MANY = (arc_chords(90, 5e-3, 2.0), ROUGH, arc_chords(5, 20e-3, 0.05), WAVE[::-1])
+
+
+def test_every_run_is_followed_within_the_tolerance_from_end_to_end():
+    curves = followed(runs_of(*MANY), TOLERANCE)
+    assert np.all(np.diff(curves.run) >= 0)
+    for k, points in enumerate(MANY):
+        where = places_of(curves.fit, curves.run == k)
+        np.testing.assert_allclose(where[[0, -1]], points[[0, -1]], atol=1e-13)
+        assert distance_from(points, where).max() <= curves.deviation[k] <= 1.01 * TOLERANCE
+
+
+def test_a_run_does_not_feel_the_others():
+    together = followed(runs_of(*MANY), TOLERANCE)
+    for k, points in enumerate(MANY):
+        alone, mine = followed(runs_of(points), TOLERANCE), together.run == k
+        np.testing.assert_allclose(together.fit.extent[mine], alone.fit.extent, rtol=1e-9)
+        assert together.deviation[k] == pytest.approx(alone.deviation[0], abs=1e-3 * TOLERANCE)
+
+
+def test_a_run_that_no_curve_follows_has_none():
+    """A zigzag needs more knots than it has lines; its neighbours do not."""
+    zigzag = np.stack([np.arange(40) * 1e-4, 1e-4 * (np.arange(40) % 2)], axis=1)
+    curves = followed(runs_of(ROUGH, zigzag, WAVE), TOLERANCE)
+    np.testing.assert_array_equal(np.unique(curves.run), [0, 2])
+    assert np.isinf(curves.deviation[1])
+
+
+def test_runs_without_any_curve():
+    zigzag = np.stack([np.arange(40) * 1e-4, 1e-4 * (np.arange(40) % 2)], axis=1)
+    curves = followed(runs_of(zigzag), TOLERANCE)
+    assert curves.run.size == curves.fit.extent.size == 0
+
+
+def test_given_directions_are_kept():
+    points = arc_chords(2 * PER_CELL, 5e-3, 1.0)
+    begin, end = np.array([1.0, 0.0]), np.array([np.cos(1.0), np.sin(1.0)])
+    runs = runs_of(points)._replace(tangents=np.stack([begin, end])[:, None])
+    fit = followed(runs, TOLERANCE).fit
+    np.testing.assert_allclose(fit.polynomial[0, 1], begin, atol=1e-15)
+    slope = (np.arange(6) * fit.extent[-1] ** np.maximum(np.arange(6) - 1, 0)) @ fit.polynomial[-1]
+    np.testing.assert_allclose(slope, end, atol=1e-9)
