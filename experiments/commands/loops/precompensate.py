@@ -23,6 +23,7 @@ from experiments.runs.loops.bending import bent
 from experiments.runs.tuning.results import machine_summary
 
 SAME = 5e-3  # of an error: less of a change has no digit of its own
+NOTHING = 1e-9  # [m] of an error: a ratio to less says nothing
 HEADINGS = (
     "plant",
     "RMS um\nbefore",
@@ -82,8 +83,8 @@ def show(result: BentResult, console: Console) -> None:
 def sentences(result: BentResult) -> list[str]:
     """What it brings, and whether to use it."""
     gain = (
-        f"RMS {result.error} error: nominal {_times(result.nominal_gain)}, "
-        f"worst of the family {_times(result.worst_gain)}. "
+        f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
+        f"worst of the family {_change(*result.worst)}. "
         f"The reference moves by up to {tables.digits(1e6 * result.largest)} um."
     )
     if result.usable:
@@ -102,12 +103,15 @@ def sentences(result: BentResult) -> list[str]:
     return [gain, f"DO NOT USE: {why}."]
 
 
-def _times(gain: float) -> str:
-    if abs(gain - 1) < SAME:
+def _change(before: float, after: float) -> str:
+    """What becomes of an error [m]: a ratio, or both sizes where one is next to nothing."""
+    if min(before, after) < NOTHING:
+        return f"{tables.digits(1e6 * before)} -> {tables.digits(1e6 * after)} um"
+    if abs(before - after) < SAME * after:
         return "the same"
-    if gain > 1:
-        return f"{gain:.3g} times smaller"
-    return f"{1 / gain:.3g} times LARGER"
+    if before > after:
+        return f"{before / after:.3g} times smaller"
+    return f"{after / before:.3g} times LARGER"
 
 
 def _cells(name: str, result: BentResult) -> list[str]:

@@ -33,17 +33,27 @@ class BentResult:
     exceeded: list[str]
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
-        return [getattr(run, f"rms_{self.error}_error") for run in runs.values()]
+        return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]
+
+    @property
+    def nominal(self) -> tuple[float, float]:
+        """RMS error of the nominal machine before and after [m]."""
+        return self._rms(self.before)[0], self._rms(self.after)[0]
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """The worst RMS error of the family before and after [m]."""
+        return max(self._rms(self.before)), max(self._rms(self.after))
 
     @property
     def nominal_gain(self) -> float:
         """How many times smaller the nominal RMS error is."""
-        return self._rms(self.before)[0] / max(self._rms(self.after)[0], 1e-15)
+        return _ratio(*self.nominal)
 
     @property
     def worst_gain(self) -> float:
         """How many times smaller the worst RMS error of the family is."""
-        return max(self._rms(self.before)) / max(*self._rms(self.after), 1e-15)
+        return _ratio(*self.worst)
 
     @property
     def usable(self) -> bool:
@@ -54,3 +64,7 @@ class BentResult:
         lost = any(run.diverged for run in self.after.values())
         worth = self.worst_gain > 1 and self.worst_gain * self.nominal_gain > 1
         return worth and not lost and not self.exceeded
+
+
+def _ratio(before: float, after: float) -> float:
+    return before / max(after, 1e-15)

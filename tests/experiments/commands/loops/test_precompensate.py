@@ -1,7 +1,7 @@
 """`precompensate` from the command line."""
 
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ import pytest
 from experiments.cli import main
 from experiments.commands.loops.precompensate import sentences
 from experiments.files.results.bent_result import BentResult
+from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 from experiments.files.results.stored import read_result
 
 
@@ -48,6 +49,42 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     assert len(sentences(fair)) == 1 and fair.usable
     as_before = replace(result, after=result.before, largest=0.0)
     assert "nominal the same, worst of the family the same" in sentences(as_before)[0]
+
+
+def by_hand(before, after):
+    """A result whose plants have these RMS contour errors [m], the nominal one first."""
+
+    def runs(sizes):
+        still = dict.fromkeys((one.name for one in fields(RunMetrics)), 0.0)
+        return {
+            f"plant {k}": RunMetrics(**{**still, "rms_contour_error": size, "diverged": False})
+            for k, size in enumerate(sizes)
+        }
+
+    return BentResult(
+        machine=MachineSummary("mill", "V", ("X", "Y"), ""),
+        controller="cascade",
+        contour="part",
+        error="contour",
+        samples=3,
+        roughness=0.01,
+        largest=0.0,
+        chord=None,
+        moves=0,
+        before=runs(before),
+        after=runs(after),
+        exceeded=[],
+    )
+
+
+def test_next_to_nothing_has_sizes_and_no_ratio():
+    followed = by_hand(before=[np.float64(0.0), 4e-6], after=[np.float64(2e-9), 1e-6])
+    assert "nominal 0 -> 0.002 um, worst of the family 4 times smaller" in sentences(followed)[0]
+    mended = by_hand(before=[3e-6, 4e-6], after=[0.0, 5e-10])
+    words = "nominal 3 -> 0 um, worst of the family 4 -> 0.0005 um"
+    assert words in sentences(mended)[0] and mended.usable
+    still = by_hand(before=[0.0, 0.0], after=[0.0, 0.0])
+    assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
 
 
 def _runs(result, nominal, others):
