@@ -103,7 +103,7 @@ class Design(abc.ABC):
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
-        """Unit of every weight that is one number."""
+        """Unit of every weight that is one number, or one for each axis."""
 
     @abc.abstractmethod
     def settings(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from experiments.files.results.run_metrics import ContourRead, PeakPlace, RunMetrics
+from experiments.files.results.stored import Weight
 
 COLUMNS = (  # metric, heading, factor from SI
     ("rms_contour_error", "RMS\ncontour\nerror um", 1e6),
@@ -77,6 +78,11 @@ def _words_kept(line: str, begin: int) -> str:
 def digits(value: float | None) -> str:
     """Four significant digits; a dash for what is not finite."""
     return "-" if value is None or value - value != 0 else f"{value:.4g}"
+
+
+def weight_digits(value: Weight) -> str:
+    """A weight, or one for each axis with commas, as `--weights` reads them."""
+    return ",".join(map(digits, value)) if isinstance(value, list) else digits(value)
 
 
 def plain_table(

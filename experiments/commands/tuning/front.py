@@ -82,7 +82,7 @@ def _row(point: BudgetPoint, result: FrontResult) -> list[str]:
 
 def _weights(point: BudgetPoint, result: FrontResult) -> list[str]:
     weights = [point.weights.get(name) for name in result.weights]
-    return [*map(tables.digits, [point.budget, *weights])]
+    return [tables.digits(point.budget), *map(tables.weight_digits, weights)]
 
 
 def next_steps(result: FrontResult, task: str) -> list[str]:

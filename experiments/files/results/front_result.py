@@ -9,7 +9,7 @@ import xarray as xr
 
 from experiments.files import run_folder
 from experiments.files.netcdf import metric_unit
-from experiments.files.results.stored import BESIDE_OTHERS
+from experiments.files.results.stored import BESIDE_OTHERS, Weight
 from experiments.flags.tuning import Against
 
 SHOWN = ("rms_contour_error", "rms_tracking_error", "rms_increment", "peak_sensitivity")
@@ -28,7 +28,7 @@ class BudgetPoint:
 
     Attributes:
         budget: largest RMS control increment [control unit per sample], or peak sensitivity.
-        weights: those that are one number.
+        weights: those that are one number, or one for each axis.
         rms_contour_error: worst over contours and family [m]; so are the next two.
         rms_tracking_error: [m].
         rms_increment: [control unit per sample].
@@ -40,7 +40,7 @@ class BudgetPoint:
     """
 
     budget: float
-    weights: dict[str, float] = field(metadata=BESIDE_OTHERS)
+    weights: dict[str, Weight] = field(metadata=BESIDE_OTHERS)
     rms_contour_error: float
     rms_tracking_error: float
     rms_increment: float
@@ -89,15 +89,16 @@ class FrontResult:
 
 
 def dataset_of(result: FrontResult, weight_units: dict[str, str]) -> xr.Dataset:
-    """The front along its budgets."""
+    """The front along its budgets; a weight with a number for each axis has a second dimension."""
     unit = result.machine.control_unit
 
-    def along(values: Sequence[float], of: str) -> tuple[str, np.ndarray, dict[str, str]]:
-        return "budget", np.array(values, float), {"units": of}
+    def along(values: Sequence[Any], of: str, second: str = "") -> tuple[list[str], Any, Any]:
+        column = np.array(values, float)
+        return ["budget", second][: column.ndim], column, {"units": of}
 
     data: dict[str, Any] = {}
     for name, of in weight_units.items():
-        data[name] = along([point.weights[name] for point in result.points], of)
+        data[name] = along([point.weights[name] for point in result.points], of, f"entry_of_{name}")
     for name in SHOWN:
         values = [getattr(point, name) for point in result.points]
         of = "1" if name == "peak_sensitivity" else metric_unit(name, unit)

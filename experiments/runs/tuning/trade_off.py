@@ -223,10 +223,11 @@ def _worst(metrics: Metrics, name: str) -> float:
 
 
 def _point(search: Search, budget: float, found: FrontPoint) -> BudgetPoint:
+    known = search.run.design.units()  # a number for each sample of the horizon has no unit
     weights = plain_weights(found.weights).items()
     point = BudgetPoint(
         budget=budget,
-        weights={name: value for name, value in weights if isinstance(value, float)},
+        weights={name: w for name, w in weights if isinstance(w, float) or name in known},
         rms_contour_error=_worst(found.outcome.metrics, "contour_error"),
         rms_tracking_error=_worst(found.outcome.metrics, "tracking_error"),
         rms_increment=_worst(found.outcome.metrics, "increment"),

@@ -136,6 +136,50 @@ def test_a_slack_budget_is_said(capsys):
     assert following.endswith("jcontour tune part.ngc --max-rms-increment 0.1")
 
 
+def test_a_weight_with_a_number_for_each_axis_is_shown_as_the_flag_takes_it(capsys):
+    points = [replace(POINTS[0], weights={"alpha": [2.0, 3.5]})]
+    show(replace(RESULT, points=points), console_of())
+    assert ["0.1", "2,3.5"] in [line.split() for line in capsys.readouterr().out.splitlines()]
+
+
+OWN = """
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jcontour.controller import Controller
+
+class PerAxis(Controller):
+    gain: jax.Array = eqx.field(default_factory=lambda: jnp.array([3e3, 4e3]))
+    ahead: float = 20.0
+    preview: int = eqx.field(static=True, default=1)
+
+    def prepare(self, reference):
+        position = reference.position[: reference.steps + 1]
+        return position[:-1], jnp.diff(position, axis=0) / reference.dt
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        position, speed = plan
+        return memory, self.gain * (position - measurement) + self.ahead * speed
+"""
+
+
+@pytest.mark.slow
+def test_a_front_over_gains_per_axis_has_its_files_and_can_be_told_again(tmp_path, capsys):
+    (tmp_path / "own.py").write_text(OWN)
+    run = tmp_path / "run"
+    own = ["--controller", f"{tmp_path}/own.py:PerAxis", "--points", "1", "--most", "1"]
+    assert main(["front", "circle", *own, "--out", str(run)]) == 0
+    (point,) = read_result(run, FrontResult).points
+    gains = point.weights["gain"]
+    assert isinstance(gains, list) and len(gains) == 2
+    np.testing.assert_array_equal(load_dataset(run / "front.nc").gain, [gains])
+    assert page_data(run)["points"]["points"][0]["weights"] == point.weights
+    assert main(["front", "--resume", str(run)]) == 0
+
+
 @pytest.mark.slow
 def test_budgets_in_the_wrong_order_are_named(flags, tmp_path, capsys):
     order = ["--least", "2", "--most", "1", "--out", str(tmp_path / "run")]

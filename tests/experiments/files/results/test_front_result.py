@@ -1,5 +1,7 @@
 """A front as a dataset."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from experiments.files.results.front_result import (
@@ -41,6 +43,14 @@ def test_variables_have_the_numbers_and_units_of_the_points():
     for name, (values, unit) in expected.items():
         np.testing.assert_array_equal(dataset[name], values)
         assert dataset[name].attrs["units"] == unit
+
+
+def test_a_weight_with_a_number_for_each_axis_has_a_dimension_of_its_own():
+    values = [[2.0, 3.0], [4.0, 5.0]]
+    points = [replace(p, weights={"kp": v}) for p, v in zip(POINTS, values, strict=True)]
+    dataset = dataset_of(replace(result("increment"), points=points), {"kp": "1/s"})
+    assert dataset.kp.dims == ("budget", "entry_of_kp") and dataset.kp.attrs["units"] == "1/s"
+    np.testing.assert_array_equal(dataset.kp, values)
 
 
 def test_what_is_spent_is_what_the_budgets_limit():
