@@ -59,9 +59,10 @@ def command(flags: Precompensate) -> int:
         exceeded=found.exceeded,
     )
     folder = created(seeing_all(flags, job), "precompensate")
-    save_samples(found.position, machine.model.dt, machine.axes, folder)
-    if moves is not None:
-        save_program(moves, machine.axes, folder)
+    if result.usable:
+        save_samples(found.position, machine.model.dt, machine.axes, folder)
+        if moves is not None:
+            save_program(moves, machine.axes, folder)
     title = f"{job.name} on {machine.name}, {loop.name}"
     save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
     write_result(folder, result)
@@ -100,7 +101,8 @@ def sentences(result: BentResult) -> list[str]:
             "shift cannot help it without harm to another of the family, or the controller already "
             "sees what the model knows"
         )
-    return [gain, f"DO NOT USE: {why}."]
+    files = SAMPLES if result.chord is None else f"{SAMPLES} and {PROGRAM}"
+    return [gain, f"DO NOT USE: {why}. Not written for that reason: {files}."]
 
 
 def _change(before: float, after: float) -> str:

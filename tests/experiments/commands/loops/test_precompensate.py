@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from experiments.commands.loops import precompensate
 from experiments.commands.loops.precompensate import sentences
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 from experiments.files.results.stored import read_result
+from experiments.jobs.replays import Scenarios, replay
+from experiments.runs.loops.bending import Bent
+from tuning.precompensation import Precompensated
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +89,29 @@ def test_next_to_nothing_has_sizes_and_no_ratio():
     assert words in sentences(mended)[0] and mended.usable
     still = by_hand(before=[0.0, 0.0], after=[0.0, 0.0])
     assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
+
+
+def unbent(loop, roughness, tell):
+    """A correction of zero, so that nothing gets better."""
+    job, machine, controller = loop.jobs[0], loop.machine, loop.controller
+    reference = job.reference(machine.model.dt, controller.preview)
+    scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
+    runs, none = replay(controller, scenarios), np.zeros(1)
+    still = np.zeros((reference.steps, len(machine.axes)))
+    found = Precompensated(still, none, none, none)
+    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [])
+
+
+def test_a_reference_not_to_be_used_is_not_written(
+    tmp_path, machine_file, part_file, monkeypatch, capsys
+):
+    monkeypatch.setattr(precompensate, "bent", unbent)
+    flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
+    assert main(["precompensate", str(part_file), *flags]) == 1
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if "DO NOT USE" in line)
+    assert line.endswith("Not written for that reason: reference.csv and part.ngc.")
+    written = {path.name for path in (tmp_path / "run").iterdir()}
+    assert written == {"bent.png", "inputs", "result.json", "settings.json"}
 
 
 def _runs(result, nominal, others):
