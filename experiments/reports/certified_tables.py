@@ -3,7 +3,7 @@
 from rich.console import Console
 
 from experiments.files.results.certified_result import CertifiedResult, CertifiedRow
-from experiments.reports.tables import digits, peak_line, plain_table, say
+from experiments.reports.tables import digits, of_inputs, peak_line, plain_table, say
 
 HEADINGS = (
     "contour",
@@ -12,7 +12,7 @@ HEADINGS = (
     "reached\nunder attack um",
     "reached by force\nwith counts um",
     "undisturbed\num",
-    "largest\ncontrol",
+    "largest\ncontrols",
 )
 
 BOUNDS = (
@@ -35,13 +35,6 @@ def sentences(result: CertifiedResult) -> list[str]:
     """Assumptions, then the worst row in words."""
     worst, unit = result.worst, result.machine.control_unit
     place = peak_line(worst.place, result.error, result.machine.axes)
-    largest = max(max(row.control) for row in result.rows)
-    limits = result.control_limit
-    controls = f"No control exceeds {digits(largest)} {unit}"
-    if limits is not None:
-        least = min(limits)
-        within = "within" if largest <= least else "MORE THAN"
-        controls += f", {within} the machine's {digits(least)}"
     return [
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
         f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
@@ -49,8 +42,22 @@ def sentences(result: CertifiedResult) -> list[str]:
         BOUNDS,
         f"An attack reaches {digits(100 * worst.reached / worst.bound)} % of the largest bound; "
         f"{place}.",
-        f"{controls}.",
+        _controls(result),
     ]
+
+
+def _controls(result: CertifiedResult) -> str:
+    """Largest control of every input beside the limit of this input."""
+    unit = result.machine.control_unit
+    inputs = zip(*(row.control for row in result.rows), strict=True)
+    largest = {k: max(one) for k, one in enumerate(inputs)}
+    told = f"No control exceeds {of_inputs(largest, unit)}"
+    if result.control_limit is None:
+        return f"{told}."
+    limits = dict(enumerate(result.control_limit))
+    beyond = {k: limit for k, limit in limits.items() if not largest[k] <= limit}
+    within = "MORE THAN" if beyond else "within"
+    return f"{told}, {within} the machine's {of_inputs(beyond or limits, unit)}."
 
 
 def _plants(gain: float | None) -> str:
@@ -70,4 +77,4 @@ def _plants(gain: float | None) -> str:
 def _cells(row: CertifiedRow) -> list[str]:
     sizes = [row.bound, row.reached, row.counted, row.nominal]
     errors = [digits(None if size is None else 1e6 * size) for size in sizes]
-    return [row.contour, row.plant, *errors, digits(max(row.control))]
+    return [row.contour, row.plant, *errors, ", ".join(map(digits, row.control))]

@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -83,6 +83,17 @@ def digits(value: float | None) -> str:
 def weight_digits(value: Weight) -> str:
     """A weight, or one for each axis with commas, as `--weights` reads them."""
     return ",".join(map(digits, value)) if isinstance(value, list) else digits(value)
+
+
+def of_inputs(values: Mapping[int, float], unit: str) -> str:
+    """Controls in words; one value where it is that of every input.
+
+    >>> of_inputs({0: 2.673, 1: 1.67}, "A"), of_inputs({0: 10.0, 1: 10.0}, "A")
+    ('2.673 A on input 1, 1.67 A on input 2', '10 A')
+    """
+    if len(values) > 1 and len(set(values.values())) == 1:
+        return f"{digits(next(iter(values.values())))} {unit}"
+    return ", ".join(f"{digits(value)} {unit} on input {k + 1}" for k, value in values.items())
 
 
 def plain_table(

@@ -3,14 +3,14 @@
 from rich.console import Console
 
 from experiments.files.results.tolerance_result import KeptRun, ToleranceResult
-from experiments.reports.tables import digits, plain_table, read_line, say
+from experiments.reports.tables import digits, of_inputs, plain_table, read_line, say
 
 HEADINGS = (
     "plant",
     "what acts",
     "largest\nerror um",
     "of the\ntolerance",
-    "largest\ncontrol",
+    "largest\ncontrols",
     "samples\noutside",
     "beyond bounds\nfrom sample",
 )
@@ -37,7 +37,7 @@ def promise(result: ToleranceResult) -> list[str]:
     unit = result.machine.control_unit
     limiting = ", ".join(result.limiting)
     why = f"the limits of {limiting}" if limiting else "the machine alone, none of its limits"
-    most = f"{digits(min(result.control_limit))} {unit}"
+    most = of_inputs(dict(enumerate(result.control_limit)), unit)
     return [
         f"Proven for every force of up to {digits(result.force)} {unit} on each control and every "
         f"encoder error of up to {digits(1e6 * result.encoder)} um, at each sample,",
@@ -77,7 +77,7 @@ def _cells(run: KeptRun, promised: float) -> list[str]:
         run.disturbance,
         digits(1e6 * run.largest),
         f"{100 * run.largest / promised:.0f} %",
-        digits(run.control),
+        ", ".join(map(digits, run.control)),
         str(run.fallbacks),
         "" if run.left is None else str(run.left),
     ]

@@ -16,7 +16,7 @@ class KeptRun:
         largest: largest error of the tool [m].
         left: sample at which something beyond the bounds was noticed; None where nothing was.
         fallbacks: samples whose QP had no answer within the tolerance.
-        control: largest control.
+        control: largest size of each control.
         residual: largest of any QP.
     """
 
@@ -26,7 +26,7 @@ class KeptRun:
     largest: float
     left: int | None
     fallbacks: int
-    control: float
+    control: tuple[float, ...]
     residual: float
 
 

@@ -84,7 +84,7 @@ def _tried(keeper: Keeper, name: str, disturbance: str, within: bool, plant: Pla
         largest=float(np.max(error[scored])),
         left=None if memory.left < 0 else int(memory.left),
         fallbacks=report.fallbacks,
-        control=float(np.abs(run.rollout.control).max()),
+        control=tuple(np.abs(run.rollout.control).max(axis=0).tolist()),
         residual=report.worst_residual,
     )
     return Tried(row, run, error)

@@ -38,7 +38,8 @@ def test_assumptions_attack_place_and_controls_are_said():
     assert "--force and --encoder-um set these bounds" in text
     assert "An attack reaches 75 % of the largest bound" in text
     assert "largest contour error 8 um at X 1, Y 2 mm" in text
-    assert "No control exceeds 2.5 A, within the machine's 3." in text
+    controls = "No control exceeds 1 A on input 1, 2.5 A on input 2, within the machine's "
+    assert f"{controls}10 A on input 1, 3 A on input 2." in text
 
 
 def test_the_plants_of_the_proof_are_said():
@@ -48,13 +49,27 @@ def test_the_plants_of_the_proof_are_said():
 
 
 def test_a_control_beyond_its_limit_is_said():
-    high = replace(RESULT, rows=[replace(ROW, control=(4.0, 1.0))])
-    assert sentences(high)[-1] == "No control exceeds 4 A, MORE THAN the machine's 3."
-    assert sentences(replace(RESULT, control_limit=None))[-1] == "No control exceeds 2.5 A."
+    high = replace(RESULT, rows=[ROW, replace(ROW, control=(4.0, 3.5))])
+    assert sentences(high)[-1] == (
+        "No control exceeds 4 A on input 1, 3.5 A on input 2, "
+        "MORE THAN the machine's 3 A on input 2."
+    )
+    without = sentences(replace(RESULT, control_limit=None))[-1]
+    assert without == "No control exceeds 1 A on input 1, 2.5 A on input 2."
+
+
+def test_a_control_is_compared_with_the_limit_of_its_own_input():
+    """The first one is above what the second may have, and within its own limit."""
+    told = sentences(replace(RESULT, rows=[replace(ROW, control=(4.0, 1.0))]))[-1]
+    assert "within the machine's 10 A on input 1, 3 A on input 2." in told
+
+
+def test_one_limit_for_all_is_said_once():
+    assert "within the machine's 5 A." in sentences(replace(RESULT, control_limit=(5.0, 5.0)))[-1]
 
 
 def test_the_table_has_every_error_in_um():
     console = Console(width=120, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     show_certified(RESULT, console)
     line = next(one for one in console.export_text().splitlines() if "late" in one)
-    assert line.split() == ["circle", "late", "8", "6", "5", "1", "2.5"]
+    assert line.split() == ["circle", "late", "8", "6", "5", "1", "1,", "2.5"]

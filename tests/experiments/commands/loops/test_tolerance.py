@@ -33,7 +33,8 @@ def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
         run = result.runs[k]
         assert 0 < run.largest <= result.promised and run.fallbacks == 0 and run.left is None
         assert np.nanmax(data.error.values[k]) >= run.largest
-        assert np.abs(data.control.values[k]).max() == run.control <= min(result.control_limit)
+        np.testing.assert_array_equal(np.abs(data.control.values[k]).max(axis=0), run.control)
+        assert np.all(np.array(run.control) <= result.control_limit)
         assert run.residual < 1e-8
     assert result.runs[0].largest > 0.2 * result.promised  # the attack is one
     late = next(run for run in result.runs if "late" in run.plant)
@@ -44,7 +45,11 @@ def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
 @pytest.mark.slow
 def test_words_say_what_is_promised_and_to_whom(kept):
     result = read_result(kept, ToleranceResult)
-    assert "Proven for every force of up to 0.5" in " ".join(promise(result))
+    promised = " ".join(promise(result))
+    assert "Proven for every force of up to 0.5" in promised
+    assert "no control above 300 control unit. " in promised
+    apart = " ".join(promise(replace(result, control_limit=(2.673, 1.67))))
+    assert "no control above 2.673 control unit on input 1, 1.67 control unit on input 2." in apart
     assert "Kept in all 3 runs within the bounds" in findings(result)[0]
     worse = replace(result, promised=result.runs[0].largest / 2)
     assert findings(worse)[0].startswith("NOT KEPT within the bounds: nominal (an attack)")
