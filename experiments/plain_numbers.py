@@ -1,5 +1,6 @@
 """Numbers on the command line, in plain digits; numbers of samples, or the whole path."""
 
+import math
 import re
 from typing import Annotated
 
@@ -35,6 +36,28 @@ def whole_in(text: str) -> int:
     if WHOLE.fullmatch(text):
         return int(text)
     raise ValueError(f"needs a whole number in plain digits, received {text!r}")
+
+
+def named_numbers(flag: str, words: str) -> tuple[str, tuple[float, ...]]:
+    """Name and numbers of NAME=VALUE or NAME=VALUE,VALUE,... words.
+
+    >>> named_numbers("weights", "gain=2,3.5")
+    ('gain', (2.0, 3.5))
+
+    Raises:
+        ValueError: words of another form, or a number that is not finite.
+    """
+    name, _, values = words.partition("=")
+    try:
+        numbers = tuple(number_in(value) for value in values.split(","))
+    except ValueError:
+        numbers = (math.nan,)
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError(
+            f"{flag}: needs NAME=VALUE or NAME=VALUE,VALUE,... with finite numbers, "
+            f"received {words!r}"
+        )
+    return name, numbers
 
 
 class WholePath(int):

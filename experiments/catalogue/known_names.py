@@ -9,6 +9,7 @@ from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, own_name
 from experiments.files.checks import MachineError
+from experiments.plain_numbers import named_numbers
 
 DRAWINGS = (".dxf", ".svg")  # read as a whole
 FIRST_LINES = 1000  # of a toolpath file, checked at once: thousands more take longer than a moment
@@ -52,8 +53,8 @@ def check_flags(flags: Any) -> None:
     """Check the numbers, the plant, the controller, the contour and the parts of any command.
 
     Raises:
-        ValueError: a number that is not finite, an unknown name, a file that is not there, or a
-            toolpath file with a fault among its first lines.
+        ValueError: a number or a weight that is not finite, an unknown name, a file that is not
+            there, or a toolpath file with a fault among its first lines.
     """
     _check_numbers(flags)
     plant, controller = getattr(flags, "plant", None), getattr(flags, "controller", None)
@@ -77,6 +78,9 @@ def _check_numbers(flags: Any) -> None:
         if isinstance(value, float) and not math.isfinite(value):
             flag = name.replace("_", "-")
             raise ValueError(f"{flag}: needs a finite number, received {value}")
+    for flag in ("weights", "vary"):
+        for words in getattr(flags, flag, ()):
+            named_numbers(flag, words)
 
 
 def _check_file(name: str, known: dict[str, Any]) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from experiments.jobs.replays import Scenarios
 from experiments.machines.machine import Fed, Machine
-from experiments.plain_numbers import number_in
+from experiments.plain_numbers import named_numbers
 from jcontour.controller import Controller
 from tuning.parameters import Fixed, Interval, Parameter, Weights
 
@@ -169,20 +169,17 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
     """The start with some weights given as NAME=VALUE.
 
     Raises:
-        ValueError: there is no such weight, or its value is not a number.
+        ValueError: there is no such weight, or its value is not a finite number.
     """
     named = by_name(start)
     values = {}
     for change in changes:
-        name, _, value = change.partition("=")
+        name, numbers = named_numbers("weights", change)
         if name not in named:
             raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
-        try:
-            values[name] = number_in(value)
-        except ValueError:
-            raise ValueError(
-                f"weights: needs NAME=VALUE with a number, received {change!r}"
-            ) from None
+        if len(numbers) > 1:
+            raise ValueError(f"weights: {name} needs one number, received {change!r}")
+        values[name] = numbers[0]
     return with_values(start, values)
 
 

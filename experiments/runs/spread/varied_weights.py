@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from jaxtyping import Array, Float
 
-from experiments.plain_numbers import number_in
+from experiments.plain_numbers import named_numbers
 from tuning.sweep import grid, random_sample
 
 Listed = dict[str, tuple[float, ...]]
@@ -14,9 +14,9 @@ def listed_values(words: Sequence[str]) -> Listed:
     """Values by name of NAME=VALUE,VALUE,... words.
 
     Raises:
-        ValueError: words of another form.
+        ValueError: words of another form, or a number that is not finite.
     """
-    return dict(map(_listed, words))
+    return dict(named_numbers("vary", one) for one in words)
 
 
 def sampled_designs(
@@ -38,13 +38,3 @@ def sampled_designs(
         positive = [value for value in values if value > 0]
         ends[name] = (min(positive, default=0.0), max(values))
     return random_sample(samples, seed, **ends)
-
-
-def _listed(words: str) -> tuple[str, tuple[float, ...]]:
-    name, _, values = words.partition("=")
-    try:
-        return name, tuple(number_in(value) for value in values.split(","))
-    except ValueError:
-        raise ValueError(
-            f"vary: needs NAME=VALUE,VALUE,... with numbers, received {words!r}"
-        ) from None

@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from experiments.catalogue.known_names import FIRST_LINES, check_flags
-from experiments.flags.loops import Simulate, Trace
-from experiments.flags.tuning import Tune
+from experiments.flags.loops import Feed, Learn, Precompensate, Simulate, Trace
+from experiments.flags.tuning import Front, Sweep, Tune
 
 SCRIPT = """
 import sys
@@ -104,3 +104,15 @@ def test_known_names_pass(flags):
 def test_unknown_names_are_refused(flags, says):
     with pytest.raises(ValueError, match=says):
         check_flags(flags)
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1,nan", "", "two"])
+@pytest.mark.parametrize("kind", [Simulate, Feed, Precompensate, Learn, Tune, Front, Sweep])
+def test_weights_that_are_no_finite_numbers_are_refused(kind, value):
+    with pytest.raises(ValueError, match=f"weights: needs .* finite numbers, received 'a={value}'"):
+        check_flags(kind(weights=("b=2", f"a={value}")))
+
+
+def test_values_of_a_sweep_need_to_be_finite():
+    with pytest.raises(ValueError, match="vary: needs .* finite numbers, received 'a=1,inf'"):
+        check_flags(Sweep(vary=("a=1,inf",)))

@@ -6,7 +6,9 @@ from experiments.runs.spread.varied_weights import listed_values, sampled_design
 
 def test_words_are_values_by_name():
     assert listed_values(["a=1,2e3", "b=0"]) == {"a": (1.0, 2000.0), "b": (0.0,)}
-    with pytest.raises(ValueError, match="vary: needs NAME=VALUE,VALUE,... with numbers"):
+    with pytest.raises(
+        ValueError, match="vary: needs NAME=VALUE or NAME=VALUE,VALUE,... with finite numbers"
+    ):
         listed_values(["a=1,two"])
 
 
