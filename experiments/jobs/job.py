@@ -58,12 +58,14 @@ class Program(NamedTuple):
         ignored: its words that mean nothing for the path, or what of a drawing is left out.
         doubts: what of it may be meant otherwise, or spoils the motion.
         stops: where and why it stops, in words.
+        rapid: (P,) which pieces are rapid moves.
     """
 
     line: np.ndarray
     ignored: tuple[str, ...]
     doubts: tuple[str, ...]
     stops: str
+    rapid: np.ndarray
 
 
 class Job(NamedTuple):
@@ -110,6 +112,13 @@ class Job(NamedTuple):
     def stops(self) -> str:
         """Where and why the program stops, in words."""
         return "" if self.program is None else self.program.stops
+
+    @property
+    def rapid(self) -> np.ndarray:
+        """(P,) which pieces of the contour are rapid moves."""
+        if self.program is None:
+            return np.zeros(np.asarray(self.contour.mask).sum(), bool)
+        return self.program.rapid
 
     def line_at(self, sample: int) -> int | None:
         """Line of the program that the run is on; None where there is no program."""
@@ -255,7 +264,7 @@ def _read(path: Path, pace: Pace) -> Job:
         *_unused_unit(path, pace),
         *coarse_coordinates(contour, speed, ~rapid, pace),
     )
-    program = Program(read.line, read.ignored, doubts, read.stops)
+    program = Program(read.line, read.ignored, doubts, read.stops, rapid)
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )

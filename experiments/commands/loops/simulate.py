@@ -105,7 +105,7 @@ def _motion(job: Task, machine: Machine) -> dict[str, Figure]:
     """Figure of a motion that is planned."""
     if not (isinstance(job, Job) and job.planned):
         return {}
-    return {"motion": motion_figure(job.planned, machine.axes)}
+    return {"motion": motion_figure(job.planned, machine.axes, job.rapid)}
 
 
 def _drawn(process: Beside, figures: dict[str, Figure]) -> dict[str, Callable[[Path], Path]]:

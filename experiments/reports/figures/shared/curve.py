@@ -5,7 +5,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 MOST = 20_000  # points that are drawn one by one
-COLUMNS = 400  # of a curve with more
+COLUMNS = 600  # of a curve with more
 LIGHT = 0.35  # opacity of its band
 WORDS = "light: from least to most, line: mean"
 
@@ -25,17 +25,35 @@ def draw_curve(
 ) -> None:
     """Draw y over x, which rises; where y is NaN there is a gap.
 
-    A long curve is drawn as its mean over x, and a band from the least to the most around it: no
-    peak is lost, and a block of one colour tells nothing.
+    A long curve is drawn in columns of one width on the x axis: its mean over x, and a band from
+    the least to the most around it. No peak is lost, and a block of one colour tells nothing.
     """
     if not long(x.size):
         axes.plot(x, y, color=colour, linewidth=width, label=label)
         return
-    first = np.linspace(0, x.size, COLUMNS, endpoint=False).astype(int)
-    middle = 0.5 * (x[first] + x[np.append(first[1:], x.size) - 1])
-    low, high = np.fmin.reduceat(y, first), np.fmax.reduceat(y, first)
-    weight = np.where(np.isfinite(y), np.gradient(x), 0.0)
-    with np.errstate(invalid="ignore"):  # nothing is drawn in a column without a value
-        mean = np.add.reduceat(weight * np.nan_to_num(y), first) / np.add.reduceat(weight, first)
-    axes.fill_between(middle, low, high, color=colour, alpha=LIGHT, linewidth=0)
-    axes.plot(middle, mean, color=colour, linewidth=width, label=label)
+    edges = np.linspace(x[0], x[-1], COLUMNS + 1)
+    low, high, mean = (np.repeat(rows, 2) for rows in _columns(x, y, edges))
+    sides = np.repeat(edges, 2)[1:-1]
+    axes.fill_between(sides, low, high, color=colour, alpha=LIGHT, linewidth=0)
+    axes.plot(sides, mean, color=colour, linewidth=width, label=label)
+
+
+def _columns(
+    x: Float[np.ndarray, " T"], y: Float[np.ndarray, " T"], edges: Float[np.ndarray, " edges"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Least, most and mean over x of y between neighbouring edges; NaN where there is nothing."""
+    begins = edges[:-1]  # with a point at each, no column is empty
+    place = np.append(begins, x)
+    order = np.argsort(place, kind="stable")
+    value = np.append(np.interp(begins, x, y), y)[order]
+    first = np.searchsorted(place[order], begins)
+    low, high = np.fmin.reduceat(value, first), np.fmax.reduceat(value, first)
+    middle = 0.5 * (y[1:] + y[:-1])
+    there = np.where(np.isfinite(middle), np.diff(x), 0.0)
+    area, length = (
+        np.diff(np.interp(edges, x, np.append(0.0, np.cumsum(part))))
+        for part in (there * np.nan_to_num(middle), there)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(np.isfinite(high), area / length, np.nan)
+    return low, high, np.clip(mean, low, high)  # a difference of sums is rounded

@@ -82,7 +82,7 @@ def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
     seen.output[:, :, :5, 1] = np.arange(5) * 3e-4  # [m] faster than the limit of the axis
     seen.output[:, :, 5:, 1] = 1.2e-3
     assert limits_met(seen, scenarios(), MACHINE) == []
-    program = Program(np.ones(1, int), (), (), "")
+    program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
     [told] = drives_at_limits_in_rapids(seen, scenarios(program), MACHINE)
     assert told.startswith(
         "control of input 1 is at its limit in a rapid move: 10 of 10 A (eight, late); a lower"
@@ -98,5 +98,5 @@ def test_a_drive_at_its_limit_in_rapid_moves_of_programs_is_told():
 def test_a_step_from_a_rapid_move_to_a_cut_is_neither():
     seen = run()
     seen.output[1, 0, 5:, 0] = 3e-4  # [m] between the last rapid and the first scored sample
-    program = Program(np.ones(1, int), (), (), "")
+    program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
     assert limits_met(seen, scenarios(program), MACHINE) == []

@@ -37,8 +37,8 @@ def test_the_mean_is_that_over_x_and_not_over_the_points():
     along = np.arange(500 * COLUMNS) / 500
     share = along % 1
     x = np.floor(along) + np.where(share < 0.9, share / 1.8, 0.5 + 5 * (share - 0.9))
-    (middle, mean), _ = drawn(x, x)
-    np.testing.assert_allclose(mean, middle, atol=0.01)
+    (sides, mean), _ = drawn(x, x)
+    np.testing.assert_allclose(mean[::2], 0.5 * (sides[::2] + sides[1::2]), atol=0.01)
 
 
 def test_columns_without_a_value_are_gaps():
@@ -48,3 +48,17 @@ def test_columns_without_a_value_are_gaps():
     assert np.isnan(mean[gap]).all() and gap.any()
     np.testing.assert_allclose(mean[np.abs(middle - 0.5) > 0.1 + 1 / COLUMNS], 3.0)
     assert len(bands) == 2
+
+
+def test_few_points_on_a_long_way_are_not_drawn_into_their_neighbours():
+    """A step up that is 3 % of x, told by four points among thousands, is as wide as it is."""
+    before, after = np.linspace(0.0, 0.5, MOST), np.linspace(0.53, 1.0, MOST)
+    edges = np.array([0.5, 0.5 + 1e-9, 0.53 - 1e-9, 0.53])
+    x = np.concatenate([before[:-1], edges, after[1:]])
+    y = np.concatenate([0 * before[1:], [0.0, 5.0, 5.0, 0.0], 0 * after[1:]])
+    (along, mean), (band,) = drawn(x, y)
+    high = along[mean > 2.5]
+    assert high.min() == pytest.approx(0.5, abs=1 / COLUMNS)
+    assert high.max() == pytest.approx(0.53, abs=1 / COLUMNS)
+    assert np.all(mean[(along < 0.498) | (along > 0.532)] < 1e-6)
+    assert along[0] == 0.0 and along[-1] == 1.0
