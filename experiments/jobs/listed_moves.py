@@ -1,9 +1,10 @@
 """Moves of a program or a drawing as they were understood, line by line, for `--list-moves`."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import merge
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,14 @@ from jcontour.geometry.toolpath_rules import MM, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program
 
 AXES = "XYZ"
-HEAD = "  line  move      "
+NAMES = "line", "move"
+
+
+class _Row(NamedTuple):
+    """A line of the table: its cells, and what stands behind them."""
+
+    cells: tuple[str, ...]
+    behind: str = ""
 
 
 def listed_moves(path: Path, pace: Pace) -> Iterator[str]:
@@ -55,12 +63,12 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     machine = interpreted(lines_of(read_program(path)), axes, pace.feed, files_beside(path))
     if not machine.moves:
         raise ToolpathError(f"the program has no moves along {' or '.join(AXES[:axes])}")
-    yield _head(axes)
     stops = machine.tracer.stops
     # a stop comes before the move that has its number
     shown = ((stop.after - 0.5, stop) for stop in stops if stop.why not in EXACT)
-    for _, step in merge(enumerate(machine.moves), shown):
-        yield _stop(step, axes) if isinstance(step, Stop) else _move(step, axes)
+    steps = [step for _, step in merge(enumerate(machine.moves), shown)]
+    rows = (_stop(one, axes) if isinstance(one, Stop) else _move(one, axes) for one in steps)
+    yield from _table(rows, axes)
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
     yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
@@ -75,19 +83,19 @@ def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:
     return f"a run leaves out {count - in_run} of them, before the first cut or behind the last one"
 
 
-def _move(move: Move, axes: int) -> str:
+def _move(move: Move, axes: int) -> _Row:
     around = ""
     if move.angle:
         around = _around(move.centre[:axes], math.degrees(move.angle))
-    return _line(move.line, _kind(move), move.end[:axes], move.feed) + around
+    return _Row(_cells(move.line, _kind(move), move.end[:axes], move.feed), around)
 
 
-def _stop(stop: Stop, axes: int) -> str:
+def _stop(stop: Stop, axes: int) -> _Row:
     dwells = stop.why == DWELL
-    place = _line(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
+    cells = _cells(stop.line, "dwell" if dwells else "stop", stop.place[:axes], math.nan)
     lasting = stop.lasting if dwells else stop.besides
     lasts = f"{lasting:.6g} s" if dwells or lasting > 0 else ""
-    return " ".join(filter(None, [f"{place}  for", "" if dwells else stop.why, lasts]))
+    return _Row(cells, " ".join(filter(None, ["  for", "" if dwells else stop.why, lasts])))
 
 
 def _drawn(path: Path, pace: Pace) -> Iterator[str]:
@@ -100,7 +108,7 @@ def _drawn(path: Path, pace: Pace) -> Iterator[str]:
     )
     (x, y), (x_later, y_later) = np.asarray(contour.cosine).T, np.asarray(contour.sine).T
     turn = x * y_later - y * x_later  # a quarter of a turn later
-    yield _head(ends.shape[1])
+    rows = []
     for k, end in enumerate(ends):
         kind, around = "rapid" if drawing.rapid[k] else "line", ""
         if polynomial[k, 2:].any():
@@ -109,19 +117,31 @@ def _drawn(path: Path, pace: Pace) -> Iterator[str]:
             kind = "arc"
             degrees = math.degrees(math.copysign(rate[k] * extent[k], turn[k]))
             around = _around(polynomial[k, 0].tolist(), degrees)
-        yield _line(int(drawing.line[k]), kind, end.tolist(), float(drawing.feed[k])) + around
+        cells = _cells(int(drawing.line[k]), kind, end.tolist(), float(drawing.feed[k]))
+        rows.append(_Row(cells, around))
+    yield from _table(rows, ends.shape[1])
     yield _count(len(ends), drawing.ignored)
 
 
-def _head(axes: int) -> str:
-    named = "".join(f"{axis:>11}" for axis in AXES[:axes])
-    return f"{HEAD}{named}   mm/min"
+def _table(rows: Iterable[_Row], axes: int) -> Iterator[str]:
+    """The rows below their names, every column as wide as its widest cell."""
+    rows = [_Row((*NAMES, *AXES[:axes], "mm/min")), *rows]
+    widths = [max(map(len, column)) for column in zip(*(row.cells for row in rows), strict=True)]
+    for row in rows:
+        line, move, *numbers = map(str.rjust, row.cells, widths)
+        yield "  ".join([line, move.strip().ljust(widths[1]), *numbers]) + row.behind
 
 
-def _line(line: int, kind: str, end: Sequence[float], feed: float) -> str:
-    place = "".join(f"{coordinate / MM + 0.0:11.4f}" for coordinate in end)
-    pace = f"{'-':>9}" if math.isnan(feed) else f"{feed / MM_PER_MIN:9.5g}"
-    return f"{line:6d}  {kind:10}{place}{pace}"
+def _cells(line: int, kind: str, end: Sequence[float], feed: float) -> tuple[str, ...]:
+    place = (f"{coordinate / MM + 0.0:.4f}" for coordinate in end)
+    return str(line), kind, *place, "-" if math.isnan(feed) else _pace(feed / MM_PER_MIN)
+
+
+def _pace(feed: float) -> str:
+    """Five digits of a feed [mm/min], or all before the point where it has more; no exponent."""
+    if feed >= 1e5:
+        return f"{feed:.0f}"
+    return np.format_float_positional(feed, 5, unique=False, fractional=False, trim="-")
 
 
 def _around(centre: Sequence[float], degrees: float) -> str:

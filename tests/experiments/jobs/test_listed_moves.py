@@ -35,6 +35,19 @@ def test_a_line_for_each_move(tmp_path):
     assert left_out.startswith("a run leaves out 1 of them")
 
 
+def test_columns_are_as_wide_as_their_numbers_which_have_no_exponents(tmp_path):
+    """A feed in inches whose value is large, and places of a large machine."""
+    path = tmp_path / "part.ngc"
+    path.write_text("G20 F9999 G1 X-3000 Y1\nF0.000001 X1\n" + "X2 F40\n" * 3)
+    head, *moves, _ = listed(path, 2)
+    assert moves[0].split() == ["1", "line", "-76200.0000", "25.4000", "253975"]
+    assert moves[1].split()[-1] == "0.0000254"
+    assert not any("e+" in line or "e-" in line for line in moves)
+    ends = [head.index(name) + len(name) for name in ("X", "Y", "mm/min")]
+    for line in moves:
+        assert all(line[end - 1] != " " and line[end : end + 2] in ("  ", "") for end in ends)
+
+
 def test_dwells_stand_in_their_places_with_their_unit(tmp_path):
     path = tmp_path / "part.ngc"
     path.write_text("G4 P1\nG21 F600 G1 X10\nG4 P2.5\nG4 P0\nG82 X12 R3 Z-1 P.5\n")
