@@ -166,10 +166,11 @@ def plain_weights(weights: Weights) -> dict[str, Any]:
 
 
 def changed(start: Weights, changes: Sequence[str]) -> Weights:
-    """The start with some weights given as NAME=VALUE.
+    """The start with some weights given as NAME=VALUE, or NAME=VALUE,VALUE,... for several axes.
 
     Raises:
-        ValueError: there is no such weight, or its value is not a finite number.
+        ValueError: there is no such weight, its value is not a finite number, or there are more or
+            fewer numbers than it has.
     """
     named = by_name(start)
     values = {}
@@ -177,9 +178,11 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
         name, numbers = named_numbers("weights", change)
         if name not in named:
             raise ValueError(f"weights: there is no weight {name!r}; known are {', '.join(named)}")
-        if len(numbers) > 1:
-            raise ValueError(f"weights: {name} needs one number, received {change!r}")
-        values[name] = numbers[0]
+        size = np.size(named[name])
+        if len(numbers) not in (1, size):
+            needed = "one number" if size == 1 else f"one number or {size}"
+            raise ValueError(f"weights: {name} needs {needed}, received {change!r}")
+        values[name] = numbers if len(numbers) > 1 else numbers[0]
     return with_values(start, values)
 
 

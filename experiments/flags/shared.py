@@ -61,7 +61,8 @@ class Controlled(MachineFlags):
     """A name from `jcontour list`, or FILE.py:NAME: a class of yours that needs no arguments, or a
     function that takes the machine's model. The usual one of the machine when not given."""
     weights: tuple[str, ...] = ()
-    """First weights by name, each as NAME=VALUE, instead of the controller's own."""
+    """First weights by name, each as NAME=VALUE, instead of the controller's own.
+    NAME=VALUE,VALUE,... where a weight has a number for each axis."""
     preview: Samples = 10  # the paper's usual horizon
     """Horizon of an LQ controller [samples]; not tuned here, see `jcontour sweep`.
     path: all samples of the run, with `simulate`, `feed`, `precompensate` and `learn`."""

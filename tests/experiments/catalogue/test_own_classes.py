@@ -17,6 +17,8 @@ from experiments.runs.lifecycle import created, resumed
 ROOT = Path(__file__).parents[3]
 CONTROLLERS = """
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jcontour.controller import Controller
 
 print("loaded")
@@ -42,6 +44,9 @@ class PD(Controller):
 
 class Open(PD):
     gain: int = 1
+
+class PerAxis(PD):
+    gain: jax.Array = eqx.field(default_factory=lambda: jnp.array([100.0, 200.0]))
 
 class Needy(PD):
     name: str = eqx.field(static=True, kw_only=True)
@@ -146,6 +151,25 @@ def test_finite_float_fields_are_the_weights(files):
     assert found.free() == ["gain"] and gain_of(found) == 3
     with pytest.raises(ValueError, match="no weight 'samples'; known are gain"):
         design(files, "PD", weights=("samples=3",))
+
+
+@pytest.mark.parametrize(("words", "gains"), [("gain=3,4", [3, 4]), ("gain=5", [5, 5])])
+def test_a_weight_per_axis_is_given_once_or_for_each(files, words, gains):
+    found = design(files, "PerAxis", weights=(words,))
+    controller: Any = found.build(found.start)
+    assert controller.gain.tolist() == gains
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "says"),
+    [
+        ("PerAxis", "gain=1,2,3", "weights: gain needs one number or 2, received 'gain=1,2,3'"),
+        ("PD", "gain=1,2", "weights: gain needs one number, received 'gain=1,2'"),
+    ],
+)
+def test_more_numbers_than_a_weight_has_are_refused(files, name, words, says):
+    with pytest.raises(ValueError, match=says):
+        design(files, name, weights=(words,))
 
 
 def test_without_float_fields_nothing_is_tuned(files):
