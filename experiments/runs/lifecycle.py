@@ -93,14 +93,14 @@ def tuning_words(parts: Sequence[str], flags: Mapping[str, Any]) -> str:
 def ranked_words(folder: Path) -> str:
     """The words with which `jcontour rank` ranks controllers on the task of a tuned run.
 
-    A controller of the user's own is ranked beside the usual one of the machine.
+    A controller of the user's own is ranked beside the usual one of the machine, if it has one.
     """
     flags = run_folder.opened(folder, "tune")["flags"]
     task, controller = task_words(flags["parts"], flags), flags.get("controller")
     if controller is None or own_name(controller) is None:
         return task
     usual = machine_named(flags["plant"]).usual.controller
-    return task + words_of(["--controllers", usual, controller])
+    return task + words_of(["--controllers", *filter(None, [usual, controller])])
 
 
 def words_of(words: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from rich.console import Console
 
+from experiments.catalogue.own_classes import own_name
 from experiments.files.results.ranked_result import Ranked, RankedResult
 from experiments.files.results.stored import write_result
 from experiments.flags.tuning import Rank
@@ -101,8 +102,10 @@ def next_steps(result: RankedResult, task: str) -> list[str]:
     if any(not row.stationary for row in placed):
         lines.append("A search that has not ended may find more with --evaluations.")
     best = placed[0].candidate
-    words = f"--controller {best.controller} --preview {best.preview} --terminal {best.terminal}"
-    if best.model_delay is not None:
-        words += f" --model-delay {best.model_delay}"
+    words = f"--controller {best.controller}"
+    if own_name(best.controller) is None:  # one of the user's has its own preview
+        words += f" --preview {best.preview} --terminal {best.terminal}"
+        if best.model_delay is not None:
+            words += f" --model-delay {best.model_delay}"
     lines.append(f"Next: jcontour tune{task} {words}")
     return lines

@@ -78,3 +78,32 @@ def test_a_controller_of_ones_own_is_ranked_beside_the_usual_one(tmp_path):
     assert found == Rank(parts=("circle",), controllers=("contouring-lq", own))
     of_ours = created(Tune(controller="preview-lq", out=tmp_path / "other"), "tune")
     assert parsed("jcontour rank" + ranked_words(of_ours)) == Rank()
+
+
+def test_a_plant_without_a_usual_controller_is_ranked_with_the_own_one_alone(tmp_path):
+    (tmp_path / "mine.py").write_text(PLANT)
+    own, plant = f"{tmp_path}/mine.py:Proportional", f"{tmp_path}/mine.py:Mass"
+    folder = created(Tune(plant=plant, controller=own, out=tmp_path / "run"), "tune")
+    assert parsed("jcontour rank" + ranked_words(folder)) == Rank(plant=plant, controllers=(own,))
+
+
+PLANT = """
+from jcontour.plant import Plant
+
+class Mass(Plant):
+    dt: float = 1e-3
+
+    def initial_state(self, position, increment):
+        return position, increment / self.dt
+
+    def step(self, state, control):
+        position, speed = state
+        speed = speed + self.dt * (control - speed * abs(speed))
+        return position + self.dt * speed, speed
+
+    def output(self, state):
+        return state[0]
+
+    def measure(self, state):
+        return state[0]
+"""

@@ -118,6 +118,10 @@ def test_what_to_do_next():
     assert begins.startswith("Ms with *: of the loop that the controller begins with.")
     assert "--evaluations" in unended
     assert following.startswith("Next: jcontour tune part.ngc --controller good --preview 5 ")
+    own = replace(RESULT, rows=[row("mine.py:PD", 1e-6)])
+    assert (
+        next_steps(own, " part.ngc")[-1] == "Next: jcontour tune part.ngc --controller mine.py:PD"
+    )
     nothing = RankedResult(machine=MACHINE, error="contour", evaluations=1, rows=RESULT.rows[2:])
     assert "no controller could be tried" in next_steps(nothing, "")[0]
     beyond = replace(nothing, rows=[row("beyond", 1e-6, feasible=False)])
