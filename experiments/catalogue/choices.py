@@ -1,6 +1,7 @@
 """Machine, task and controller that the names on a command line stand for."""
 
-from dataclasses import replace
+import warnings
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -9,7 +10,13 @@ from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.known_names import check_contour, check_plant
 from experiments.catalogue.machines import MACHINES
-from experiments.catalogue.own_classes import FILE, own_controller, own_machine, own_name
+from experiments.catalogue.own_classes import (
+    FILE,
+    OwnName,
+    own_controller,
+    own_machine,
+    own_name,
+)
 from experiments.designs.design import Design, changed
 from experiments.flags.shared import Controlled
 from experiments.jobs.job import Pace, Task, from_file
@@ -18,6 +25,8 @@ from experiments.machines.machine import Machine
 from experiments.plain_numbers import WholePath
 
 Flags = TypeVar("Flags", bound=Controlled)
+# flags that no controller of the user's reads
+LISTED_ONLY = ("preview", "terminal", "alpha", "beta", "rho", "model_delay")
 
 
 def machine_named(name: str) -> Machine:
@@ -77,10 +86,26 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
     if not asked:
         raise ValueError(f"controller: {machine.name} needs one of your own, --controller {FILE}")
     own = own_name(asked)
-    design = _listed_design(asked, machine, flags) if own is None else own_controller(own, machine)
+    if own is None:
+        design = _listed_design(asked, machine, flags)
+    else:
+        design = own_controller(own, machine)
+        _warn_of_unread(own, flags)
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)
     return design
+
+
+def _warn_of_unread(own: OwnName, flags: Controlled) -> None:
+    """Warn of flags that are for the controllers of the catalogue alone."""
+    known = {one.name: one.default for one in fields(Controlled)}
+    unread = [name for name in LISTED_ONLY if getattr(flags, name) != known[name]]
+    if unread:
+        words = ", ".join(f"--{name.replace('_', '-')}" for name in unread)
+        warnings.warn(
+            f"{own} does not read {words}: its preview is its own, and --weights sets its fields",
+            stacklevel=2,
+        )
 
 
 def seeing_all(flags: Flags, job: Task) -> Flags:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,14 @@ def test_a_weight_per_axis_is_given_once_or_for_each(files, words, gains):
 def test_more_numbers_than_a_weight_has_are_refused(files, name, words, says):
     with pytest.raises(ValueError, match=says):
         design(files, name, weights=(words,))
+
+
+def test_flags_that_an_own_controller_does_not_read_are_said(files, recwarn):
+    plain = Simulate(controller=f"{files / 'mine.py'}:PD")
+    design_for(machine_named("bridgeport"), plain)
+    assert not recwarn
+    with pytest.warns(UserWarning, match="mine.py:PD does not read --preview, --alpha: its pre"):
+        design_for(machine_named("bridgeport"), replace(plain, preview=30, alpha=3.0))
 
 
 def test_without_float_fields_nothing_is_tuned(files):
