@@ -138,10 +138,8 @@ def _cells(line: int, kind: str, end: Sequence[float], feed: float) -> tuple[str
 
 
 def _pace(feed: float) -> str:
-    """Five digits of a feed [mm/min], or all before the point where it has more; no exponent."""
-    if feed >= 1e5:
-        return f"{feed:.0f}"
-    return np.format_float_positional(feed, 5, unique=False, fractional=False, trim="-")
+    """Five digits of a feed [mm/min], or all before the point where it has more."""
+    return f"{feed:.0f}" if feed >= 1e5 else f"{feed:.5g}"
 
 
 def _around(centre: Sequence[float], degrees: float) -> str:

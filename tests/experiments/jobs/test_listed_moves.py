@@ -38,10 +38,10 @@ def test_a_line_for_each_move(tmp_path):
 def test_columns_are_as_wide_as_their_numbers_which_have_no_exponents(tmp_path):
     """A feed in inches whose value is large, and places of a large machine."""
     path = tmp_path / "part.ngc"
-    path.write_text("G20 F9999 G1 X-3000 Y1\nF0.000001 X1\n" + "X2 F40\n" * 3)
+    path.write_text("G20 F9999 G1 X-3000 Y1\nF0.0025 X1\n" + "X2 F40\n" * 3)
     head, *moves, _ = listed(path, 2)
     assert moves[0].split() == ["1", "line", "-76200.0000", "25.4000", "253975"]
-    assert moves[1].split()[-1] == "0.0000254"
+    assert moves[1].split()[-1] == "0.0635"
     assert not any("e+" in line or "e-" in line for line in moves)
     ends = [head.index(name) + len(name) for name in ("X", "Y", "mm/min")]
     for line in moves:
