@@ -263,6 +263,7 @@ def _read(path: Path, pace: Pace) -> Job:
         *read.doubts,
         *_unused_unit(path, pace),
         *coarse_coordinates(contour, speed, ~rapid, pace),
+        *_rapid_speed(speed, rapid, machine),
     )
     program = Program(read.line, read.ignored, doubts, read.stops, rapid)
     return Job(
@@ -292,6 +293,18 @@ def _speed(feed: np.ndarray, rapid: np.ndarray, machine: Machine) -> np.ndarray:
     limit = machine.limits.speed
     quickest = RAPID * fastest if limit is None else max(fastest, float(limit.max()))
     return np.where(rapid, quickest, feed)
+
+
+def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, machine: Machine) -> Iterator[str]:
+    """How fast rapid moves are taken to be, which no program says, and why; none without them."""
+    if not rapid.any():
+        return
+    limit, asked = machine.limits.speed, speed[rapid].max()
+    why = f"{RAPID:g} times the fastest feed: the machine states no speed"
+    if limit is not None:
+        limited = asked <= limit.max()
+        why = "the machine's limit of speed" if limited else "the fastest feed, above that limit"
+    yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
 
 
 def _check_duration(

@@ -152,3 +152,22 @@ def test_a_unit_for_drawings_is_not_taken_for_that_of_points(tmp_path):
     assert float(found.contour.length) == pytest.approx(1e-3)
     assert "--drawing-unit does not act on points.csv: points are read in mm" in found.doubts
     assert not [doubt for doubt in from_file(path, pace).doubts if "--drawing-unit" in doubt]
+
+
+@pytest.mark.parametrize(
+    ("machine", "said"),
+    [
+        ("bridgeport", "1800 mm/min (3 times the fastest feed: the machine states no speed)"),
+        (EXAMPLE, "12000 mm/min (the machine's limit of speed)"),  # 0.2 m/s in its file
+    ],
+)
+def test_the_speed_of_rapid_moves_is_told_and_where_it_is_from(machine, said, tmp_path):
+    path = tmp_path / "part.ngc"
+    path.write_text("G21 F600\nG1 X20\nG0 X500\nG1 X520 F300\n")
+    pace = Pace(machine_named(machine), None, None)
+    run = from_file(path, pace)
+    assert f"rapid moves at {said}" in run.doubts
+    fastest = np.diff(run.arc).max() / pace.machine.model.dt
+    assert 60e3 * fastest == pytest.approx(float(said.split()[0]), rel=1e-6)
+    path.write_text("G21 F600\nG1 X20\n")
+    assert from_file(path, pace).doubts == ()
