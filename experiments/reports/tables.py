@@ -160,10 +160,18 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
-    line = f"{name}: {pieces}, {1e3 * read.length:.5g} mm in {read.duration:.4g} s, {box} mm"
+    line = f"{name}: {pieces}, {_way(read)} in {read.duration:.3f} s, {box} mm"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
     return "\n".join([line, *filter(None, [read.stops]), *read.doubts])
+
+
+def _way(read: ContourRead) -> str:
+    """Length of the path, that of its cuts and of its rapid moves apart."""
+    if not read.rapid_length:
+        return f"{1e3 * read.length:.5g} mm"
+    cut = read.length - read.rapid_length
+    return f"{1e3 * cut:.5g} mm cut, {1e3 * read.rapid_length:.5g} mm rapid"
 
 
 def _millimetres(value: float) -> str:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from experiments.files.results.run_metrics import ContourRead, PeakPlace
-from experiments.jobs.job import Task
+from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Replay, Scenarios, desired, scored
+from jcontour.motion.jerk_limited.joints import unpadded
 
 
 def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
@@ -15,16 +16,25 @@ def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
 
 def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
     """Size of a contour and of the run along it, whose samples are the path (T, m) [m]."""
+    planned = job.planned if isinstance(job, Job) else None
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
-        duration=float(job.samples * dt),
+        duration=float((job.samples - 1) * dt) if planned is None else planned.duration,
         low=tuple(path.min(axis=0).tolist()),
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,
         doubts=job.doubts,
         stops=job.stops,
+        rapid_length=rapid_length(job),
     )
+
+
+def rapid_length(job: Task) -> float:
+    """Length of the rapid moves of a run [m]."""
+    if not isinstance(job, Job):
+        return 0.0
+    return float(unpadded(job.contour).extent[job.rapid].sum())
 
 
 def peak_place(scenarios: Scenarios, replay: Replay, index: int, error: str) -> PeakPlace | None:

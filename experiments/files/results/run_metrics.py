@@ -62,12 +62,13 @@ class ContourRead:
 
     Attributes:
         pieces: lines, arcs and polynomials of the path; moves of a program.
-        length: of the path [m].
-        duration: of the whole run [s].
+        length: of the path, rapid moves included [m].
+        duration: of the whole run [s]; of a planned motion, its cycle time.
         low, high: corners of the box around the reference [m], one number per axis.
         ignored: words of the program that mean nothing for the path.
         doubts: what of the program may be meant otherwise.
         stops: where and why the program stops, in words.
+        rapid_length: of the rapid moves [m].
     """
 
     pieces: int
@@ -78,6 +79,7 @@ class ContourRead:
     ignored: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     stops: str = ""
+    rapid_length: float = 0.0
 
 
 @dataclass(frozen=True)

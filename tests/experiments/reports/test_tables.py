@@ -21,11 +21,17 @@ def test_what_rounding_leaves_of_zero_is_zero():
         ignored=(),
     )
     line = read_line("task", read, ("X", "Y"))
-    assert line == "task: 1 move, 100 mm in 2 s, X 0 ... 100, Y 0 ... 46.26 mm"
+    assert line == "task: 1 move, 100 mm in 2.000 s, X 0 ... 100, Y 0 ... 46.26 mm"
     stopped = read_line("task", replace(read, stops="1 stop: M3 at line 4"), ("X", "Y"))
     assert stopped.split("\n")[1:] == ["1 stop: M3 at line 4"]
     asked = read_line("task", replace(read, doubts=("line 3: a dwell of 500 s",)), ("X", "Y"))
     assert asked == f"{line}\nline 3: a dwell of 500 s"
+
+
+def test_cut_and_rapid_lengths_are_told_apart():
+    read = ContourRead(3, 0.245, 3.0404, (0.0,), (0.1,), rapid_length=6.3e-3)
+    told = read_line("cap", read, "X")
+    assert told.startswith("cap: 3 moves, 238.7 mm cut, 6.3 mm rapid in 3.040 s, X 0")
 
 
 def test_a_table_without_names_of_columns_has_no_line_of_them(capsys):
