@@ -1,11 +1,13 @@
 """A bent reference as files: samples as CSV for a control that streams, moves as G-code."""
 
+import re
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from experiments.files import run_folder
 from jcontour.geometry.toolpath_rules import SLOWEST
@@ -14,6 +16,10 @@ SPACINGS = (64, 32, 16, 8, 4, 2, 1)  # samples of a move
 CHORD = 0.5e-6  # [m] that moves may be away from the samples between their ends
 STILL = 2e-5  # [m/s]: what is slower, and stays where it is, rests
 SAMPLES, PROGRAM = "reference.csv", "part.ngc"
+# [mm] of G64, up to which a control may round the corners between moves: without it, LinuxCNC
+# blends as far as its speed asks for
+BLENDING = 0.001
+LONGEST = 200  # characters of a comment; LinuxCNC reads lines of at most 255
 
 
 class Moves(NamedTuple):
@@ -22,12 +28,16 @@ class Moves(NamedTuple):
     Attributes:
         ends: their ends, the start first (M, m) [m].
         lasting: time of every move (M-1,) [s].
-        chord: largest distance of a sample from them [m].
+        chord: largest distance of a sample from them [m]; 0 of rapid moves, which have no way.
+        rapid: whether they are rapid moves.
+        asked: what is to be done before the first one, in words; empty for nothing.
     """
 
     ends: Float[np.ndarray, "M m"]
     lasting: Float[np.ndarray, " moves"]
     chord: float
+    rapid: bool = False
+    asked: str = ""
 
     @property
     def feed(self) -> Float[np.ndarray, " moves"]:
@@ -75,23 +85,72 @@ def _away(start: np.ndarray, end: np.ndarray, points: Float[np.ndarray, "k m"]) 
     return float(np.linalg.norm(points - on, axis=1).max())
 
 
-def save_samples(position: np.ndarray, dt: float, axes: Sequence[str], folder: Path) -> None:
-    """Time [s] and positions [mm] of every sample."""
-    rows = np.column_stack([dt * np.arange(len(position)), 1e3 * position])
-    header = ",".join(["time_s", *(f"{axis}_mm" for axis in axes)])
+def save_samples(
+    position: np.ndarray,
+    dt: float,
+    axes: Sequence[str],
+    folder: Path,
+    cut: Bool[np.ndarray, " T"] | None = None,
+) -> None:
+    """Time [s] and positions [mm] of every sample; last whether it is cut, where that is given."""
+    columns = [dt * np.arange(len(position)), 1e3 * position]
+    header = ["time_s", *(f"{axis}_mm" for axis in axes)]
     numbers = ["%.6f", *["%.7f"] * len(axes)]
+    if cut is not None:
+        columns, header, numbers = [*columns, cut], [*header, "cut"], [*numbers, "%d"]
+    rows = np.column_stack(columns)
     run_folder.write(
         folder / SAMPLES,
-        lambda path: np.savetxt(path, rows, numbers, ",", header=header, comments=""),
+        lambda path: np.savetxt(path, rows, numbers, ",", header=",".join(header), comments=""),
     )
 
 
-def save_program(moves: Moves, axes: Sequence[str], folder: Path) -> None:
-    """The moves as G-code in mm and mm/min; a dwell [s] where they stay at one place."""
-    places = [
+def save_program(
+    run: Sequence[Moves], axes: Sequence[str], folder: Path, head: Sequence[str] = ()
+) -> None:
+    """The moves as G-code in mm and mm/min; a dwell [s] where they stay at one place.
+
+    It stops (M0) where something is to be done that its axes do not do.
+
+    Args:
+        run: sections of moves.
+        axes: letters.
+        folder: that the file comes to.
+        head: lines of text at its begin.
+    """
+    start, *_ = _places(run[0], axes)
+    lines = [f"({plain(text)})" for text in head]
+    lines += [f"G21 G90 G64 P{BLENDING:g}", f"G0 {start}"]
+    for moves in run:
+        lines += [f"M0 ({plain(moves.asked)})"] if moves.asked else []
+        lines += _lines(moves, axes)
+    lines += ["M2", ""]
+    run_folder.write(folder / PROGRAM, lambda path: path.write_text("\n".join(lines)))
+
+
+def plain(text: str) -> str:
+    """Text as a comment may hold it: short, ASCII, without parentheses.
+
+    >>> plain("bracket (2).ngc, 20 \u00b5m")
+    'bracket [2].ngc, 20 ?m'
+    """
+    ascii_only = text.encode("ascii", "replace").decode().translate(str.maketrans("();", "[],"))
+    line = re.sub(r"[^ -~]", " ", ascii_only)
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}..."
+
+
+def _places(moves: Moves, axes: Sequence[str]) -> list[str]:
+    """Ends of moves as words."""
+    return [
         " ".join(f"{axis}{value:.5f}" for axis, value in zip(axes, end, strict=True))
         for end in np.round(1e3 * moves.ends, 5) + 0.0  # no -0
     ]
+
+
+def _lines(moves: Moves, axes: Sequence[str]) -> list[str]:
+    places = _places(moves, axes)
+    if moves.rapid:
+        return [f"G0 {place}" for before, place in pairwise(places) if place != before]
     lines, rested = [], 0.0
     feeds = 6e4 * np.maximum(moves.feed, SLOWEST)
     for k, (place, feed) in enumerate(zip(places[1:], feeds, strict=True)):
@@ -100,9 +159,7 @@ def save_program(moves: Moves, axes: Sequence[str], folder: Path) -> None:
             continue
         lines += [*_dwell(rested), f"G1 {place} F{feed:.6g}"]
         rested = 0.0
-    lines += _dwell(rested)
-    program = ["(bent by jcontour)", "G21 G90 G64", f"G0 {places[0]}", *lines, "M2", ""]
-    run_folder.write(folder / PROGRAM, lambda path: path.write_text("\n".join(program)))
+    return lines + _dwell(rested)
 
 
 def _dwell(lasting: float) -> list[str]:

@@ -59,6 +59,7 @@ class Program(NamedTuple):
         doubts: what of it may be meant otherwise, or spoils the motion.
         stops: where and why it stops, in words.
         rapid: (P,) which pieces are rapid moves.
+        read: all that was read of it; None of one that is made up.
     """
 
     line: np.ndarray
@@ -66,6 +67,7 @@ class Program(NamedTuple):
     doubts: tuple[str, ...]
     stops: str
     rapid: np.ndarray
+    read: Toolpath | None = None
 
 
 class Job(NamedTuple):
@@ -265,7 +267,7 @@ def _read(path: Path, pace: Pace) -> Job:
         *coarse_coordinates(contour, speed, ~rapid, pace),
         *_rapid_speed(speed, rapid, machine),
     )
-    program = Program(read.line, read.ignored, doubts, read.stops, rapid)
+    program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
     return Job(
         path.stem, contour, run.arc, scored, True, run.words, program, run.aside, run.planned
     )

@@ -51,6 +51,9 @@ from jcontour.geometry.csv_points import csv_points
 from jcontour.geometry.gcode.moves.doubts import doubts_of
 from jcontour.geometry.gcode.moves.move import Move, Stop
 from jcontour.geometry.gcode.moves.stops import (
+    DWELL,
+    EXACT,
+    START,
     ignored_words,
     stops_in_cuts,
     told_left_out,
@@ -58,7 +61,7 @@ from jcontour.geometry.gcode.moves.stops import (
 )
 from jcontour.geometry.gcode.programs import ProgramFiles, files_beside, interpreted, no_files
 from jcontour.geometry.pieces import Piece
-from jcontour.geometry.toolpath_rules import FASTEST, ToolpathError
+from jcontour.geometry.toolpath_rules import FASTEST, SHORTEST, ToolpathError
 from jcontour.geometry.toolpath_text import lines_of, read_program, read_text
 
 Axes = Literal["XY", "XYZ"]
@@ -81,6 +84,9 @@ class Toolpath(NamedTuple):
             traced; its rapid moves count as 0.
         doubts: what of the program may be meant otherwise.
         stops: where and why it stops, in words; empty where it does not.
+        asks: stops for more than a rest, as for M3 or while Z moves alone; `after` counts pieces.
+            Why "start": something comes before the first cut.
+        ramps: numbers of the cut pieces along which Z moves too, where two axes are traced.
     """
 
     contour: Contour
@@ -92,6 +98,8 @@ class Toolpath(NamedTuple):
     z_alone: Float[np.ndarray, " P"]
     doubts: tuple[str, ...] = ()
     stops: str = ""
+    asks: tuple[Stop, ...] = ()
+    ramps: tuple[int, ...] = ()
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -159,6 +167,8 @@ def parse_gcode(
         z_alone=_z_alone(stops, cutting[0], path.contour),
         doubts=doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
         stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),
+        asks=_asks(stops, every, moves, cutting[0]),
+        ramps=_ramps(traced) if len(axes) == 2 else (),
     )
 
 
@@ -201,6 +211,25 @@ def _rest(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, 
         if stop.why != "G61" or corner is None or corner[move]:
             rest[move] = np.nan_to_num(rest[move]) + stop.lasting
     return rest
+
+
+def _asks(stops: list[Stop], every: list[Stop], moves: list[Move], first: int) -> tuple[Stop, ...]:
+    """Stops of a run, the first piece of which is a move, for more than a rest."""
+    asked = [stop for stop in stops if stop.why != DWELL and stop.why not in EXACT]
+    found = [stop._replace(after=stop.after - first) for stop in asked]
+    begun = moves[first]
+    if first or begun.start[2] or any(stop.after == 0 and stop.why != DWELL for stop in every):
+        found.insert(0, Stop(0, begun.start, 0.0, begun.line, START))
+    return tuple(found)
+
+
+def _ramps(moves: list[Move]) -> tuple[int, ...]:
+    """Numbers of cuts that go up or down along the third axis."""
+    return tuple(
+        number
+        for number, move in enumerate(moves)
+        if not move.rapid and abs(move.end[2] - move.start[2]) >= SHORTEST
+    )
 
 
 def _z_alone(stops: list[Stop], first: int, contour: Contour) -> Float[np.ndarray, " P"]:

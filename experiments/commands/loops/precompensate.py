@@ -1,5 +1,8 @@
 """`jcontour precompensate`: a bent reference that any control can run, with its error."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 from rich.console import Console
 
@@ -7,20 +10,24 @@ from experiments.catalogue.choices import seeing_all
 from experiments.files.bent_reference import (
     PROGRAM,
     SAMPLES,
-    moves_through,
+    Moves,
     save_program,
     save_samples,
 )
 from experiments.files.results.bent_result import BentResult
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Precompensate
+from experiments.jobs.job import Job, Task
+from experiments.jobs.sections import sections
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import bent_figure
 from experiments.reports.figures.shared.png import save_figure
-from experiments.runs.checks.stored_loops import loop_named
+from experiments.runs.checks.stored_loops import StoredLoop, loop_named
 from experiments.runs.lifecycle import created, finished
-from experiments.runs.loops.bending import bent
+from experiments.runs.loops.bending import Bent, bent
+from experiments.runs.loops.bent_moves import moves_along
 from experiments.runs.tuning.results import machine_summary
+from jcontour.geometry.toolpaths import Toolpath
 
 SAME = 5e-3  # of an error: less of a change has no digit of its own
 NOTHING = 1e-9  # [m] of an error: a ratio to less says nothing
@@ -43,8 +50,26 @@ def command(flags: Precompensate) -> int:
     with tables.console_of(quiet=flags.json).status("running") as status:
         found = bent(loop, flags.roughness, status.update)
     machine, job = loop.machine, loop.jobs[0]
-    moves = moves_through(found.position, machine.model.dt) if len(machine.axes) > 1 else None
-    result = BentResult(
+    flat = len(machine.axes) > 1
+    source = Path(loop.parts[0]).name
+    moves = moves_along(found.position, machine.model.dt, sections(job), source) if flat else []
+    result = _result(loop, found, moves)
+    folder = created(seeing_all(flags, job), "precompensate")
+    if result.usable:
+        save_samples(found.position, machine.model.dt, machine.axes, folder, _cut(job))
+    if result.usable and flat:
+        save_program(moves, machine.axes, folder, _head(source, result))
+    title = f"{job.name} on {machine.name}, {loop.name}"
+    save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
+    write_result(folder, result)
+    finished(folder, result, flags, show, _next(result))
+    return 0 if result.usable else 1
+
+
+def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult:
+    machine, job = loop.machine, loop.jobs[0]
+    read = _read(job)
+    return BentResult(
         machine=machine_summary(machine),
         controller=loop.name,
         contour=job.name,
@@ -52,22 +77,34 @@ def command(flags: Precompensate) -> int:
         samples=job.samples,
         roughness=found.roughness,
         largest=float(np.linalg.norm(found.found.correction, axis=1).max()),
-        chord=None if moves is None else moves.chord,
-        moves=0 if moves is None else len(moves.feed),
+        chord=max((one.chord for one in moves), default=None),
+        moves=sum(len(one.lasting) for one in moves),
         before=found.metrics(found.before),
         after=found.metrics(found.after),
         exceeded=found.exceeded,
+        halts=sum(bool(one.asked) for one in moves),
+        ramps=0 if read is None else len(read.ramps),
     )
-    folder = created(seeing_all(flags, job), "precompensate")
-    if result.usable:
-        save_samples(found.position, machine.model.dt, machine.axes, folder)
-        if moves is not None:
-            save_program(moves, machine.axes, folder)
-    title = f"{job.name} on {machine.name}, {loop.name}"
-    save_figure(bent_figure(found.drawn(title, machine)), folder / "bent.png")
-    write_result(folder, result)
-    finished(folder, result, flags, show, _next(result))
-    return 0 if result.usable else 1
+
+
+def _read(job: Task) -> Toolpath | None:
+    """The file behind a run; None where there is none."""
+    return job.program.read if isinstance(job, Job) and job.program is not None else None
+
+
+def _cut(job: Task) -> np.ndarray | None:
+    """Which samples are cut, where not all are."""
+    read = _read(job)
+    return job.scored if isinstance(job, Job) and read is not None and read.rapid.any() else None
+
+
+def _head(source: str, result: BentResult) -> list[str]:
+    """What the first lines of the G-code say."""
+    return [
+        f"bent by jcontour from {source}",
+        f"for {result.machine.name} with the controller {result.controller}, and for no other one",
+        f"largest bend {tables.digits(1e6 * result.largest)} um",
+    ]
 
 
 def show(result: BentResult, console: Console) -> None:
@@ -134,5 +171,19 @@ def _next(result: BentResult) -> list[str]:
         lines.append(
             f"      {PROGRAM}: {result.moves} straight moves within {away} um of it; the control "
             "has to keep their feeds, its own look-ahead must not slow it down"
+        )
+    axes = result.machine.axes
+    if result.halts:
+        places = "1 place" if result.halts == 1 else f"{result.halts} places"
+        z = "Z moves, " if len(axes) == 2 else ""
+        lines.append(
+            f"      {PROGRAM} moves {' and '.join(axes)} alone and stops (M0) at {places}: put the "
+            f"{z}spindle and laser words of your program there"
+        )
+    if result.ramps:
+        moves = "1 move" if result.ramps == 1 else f"{result.ramps} moves"
+        lines.append(
+            f"WARNING: Z moves along with X and Y in {moves} of your program; {PROGRAM} leaves Z "
+            "alone there, and cuts as deep as the tool stands"
         )
     return lines

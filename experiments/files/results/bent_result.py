@@ -15,6 +15,8 @@ class BentResult:
         largest: largest shift of the reference [m].
         chord: largest distance of the G-code's moves from the bent path [m]; None of one axis.
         moves: of the G-code.
+        halts: places where the G-code stops, as the program does more there than move its axes.
+        ramps: moves of the program along which Z moves too; the G-code leaves Z alone.
         before, after: metrics by plant, the nominal one first.
         exceeded: a line for every limit of the machine that the bent reference exceeds.
     """
@@ -31,6 +33,8 @@ class BentResult:
     before: dict[str, RunMetrics]
     after: dict[str, RunMetrics]
     exceeded: list[str]
+    halts: int = 0
+    ramps: int = 0
 
     def _rms(self, runs: dict[str, RunMetrics]) -> list[float]:
         return [float(getattr(run, f"rms_{self.error}_error")) for run in runs.values()]

@@ -42,7 +42,7 @@ def test_a_rest_is_a_dwell_that_is_read_back(tmp_path):
     rested = np.concatenate([position, np.tile(position[-1], (70, 1)), position[-1] + position])
     moves = moves_through(rested, DT)
     assert np.sum(moves.lasting) == pytest.approx(DT * (len(rested) - 1))
-    save_program(moves, "XY", tmp_path)
+    save_program([moves], "XY", tmp_path)
     toolpath = read_gcode(tmp_path / PROGRAM, "XY")
     at = np.flatnonzero(~np.isnan(toolpath.rest))
     # 70 samples, and the sample in which the second half begins where the first one ends
@@ -53,7 +53,7 @@ def test_a_rest_is_a_dwell_that_is_read_back(tmp_path):
 
 def test_the_program_is_read_back_as_the_path(tmp_path):
     position = spiral()
-    save_program(moves_through(position, DT), "XY", tmp_path)
+    save_program([moves_through(position, DT)], "XY", tmp_path)
     contour, feed, *_ = read_gcode(tmp_path / PROGRAM, "XY")
     length = np.sum(np.linalg.norm(np.diff(position, axis=0), axis=1))
     assert float(contour.length) == pytest.approx(length, rel=1e-4)
@@ -71,3 +71,20 @@ def test_samples_are_in_mm_with_their_time(tmp_path):
     rows = np.loadtxt(tmp_path / SAMPLES, delimiter=",", skiprows=1)
     np.testing.assert_allclose(rows[:, 0], DT * np.arange(5), atol=1e-9)
     np.testing.assert_allclose(1e-3 * rows[:, 1:], position, atol=1e-10)
+
+
+def test_it_is_told_which_samples_are_cut(tmp_path):
+    save_samples(spiral(4), DT, "XY", tmp_path, cut=np.array([True, True, False, True]))
+    header, *rows = (tmp_path / SAMPLES).read_text().splitlines()
+    assert header == "time_s,X_mm,Y_mm,cut"
+    assert [row.rpartition(",")[2] for row in rows] == ["1", "1", "0", "1"]
+
+
+def test_comments_are_plain_and_short(tmp_path):
+    moves = moves_through(spiral(50), DT)
+    head = ["bent from part (2); old.ngc", "for Fräse", "x" * 400]
+    save_program([moves], "XY", tmp_path, head)
+    lines = (tmp_path / PROGRAM).read_bytes().decode("ascii").splitlines()
+    assert lines[:2] == ["(bent from part [2], old.ngc)", "(for Fr?se)"]
+    assert max(map(len, lines)) <= 255  # of LinuxCNC
+    assert read_gcode(tmp_path / PROGRAM, "XY").rapid.sum() == 0

@@ -48,8 +48,10 @@ def bent_figure(runs: BentRuns) -> Figure:
         sizes = np.where(runs.scored, 1e6 * errors, np.nan)
         lower.plot(runs.time, sizes[1:].T, color=colour, linewidth=0.4, alpha=0.5)
         lower.plot(runs.time, sizes[0], color=colour, linewidth=1.2, label=f"{label}, nominal")
-    lower.set_yscale("log")
-    lower.set_ylim(bottom=max(1e-3, 1e2 * float(np.nanmax(runs.before[:, runs.scored]))))
+    counted = np.stack([runs.before, runs.after])[..., runs.scored]
+    if (counted > 0).any():  # an exactly followed part has no logarithm
+        lower.set_yscale("log")
+        lower.set_ylim(bottom=max(1e-3, 1e2 * float(np.nanmax(counted[0]))))
     grid(lower, "thin: the other plants of the family", "time [s]", f"{runs.error} error [um]")
     legend_below(figure)
     return figure

@@ -7,6 +7,7 @@ from jcontour.geometry.gcode.moves.move import Move, Stop
 
 MOST_TOLD = 6  # reasons to stop that are told
 DWELL, UP_OR_DOWN = "G4", "Z"  # why
+START = "start"  # why, of what comes before the first cut
 EXACT = {"G61.1": "after every move", "G61": "in corners"}  # why, and where
 
 

@@ -114,6 +114,38 @@ def test_a_reference_not_to_be_used_is_not_written(
     assert written == {"bent.png", "inputs", "result.json", "settings.json"}
 
 
+def test_a_program_with_rapid_moves_stops_around_them_and_says_so(
+    tmp_path, machine_file, monkeypatch, capsys
+):
+    part = tmp_path / "plate (2).ngc"
+    part.write_text("G21 M3 S900\nG1 X2 F3000\nG0 Z5\nX4\nG1 Z0\nX5 Z-1\n")
+    monkeypatch.setattr(precompensate, "bent", unbent)
+    monkeypatch.setattr(BentResult, "usable", property(lambda result: True))
+    flags = ["--plant", str(machine_file), "--out", str(tmp_path / "run")]
+    assert main(["precompensate", str(part), *flags]) == 0
+    told = capsys.readouterr().out
+    assert (
+        "part.ngc moves X and Y alone and stops (M0) at 3 places: put the Z moves, spindle" in told
+    )
+    assert "Z moves along with X and Y in 1 move of your program" in told
+    head = (tmp_path / "run" / "part.ngc").read_text().splitlines()[:3]
+    assert head == [
+        "(bent by jcontour from plate [2].ngc)",
+        "(for tiny with the controller linear-cascade, and for no other one)",
+        "(largest bend 0 um)",
+    ]
+    rows = np.genfromtxt(tmp_path / "run" / "reference.csv", delimiter=",", names=True)
+    rapid = (rows["X_mm"] > 2.001) & (rows["X_mm"] < 3.999)
+    assert (
+        not rows["cut"][rapid].any() and rows["cut"][(rows["X_mm"] < 2) | (rows["X_mm"] > 4)].all()
+    )
+    assert main(["simulate", str(tmp_path / "run" / "part.ngc"), "--list-moves"]) == 0
+    moves = [line.split()[1:3] for line in capsys.readouterr().out.splitlines()]
+    stops = [k for k, row in enumerate(moves) if row[:1] == ["stop"]]
+    begins, ends = stops  # the first one is before the first move
+    assert moves[begins + 1 : ends] == [["rapid", "4.0000"]]
+
+
 def _runs(result, nominal, others):
     """Runs with these RMS contour errors [m]."""
     sizes = [nominal] + [others] * (len(result.after) - 1)
