@@ -13,7 +13,7 @@ import numpy as np
 
 from experiments.jobs.coarse import coarse_coordinates
 from experiments.jobs.memory import room
-from experiments.jobs.motion_laws import Aside, along_path
+from experiments.jobs.motion_laws import UM, Aside, along_path
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from experiments.machines.machine import Machine
 from jcontour.geometry.contour import Contour
@@ -266,6 +266,7 @@ def _read(path: Path, pace: Pace) -> Job:
         *_unused_unit(path, pace),
         *coarse_coordinates(contour, speed, ~rapid, pace),
         *_rapid_speed(speed, rapid, machine),
+        *_own_tolerance(read.tolerance, pace),
     )
     program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
     return Job(
@@ -307,6 +308,19 @@ def _rapid_speed(speed: np.ndarray, rapid: np.ndarray, machine: Machine) -> Iter
         limited = asked <= limit.max()
         why = "the machine's limit of speed" if limited else "the fastest feed, above that limit"
     yield f"rapid moves at {asked / MM_PER_MIN:.0f} mm/min ({why})"
+
+
+def _own_tolerance(allowed: float | None, pace: Pace) -> Iterator[str]:
+    """What a program allows from its path [m], where the motion has another tolerance."""
+    used = pace.corner_tolerance
+    if allowed is None or pace.feed_law != "jerk" or np.isclose(allowed, used):
+        return
+    own, flag = f"{allowed / UM:.4g} um (P of G64)", f"--corner-tolerance-um {allowed / UM:.4g}"
+    if allowed > used:
+        yield f"the program allows {own}, {used / UM:.4g} um are used: {flag} uses what it allows"
+    else:
+        closer = f"closer than the {used / UM:.4g} um that are used"
+        yield f"the program asks for {own}, {closer}: {flag} keeps to it"
 
 
 def _check_duration(

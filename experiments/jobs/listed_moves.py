@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.jobs.motion_laws import UM
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
@@ -72,6 +73,8 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     yield _count(len(machine.moves), ignored_words(machine.ignored, stops))
     run = stops_in_cuts(stops, machine.moves)
     yield from filter(None, [told_stops(stops), _left_out(stops, run), told_left_out(stops, run)])
+    if machine.tolerance is not None:
+        yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
     yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said)
 
 

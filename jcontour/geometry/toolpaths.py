@@ -22,7 +22,7 @@ mills, routers, lasers and plasma cutters of three axes use it. Everything is me
     values     numbers, #1, #<name>, [expressions], functions
     flow       O-words: sub, call, return, if, while, do, repeat, break, continue; M98 M99;
                subprograms in files NAME.ngc beside the program
-    told       in `ignored`, as they move nothing here: G40, G43, G64 with its tolerance, G96, G97,
+    told       in `ignored`, as they move nothing here: G40, G43, G64 (P is kept), G96, G97,
                G4 without a time, M codes that neither stop nor lead elsewhere, and D, E, H, S, T;
                tools have no length; lines for grbl itself, as $H and ?; texts behind M117 and M118
                or M0, as printers show them
@@ -87,6 +87,8 @@ class Toolpath(NamedTuple):
         asks: stops for more than a rest, as for M3 or while Z moves alone; `after` counts pieces.
             Why "start": something comes before the first cut.
         ramps: numbers of the cut pieces along which Z moves too, where two axes are traced.
+        tolerance: how far from its path the program allows the tool to go, P of G64 [m]; None where
+            it does not say.
     """
 
     contour: Contour
@@ -100,6 +102,7 @@ class Toolpath(NamedTuple):
     stops: str = ""
     asks: tuple[Stop, ...] = ()
     ramps: tuple[int, ...] = ()
+    tolerance: float | None = None
 
 
 def read_gcode(path: str | PathLike[str], axes: Axes = "XY", feed: float | None = None) -> Toolpath:
@@ -169,6 +172,7 @@ def parse_gcode(
         stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),
         asks=_asks(stops, every, moves, cutting[0]),
         ramps=_ramps(traced) if len(axes) == 2 else (),
+        tolerance=interpreter.tolerance,
     )
 
 

@@ -46,6 +46,7 @@ class Machine:
     next_tool: int = 0
     ended: bool = False
     ignored: set[str] = field(default_factory=set)  # words without meaning for the path
+    tolerance: float | None = None  # the smallest P of G64, from the path [m]
     sticky: dict[str, float] = field(default_factory=dict)  # Z, R, Q [m] and P [s] of a cycle
     level_before_cycles: float | None = None
 
@@ -112,6 +113,7 @@ class Machine:
         if 6 in found.m_codes:
             self.tool = self.next_tool
         self.modes.switch(switched)
+        self._keep_tolerance(found)
         if "system" in switched:
             code = switched["system"]
             self._choose_system((code - 530) // 10 if code <= 590 else code - 584)
@@ -138,10 +140,17 @@ class Machine:
         blends = found.codes.get("path") == 640
         if found.codes.get("tool length") == 430:
             self.ignored.add("G43")
-        if blends:
+        kept = blends and found.values.get("P", 0.0) > 0  # see `_keep_tolerance`
+        if blends and not kept:
             self.ignored.add("G64")
         if blends or found.without_motion or not codes.FLOW.issuperset(found.m_codes):
-            self.ignored |= found.values.keys() & TOLD_WITH_CODES
+            self.ignored |= (found.values.keys() & TOLD_WITH_CODES) - ({"P"} if kept else set())
+
+    def _keep_tolerance(self, found: LineWords) -> None:
+        """Keep P of G64, how far from its path the program allows the tool to go."""
+        allowed = found.values.get("P", 0.0) * self.modes.unit
+        if found.codes.get("path") == 640 and allowed > 0:
+            self.tolerance = allowed if self.tolerance is None else min(allowed, self.tolerance)
 
     def _only_said(self, found: LineWords) -> bool:
         """Whether R belongs to a code that moves nothing, as in `M19 R90` and `G64 P1 R2`."""

@@ -171,3 +171,22 @@ def test_the_speed_of_rapid_moves_is_told_and_where_it_is_from(machine, said, tm
     assert 60e3 * fastest == pytest.approx(float(said.split()[0]), rel=1e-6)
     path.write_text("G21 F600\nG1 X20\n")
     assert from_file(path, pace).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "said"),
+    [
+        (2e-6, "the program allows 12.7 um (P of G64), 2 um are used: --corner-tolerance-um 12.7"),
+        (20e-6, "the program asks for 12.7 um (P of G64), closer than the 20 um that are used"),
+        (12.7e-6, None),
+    ],
+)
+def test_a_tolerance_of_the_program_s_own_is_told_beside_the_one_that_is_used(
+    tolerance, said, tmp_path
+):
+    path = tmp_path / "part.ngc"
+    path.write_text("G20 F60 G64 P.0005\nG1 X1\nY1\n")
+    pace = Pace(MACHINES["bridgeport"](), None, None, corner_tolerance=tolerance)
+    doubts = from_file(path, pace).doubts
+    assert len(doubts) == (said is not None) and all(one.startswith(said) for one in doubts)
+    assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()

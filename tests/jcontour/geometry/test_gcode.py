@@ -24,7 +24,8 @@ def test_lines_of_the_pieces_and_words_without_meaning_for_the_path():
     program = "G90 G21 G94\n(a comment) N7 T2 M6\nS9000 M3\nG0 X1\nG1 X4 F600\n\nG3 X1 I-1.5 Y0\n"
     toolpath = parse_gcode(program + "G2 X0 Y1 R1 M8\nG64 P0.01 G1 X-1\nM5\nM30\nG1 X90")
     np.testing.assert_array_equal(toolpath.line, [5, 7, 8, 9])
-    assert toolpath.ignored == ("G64", "M3", "M6", "P", "S", "T")
+    assert toolpath.ignored == ("M3", "M6", "S", "T")
+    assert toolpath.tolerance == pytest.approx(10e-6)
     assert toolpath.stops == "2 stops: M8 at line 8, M5 at line 10"
 
 

@@ -44,8 +44,8 @@ FEEDS = {  # [mm/min] of cutting moves
 }
 DWELLS = {"safe_start": [(1, 2.5)], "cycles": [(37, 0.1)]}  # moves before them, seconds
 TOLD = {
-    "safe_start": {"E", "G40", "G43", "G50", "G64", "G69", "H"}
-    | {"M104", "M3", "M5", "M6", "M8", "M9", "P", "S", "T"},
+    "safe_start": {"E", "G40", "G43", "G50", "G69", "H"}
+    | {"M104", "M3", "M5", "M6", "M8", "M9", "S", "T"},
     "numbered": set(),
     "by_hand": {"$H", "?", "M0", "M117", "M118"},
 }
@@ -260,7 +260,7 @@ def test_homing_as_printers_write_it_moves_the_named_axes_alone():
 def test_codes_of_look_ahead_are_told():
     program = "F600 G1 X1\nG05 P10000\nX2\nG5.1 Q1 R5\nX3\nG8 P1\nG187 P2 E0.01\nG103 P1\nX4"
     machine = interpreted([*program.split("\n"), "G64 P1 R2"], 3, None)
-    assert machine.ignored == {"G5", "G5.1", "G8", "G187", "G103", "G64", *"EPQR"}
+    assert machine.ignored == {"G5", "G5.1", "G8", "G187", "G103", *"EPQR"}
     assert [move.end[0] for move in machine.moves] == [1 * MM, 2 * MM, 3 * MM, 4 * MM]
 
 
@@ -306,3 +306,18 @@ def test_dwells_say_how_long_and_where():
 def test_first_lines_only():
     endless = ["o1 while [1]", "G91 G0 X1", "o1 endwhile"]
     assert len(interpreted(endless, 3, None, most_lines=10).moves) == 3
+
+
+def test_the_tolerance_of_a_program_is_its_smallest_one_in_its_units():
+    """G64 without P, or with P0, has none: the control may go where it likes."""
+    for program, allowed in (
+        ("G20 F60 G64 P.001 G1 X1", 25.4e-6),
+        ("G21 F60 G64 P.05 G1 X1\nG64 P.01\nX2\nG64 P.02 Q.1", 10e-6),
+        ("G64 P.01 G20 F60 G1 X1", 254e-6),
+    ):
+        machine = interpreted(program.split("\n"), 2, None)
+        assert machine.tolerance == pytest.approx(allowed)
+        assert not {"G64", "P"} & machine.ignored
+    for program in ("F60 G64 G1 X1", "F60 G64 P0 G1 X1"):
+        machine = interpreted([program], 2, None)
+        assert machine.tolerance is None and "G64" in machine.ignored
