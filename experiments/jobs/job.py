@@ -22,11 +22,13 @@ from jcontour.geometry.drawings.reading import read_drawing
 from jcontour.geometry.toolpaths import Toolpath, ToolpathError, read_csv, read_gcode
 from jcontour.motion.cornering import Planned
 from jcontour.motion.feed_laws import SharpTurnError, constant_feed
+from jcontour.motion.jerk_limited.joints import unpadded
 from jcontour.motion.references import Reference, TimeLaw, along, in_time
 
 # times the fastest feed, where the machine states no speed; rapid moves are traced but not scored
 RAPID = 3.0
 ROUNDING = 1e-12  # of a contour's length
+STILL = 1e-9  # [m] and of the way: an axis that moves less stands still
 TOOLPATHS = Path(__file__).parent / "toolpaths"
 
 
@@ -267,6 +269,7 @@ def _read(path: Path, pace: Pace) -> Job:
         *coarse_coordinates(contour, speed, ~rapid, pace),
         *_rapid_speed(speed, rapid, machine),
         *_own_tolerance(read.tolerance, pace),
+        *_still_axes(contour, machine),
     )
     program = Program(read.line, read.ignored, doubts, read.stops, rapid, read)
     return Job(
@@ -321,6 +324,16 @@ def _own_tolerance(allowed: float | None, pace: Pace) -> Iterator[str]:
     else:
         closer = f"closer than the {used / UM:.4g} um that are used"
         yield f"the program asks for {own}, {closer}: {flag} keeps to it"
+
+
+def _still_axes(contour: Contour, machine: Machine) -> Iterator[str]:
+    """Which axes never move, where a single one does."""
+    pieces = unpadded(contour)
+    moves = (np.abs(pieces.polynomial[:, 1:]) > STILL).any(axis=(0, 1))
+    moves |= (np.abs(np.concatenate([pieces.cosine, pieces.sine])) > STILL).any(axis=0)
+    if moves.sum() == 1:
+        still = [name for name, one in zip(machine.axes, moves, strict=True) if not one]
+        yield f"{' and '.join(still)} never move{'s' if len(still) == 1 else ''}"
 
 
 def _check_duration(

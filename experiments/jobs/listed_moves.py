@@ -12,7 +12,7 @@ from experiments.jobs.motion_laws import UM
 from experiments.jobs.pace import MM_PER_MIN, Pace
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.drawings.reading import read_drawing
-from jcontour.geometry.gcode.moves.doubts import doubts_of
+from jcontour.geometry.gcode.moves.doubts import doubts_of, plane_left_out
 from jcontour.geometry.gcode.moves.move import Move, Stop
 from jcontour.geometry.gcode.moves.stops import (
     DWELL,
@@ -76,6 +76,7 @@ def _programmed(path: Path, pace: Pace) -> Iterator[str]:
     if machine.tolerance is not None:
         yield f"the program allows {machine.tolerance / UM:.4g} um from its path (P of G64)"
     yield from doubts_of(machine.assumed_at, stops, machine.modes.unit_said)
+    yield from plane_left_out(machine.moves, axes)
 
 
 def _left_out(stops: Sequence[Stop], run: Sequence[Stop]) -> str | None:

@@ -48,7 +48,7 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry import contours
 from jcontour.geometry.contour import Contour
 from jcontour.geometry.csv_points import csv_points
-from jcontour.geometry.gcode.moves.doubts import doubts_of
+from jcontour.geometry.gcode.moves.doubts import doubts_of, plane_left_out
 from jcontour.geometry.gcode.moves.move import Move, Stop
 from jcontour.geometry.gcode.moves.stops import (
     DWELL,
@@ -168,7 +168,10 @@ def parse_gcode(
     return path._replace(
         rest=_rest(stops, cutting[0], path.contour),
         z_alone=_z_alone(stops, cutting[0], path.contour),
-        doubts=doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
+        doubts=(
+            *doubts_of(interpreter.assumed_at, stops, interpreter.modes.unit_said),
+            *plane_left_out(traced, len(axes)),
+        ),
         stops="; ".join(filter(None, [told_stops(stops), told_left_out(every, stops)])),
         asks=_asks(stops, every, moves, cutting[0]),
         ramps=_ramps(traced) if len(axes) == 2 else (),

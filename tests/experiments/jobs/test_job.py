@@ -13,6 +13,7 @@ from experiments.jobs.job import Pace, along_contour, from_file
 from experiments.jobs.pace import ACCELERATION
 from jcontour.geometry.contours import polygon, spline
 from jcontour.geometry.toolpath_rules import ToolpathError
+from jcontour.geometry.toolpaths import parse_gcode
 from jcontour.motion import feed_laws
 
 EXAMPLE = str(Path(job.__file__).parents[1] / "machines" / "example.json")
@@ -169,7 +170,7 @@ def test_the_speed_of_rapid_moves_is_told_and_where_it_is_from(machine, said, tm
     assert f"rapid moves at {said}" in run.doubts
     fastest = np.diff(run.arc).max() / pace.machine.model.dt
     assert 60e3 * fastest == pytest.approx(float(said.split()[0]), rel=1e-6)
-    path.write_text("G21 F600\nG1 X20\n")
+    path.write_text("G21 F600\nG1 X20 Y5\n")
     assert from_file(path, pace).doubts == ()
 
 
@@ -190,3 +191,33 @@ def test_a_tolerance_of_the_program_s_own_is_told_beside_the_one_that_is_used(
     doubts = from_file(path, pace).doubts
     assert len(doubts) == (said is not None) and all(one.startswith(said) for one in doubts)
     assert from_file(path, pace._replace(feed_law="trapezoidal")).doubts == ()
+
+
+def test_a_program_that_moves_a_single_axis_says_which_one_never_moves(tmp_path):
+    """A lathe's program: its diameters are all that two axes see of it."""
+    path = tmp_path / "turned.ngc"
+    pace = Pace(MACHINES["bridgeport"](), None, None)
+    for program, said in (
+        ("G21 F600\nG1 X20\nX5\n", ("Y never moves",)),
+        ("G21 F600\nG1 Y20\n", ("X never moves",)),
+        ("G21 F600\nG1 X5 Y.001\n", ()),
+        ("G21 F600\nG2 X0 Y10 J5\n", ()),
+        (
+            "G21 F600 G18\nG1 X20 Z-1\nX5 Z-3\n",
+            (
+                "from line 2 the plane is G18, as on a lathe: two axes run X and Y, Z is left out",
+                "Y never moves",
+            ),
+        ),
+        ("G21 F600 G19\nG1 X20 Y5\nG17 X5\n", ("from line 2 the plane is G19: two",)),
+        ("G21 F600 G18\nG17 G1 X20 Y5\n", ()),
+    ):
+        path.write_text(program)
+        doubts = from_file(path, pace).doubts
+        assert len(doubts) == len(said), program
+        assert all(one.startswith(other) for one, other in zip(doubts, said, strict=True))
+
+
+def test_a_machine_with_z_is_not_told_that_z_is_left_out():
+    program = "G21 F600 G18\nG1 X20 Z-1\n"
+    assert len(parse_gcode(program, "XY").doubts) == 1 and parse_gcode(program, "XYZ").doubts == ()

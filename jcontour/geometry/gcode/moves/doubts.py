@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from jcontour.geometry.gcode.moves.move import Stop
+from jcontour.geometry.gcode.moves.modes import PLANES
+from jcontour.geometry.gcode.moves.move import Move, Stop
 
 LONG_DWELL = 60.0  # [s]: nobody lets a spindle come up to speed for longer
 
@@ -20,6 +21,25 @@ def doubts_of(assumed_at: int, stops: Sequence[Stop], unit_said: bool) -> tuple[
     """
     unit = None if unit_said else "the program has no G20 or G21: its lengths are read as mm"
     return tuple(filter(None, (unit, _assumed_rapid(assumed_at), long_dwells(stops))))
+
+
+def plane_left_out(moves: Sequence[Move], axes: int) -> tuple[str, ...]:
+    """Word about cuts in planes with Z, which two axes do not have; none where there are none.
+
+    >>> origin, end = (0.0, 0.0, 0.0), (1e-3, 0.0, -1e-3)
+    >>> plane_left_out([Move(origin, end, end, 0.0, 1, 1e-3, False, 7)], axes=2)
+    ('from line 7 the plane is G18, as on a lathe: two axes run X and Y, Z is left out',)
+    """
+    with_z = [move for move in moves if move.normal != PLANES[170][2] and not move.rapid]
+    if axes > 2 or not with_z:
+        return ()
+    first = with_z[0]
+    (plane,) = (code for code, axis in PLANES.items() if axis[2] == first.normal)
+    lathe = ", as on a lathe" if plane == 180 else ""
+    return (
+        f"from line {first.line} the plane is G{plane // 10}{lathe}: two axes run X and Y, "
+        "Z is left out",
+    )
 
 
 def long_dwells(stops: Sequence[Stop]) -> str | None:
