@@ -16,11 +16,10 @@ def contour_read(scenarios: Scenarios, index: int) -> ContourRead:
 
 def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
     """Size of a contour and of the run along it, whose samples are the path (T, m) [m]."""
-    planned = job.planned if isinstance(job, Job) else None
     return ContourRead(
         pieces=int(np.sum(job.contour.mask)),
         length=float(job.contour.length),
-        duration=float((job.samples - 1) * dt) if planned is None else planned.duration,
+        duration=cycle_time(job, dt),
         low=tuple(path.min(axis=0).tolist()),
         high=tuple(path.max(axis=0).tolist()),
         ignored=job.ignored,
@@ -28,6 +27,13 @@ def read_of(job: Task, path: np.ndarray, dt: float) -> ContourRead:
         stops=job.stops,
         rapid_length=rapid_length(job),
     )
+
+
+def cycle_time(job: Task, dt: float) -> float:
+    """Time of a run [s]: that of its planned motion, else from its first sample to its last."""
+    if isinstance(job, Job) and job.planned is not None:
+        return job.planned.duration
+    return float((job.samples - 1) * dt)
 
 
 def rapid_length(job: Task) -> float:

@@ -44,11 +44,12 @@ def command(flags: Feed) -> int:
         points=points,
         recommended=None if best is None else best.override,
         reason=reason,
+        tuned=loop.tuned,
     )
     folder = created(flags, "feed")
     save_figure(feeds_figure(result), folder / "feed.png")
     write_result(folder, result)
-    finished(folder, result, flags, show, _next(result))
+    finished(folder, result, flags, show, next_steps(result))
     return 1 if best is None else 0
 
 
@@ -95,10 +96,24 @@ def _cells(point: FeedPoint, result: FeedResult) -> list[str]:
     return [f"{point.override:g}", time, *errors, tables.digits(worst.peak_control), verdict]
 
 
-def _next(result: FeedResult) -> list[str]:
+def next_steps(result: FeedResult) -> list[str]:
+    """What to do after the table."""
     if result.recommended is None:
-        return ["Next: slower --overrides, or `jcontour tune` for this part and machine first."]
-    return [
-        "Next: set the feed override of the control, or the feeds of the program. "
-        "`jcontour tune` first where the controller is not tuned for this part."
-    ]
+        return [_next_try(result)]
+    tune = (
+        "" if result.tuned else " `jcontour tune` first where the controller is not tuned for it."
+    )
+    return [f"Next: set the feed override of the control, or the feeds of the program.{tune}"]
+
+
+def _next_try(result: FeedResult) -> str:
+    """What may bring a feed that can be recommended."""
+    if result.tolerance is not None and result.corners_decide:
+        closer = 1e6 * result.tolerance / 2
+        return (
+            f"Next: --corner-tolerance-um {closer:.3g}, half of the tolerance, or less: at any "
+            "feed the motion itself leaves the part. A run folder keeps its own; make another."
+        )
+    if result.tuned:
+        return "Next: slower --overrides; the loop is a tuned one already."
+    return "Next: slower --overrides, or `jcontour tune` for this part and machine first."

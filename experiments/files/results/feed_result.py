@@ -15,6 +15,7 @@ class FeedPoint:
         metrics: of the nominal plant, and the worst of the family metric by metric.
         diverged: plants that diverge.
         exceeded: a line for every limit of the machine that is exceeded.
+        deviation: of the motion itself from the part, in blended corners, at most [m].
     """
 
     override: float
@@ -22,6 +23,7 @@ class FeedPoint:
     metrics: FamilyMetrics
     diverged: list[str]
     exceeded: list[str]
+    deviation: float = 0.0
 
     @property
     def sound(self) -> bool:
@@ -39,6 +41,7 @@ class FeedResult:
         points: from the slowest feed to the quickest.
         recommended: its override; None where no feed will do.
         reason: in words.
+        tuned: whether the loop is one of `jcontour tune`.
     """
 
     machine: MachineSummary
@@ -49,3 +52,11 @@ class FeedResult:
     points: list[FeedPoint]
     recommended: float | None
     reason: str
+    tuned: bool = False
+
+    @property
+    def corners_decide(self) -> bool:
+        """Whether the motion itself leaves the part by the whole tolerance."""
+        if self.tolerance is None:
+            return False
+        return self.tolerance <= min(point.deviation for point in self.points)

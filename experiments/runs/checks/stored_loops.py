@@ -26,6 +26,7 @@ class StoredLoop:
         jobs: contours that it was simulated on, or trained on.
         parts: names or files of the contours.
         pace: that they are run at.
+        tuned: whether the weights are those of a run of `tune`.
     """
 
     machine: Machine
@@ -35,6 +36,7 @@ class StoredLoop:
     jobs: tuple[Task, ...]
     parts: tuple[str, ...]
     pace: Pace
+    tuned: bool = False
 
 
 def stored_loop(folder: Path) -> StoredLoop:
@@ -77,7 +79,7 @@ def _tuned(folder: Path) -> StoredLoop:
     design, jobs = run.design, tuple(run.scenarios.jobs_seen(True))
     controller, pace = run.controller(weights), Pace.of(flags, run.machine)
     parts = flags.parts or run.machine.usual.training
-    return StoredLoop(run.machine, design.name, controller, design.fed, jobs, parts, pace)
+    return StoredLoop(run.machine, design.name, controller, design.fed, jobs, parts, pace, True)
 
 
 def _simulated(folder: Path) -> StoredLoop:

@@ -7,11 +7,12 @@ import numpy as np
 from experiments.catalogue.choices import design_for, job_named, seeing_all
 from experiments.files.results.feed_result import FeedPoint
 from experiments.flags.loops import Feed
-from experiments.jobs.job import Task
+from experiments.jobs.job import Job, Task
 from experiments.jobs.replays import Scenarios, replay
 from experiments.plain_numbers import WholePath
 from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.stored_loops import StoredLoop, loop_named
+from experiments.runs.contour_summary import cycle_time
 from experiments.runs.tuning.results import family_metrics
 from jcontour.controller import Controller
 
@@ -59,11 +60,18 @@ def feed_points(loop: StoredLoop, flags: Feed) -> Iterator[FeedPoint]:
         lost = np.asarray(found.metrics.diverged)[0]
         yield FeedPoint(
             override=override,
-            cycle_time=job.samples * loop.machine.model.dt,
+            cycle_time=cycle_time(job, loop.machine.model.dt),
             metrics=family_metrics(found, 0),
             diverged=[name for name, gone in zip(scenarios.plants, lost, strict=True) if gone],
             exceeded=[] if lost.any() else exceeded_limits(found, scenarios, loop.machine),
+            deviation=_deviation(job),
         )
+
+
+def _deviation(job: Task) -> float:
+    """Bound of the distance of a motion from its contour, in blended corners [m]."""
+    planned = job.planned if isinstance(job, Job) else None
+    return 0.0 if planned is None else planned.around.deviation
 
 
 def _controller_along(loop: StoredLoop, flags: Feed, job: Task) -> Controller:
@@ -88,7 +96,11 @@ def recommended(
         within = [point for point in sound if _peak(point, error) <= tolerance]
         if not within:
             least = min(_peak(point, error) for point in sound)
-            return None, f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+            words = f"no feed keeps it: the least largest error is {1e6 * least:.4g} um"
+            blended = min(point.deviation for point in sound)
+            if tolerance <= blended:
+                words += f", and the corners are blended within {1e6 * blended:.4g} um"
+            return None, words
         best = min(within, key=lambda point: point.cycle_time)
         return best, f"the quickest of these within {1e6 * tolerance:g} um on every plant"
     best = sound[0]

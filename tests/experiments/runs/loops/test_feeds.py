@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.files.results.feed_result import FeedPoint
-from experiments.files.results.run_metrics import FamilyMetrics, RunMetrics
+from experiments.commands.loops.feed import next_steps
+from experiments.files.results.feed_result import FeedPoint, FeedResult
+from experiments.files.results.run_metrics import FamilyMetrics, MachineSummary, RunMetrics
 from experiments.jobs.job import at_constant_feed, from_file
 from experiments.jobs.pace import Pace
 from experiments.machines.linear import bridgeport_machine
@@ -34,6 +35,38 @@ def test_the_quickest_within_the_tolerance():
     assert recommended(POINTS, "contour", 20e-6)[0] is POINTS[2]
     none, reason = recommended(POINTS, "contour", 1e-6)
     assert none is None and "least largest error is 2 um" in reason
+
+
+def result(tolerance, deviation, tuned):
+    points = [replace(one, deviation=deviation) for one in POINTS]
+    best, reason = recommended(points, "contour", tolerance)
+    return FeedResult(
+        machine=MachineSummary("mill", "V", ("X", "Y"), "counts"),
+        controller="mine",
+        contour="part",
+        error="contour",
+        tolerance=tolerance,
+        points=points,
+        recommended=None if best is None else best.override,
+        reason=reason,
+        tuned=tuned,
+    )
+
+
+def test_a_tolerance_that_the_corners_use_up_is_told_with_the_flag_that_helps():
+    found = result(1.5e-6, 1.98e-6, tuned=False)
+    assert "the corners are blended within 1.98 um" in found.reason
+    (line,) = next_steps(found)
+    assert "--corner-tolerance-um 0.75" in line and "tune" not in line
+    assert "corners" not in result(1.5e-6, 0.5e-6, tuned=False).reason
+
+
+def test_a_tuned_loop_is_not_sent_back_to_tune():
+    for tolerance in (1.5e-6, 6e-6, None):
+        (line,) = next_steps(result(tolerance, 0.5e-6, tuned=True))
+        assert "jcontour tune" not in line
+        (line,) = next_steps(result(tolerance, 0.5e-6, tuned=False))
+        assert "jcontour tune" in line
 
 
 def test_without_a_tolerance_feed_has_to_come_off_the_cycle_time():
