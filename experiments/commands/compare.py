@@ -31,7 +31,7 @@ class ComparedMetric:
 
     Attributes:
         training: whether the contour is for training, in either run.
-        better: one of `SIDES`.
+        better: one of `SIDES`; empty where the contours are not the same path.
     """
 
     contour: str
@@ -92,7 +92,8 @@ def run(first: Path, second: Path) -> ComparedResult:
     folders = (first, second)
     settings = [run_folder.opened(folder, "tune") for folder in folders]
     a, b = (read_result(folder, TunedResult) for folder in folders)
-    rows = _rows(a, b)
+    unlike = _unlike(a, b)
+    rows = _rows(a, b, unlike)
     names = list(dict.fromkeys((*a.weights, *b.weights)))
     return ComparedResult(
         runs=[str(folder) for folder in folders],
@@ -103,7 +104,7 @@ def run(first: Path, second: Path) -> ComparedResult:
         usable=[a.usable, b.usable],
         reasons=[a.reasons, b.reasons],
         control_unit=_shared(a.machine.control_unit, b.machine.control_unit),
-        unlike=_unlike(a, b),
+        unlike=unlike,
         margins={
             "largest_frozen_spectral_radius": [
                 a.margins.spectral_radius,
@@ -129,13 +130,15 @@ def _changed(both: Sequence[dict[str, Any]], without: Sequence[str] = ()) -> dic
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def _rows(first: TunedResult, second: TunedResult) -> list[ComparedMetric]:
+def _rows(first: TunedResult, second: TunedResult, unlike: Sequence[str]) -> list[ComparedMetric]:
     others = {contour.name: contour for contour in second.contours}
     both_contour = first.error == second.error == "contour"
     metrics = [name for name, _, _ in columns_of("contour" if both_contour else "tracking")]
     usable = (first.usable, second.usable)
     return [
-        _row(contour, others[contour.name], plant, metric, usable)
+        _row(
+            contour, others[contour.name], plant, metric, None if contour.name in unlike else usable
+        )
         for contour in first.contours
         if contour.name in others
         for plant in ("nominal", "worst")
@@ -161,12 +164,14 @@ def _row(
     second: TunedContour,
     plant: str,
     metric: str,
-    usable: Sequence[bool],
+    usable: Sequence[bool] | None,
 ) -> ComparedMetric:
+    """Both numbers, and which is better where the weights that may be used are told."""
     both = (first, second)
     a, b = (getattr(getattr(one.metrics["tuned"], plant), metric) for one in both)
     training = (first.training, second.training)
-    return ComparedMetric(first.name, plant, metric, a, b, training, _better(a, b, usable))
+    better = "" if usable is None else _better(a, b, usable)
+    return ComparedMetric(first.name, plant, metric, a, b, training, better)
 
 
 def _better(first: float, second: float, usable: Sequence[bool]) -> str:
@@ -186,13 +191,14 @@ def _smaller(first: float, second: float) -> str:
 
 
 def show(found: ComparedResult, console: Console) -> None:
-    """Verdict of each run, two tables, and which is better for what."""
+    """Warnings, verdict of each run, two tables, and which is better for what."""
+    tables.say(console, *warnings(found))
     for side, folder, usable, reasons in zip(
         SIDES, found.runs, found.usable, found.reasons, strict=False
     ):
         tables.say(console, f"{side}: {folder}", *verdict(usable, reasons))
     changes = [
-        [key, str(a), str(b)]
+        [key, _value(a), _value(b)]
         for part in (found.settings, found.versions, found.weights)
         for key, (a, b) in part.items()
         if a != b
@@ -205,7 +211,20 @@ def show(found: ComparedResult, console: Console) -> None:
     rows = [_cells(row) for row in found.metrics]
     title = f"Tuned weights of both, smaller is better; controls in {found.control_unit or '-'}"
     console.print(tables.plain_table(title, headings, rows, 3))
-    tables.say(console, *warnings(found), *better_for(found), recommendation(found))
+    tables.say(console, *better_for(found), recommendation(found))
+
+
+def _value(value: Any) -> str:
+    """A setting, a version or a weight, as a reader writes it.
+
+    >>> [_value(one) for one in (None, 1500.0, 88394212234.72179, ["a.ngc", "b.ngc"])]
+    ['-', '1500', '8.839e+10', 'a.ngc b.ngc']
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return digits(value)
+    return " ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
 def _cells(row: ComparedMetric) -> list[str]:
@@ -228,7 +247,7 @@ def warnings(found: ComparedResult) -> list[str]:
     if found.unlike:
         lines.append(
             f"WARNING: {', '.join(found.unlike)}: not the same path in both runs, as held-out "
-            "contours are made for the parts"
+            "contours are made for the parts; their errors do not say which weights are better"
         )
     if "feed_mm_per_min" in found.settings or "acceleration" in found.settings:
         lines.append("WARNING: feed or acceleration differ, and errors grow with both")
@@ -246,7 +265,7 @@ def better_for(found: ComparedResult) -> list[str]:
         unit = f"{found.control_unit} per sample"
         compared.append(("rms_increment", "RMS change of the control", unit))
     for metric, words, unit in compared:
-        rows = [row for row in found.metrics if (row.metric, row.plant) == (metric, "worst")]
+        rows = [row for row in _alike(found) if (row.metric, row.plant) == (metric, "worst")]
         if rows:
             a, b = (FACTORS[metric] * _largest(rows, side) for side in SIDES[:2])
             lines.append(_line(f"{words}, worst contour and plant", a, b, unit, usable))
@@ -254,6 +273,11 @@ def better_for(found: ComparedResult) -> list[str]:
     if a is not None and b is not None:
         lines.append(_line("Peak sensitivity over the family", a, b, "", usable))
     return lines
+
+
+def _alike(found: ComparedResult) -> list[ComparedMetric]:
+    """Rows of the contours that are the same path in both runs."""
+    return [row for row in found.metrics if row.contour not in found.unlike]
 
 
 def _largest(rows: Sequence[ComparedMetric], side: str) -> float:
@@ -282,4 +306,6 @@ def recommendation(found: ComparedResult) -> str:
         return f"Only the {side} may be loaded: `tune` said DO NOT USE of the {other}."
     if not found.metrics:
         return "The runs have no contour in common: there is nothing to compare."
+    if not _alike(found):
+        return "No contour is the same path in both runs: tune both on one part to compare them."
     return "Both may be loaded: the lines above say which is better for what."

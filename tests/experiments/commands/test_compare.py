@@ -98,7 +98,24 @@ def test_what_changed_and_which_is_better(tmp_path):
 def test_a_path_of_the_same_name_and_another_size_is_told(tmp_path):
     a, b = stored(tmp_path / "a", 1.0, 1e-6), stored(tmp_path / "b", 2.0, 2e-6, radius=2e-3)
     assert run(a, b).unlike == ["circle"] and run(a, a).unlike == []
-    assert "WARNING: circle: not the same path in both runs" in said(run(a, b))
+    text = said(run(a, b))
+    assert text.startswith("WARNING: circle: not the same path in both runs")
+    row = next(line for line in text.splitlines() if "RMS contour error um" in line)
+    assert row.split()[-2:] == ["1", "2"]  # both are shown, neither is called better
+    for verdict in ("is better.", "the same.\nPeak", "may be loaded"):
+        assert verdict not in text
+    assert run(a, b).better == {"first": 0, "second": 0, "same": 0, "neither": 0}
+
+
+def test_values_are_printed_as_a_reader_writes_them(tmp_path):
+    a, b = stored(tmp_path / "a", 88394212234.72179, 1e-6), stored(tmp_path / "b", 2.0, 2e-6)
+    for folder, parts, feed in ((a, ["p/one.ngc"], None), (b, ["p/one.ngc", "two.svg"], 1500.0)):
+        settings = json.loads((folder / SETTINGS).read_text())
+        settings["flags"] |= {"parts": parts, "feed_mm_per_min": feed}
+        (folder / SETTINGS).write_text(json.dumps(settings))
+    told = [line.split() for line in said(run(a, b)).splitlines()]
+    assert ["parts", "p/one.ngc", "p/one.ngc", "two.svg"] in told
+    assert ["feed_mm_per_min", "-", "1500"] in told and ["alpha", "8.839e+10", "2"] in told
 
 
 def test_controls_in_other_units_are_not_called_better(tmp_path):
