@@ -86,7 +86,6 @@ ELSEWHERE = {  # modules and whole rooms that another file of `tests` tests
     "experiments/files/results/tuned_result.py": "experiments/commands/tuning/test_tune.py",
     "experiments/jobs/pace.py": "experiments/jobs/test_job.py",
     "experiments/runs/motion_summary.py": "experiments/jobs/test_motion_laws.py",
-    "experiments/runs/runs_drawn.py": "experiments/commands/tuning/test_tune.py",
     # what the commands drive, through the catalogue
     "experiments/benchmarks/speed/gantry_engines.py": "experiments/benchmarks/speed/test_gantry.py",
     "experiments/benchmarks/speed/lq_results.py": "experiments/benchmarks/speed/test_lq_tables.py",

@@ -25,8 +25,8 @@ def runs():
     rows = (
         (drawn("start", "nominal plant", 1e-6), drawn("tuned", "nominal plant", 1e-7)),
         (
-            drawn("start", "worst plant (late)", 4e-5),
-            drawn("tuned", "worst plant (heavy)", 9.0, True),
+            drawn("start", "largest RMS (late)", 4e-5),
+            drawn("tuned", "largest RMS (heavy)", 9.0, True),
         ),
     )
     return ContourRuns("ring", 1e-3 * np.arange(STEPS), scored, reference, ("X", "Y"), "A", rows)

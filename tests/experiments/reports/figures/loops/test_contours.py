@@ -17,8 +17,8 @@ def test_runs_of_one_plant_are_magnified_alike(runs):
     assert [panel.get_title() for panel in panels] == [
         "start, nominal plant\nerror x 1000",
         "tuned, nominal plant\nerror x 1000",
-        "start, worst plant (late)\nerror x 20",
-        "tuned, worst plant (heavy)\ndiverged",
+        "start, largest RMS (late)\nerror x 20",
+        "tuned, largest RMS (heavy)\ndiverged",
     ]
     for panel, outside in zip(panels[:3], (1.0, 0.1, 0.8), strict=True):  # mm, magnified
         contour, start, tool = panel.get_lines()
@@ -47,7 +47,7 @@ def test_titles_above_a_tall_contour_stay_apart(runs):
             replace(
                 run,
                 label="contouring-lq",
-                plant="worst plant (gains 1.1, 0.9)",
+                plant="largest RMS (gains 1.1, 0.9)",
                 output=run.output * thin,
                 contour_error=run.contour_error * thin,
             )

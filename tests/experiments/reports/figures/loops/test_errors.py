@@ -14,7 +14,7 @@ def test_errors_over_time_are_in_micrometres(runs):
     np.testing.assert_allclose(nominal[1].get_ydata()[10:], 0.1)
     worst = figure.axes[1].get_lines()
     np.testing.assert_allclose(worst[0].get_ydata()[10:], 40.0)
-    assert worst[1].get_label() == "tuned, worst plant (heavy), diverged"
+    assert worst[1].get_label() == "tuned, largest RMS (heavy), diverged"
 
 
 def test_rapid_moves_are_left_out_and_told(runs):
