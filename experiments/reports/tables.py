@@ -160,7 +160,8 @@ def read_line(name: str, read: ContourRead, axes: Sequence[str]) -> str:
         for axis, low, high in zip(axes, read.low, read.high, strict=True)
     )
     pieces = f"{read.pieces} move{'s' if read.pieces > 1 else ''}"
-    line = f"{name}: {pieces}, {_way(read)} in {read.duration:.3f} s, {box} mm"
+    lasting = "" if read.duration is None else f" in {read.duration:.3f} s"
+    line = f"{name}: {pieces}, {_way(read)}{lasting}, {box} mm"
     if read.ignored:
         line += f"; ignored: {', '.join(read.ignored)}"
     return "\n".join([line, *filter(None, [read.stops]), *read.doubts])

@@ -1,7 +1,8 @@
 """`jcontour trace`: model predictive contouring control, which chooses its own speed."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -12,15 +13,19 @@ from experiments.designs.predictive.constrained import (
     traverser,
     waiting_reference,
 )
+from experiments.files.results.run_metrics import ContourRead
 from experiments.files.results.stored import write_result
 from experiments.flags.loops import Trace
 from experiments.flags.shared import MachineFlags
-from experiments.jobs.job import Pace
+from experiments.jobs.job import Job, Pace, Task
+from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.traversal import path_figure, signals_figure
 from experiments.reports.figures.shared.png import save_figures
+from experiments.runs.contour_summary import read_of
 from experiments.runs.lifecycle import created, finished
-from jcontour.geometry.contour import Contour
+from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
+from jcontour.geometry.toolpaths import Toolpath
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import Reference
@@ -50,6 +55,9 @@ class Traversed:
         residual: the worst of any QP.
         arrived: the tool came to the end of the path.
         time_s: until then; None where no sample was simulated.
+        read: file behind the contour; None where there is none.
+        axes: names.
+        lost: what of the file is not kept, in words.
     """
 
     plant: str
@@ -66,6 +74,9 @@ class Traversed:
     rms_um: float | None = None
     peak_um: float | None = None
     signals: Signals | None = None
+    read: ContourRead | None = None
+    axes: tuple[str, ...] = ()
+    lost: str = ""
 
 
 class Drawn(NamedTuple):
@@ -78,13 +89,14 @@ class Drawn(NamedTuple):
 def command(flags: Trace) -> int:
     """The whole command; exit code 1 where the run stopped or did not arrive."""
     machine = machine_named(flags.plant)
-    asked = traverser(machine, contour_of(flags), flags)
+    job = job_of(flags)
+    asked = traverser(machine, job.contour, flags)
     reference, controller = waiting_reference(asked, 1e-3 * flags.max_speed_mm_s), asked.controller
     controller.initial_memory(reference)  # raises what does not fit before anything is written
     folder = created(flags, "trace")
     with tables.console_of(quiet=flags.json).status("solving a QP at every step"):
         run, failure = _ran(asked, controller, reference, flags)
-    result = _result(flags, asked, run, failure)
+    result = replace(_result(flags, asked, run, failure), **of_file(job, machine, flags.contour))
     if result.signals is not None:
         foot = np.asarray(asked.contour.position(1e-3 * result.signals.arc_mm))
         figures = {"trace": _signals, "path": _path}
@@ -94,14 +106,42 @@ def command(flags: Trace) -> int:
     return 0 if result.arrived else 1
 
 
-def contour_of(flags: Trace) -> Contour:
-    """The contour of the catalogue or of a file; its feed is not used.
+def job_of(flags: Trace) -> Task:
+    """The contour of the catalogue or of a file; its feeds are not used.
 
     Raises:
         ValueError: no such contour, or a bad file.
     """
     pace = Pace.of(MachineFlags(feed_mm_per_min=3000.0), machine_named(flags.plant))
-    return job_named(flags.contour, pace).contour
+    return job_named(flags.contour, pace)
+
+
+def of_file(job: Task, machine: Machine, name: str) -> dict[str, Any]:
+    """Fields of the result about the file behind a contour."""
+    if not isinstance(job, Job) or job.program is None or job.program.read is None:
+        return {}
+    dt, program = machine.model.dt, job.program.read
+    path = np.asarray(job.reference(dt, 0).position)[: job.samples]
+    # doubts of the motion, which is not this one, are left out
+    read = replace(read_of(job, path, dt), duration=None, doubts=program.doubts)
+    return {"read": read, "axes": machine.axes, "lost": not_kept(program, name)}
+
+
+def not_kept(read: Toolpath, name: str) -> str:
+    """What of a file a controller of its own speed does not keep, in words."""
+    waits = bool(np.nansum(read.rest) > 0 or read.z_alone.any())
+    lost = {
+        "feeds": Path(name).suffix.lower() not in (".csv", *DRAWINGS),
+        "stops": any(stop.after for stop in read.asks),
+        "waits": waits,
+        "rapid moves": bool(read.rapid.any()),
+    }
+    words = [word for word, there in lost.items() if there]
+    if not words:
+        return ""
+    told = " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+    path = "; rapid moves are part of the path" if lost["rapid moves"] else ""
+    return f"The controller chooses its own speed: {told} of the file are not kept{path}."
 
 
 def _ran(
@@ -171,6 +211,7 @@ def show(result: Traversed, console: Console) -> None:
         time = f"{tables.digits(result.time_s)} s"
     lines = [
         f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
+        *_told_of_file(result),
         f"Traversal time    {time}",
     ]
     if result.rms_um is not None:
@@ -183,6 +224,17 @@ def show(result: Traversed, console: Console) -> None:
     if result.failure:
         lines.append(f"STOPPED: {result.failure}")
     tables.say(console, *lines)
+
+
+def _told_of_file(result: Traversed) -> list[str]:
+    """What was read, and what of it is not kept."""
+    if result.read is None:
+        return []
+    name = Path(result.contour).stem
+    return [
+        f"Read {tables.read_line(name, result.read, result.axes)}",
+        *filter(None, [result.lost]),
+    ]
 
 
 def _next(result: Traversed) -> list[str]:

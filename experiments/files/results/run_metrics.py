@@ -73,7 +73,7 @@ class ContourRead:
 
     pieces: int
     length: float
-    duration: float
+    duration: float | None
     low: tuple[float, ...]
     high: tuple[float, ...]
     ignored: tuple[str, ...] = ()

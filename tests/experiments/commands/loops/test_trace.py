@@ -5,10 +5,12 @@ import json
 import numpy as np
 import pytest
 
+from experiments.catalogue.choices import machine_named
 from experiments.cli import main
-from experiments.commands.loops.trace import Traversed, contour_of
+from experiments.commands.loops.trace import Traversed, job_of, of_file, show
 from experiments.files.results.stored import read_result
 from experiments.flags.loops import Trace
+from experiments.reports.tables import console_of
 
 
 @pytest.mark.slow
@@ -63,5 +65,60 @@ def test_a_machine_without_limits_needs_one(tmp_path, capsys, machine_fields):
 
 
 def test_the_lobes_are_the_default_contour():
-    contour = contour_of(Trace())
+    contour = job_of(Trace()).contour
     assert contour.axes == 2 and float(contour.length) == pytest.approx(0.256, abs=1e-3)
+
+
+PROGRAM = """G1 X10 F100
+M3
+G4 P2
+X20
+G0 Z5
+Y8
+G1 Z0
+X0 Y8
+"""
+
+
+def told_of(part, capsys):
+    """What is printed of a file beside the run, which is made up here."""
+    machine = machine_named(Trace().plant)
+    found = Traversed(
+        plant="table",
+        contour=str(part),
+        control_unit="V",
+        length_mm=1.0,
+        failure="",
+        steps=1,
+        fallbacks=0,
+        limited=0.0,
+        residual=0.0,
+        arrived=False,
+        time_s=None,
+        **of_file(job_of(Trace(contour=str(part))), machine, str(part)),
+    )
+    show(found, console_of())
+    return capsys.readouterr().out
+
+
+def test_a_program_is_told_as_it_was_read_and_what_is_not_kept(tmp_path, capsys):
+    """Three cuts of 10, 10 and 20 mm, and a rapid move of 8 mm between them."""
+    part = tmp_path / "part.ngc"
+    part.write_text(PROGRAM)
+    told = told_of(part, capsys)
+    read = "Read part: 4 moves, 40 mm cut, 8 mm rapid, X 0 ... 20, Y 0 ... 8 mm"
+    assert read in told and " s, X" not in told
+    assert "the program has no G20 or G21" in told and "M3 at line 2" in told
+    lost = "feeds, stops, waits and rapid moves of the file are not kept"
+    assert f"{lost}; rapid moves are part of the path." in told
+
+
+def test_only_what_a_file_has_is_not_kept(tmp_path, capsys):
+    part, points = tmp_path / "part.ngc", tmp_path / "points.csv"
+    part.write_text("G21 S5 G1 X10 F100\n")
+    points.write_text("0,0\n10,0\n")
+    told = told_of(part, capsys)
+    assert "1 move, 10 mm, X 0 ... 10, Y 0 ... 0 mm; ignored: S" in told
+    assert "chooses its own speed: feeds of the file are not kept.\n" in told
+    told = told_of(points, capsys)
+    assert "Read points: 1 move, 10 mm" in told and "not kept" not in told
