@@ -1,7 +1,7 @@
 """A reference that is bent beforehand, so that the tool of a whole family runs on the contour.
 
-The reference p(k) is shifted by c(k), zero at both ends. With e_i(c) = p - y_i(p + c), the error of
-plant i,
+The reference p(k) is shifted by c(k), zero at both ends and where it is held. With
+e_i(c) = p - y_i(p + c), the error of plant i,
     minimise over c the largest over i of  J_i(c) + size |c|^2 + roughness |c''|^2, all means
     J_i = mean of e_i' W e_i,   W = (1 - contouring) I + contouring (I - t t')
 over the samples that count, c'' the second difference. Of a linear loop e_i is affine in c. For
@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.sparse.linalg import cg
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jcontour.controller import Controller
 from jcontour.controllers.learning.laps import Learned
@@ -58,6 +58,7 @@ def precompensate(
     size: float = 1e-6,
     roughness: float = 1e-2,
     rounds: int = ROUNDS,
+    held: Bool[np.ndarray, " T"] | None = None,
 ) -> Precompensated:
     """Correction that makes the largest error of a family small.
 
@@ -69,6 +70,7 @@ def precompensate(
         size: price of the correction, relative to an error of the same size.
         roughness: price of its second difference, likewise.
         rounds: of weights; one minimises the mean over the family.
+        held: samples where the reference stays as it is, as where a program stops; None for none.
 
     Raises:
         ValueError: a price is negative or not finite, the part is not from zero to one, there is no
@@ -81,7 +83,8 @@ def precompensate(
         raise ValueError(f"contouring: needs to be from zero to one, received {contouring}")
     if rounds < 1:
         raise ValueError(f"rounds: needs at least one, received {rounds}")
-    errors = _weighted_errors(plants, controller, reference, contouring)
+    free = _free(reference.steps, held)
+    errors = _weighted_errors(plants, controller, reference, contouring, free)
     still = jnp.zeros((reference.steps, reference.position.shape[-1]))
     prices = jnp.asarray([size, roughness])
     before = np.asarray(_sizes(errors(still)))
@@ -89,11 +92,11 @@ def precompensate(
     best = Precompensated(np.asarray(still), before, before, weight)
     least, correction = float(np.max(before) ** 2), still
     for number in range(1, rounds + 1):
-        correction = _improved(errors, correction, jnp.asarray(weight), prices)
+        correction = _improved(errors, correction, jnp.asarray(weight), prices, free)
         after = np.asarray(_sizes(errors(correction)))
-        cost = float(np.max(after) ** 2 + _price(correction, prices))
+        cost = float(np.max(after) ** 2 + _price(correction, prices, free))
         if cost < least:
-            shown = np.asarray(_held(correction))
+            shown = np.asarray(free * correction)
             best, least = Precompensated(shown, before, after, weight), cost
         shares = after**2 / max(float(np.max(after**2)), np.finfo(float).tiny)
         weight = weight * np.exp(RATE / np.sqrt(number) * (shares - 1))
@@ -101,13 +104,19 @@ def precompensate(
     return best
 
 
-def _held(correction: Float[Array, "T m"]) -> Float[Array, "T m"]:
-    """The correction without its ends: the run begins and ends where the reference does."""
-    return correction.at[0].set(0.0).at[-1].set(0.0)
+def _free(steps: int, held: Bool[np.ndarray, " T"] | None) -> Float[Array, "T one"]:
+    """One where the reference may be shifted; it begins and ends as it is."""
+    free = np.ones((steps, 1)) if held is None else np.where(held, 0.0, 1.0)[:, None]
+    free[[0, -1]] = 0.0
+    return jnp.asarray(free)
 
 
 def _weighted_errors(
-    plants: Plant, controller: Controller, reference: Reference, contouring: float
+    plants: Plant,
+    controller: Controller,
+    reference: Reference,
+    contouring: float,
+    free: Float[Array, "T one"],
 ) -> Callable[[Array], Array]:
     """(T, m) -> W^(1/2) e of every plant, scaled so that its square sum is the mean square."""
     steps = reference.steps
@@ -121,7 +130,7 @@ def _weighted_errors(
     @eqx.filter_jit
     def errors(correction: Array) -> Array:
         def on(plant: Plant) -> Array:
-            run = simulate(plant, Learned(controller, _held(correction)), reference)
+            run = simulate(plant, Learned(controller, free * correction), reference)
             error = wanted - run.output
             lag = jnp.sum(error * tangent, axis=-1, keepdims=True) * tangent
             return jnp.where(scored, scale * (error - along * lag), 0.0)
@@ -137,16 +146,18 @@ def _sizes(errors: Float[Array, "P T m"]) -> Float[Array, " P"]:
 
 
 @jax.jit
-def _price(correction: Float[Array, "T m"], prices: Float[Array, " two"]) -> Float[Array, ""]:
+def _price(
+    correction: Float[Array, "T m"], prices: Float[Array, " two"], free: Float[Array, "T one"]
+) -> Float[Array, ""]:
     """size |c|^2 + roughness |c''|^2, as means over the samples."""
-    shown = _held(correction)
+    shown = free * correction
     size, rough = prices / correction.shape[0]
-    return jnp.sum(shown * (size * shown + rough * _bending(shown)))
+    return jnp.sum(shown * (size * shown + rough * free * _bending(shown)))
 
 
 @eqx.filter_jit
 def _improved(
-    errors: Callable[[Array], Array], correction: Array, weight: Array, prices: Array
+    errors: Callable[[Array], Array], correction: Array, weight: Array, prices: Array, free: Array
 ) -> Float[Array, "T m"]:
     """Minimum of the weighted square sum, of the loops linearised at this correction."""
     found, slopes = jax.linearize(errors, correction)
@@ -156,7 +167,7 @@ def _improved(
     size, rough = prices / correction.shape[0]
 
     def priced(change: Array) -> Array:
-        return size * change + rough * _bending(_held(change))
+        return size * change + rough * free * _bending(free * change)
 
     def normal(change: Array) -> Array:
         (pulled,) = back(each * slopes(change))
@@ -174,4 +185,4 @@ def _bending(rows: Float[Array, "T m"]) -> Float[Array, "T m"]:
         return one[2:] - 2 * one[1:-1] + one[:-2]
 
     bent, back = jax.vjp(second, rows)
-    return _held(back(bent)[0])
+    return back(bent)[0]

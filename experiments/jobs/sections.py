@@ -61,6 +61,19 @@ def sections(job: Task) -> list[Section]:
     return found
 
 
+def halted(job: Task) -> np.ndarray:
+    """Samples (T,) of rapid moves, and where a run stops as something is to be done.
+
+    There the tool has to come to the program's place: it rests for as long as that takes.
+    """
+    found = np.zeros(job.samples, bool)
+    for section in sections(job):
+        if section.rapid:
+            found[section.first : section.last + 1] = True
+        found[section.first] |= bool(section.asked)
+    return found
+
+
 def _changes(rapid: np.ndarray) -> list[tuple[int]]:
     """Pieces where rapid moves begin or end."""
     return [(int(piece),) for piece in np.flatnonzero(np.diff(rapid)) + 1]

@@ -39,7 +39,7 @@ def arc(steps):
 class Dense:
     """Weighted errors of a loop as matrices: W^(1/2) (p - y), its mean square, and their slopes."""
 
-    def __init__(self, plant, reference):
+    def __init__(self, plant, reference, held=()):
         steps = reference.steps
         A, B, C = (np.asarray(one) for one in (plant.A, plant.B, plant.C))
         wanted = np.asarray(reference.position)[:steps]
@@ -67,6 +67,7 @@ class Dense:
             columns.append((tool(wanted + shift.reshape(-1, 2)) - still).ravel())
         inside = np.ones(2 * steps)
         inside[[0, 1, -2, -1]] = 0.0  # both ends stay
+        inside[[2 * k + axis for k in held for axis in (0, 1)]] = 0.0
         self.error = root @ (wanted - still).ravel()
         self.slope = -root @ np.stack(columns, axis=1) * inside
         D = np.kron(np.diff(np.eye(steps), 2, axis=0), np.eye(2)) * inside
@@ -85,6 +86,19 @@ def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller):
     after = np.linalg.norm(dense.error + dense.slope @ wanted.ravel())
     assert found.before == pytest.approx([np.linalg.norm(dense.error)], rel=1e-9)
     assert found.after == pytest.approx([after], rel=1e-4) and after < 0.1 * found.before[0]
+
+
+def test_where_it_is_held_the_reference_stays_and_the_rest_is_the_minimum(table, controller):
+    reference, held = arc(60), [20, 21, 22, 23, 40]
+    dense = Dense(table, reference, held)
+    wanted = -np.linalg.solve(
+        dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
+    ).reshape(-1, 2)
+    stays = np.isin(np.arange(60), held)
+    plants = seen([table])
+    found = precompensate(plants, controller, reference, **PRICES, rounds=12, held=stays)
+    assert np.all(found.correction[stays] == 0) and np.all(found.correction[[19, 24, 39, 41]] != 0)
+    np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.jobs.replays import Replay, Scenarios, replay
+from experiments.jobs.sections import halted
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
@@ -99,10 +100,11 @@ def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Ben
     before = replay(controller, scenarios)
     beyond = _lost(before) or exceeded_limits(before, scenarios, machine)
     part = 0.0 if machine.error == "tracking" else CONTOURING
+    held = halted(job)
 
     def priced(price: float) -> Bent:
         tell(f"bending the reference, roughness {price:g}")
-        found = precompensate(family, controller, reference, part, roughness=price)
+        found = precompensate(family, controller, reference, part, roughness=price, held=held)
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
         exceeded = exceeded_limits(after, scenarios, machine)
         return Bent(reference, found, price, scenarios.plants, before, after, exceeded)

@@ -6,7 +6,7 @@ import pytest
 from experiments.catalogue.choices import job_named
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs.job import Pace, from_file
-from experiments.jobs.sections import PREPARED, Section, sections
+from experiments.jobs.sections import PREPARED, Section, halted, sections
 
 PART = """G21 G90
 M3 S1000
@@ -61,6 +61,18 @@ def test_the_tool_is_down_where_it_rests_before_a_cut(machine, tmp_path):
     _, rapid, cut, _ = sections(job)
     rest = round(0.2 / machine.model.dt)
     assert np.ptp(job.arc[cut.first : cut.first + rest]) < 1e-9 < np.ptp(job.arc[rapid.last - 9 :])
+
+
+def test_the_reference_is_held_in_rapid_moves_and_where_it_stops(machine, tmp_path):
+    job = run_of(PART, machine, tmp_path)
+    x, y = places(job, machine, slice(None, job.samples)).T
+    held = halted(job)
+    rapid = ((x > 5.01) | (y > 0.01)) & (x < 7.99)
+    assert held[rapid].all() and held[0]
+    assert not held[(x > 1.01) & (x < 4.99) & (y == 0)].any()
+    assert not held[(x > 8.01) & (x < 11.99)].any()
+    (switched,) = np.flatnonzero(held & (x > 8.01))  # M5
+    np.testing.assert_allclose([x[switched], y[switched]], [12, 3], atol=2e-3)
 
 
 @pytest.mark.parametrize(
