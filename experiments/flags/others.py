@@ -26,7 +26,8 @@ class Report(Common):
     runs: Positional[tuple[Path, ...]] = ()
     """Run folders of `jcontour tune`, `simulate` or `front`."""
     out: Path | None = None
-    """The page; report.html in the first folder when not given."""
+    """Folder for report.html, or the page itself where the name ends in .html.
+    The first run's folder when not given."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 
 
 def write_page(folders: Sequence[Path], path: Path) -> Path:
-    """Write one page of these runs.
+    """Write one page of these runs, in a folder that is made where there is none.
 
     Raises:
         RunError: as `page_data`; or the page would be larger than it may be.
@@ -26,6 +26,7 @@ def write_page(folders: Sequence[Path], path: Path) -> Path:
         raise run_folder.RunError(
             f"{path}: the page would take {len(text.encode())} bytes; give fewer runs"
         )
+    path.parent.mkdir(parents=True, exist_ok=True)
     return run_folder.write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 

@@ -5,6 +5,8 @@ import json
 import pytest
 
 from experiments.cli import main
+from experiments.commands.report import page_at
+from experiments.files.run_folder import RunError
 from experiments.reports.page.html_page import FILE
 
 
@@ -18,6 +20,17 @@ def test_faults_are_told_in_a_line(tmp_path, capsys):
     told = capsys.readouterr().err
     assert told.count("\n") == 1 and "pages are made of tune, simulate, front" in told
     assert not list(tmp_path.glob("*.html"))
+
+
+def test_out_is_a_folder_or_a_page_by_its_suffix(tmp_path):
+    assert page_at(tmp_path / "new") == tmp_path / "new" / "report.html"
+    assert page_at(tmp_path) == tmp_path / "report.html"
+    assert page_at(tmp_path / "r" / "mine.HTML") == tmp_path / "r" / "mine.HTML"
+    (tmp_path / "odd.html").mkdir()
+    assert page_at(tmp_path / "odd.html").parent.name == "odd.html"
+    (tmp_path / "taken").touch()
+    with pytest.raises(RunError, match="taken: is a file; give a folder"):
+        page_at(tmp_path / "taken")
 
 
 @pytest.mark.slow
@@ -34,3 +47,5 @@ def test_a_run_has_its_page_beside_it_and_two_runs_share_one(
     assert main(["report", *map(str, runs), "--json", "--out", str(out)]) == 0
     assert json.loads(capsys.readouterr().out) == {"page": str(out), "bytes": out.stat().st_size}
     assert '"name":"one"' in out.read_text() and '"name":"two"' in out.read_text()
+    assert main(["report", str(runs[0]), "--out", str(tmp_path / "new" / "folder")]) == 0
+    assert (tmp_path / "new" / "folder" / FILE).read_text().startswith("<!")
