@@ -34,7 +34,7 @@ BAR = 0.9  # inches: width of a scale of colours
 TITLE = 0.5  # inches: height of a panel's title
 TITLES = 0.9  # inches: height of the figure's title and legend
 FLAT = 0.3  # height to width of a contour: below it panels lie above each other
-FLATTEST_AND_TALLEST = (0.08, 1.2)  # height to width of one contour's panel
+FLATTEST_AND_TALLEST = (0.17, 1.2)  # height to width of one contour's panel: room for ticks
 NARROWEST = 0.7  # width to height of what a panel shows: a title of 45 letters fits above
 
 
@@ -67,7 +67,7 @@ def contour_figure(runs: ContourRuns) -> Figure:
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
         _draw_panel(place, runs, run, row, colours[run.label])
         place.label_outer(remove_inner_ticks=True)
-    _widen(places[0, 0])
+    _make_room(places[0, 0])
     how = "coloured by its error" if detailed(runs) else "contour error magnified"
     figure.suptitle(f"{short(runs.name)}: contour and tool, {how}")
     legend_below(figure, columns=4)
@@ -81,12 +81,18 @@ def _height_to_width(runs: ContourRuns) -> float:
     return float(np.clip(height / width, *FLATTEST_AND_TALLEST)) if width > 0 else 1.0
 
 
-def _widen(axes: Axes) -> None:
-    """Room beside a tall contour, so that titles of panels side by side stay apart."""
+def _make_room(axes: Axes) -> None:
+    """Room beside a tall contour, so that titles of panels side by side stay apart.
+
+    Likewise above and below a flat one, as a line along X is, for ticks. Scales stay equal.
+    """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     missing = NARROWEST * (high - low) - (right - left)
     if missing > 0:
         axes.set_xlim(left - missing / 2, right + missing / 2)
+    missing = FLATTEST_AND_TALLEST[0] * (right - left) - (high - low)
+    if missing > 0:
+        axes.set_ylim(low - missing / 2, high + missing / 2)
 
 
 def _draw_panel(

@@ -31,7 +31,7 @@ def test_runs_of_one_plant_are_magnified_alike(runs):
 
 
 @pytest.mark.parametrize(
-    ("squeezed", "shape", "across"), [(1.0, 1.0, 2), (0.5, 0.5, 2), (0.2, 0.2, 1), (1e-3, 0.08, 1)]
+    ("squeezed", "shape", "across"), [(1.0, 1.0, 2), (0.5, 0.5, 2), (0.2, 0.2, 1), (1e-3, 0.17, 1)]
 )
 def test_a_flat_contour_has_flat_panels_above_each_other(runs, squeezed, shape, across):
     reference = runs.reference * np.array([1.0, squeezed])
@@ -59,6 +59,29 @@ def test_titles_above_a_tall_contour_stay_apart(runs):
     figure.draw_without_rendering()
     boxes = [panel.title.get_window_extent() for panel in figure.axes]
     assert not any(one.overlaps(other) for one, other in zip(boxes, boxes[1:], strict=False))
+
+
+@pytest.mark.parametrize("details", [1, 40])
+def test_axes_of_a_line_have_a_height_with_ticks_apart_and_equal_scales(details):
+    """To and fro along X, once or so often that it is coloured: Y is 0 everywhere."""
+    there = np.abs((np.linspace(0.0, details, 4000) % 2) - 1)
+    place = RADIUS * np.stack([there, np.zeros(4000)], axis=1)
+    error = np.tile([0.0, 1e-6], (4000, 1))
+    one = DrawnRun("mine", "nominal plant", place + error, np.zeros((4000, 2)), error)
+    time, every = 1e-3 * np.arange(4000), np.ones(4000, bool)
+    figure = contour_figure(ContourRuns("line", time, every, place, ("X", "Y"), "A", ((one,),) * 2))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        box = axes.get_window_extent()
+        assert box.height > 0.9 * figure.dpi  # inches
+        ticks = [tick.get_window_extent() for tick in axes.get_yticklabels() if tick.get_text()]
+        ticks = [tick for tick in ticks if box.y0 <= (tick.y0 + tick.y1) / 2 <= box.y1]
+        assert len(ticks) > 1
+        assert not any(a.overlaps(b) for a, b in zip(ticks, ticks[1:], strict=False))
+    panel = figure.axes[0]
+    (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
+    box = panel.get_window_extent()
+    assert (high - low) / (right - left) == pytest.approx(box.height / box.width, rel=1e-3)
 
 
 def test_the_legend_names_every_curve_once(runs):
