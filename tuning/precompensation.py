@@ -59,6 +59,7 @@ def precompensate(
     roughness: float = 1e-2,
     rounds: int = ROUNDS,
     held: Bool[np.ndarray, " T"] | None = None,
+    tell: Callable[[int], None] | None = None,
 ) -> Precompensated:
     """Correction that makes the largest error of a family small.
 
@@ -71,6 +72,7 @@ def precompensate(
         roughness: price of its second difference, likewise.
         rounds: of weights; one minimises the mean over the family.
         held: samples where the reference stays as it is, as where a program stops; None for none.
+        tell: hears the number of every round that is done, from one; None for nobody.
 
     Raises:
         ValueError: a price is negative or not finite, the part is not from zero to one, there is no
@@ -101,6 +103,8 @@ def precompensate(
         shares = after**2 / max(float(np.max(after**2)), np.finfo(float).tiny)
         weight = weight * np.exp(RATE / np.sqrt(number) * (shares - 1))
         weight = weight / weight.sum()
+        if tell is not None:
+            tell(number)
     return best
 
 

@@ -1,7 +1,13 @@
 """Length of a long run, the time and the memory that it will take, told before it begins."""
 
+import time
+from collections.abc import Callable
+
+from rich.status import Status
+
 from experiments.jobs.job import Task
 from experiments.jobs.memory import free_memory, needed
+from experiments.reports import tables
 
 LONG = 200_000  # samples: with less of them a run is at its end in seconds
 START = 9.0  # [s] to compile and to draw, whatever the length
@@ -22,10 +28,64 @@ def forecast(job: Task, dt: float, plants: int) -> list[str]:
         return []
     seconds = START + A_SAMPLE * job.samples * plants
     return [
-        f"{job.name}: {dt * (job.samples - 1):,.0f} s of motion, {job.samples:,} samples on "
-        f"{plants} plants. With contouring-lq this takes about {seconds:.2g} s of processor time; "
-        "Ctrl-C ends it."
+        f"{_length(job, dt, plants)}. With contouring-lq this takes about {_seconds(seconds)} of "
+        "processor time; Ctrl-C ends it."
     ]
+
+
+def outline(job: Task, dt: float, plants: int, doing: str) -> str:
+    """A line about a run in steps, before it begins.
+
+    Args:
+        job: what is run.
+        dt: sample period [s].
+        plants: how many plants it is run on.
+        doing: the steps, in words.
+    """
+    return f"{_length(job, dt, plants)}: {doing}; Ctrl-C ends it."
+
+
+class Steps:
+    """Progress through steps that take about as long as each other.
+
+    After the first one, which compiles, a line says how long the others take at most.
+
+    Args:
+        status: line that says which step it is, and how long the others will take.
+        name: of a step, as "round".
+        total: how many there are.
+        clock: time [s].
+    """
+
+    def __init__(
+        self, status: Status, name: str, total: int, clock: Callable[[], float] = time.perf_counter
+    ):
+        self.status, self.name, self.total, self.clock = status, name, total, clock
+        self.last = clock()
+        status.update(f"{name} 1 of {total}, compiling")
+
+    def done(self, number: int) -> None:
+        """A step is done; numbers begin with one."""
+        now = self.clock()
+        took, self.last = now - self.last, now
+        if number == self.total:
+            return
+        more = _seconds(took * (self.total - number))
+        self.status.update(f"{self.name} {number + 1} of {self.total}, about {more} more")
+        if number == 1:
+            first = f"The first {self.name} of {self.total} took {_seconds(took)}, with compiling"
+            tables.say(self.status.console, f"{first}: at most about {more} more.")
+
+
+def _length(job: Task, dt: float, plants: int) -> str:
+    """How long a run is."""
+    lasting = _seconds(dt * (job.samples - 1))
+    return f"{job.name}: {lasting} of motion, {job.samples:,} samples on {plants} plants"
+
+
+def _seconds(lasting: float) -> str:
+    """A time in two digits, or in whole seconds."""
+    return f"{lasting:,.0f} s" if lasting >= 10 else f"{lasting:.2g} s"
 
 
 def check_memory(job: Task, plants: int, there: float | None = None) -> None:

@@ -80,7 +80,10 @@ def test_one_plant_gets_the_minimum_of_its_quadratic(table, controller):
     wanted = -np.linalg.solve(
         dense.slope.T @ dense.slope + dense.price, dense.slope.T @ dense.error
     ).reshape(-1, 2)
-    found = precompensate(seen([table]), controller, reference, **PRICES, rounds=12)
+    told = []
+    plants = seen([table])
+    found = precompensate(plants, controller, reference, **PRICES, rounds=12, tell=told.append)
+    assert told == list(range(1, 13))
     assert np.all(wanted[[0, -1]] == 0) and np.all(found.correction[[0, -1]] == 0)
     np.testing.assert_allclose(found.correction, wanted, atol=1e-4 * np.abs(wanted).max())
     after = np.linalg.norm(dense.error + dense.slope @ wanted.ravel())

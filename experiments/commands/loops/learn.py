@@ -15,9 +15,10 @@ from experiments.reports import tables
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.figures.tuning.learning import learning
 from experiments.reports.learning_tables import show_learned
+from experiments.runs.forecast import Steps, outline
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.learned_machines import setting
-from experiments.runs.loops.learning import Learner, Prepared, prepared_law
+from experiments.runs.loops.learning import LapScores, Learner, Prepared, prepared_law
 from experiments.runs.tuning.results import machine_summary
 
 OF_OTHER_LAW = {"norm-optimal": ("gain", "lead"), "p-type": ("effort",)}
@@ -41,11 +42,20 @@ def run(flags: Learn) -> tuple[LearnedResult, Path]:
     flags = seeing_all(flags, job)
     design = design_for(machine, flags)
     one = setting(design, job)
-    prepared = prepared_law(one, flags)
-    folder = created(flags, "learn")
-    learner = Learner(one, prepared.law, flags.seed)
     console = tables.console_of(stderr=True, quiet=flags.json)
-    machines = learner.run(flags.laps, lambda lap, scores: _tell(console, lap, flags.laps, scores))
+    with console.status("finding the law") as status:
+        doing = f"finding the law, then {flags.laps} laps"
+        tables.say(console, outline(job, machine.model.dt, len(machine.family_names), doing))
+        prepared = prepared_law(one, flags)
+        folder = created(flags, "learn")
+        learner = Learner(one, prepared.law, flags.seed)
+        steps = Steps(status, "lap", flags.laps)
+
+        def tell(lap: int, scores: LapScores) -> None:
+            _tell(console, lap, flags.laps, scores)
+            steps.done(lap)
+
+        machines = learner.run(flags.laps, tell)
     found = LearnedResult(
         machine=machine_summary(machine),
         controller=design.name,

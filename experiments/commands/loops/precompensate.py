@@ -47,8 +47,8 @@ def command(flags: Precompensate) -> int:
     if not flags.roughness > 0:
         raise ValueError(f"roughness: needs to be above zero, received {flags.roughness}")
     loop = loop_named(flags, flags.part)
-    with tables.console_of(quiet=flags.json).status("running") as status:
-        found = bent(loop, flags.roughness, status.update)
+    with tables.console_of(stderr=True, quiet=flags.json).status("running") as status:
+        found = bent(loop, flags.roughness, status)
     machine, job = loop.machine, loop.jobs[0]
     flat = len(machine.axes) > 1
     source = Path(loop.parts[0]).name

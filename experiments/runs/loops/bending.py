@@ -1,10 +1,10 @@
 """The bent reference of a loop, as smooth as the machine's limits ask for, and its runs."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from rich.status import Status
 
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.jobs.replays import Replay, Scenarios, replay
@@ -13,14 +13,16 @@ from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
 from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
+from experiments.reports import tables
 from experiments.reports.figures.loops.bent import BentRuns
 from experiments.runs.checks.machine_limits import exceeded_limits
 from experiments.runs.checks.stored_loops import StoredLoop
+from experiments.runs.forecast import Steps, outline
 from experiments.runs.loops.learned_machines import Setting, linear_family
 from jcontour.controllers.learning.laps import Learned
 from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants
-from tuning.precompensation import Precompensated, precompensate
+from tuning.precompensation import ROUNDS, Precompensated, precompensate
 
 TRIES = 4  # of a roughness, each ten times the last
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
@@ -81,13 +83,13 @@ class Bent(NamedTuple):
         }
 
 
-def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Bent:
+def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     """The correction of the loop's first part.
 
     Args:
         loop: controller, machine and part.
         roughness: first price of the correction's bends.
-        tell: hears what is being done.
+        status: says what is being done, and how long it will take.
 
     Raises:
         ValueError: there is no linear family of this machine.
@@ -96,15 +98,20 @@ def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Ben
     reference = job.reference(machine.model.dt, controller.preview)
     family = _family(loop, reference)
     scenarios = Scenarios.of([job], [False], machine, loop.fed, controller.preview)
-    tell("running the reference as it is")
+    doing = f"{ROUNDS} rounds of bending, and as many more where a limit is exceeded"
+    line = outline(job, machine.model.dt, len(machine.family_names), doing)
+    tables.say(status.console, line)
+    status.update("running the reference as it is")
     before = replay(controller, scenarios)
     beyond = _lost(before) or exceeded_limits(before, scenarios, machine)
     part = 0.0 if machine.error == "tracking" else CONTOURING
     held = halted(job)
 
     def priced(price: float) -> Bent:
-        tell(f"bending the reference, roughness {price:g}")
-        found = precompensate(family, controller, reference, part, roughness=price, held=held)
+        steps = Steps(status, "round", ROUNDS)
+        found = precompensate(
+            family, controller, reference, part, roughness=price, held=held, tell=steps.done
+        )
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
         exceeded = exceeded_limits(after, scenarios, machine)
         return Bent(reference, found, price, scenarios.plants, before, after, exceeded)
@@ -113,7 +120,10 @@ def bent(loop: StoredLoop, roughness: float, tell: Callable[[str], None]) -> Ben
     for attempt in range(1, TRIES):
         if beyond or not (one.exceeded or _lost(one.after)):
             break  # no smoother shift mends what is so without one
-        one = priced(roughness * 10**attempt)
+        smoother = roughness * 10**attempt
+        more = f"{ROUNDS} more rounds, with roughness {smoother:g}"
+        tables.say(status.console, f"A limit is exceeded or a plant does not follow: {more}.")
+        one = priced(smoother)
     return one
 
 

@@ -1,14 +1,16 @@
 """What is said of a long run before it begins."""
 
+import io
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from rich.console import Console
 
 from experiments.catalogue.machines import MACHINES
 from experiments.jobs.job import Pace, from_file
 from experiments.jobs.memory import BEGUN
-from experiments.runs.forecast import check_memory, forecast
+from experiments.runs.forecast import Steps, check_memory, forecast, outline
 
 
 def test_a_long_run_is_told_with_its_samples(tmp_path):
@@ -36,3 +38,26 @@ def test_a_run_that_the_memory_does_not_hold_is_refused():
     check_memory(cast(Any, SimpleNamespace(name="quick", samples=1000)), 5)  # asks the computer
     with pytest.raises(ValueError, match="GB of memory"):
         check_memory(cast(Any, SimpleNamespace(name="none", samples=0)), 5, there=BEGUN - 1)
+
+
+def test_a_run_in_steps_is_outlined_before_it_begins():
+    job = cast(Any, SimpleNamespace(name="part", samples=41_001))
+    line = outline(job, 1e-3, 5, "8 rounds of bending")
+    assert line == (
+        "part: 41 s of motion, 41,001 samples on 5 plants: 8 rounds of bending; Ctrl-C ends it."
+    )
+
+
+def test_after_the_first_step_it_is_told_how_long_the_others_take():
+    """Steps of 60, 30 and 2 s, and one that nobody waits for."""
+    text, times = io.StringIO(), iter([0.0, 60.0, 90.0, 92.0, 92.0])
+    with Console(file=text).status("running") as status:
+        steps = Steps(status, "round", 4, clock=lambda: next(times))
+        seen = [str(status.status)]
+        for number in (1, 2, 3, 4):
+            steps.done(number)
+            seen.append(str(status.status))
+    assert seen[:2] == ["round 1 of 4, compiling", "round 2 of 4, about 180 s more"]
+    assert seen[2:4] == ["round 3 of 4, about 60 s more", "round 4 of 4, about 2 s more"]
+    told = "The first round of 4 took 60 s, with compiling: at most about 180 s more.\n"
+    assert text.getvalue() == told

@@ -91,7 +91,7 @@ def test_next_to_nothing_has_sizes_and_no_ratio():
     assert "nominal 0 -> 0 um, worst of the family 0 -> 0 um" in sentences(still)[0]
 
 
-def unbent(loop, roughness, tell):
+def unbent(loop, roughness, status):
     """A correction of zero, so that nothing gets better."""
     job, machine, controller = loop.jobs[0], loop.machine, loop.controller
     reference = job.reference(machine.model.dt, controller.preview)
