@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 from scipy.stats import chi2, norm
 
 from tuning.identification.estimates import (
@@ -40,6 +40,10 @@ CLEAR, SLOW = (
     10.0,
     4.0,
 )  # counts, or deviations of the noise: usual motion that is clear, and least one that has a sign
+BLOCK = 500  # samples in which noise pulls by itself
+CHANCE = 5.0  # standard deviations of the mean square of a Gaussian
+SPECTRUM = 2048  # samples of one spectrum of many
+TAKEN = 5.0  # of 6 axes with dry friction fitted without it: what the widest needs is 4.6
 WINDOW = 10  # samples over which a speed is taken
 
 
@@ -71,9 +75,12 @@ class Response:
 
 
 def estimate_of(fit: AxisFit) -> Estimate:
-    """Coefficients a, b (and the drags f) of a fit, with the covariance of coloured residuals."""
+    """Coefficients a, b (and the drags f) of a fit, with the covariance of coloured residuals.
+
+    It grows by the `dispersion`: what a model lacks widens every interval.
+    """
     n, m = len(fit.model.denominator), len(fit.model.numerator)
-    covariance = coloured_covariance(
+    covariance = dispersion(fit) * coloured_covariance(
         [fit.jacobian], [autocorrelation([fit.errors], min(LAGS, len(fit.errors) - 1))]
     )
     names = tuple(f"a{i + 1}" for i in range(n)) + tuple(f"b{i + 1}" for i in range(m))
@@ -109,6 +116,25 @@ def widened(response: Response, models: Sequence[AxisModel]) -> Response:
     return replace(response, half_width=np.max([response.half_width, *off], axis=0))
 
 
+def doubted(
+    response: Response, position: Float[np.ndarray, " T"], residual: Float[np.ndarray, " T"]
+) -> Response:
+    """The response with an interval in proportion to what noise does not leave.
+
+    By the spectra of the residual r, less white noise as large as on the position y, and of y: were
+    all of r an error of G, that would be sqrt(S_r / S_y) of it. A model takes some of what it lacks
+    for its own answer, so that the interval is `TAKEN` times as wide.
+    """
+    dt = 0.4 / response.frequency[-1]  # `HIGHEST` of half the sampling rate comes last
+    rows = min(SPECTRUM, len(position) // 4)
+    hertz, of_position = welch(np.diff(position), 1 / dt, nperseg=rows)
+    _, left = welch(np.diff(residual), 1 / dt, nperseg=rows)
+    floor = noise_of(position) ** 2 * 2 * dt * (2 * np.sin(np.pi * hertz * dt)) ** 2
+    excess = np.sqrt(np.maximum(left - floor, 0.0) / np.maximum(of_position, 1e-300))
+    width = TAKEN * np.interp(response.frequency, hertz[1:], excess[1:])
+    return replace(response, half_width=np.maximum(response.half_width, width))
+
+
 def inside_region(
     off: Complex[np.ndarray, " F"],
     slopes: Complex[np.ndarray, "F p"],
@@ -122,6 +148,29 @@ def inside_region(
     spread = spread + 1e-9 * size * np.eye(2)  # a response of one direction has no area
     distance = np.einsum("fi,fij,fj->f", errors, np.linalg.inv(spread), errors)
     return distance < chi2.ppf(CONFIDENCE, 2)
+
+
+def dispersion(fit: AxisFit) -> float:
+    """By how much the errors pull at the coefficients more than noise does, as a variance.
+
+    In blocks of a fixed length, or in pieces: noise pulls in each its own way, what a model lacks
+    pulls on in the same one. With Q of J = Q R, and z_p = sum_k Q_k e_k over a block, noise leaves
+    sum_p z_p z_p' = sigma^2 I. One is returned where it may be chance: the trace has a variance of
+    2 sigma^4 sum_p |Q_p' Q_p|^2.
+    """
+    J = fit.jacobian[:, np.any(fit.jacobian != 0, axis=0)]
+    scale = np.sqrt((J**2).sum(axis=0))
+    base, _ = np.linalg.qr(J / scale)
+    ends = np.flatnonzero(np.diff(fit.rows) > 1) + 1
+    if not ends.size:
+        ends = np.arange(BLOCK, len(fit.errors), BLOCK)
+    starts = np.concatenate([[0], ends])
+    pulls = np.add.reduceat(base * fit.errors[:, None], starts, axis=0)
+    shares = np.add.reduceat(base[:, :, None] * base[:, None, :], starts, axis=0)
+    variance = float(fit.errors @ fit.errors) / max(len(fit.errors) - J.shape[1], 1)
+    found = float((pulls**2).sum()) / (J.shape[1] * max(variance, 1e-300))
+    chance = np.sqrt(2 * float((shares**2).sum())) / J.shape[1]
+    return found if found > 1 + CHANCE * chance else 1.0
 
 
 def correlations(fit: AxisFit) -> Float[np.ndarray, " lags"]:
@@ -186,9 +235,8 @@ def coupling(fit: AxisFit, other: Float[np.ndarray, " T"]) -> tuple[float, float
     below = np.concatenate([[1.0], fit.model.denominator])
     drive = np.asarray(lfilter([1.0], below, driven(other, structure)))
     drive = whitened(drive, fit.filter)
-    first = len(drive) - len(fit.errors)
     own = fit.jacobian
-    new = np.stack([shifted(drive, i)[first:] for i in range(1, structure.zeros + 1)], axis=1)
+    new = np.stack([shifted(drive, i)[fit.rows] for i in range(1, structure.zeros + 1)], axis=1)
     before = _left(own, fit.errors)
     after = _left(np.concatenate([own, new], axis=1), fit.errors)
     freedom = len(fit.errors) - own.shape[1] - new.shape[1]

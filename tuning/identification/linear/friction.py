@@ -7,28 +7,44 @@ far more than their intervals, as a linear model describes it in part. So f is f
 linear model for a few steps. Where it is surely above zero and leaves less, all structures are
 tried again with it.
 
-Two forms are tried. An axis that turns at once has a soft sign, over spans as long as counts ask;
-one that is held at times has none while it stands, as friction takes all of the command then.
+Where pieces of the record move one way, friction is one number in each (`pieces`), and whatever
+happens at a reversal is left out. Where there are few such pieces, two forms are tried. An axis
+that turns at once has a soft sign, over spans as long as counts ask; one that is held at times has
+none while it stands, as friction takes all of the command then.
 """
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float
 
 from tuning.identification.linear import evidence
+from tuning.identification.linear.moving import moving
 from tuning.identification.linear.order_search import (
+    Candidate,
     Choice,
     chosen,
+    filter_of,
     held_out,
     left_of,
     refined_a_little,
 )
-from tuning.identification.linear.output_error import AxisFit, AxisRecord
+from tuning.identification.linear.output_error import (
+    AxisFit,
+    AxisRecord,
+    Structure,
+    fitted,
+    started,
+)
+from tuning.identification.linear.pieces import LONG, SHORT, Pieces
 
 FAIR = 0.99  # part of the variance explained on held-out data below which a model is doubted
 SURE = 5.0  # standard deviations
+FEWEST = 6  # pieces
+GLANCES = 3  # steps of Gauss-Newton
+COLOURED = 0.1  # correlation of the errors that asks for a longer noise filter
 
 
 def with_or_without_friction(
@@ -46,6 +62,11 @@ def with_or_without_friction(
         ValueError: no structure gives a stable model.
     """
     plain = chosen(record, (0, 1), most_poles, most_delay)
+    apart = _apart(record, plain, resolution)
+    if apart is not None:
+        choice = chosen(apart, (1,), most_poles, most_delay)
+        if friction_of(choice.best.fit) is not None:
+            return apart, choice
     rubbed = _rubbed(record, plain, resolution)
     if rubbed is None:
         return record, plain
@@ -75,16 +96,54 @@ def soft_signs(
     return -np.tanh((padded[2 * half - 1 :] - padded[: len(position)]) / unclear)
 
 
+def _apart(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord | None:
+    """The record in pieces that move one way; None where they are short, or show no friction."""
+    if _integrating(plain) is None:
+        return None
+    signs, ends = moving(record.position, resolution)
+    drags, found = (signs, np.ones(len(signs))), None
+    for terms in (SHORT, LONG):
+        apart = replace(record, drags=drags, pieces=Pieces.of(ends, terms))
+        training = apart.part(0, len(plain.best.fit.residual))
+        if len(training.pieces.ends) < FEWEST:
+            break
+        fit = _looked(training, plain.best.fit.model.delay)
+        found = apart if friction_of(fit) is not None else None
+        if np.abs(evidence.correlations(fit)).max() < COLOURED:
+            break
+    return found
+
+
+def _looked(record: AxisRecord, delay: int) -> AxisFit:
+    """A model in pieces, of one pole or two, behind no delay or that of the linear model."""
+    found = []
+    for poles, late in product((1, 2), {0, delay}):
+        structure = Structure(poles, poles + 1, 1, late)
+        try:
+            model = started(record, structure, record.pieces.none)
+            fit = fitted(record, structure, record.pieces.none, model, GLANCES)
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        fit = replace(fit, filter=filter_of(record, fit))
+        found.append(refined_a_little(record, fit))
+    return min(found, key=left_of)
+
+
+def _integrating(plain: Choice) -> Candidate | None:
+    """The likeliest model with an integrator: friction may hide it."""
+    if plain.best.structure.integrators:
+        return plain.best
+    return plain.integrating[0] if plain.integrating else None
+
+
 def _rubbed(record: AxisRecord, plain: Choice, resolution: float) -> AxisRecord | None:
     """The record with the form of friction that leaves the least; None where none is likely.
 
     Friction may also hide the integrator: then nothing simulates well what is held out.
     """
-    begun = plain.best
-    if begun.structure.integrators == 0:
-        if not plain.integrating:
-            return None
-        begun = plain.integrating[0]
+    begun = _integrating(plain)
+    if begun is None:
+        return None
     found = []
     for delay, one in _forms(record, resolution, begun.fit.model.delay):
         model = replace(begun.fit.model, delay=delay)

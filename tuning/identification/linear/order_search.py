@@ -32,6 +32,7 @@ from tuning.identification.linear.output_error import (
     started,
     structure_of,
 )
+from tuning.identification.linear.pieces import SHORT, short_whitening
 from tuning.identification.linear.resonance import with_resonance
 
 TRAINING = 0.7  # of the record
@@ -123,7 +124,7 @@ def chosen(
     """
     cut = int(TRAINING * len(record.position))
     training, rest = record.part(0, cut), record.part(cut, len(record.position))
-    first = disturbance_filter(training.command, training.position, FIRST_TERMS)
+    first = _first_filter(training)
     tried: list[AxisFit] = []
     for i in integrators:
         latest = most_delay
@@ -199,7 +200,7 @@ def _alternated(record: AxisRecord, start: AxisFit) -> AxisFit:
     fit, filter_ = start, start.filter
     for _ in range(ROUNDS):
         fit = fitted(record, structure_of(fit.model), filter_, fit.model, drag=fit.drag)
-        filter_ = whitening(fit.residual, NOISE_TERMS)
+        filter_ = filter_of(record, fit)
     return fitted(record, structure_of(fit.model), filter_, fit.model, drag=fit.drag)
 
 
@@ -215,7 +216,9 @@ def _glance(
 
     One begins without any filter: where the first one hides the motion, its start is poor.
     """
-    tried = [_quick(record, structure, WHITE)]
+    tried = [_quick(record, structure, _none(record))]
+    if record.pieces and record.pieces.terms == SHORT:  # what is left is nearly white
+        return tried[0]
     for _ in range(GLANCES):
         found = _quick(record, structure, filter_)
         if found is None:
@@ -239,7 +242,7 @@ def _quick(
         return None
     if not np.isfinite(fit.residual).all():
         return None
-    return replace(fit, filter=whitening(fit.residual, NOISE_TERMS))
+    return replace(fit, filter=filter_of(record, fit))
 
 
 def _walked(record: AxisRecord, start: AxisFit, most_delay: int) -> AxisFit:
@@ -259,7 +262,7 @@ def refined_a_little(record: AxisRecord, start: AxisFit) -> AxisFit:
     """A few steps of Gauss-Newton; then the noise filter of what they leave."""
     structure = structure_of(start.model)
     fit = fitted(record, structure, start.filter, start.model, STEPS, start.drag)
-    return replace(fit, filter=whitening(fit.residual, NOISE_TERMS))
+    return replace(fit, filter=filter_of(record, fit))
 
 
 def left_of(fit: AxisFit) -> float:
@@ -267,10 +270,28 @@ def left_of(fit: AxisFit) -> float:
     return float(np.var(_judged(fit)))
 
 
+def filter_of(record: AxisRecord, fit: AxisFit) -> Float[np.ndarray, " w"]:
+    """Noise filter of what a fit leaves."""
+    if record.pieces:
+        return short_whitening(fit.residual, record.pieces)
+    return whitening(fit.residual, NOISE_TERMS)
+
+
+def _first_filter(record: AxisRecord) -> Float[np.ndarray, " w"]:
+    """Noise filter before any model."""
+    if record.pieces:
+        return _none(record)
+    return disturbance_filter(record.command, record.position, FIRST_TERMS)
+
+
+def _none(record: AxisRecord) -> Float[np.ndarray, " w"]:
+    return record.pieces.none if record.pieces else WHITE
+
+
 def _judged(fit: AxisFit) -> Float[np.ndarray, " J"]:
     """What neither the model nor the past explains, without the first rows [m]."""
     first = min(BEGIN, len(fit.residual) // 3)  # a short record has a short filter
-    return whitened(fit.residual, fit.filter)[first:]
+    return whitened(fit.residual, fit.filter)[fit.rows[fit.rows >= first]]
 
 
 def _smallest(found: list[Candidate]) -> Candidate:

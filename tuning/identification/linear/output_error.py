@@ -18,11 +18,18 @@ filtered once more and shifted:
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.signal import lfilter
 
 from tuning.identification.linear.axis_model import AxisModel
 from tuning.identification.linear.noise_model import WHITE, whitened
+from tuning.identification.linear.pieces import (
+    Pieces,
+    free_start,
+    of_starts,
+    rows_of,
+    started_apart,
+)
 from tuning.identification.linear.triangles import triangle_of
 
 ITERATIONS, HALVINGS = 40, 12
@@ -42,17 +49,21 @@ class AxisRecord:
         position: [m].
         drags: signals S that act where the command arrives, without its delay, as the sign of the
             speed does.
+        pieces: in which alone the model is fitted, each from a start of its own; all in one where
+            there are none.
     """
 
     dt: float
     command: Float[np.ndarray, " T"]
     position: Float[np.ndarray, " T"]
     drags: tuple[Float[np.ndarray, " T"], ...] = ()
+    pieces: Pieces = Pieces()
 
     def part(self, start: int, end: int) -> "AxisRecord":
         """Samples start..end."""
         drags = tuple(one[start:end] for one in self.drags)
-        return AxisRecord(self.dt, self.command[start:end], self.position[start:end], drags)
+        pieces = self.pieces.within(start, end)
+        return AxisRecord(self.dt, self.command[start:end], self.position[start:end], drags, pieces)
 
 
 @dataclass(frozen=True)
@@ -108,9 +119,11 @@ class AxisFit:
         linear: c, p [m]: the motion before the record.
         filter: W, under which it was fitted.
         output: what the model says (T,) [m].
-        residual: position - output [m]; zero while commands from before the record still act.
+        residual: position - output [m]; zero while commands from before the record still act, and
+            between pieces.
         errors: the residual behind W, without its first rows.
-        jacobian: slopes of the errors over (a, b, f, c, p).
+        jacobian: slopes of the errors over (a, b, f, c, p); over (a, b, f) in pieces.
+        rows: samples that the errors belong to.
     """
 
     model: AxisModel
@@ -121,6 +134,7 @@ class AxisFit:
     residual: Float[np.ndarray, " T"]
     errors: Float[np.ndarray, " R"]
     jacobian: Float[np.ndarray, "R p"]
+    rows: Int[np.ndarray, " R"]
 
     @property
     def loss(self) -> float:
@@ -167,7 +181,7 @@ def started(
     below = np.atleast_1d(np.poly(np.full(structure.poles, np.exp(-1 / START))))
     numerator = np.full(structure.zeros, np.nan)
     for _ in range(ROUNDS if structure.poles else 1):
-        below, numerator = _equation_error(y, inputs, below, structure, len(filter_))
+        below, numerator = _equation_error(y, inputs, below, structure, filter_, record.pieces)
     if not np.isfinite(numerator).all():
         raise ValueError("no stable model explains the record")
     return AxisModel(below[1:], numerator, structure.integrators, structure.delay, record.dt)
@@ -198,7 +212,12 @@ def simulated(
 
 
 def _equation_error(
-    y: np.ndarray, inputs: list[np.ndarray], below: np.ndarray, structure: Structure, skip: int
+    y: np.ndarray,
+    inputs: list[np.ndarray],
+    below: np.ndarray,
+    structure: Structure,
+    filter_: np.ndarray,
+    pieces: Pieces,
 ) -> tuple[np.ndarray, np.ndarray]:
     """One least-squares step: A y / A_before = B U / A_before + B_s S / A_before + polynomial."""
     n, m = structure.poles, structure.zeros
@@ -208,9 +227,15 @@ def _equation_error(
     for one in inputs:
         answer = _filtered(below, one)
         columns += [shifted(answer, i) for i in range(1, m + 1)]
-    columns += [time**i for i in range(structure.integrators + 1)]
-    first = skip + n + m + structure.delay
-    found = solved(np.stack(columns, axis=1)[first:], y_[first:])
+    if pieces:
+        both = np.stack([*columns, y_], axis=1)
+        free = free_start(below, structure.integrators, filter_, pieces)
+        both = started_apart(both, free, pieces, len(filter_) - 1)
+        found = solved(both[:, :-1], both[:, -1])
+    else:
+        columns += [time**i for i in range(structure.integrators + 1)]
+        first = len(filter_) + n + m + structure.delay
+        found = solved(np.stack(columns, axis=1)[first:], y_[first:])
     return _inside(np.concatenate([[1.0], found[:n]])), found[n : n + m]
 
 
@@ -267,6 +292,8 @@ def _evaluated(
     slopes: bool = True,
 ) -> _Trial:
     """Model on a record: the motion before it by least squares, then errors and slopes."""
+    if record.pieces:
+        return _evaluated_apart(record, structure, filter_, model, drag, slopes)
     below = np.concatenate([[1.0], model.denominator])
     above = np.concatenate([[0.0], model.numerator])
     drag = np.zeros(len(record.drags)) if drag is None else drag
@@ -296,12 +323,53 @@ def _evaluated(
     return _Trial(model, drag, answer, before, begin, linear, errors, jacobian)
 
 
+def _evaluated_apart(
+    record: AxisRecord,
+    structure: Structure,
+    filter_: np.ndarray,
+    model: AxisModel,
+    drag: np.ndarray | None,
+    slopes: bool,
+) -> _Trial:
+    """The same in pieces: the start of each by least squares, its slopes after Kaufman."""
+    below = np.concatenate([[1.0], model.denominator])
+    above = np.concatenate([[0.0], model.numerator])
+    n, skip = structure.poles, len(filter_) - 1
+    drag = np.zeros(len(record.drags)) if drag is None else drag
+    drive = _filtered(below, driven(record.command, structure))
+    drags = [_filtered(below, one) for one in _dragged(record, structure)]
+    drive = drive + sum(f * one for f, one in zip(drag, drags, strict=True))
+    answer = whitened(drive, above)
+    left = record.position - record.position[0] - answer
+    parts = [whitened(left, filter_)]
+    if slopes:
+        own = of_starts(left, below, structure.integrators, record.pieces)
+        back = whitened(_filtered(below, answer + own), filter_)
+        drive = whitened(drive, filter_)
+        parts += [shifted(back, i) for i in range(1, n + 1)]
+        parts += [-shifted(drive, i) for i in range(1, structure.zeros + 1)]
+        parts += [-whitened(whitened(one, above), filter_) for one in drags]
+    free = free_start(below, structure.integrators, filter_, record.pieces)
+    both = started_apart(np.stack(parts, axis=1), free, record.pieces, skip)
+    none = np.zeros((len(left), 0))
+    return _Trial(model, drag, answer, none, 0, np.zeros(0), both[:, 0], both[:, 1:])
+
+
 def _finished(record: AxisRecord, filter_: np.ndarray, trial: _Trial) -> AxisFit:
     """The model with what it leaves of the position, the motion before the record fitted to it."""
     before, begin = trial.before, trial.begin
     left = record.position - record.position[0] - trial.answer
-    residual = left - before @ solved(before[begin:], left[begin:])
-    residual[:begin] = 0.0
+    if record.pieces:
+        below = np.concatenate([[1.0], trial.model.denominator])
+        starts = of_starts(left, below, trial.model.integrators, record.pieces)
+        rows = rows_of(record.pieces, len(filter_) - 1)
+        residual = np.zeros(len(left))
+        inside = rows_of(record.pieces, 0)
+        residual[inside] = (left - starts)[inside]
+    else:
+        rows = np.arange(len(left) - len(trial.errors), len(left))
+        residual = left - before @ solved(before[begin:], left[begin:])
+        residual[:begin] = 0.0
     return AxisFit(
         trial.model,
         trial.drag,
@@ -311,6 +379,7 @@ def _finished(record: AxisRecord, filter_: np.ndarray, trial: _Trial) -> AxisFit
         residual,
         trial.errors,
         trial.jacobian,
+        rows,
     )
 
 

@@ -7,7 +7,7 @@ command.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from jaxtyping import Float
 from jcontour.linear.continuous_axes import ContinuousAxis, sampled_axis
 
 Takes = Literal["speed", "position", "force"]
+PARTS = 10  # of a sample in which dry friction is one number
 FEEDBACK = 0.2  # [command per m] of a drive that closes its own position loop
 
 
@@ -30,6 +31,8 @@ class RecordedAxis:
         noise: standard deviation of the position before it is counted [m].
         disturbance: standard deviation of what comes to the command on the way, over the command's.
         loop: gains of the cascade: of the position, and of the speed where the drive takes a force.
+        friction: command that dry friction takes while the axis moves, and at most while it sticks;
+            of an axis whose command acts on the speed that is recorded.
     """
 
     axis: ContinuousAxis
@@ -38,6 +41,7 @@ class RecordedAxis:
     noise: float
     disturbance: float
     loop: tuple[float, ...]
+    friction: float = 0.0
 
 
 def recorded(
@@ -57,13 +61,35 @@ def recorded(
     scale = 0.0
     shocks = random.standard_normal(rows)
     b, c = B[:, 0], C[0]
+    move = _rubbed(one, dt) if one.friction else lambda x, command: A @ x + b * command
     for k in range(rows):
         y[k] = one.count * np.round((c @ x + noise[k]) / one.count)
         u[k] = law(reference[k], y[k]) + (0.0 if dither is None else dither[k])
         scale = max(scale, abs(u[k]))
         line = [u[k] + one.disturbance * scale * shocks[k], *line[:-1]]
-        x = A @ x + b * line[late]
+        x = move(x, line[late])
     return u, y
+
+
+def _rubbed(one: RecordedAxis, dt: float) -> Callable[[np.ndarray, float], np.ndarray]:
+    """A sample of an axis with dry friction: in each part what stops the axis, at most F.
+
+    Raises:
+        ValueError: the command does not act on the speed.
+    """
+    if not (one.axis.C @ one.axis.A @ one.axis.B).item() > 0:
+        raise ValueError("friction: the command needs to act on the speed")
+    A, B, _, _ = sampled_axis(replace(one.axis, delay=0.0), dt / PARTS)
+    b, speed, most = B[:, 0], one.axis.C[0] @ one.axis.A, one.friction
+    pushed = float(speed @ b)
+
+    def moved(x: np.ndarray, command: float) -> np.ndarray:
+        for _ in range(PARTS):
+            x = A @ x + b * command
+            x = x - b * min(max(float(speed @ x) / pushed, -most), most)
+        return x
+
+    return moved
 
 
 def _law(one: RecordedAxis, dt: float) -> Callable[[float, float], float]:

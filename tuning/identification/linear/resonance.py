@@ -25,6 +25,7 @@ from tuning.identification.linear.output_error import (
     shifted,
     solved,
 )
+from tuning.identification.linear.pieces import free_start, started_apart
 from tuning.identification.linear.triangles import triangle_of
 
 FREQUENCIES = np.geomspace(0.05, 1.5, 13)  # [rad/sample]: 8 to 240 Hz of 1 kHz
@@ -44,19 +45,17 @@ def with_resonance(record: AxisRecord, base: AxisFit) -> AxisModel:
     command = record.command + sum(f * _ahead(signal, smooth.delay) for f, signal in drag)
     drive = whitened(driven(command, structure), base.filter)
     position = whitened(record.position - record.position[0], base.filter)
-    first = len(base.filter) + structure.zeros + smooth.delay
-    tried = [
-        found
-        for pair in _pairs()
-        for found in _numerators(
-            np.convolve(np.concatenate([[1.0], smooth.denominator]), pair),
-            drive,
-            position,
-            structure,
-            smooth.delay,
-            first,
-        )
-    ]
+    smooth_below = np.concatenate([[1.0], smooth.denominator])
+    tried = []
+    for pair in _pairs():
+        below = np.convolve(smooth_below, pair)
+        both = _columns(below, drive, position, structure, smooth.delay)
+        if record.pieces:
+            free = free_start(below, i, base.filter, record.pieces)
+            both = started_apart(both, free, record.pieces, len(base.filter) - 1)
+        else:
+            both = both[len(base.filter) + structure.zeros + smooth.delay :]
+        tried += _numerators(both, below, structure, smooth.delay)
     _, below, above, delay = min(tried, key=lambda one: one[0])
     return AxisModel(below[1:], above, i, delay, record.dt)
 
@@ -74,22 +73,27 @@ def _pairs() -> Iterator[Float[np.ndarray, " 3"]]:
             yield np.array([1.0, -2 * radius * np.cos(w * np.sqrt(1 - zeta**2)), radius**2])
 
 
-def _numerators(
+def _columns(
     below: np.ndarray,
     drive: np.ndarray,
     position: np.ndarray,
     structure: Structure,
     most_delay: int,
-    first: int,
+) -> np.ndarray:
+    """Answers later by a sample each, powers of the time, and last the position."""
+    answer = np.asarray(lfilter([1.0], below, drive))
+    time = np.linspace(-1, 1, len(drive))
+    columns = [shifted(answer, k) for k in range(1, structure.zeros + most_delay + 1)]
+    columns += [time**k for k in range(structure.integrators + 1)]
+    return np.stack([*columns, position], axis=1)
+
+
+def _numerators(
+    both: np.ndarray, below: np.ndarray, structure: Structure, most_delay: int
 ) -> Iterator[tuple[float, np.ndarray, np.ndarray, int]]:
     """Squared residual [m^2], denominator, numerator and delay, for every delay up to one."""
-    m, answer = structure.zeros, np.asarray(lfilter([1.0], below, drive))
-    time = np.linspace(-1, 1, len(drive))
-    columns = [shifted(answer, k) for k in range(1, m + most_delay + 1)]
-    columns += [time**k for k in range(structure.integrators + 1)]
-    both = np.stack([*columns, position], axis=1)[first:]
-    triangle = triangle_of(both)
-    last = list(range(m + most_delay, len(columns)))
+    m, triangle = structure.zeros, triangle_of(both)
+    last = list(range(m + most_delay, both.shape[1] - 1))
     for delay in range(most_delay + 1):
         chosen = triangle[:, [*range(delay, delay + m), *last]]
         found = solved(chosen, triangle[:, -1])

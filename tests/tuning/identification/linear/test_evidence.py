@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 from jcontour.linear.continuous_axes import sampled_axis, speed_axis
 from tuning.identification.linear import evidence
 from tuning.identification.linear.axis_model import AxisModel
-from tuning.identification.linear.output_error import AxisRecord, Structure, fitted
+from tuning.identification.linear.output_error import AxisFit, AxisRecord, Structure, fitted
 
 DT, ROWS, K, T = 1e-3, 4000, 0.03, 0.012
 P = np.exp(-DT / T)
@@ -93,3 +93,45 @@ def test_an_interval_is_widened_to_another_model_and_ends_the_band_there():
     assert wide.band[1] == pytest.approx(edge, rel=0.005)
     assert wide.half_width.min() == 0.01
     assert evidence.widened(response, []).half_width.tolist() == response.half_width.tolist()
+
+
+def with_errors(errors, jacobian):
+    """A fit of nothing but errors and slopes."""
+    none = np.zeros(0)
+    model = AxisModel(np.zeros(1), np.ones(1), 0, 0, 1e-3)
+    rows = np.arange(len(errors))
+    return AxisFit(model, none, none, none, none, none, errors, jacobian, rows)
+
+
+def test_errors_of_noise_pull_no_more_than_noise():
+    """Two hundred fits; the threshold lets one in thousands through."""
+    random = np.random.default_rng(0)
+    slopes = random.standard_normal((20_000, 3)).cumsum(axis=0)
+    for _ in range(200):
+        errors = random.standard_normal(20_000)
+        errors -= slopes @ np.linalg.lstsq(slopes, errors, rcond=None)[0]
+        assert evidence.dispersion(with_errors(errors, slopes)) == 1.0
+
+
+def test_errors_that_pull_on_are_counted():
+    """Slopes of one, errors of noise and +-1 by block: 500^2 in a block, of 500 (1 + 0.25) s^2."""
+    random = np.random.default_rng(1)
+    push = np.repeat(np.tile([1.0, -1.0], 20), evidence.BLOCK)
+    errors = push + 0.5 * random.standard_normal(len(push))
+    found = evidence.dispersion(with_errors(errors, np.ones((len(push), 1))))
+    assert found == pytest.approx(evidence.BLOCK / 1.25, rel=0.05)
+
+
+def test_a_residual_in_proportion_to_the_position_doubts_all_frequencies():
+    """A twentieth of the position left: TAKEN twentieths. Of noise alone: nothing."""
+    random = np.random.default_rng(2)
+    position = random.standard_normal(60_000).cumsum()
+    frequency = np.geomspace(1.0, 400.0, 60)
+    response = evidence.Response(frequency, np.ones(60, complex), np.zeros(60))
+    width = evidence.doubted(response, position, 0.05 * position).half_width
+    # fourth differences take some of such a position for noise, at high frequencies most of it
+    assert width[frequency < 2] == pytest.approx(evidence.TAKEN / 20, rel=0.02)
+    smooth = np.sin(2 * np.pi * 2.0 * 1e-3 * np.arange(60_000))
+    noise = 1e-3 * random.standard_normal(60_000)
+    width = evidence.doubted(response, smooth + noise, noise).half_width
+    assert width[(frequency > 1.5) & (frequency < 2.5)].max() < 0.01

@@ -73,7 +73,7 @@ def model(delay, poles, gain=1.0):
     """A fit with a pole of 0.9, and others at nought that change nothing."""
     model = AxisModel(np.append(-0.9, np.zeros(poles - 1)), np.array([0.1 * gain]), 0, delay, DT)
     nothing = np.zeros(0)
-    return AxisFit(model, *[nothing] * 6, np.zeros((0, poles + 1)))
+    return AxisFit(model, *[nothing] * 6, np.zeros((0, poles + 1)), np.arange(0))
 
 
 @pytest.mark.parametrize(
