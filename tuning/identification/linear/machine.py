@@ -41,6 +41,8 @@ COLOURED = 0.1  # correlation of the errors that is said
 COUPLED = 0.01  # part of the errors' variance
 LEVEL = 1e-6  # of the F test for coupling
 SATURATED = 1e-3  # part of the samples
+UNKNOWN_GAIN = 0.99  # uncertainty of a gain that stands for any
+POOR = 0.9  # part of the variance explained on held-out data below which nothing is said
 RUNS_AWAY = 1.002  # largest pole: integrators are 1, found to less than that
 
 
@@ -80,6 +82,8 @@ class LinearAxis:
         saturated: part of the samples at an extreme command.
         coupling: part of the errors that another axis explains, by its name; 0 if by chance.
         gain: relative uncertainty.
+        gain_by: what it comes from, in words.
+        dispersion: by how much more than noise the errors pull at the model; 1 if by chance.
         late: further samples of delay that the data allow.
         resolution: of the encoder [m].
     """
@@ -97,8 +101,15 @@ class LinearAxis:
     saturated: float
     coupling: dict[str, float]
     gain: float
+    gain_by: str
+    dispersion: float
     late: int
     resolution: float
+
+    @property
+    def hides_friction(self) -> bool:
+        """Whether something acts that may be dry friction, and no number for it is sure."""
+        return self.friction is None and self.dispersion > 1 and self.explained < FAIR
 
     @property
     def unseen(self) -> bool:
@@ -215,7 +226,7 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         raise ValueError(f"{name}: {error}") from None
     fit = found.fit
     estimate = evidence.estimate_of(fit)
-    response = evidence.response_of(fit, estimate)
+    response = own = evidence.response_of(fit, estimate)
     output, explained = held_out(used, choice)
     if explained <= 0 or not np.isfinite(response.band[1]):
         pole = evidence.fastest_growth(command, position)
@@ -229,14 +240,26 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
             "axis? Otherwise record a livelier program: jcontour identify --excite. Where dry "
             "friction takes much of the command, its long moves (G-code) tell more than its sines"
         )
-    late = sum(value < TELLS for d, value in found.rivals.items() if d > fit.model.delay)
+    dispersion = evidence.dispersion(fit)
+    if explained < POOR and dispersion > 1:
+        raise ValueError(
+            f"{name}: DO NOT USE: the model explains {100 * explained:.3g} % of the speed that it "
+            "was not fitted to, and noise is not the reason. Does dry friction hold the axis? Its "
+            "sines then tell little: record long moves (G-code) of jcontour identify --excite"
+        )
+    rivals = {d: value / dispersion for d, value in rivals.items()}
+    late = sum(found.rivals[d] / dispersion < TELLS for d in found.rivals if d > fit.model.delay)
+    response = evidence.widened(
+        response, [*found.equals, *(one.fit.model for one in choice.richer)]
+    )
+    if dispersion > 1:
+        response = evidence.doubted(response, position, fit.residual)
+    gain, gain_by = _gain(used, fit, response if dispersion > 1 else own)
     return LinearAxis(
         name=name,
         fit=fit,
         estimate=estimate,
-        response=evidence.widened(
-            response, [*found.equals, *(one.fit.model for one in choice.richer)]
-        ),
+        response=response,
         choice=choice,
         rivals=rivals,
         held_out=output,
@@ -245,17 +268,25 @@ def _axis(record: MachineRecord, k: int, most_poles: int, most_delay: int) -> Li
         offset=float(fit.drag[1]) if len(fit.drag) > 1 else 0.0,
         saturated=evidence.saturated(command),
         coupling=_coupling(record, k, fit),
-        gain=_gain(used, fit, response),
+        gain=gain,
+        gain_by=gain_by,
+        dispersion=dispersion,
         late=min(late, 1),
         resolution=resolution,
     )
 
 
-def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> float:
-    """Relative uncertainty: what the intervals say, and what two halves of the record disagree."""
+def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> tuple[float, str]:
+    """Relative uncertainty: what the intervals say, and what two halves of the record disagree.
+
+    With what it comes from.
+    """
     low, high = response.band
+    if not np.isfinite(high):
+        return UNKNOWN_GAIN, "the response is nowhere known to 10 %"
     inner = (response.frequency >= low) & (response.frequency <= max(high / 2, low))
     width = float(response.half_width[inner].max())
+    widest = response.frequency[inner][int(np.argmax(response.half_width[inner]))]
     middle = len(record.position) // 2
     halves = []
     for part in (record.part(0, middle), record.part(middle, len(record.position))):
@@ -265,7 +296,13 @@ def _gain(record: AxisRecord, fit: AxisFit, response: evidence.Response) -> floa
             continue
         halves.append(evidence.response_of(half, evidence.estimate_of(half)))
     apart = evidence.halves_apart(halves[0], halves[1], high / 2) if len(halves) == 2 else 0.0
-    return min(max(width, apart, LEAST_GAIN), 0.99)
+    found = [
+        (width, f"the interval of the response at {widest:.3g} Hz"),
+        (apart, "the two halves of the record by themselves"),
+        (LEAST_GAIN, "what drives repeat to"),
+    ]
+    value, words = max(found, key=lambda one: one[0])
+    return min(value, UNKNOWN_GAIN), words
 
 
 def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
@@ -283,6 +320,11 @@ def _coupling(record: MachineRecord, k: int, fit: AxisFit) -> dict[str, float]:
 def _notes(axis: LinearAxis) -> list[str]:
     """Doubts about one axis, one line each."""
     notes, name = [], axis.name
+    if axis.fit.model.numerator.sum() * (1 + axis.fit.model.denominator.sum()) < 0:
+        notes.append(
+            f"{name}: a positive command moves it backwards: is the command or the encoder "
+            "reversed? What is tuned on the file takes it as it is"
+        )
     if axis.explained < FAIR:
         notes.append(
             f"{name}: simulated from the command alone, explains {100 * axis.explained:.1f} % of "
@@ -298,7 +340,7 @@ def _notes(axis: LinearAxis) -> list[str]:
             words += "axis rings above that. There"
         notes.append(
             f"{name}: {words} tuned loops stay slow enough for what is possible, and the delay may "
-            "stand for what is faster: run what jcontour identify --excite writes"
+            f"stand for what is faster: {_advice(axis)}"
         )
     if axis.delays:
         found, others = axis.fit.model.delay, " or ".join(map(str, axis.delays))
@@ -315,6 +357,18 @@ def _notes(axis: LinearAxis) -> list[str]:
             "model is what is left without it, and the machine file has none: compensate it, or "
             "leave the integral of the loop to it"
         )
+    if axis.dispersion > 1:
+        notes.append(
+            f"{name}: something acts that no linear model with this friction has: it pulls at the "
+            f"model {axis.dispersion:.3g} times as much as noise. The intervals allow for it"
+        )
+    if axis.hides_friction:
+        notes.append(
+            f"{name}: if it is dry friction, it could not be separated, and the file does not "
+            "state it: record long moves"
+        )
+    if axis.gain > LEAST_GAIN:
+        notes.append(f"{name}: the family's {100 * axis.gain:.2g} % come from {axis.gain_by}")
     if axis.saturated > SATURATED:
         notes.append(
             f"{name}: for {100 * axis.saturated:.1f} % of the record the command stands at an "
@@ -333,6 +387,16 @@ def _notes(axis: LinearAxis) -> list[str]:
             "linear model of this order has; the intervals allow for it"
         )
     return notes
+
+
+def _advice(axis: LinearAxis) -> str:
+    """What to run next: dry friction holds an axis through small sines."""
+    if axis.friction is None and not axis.hides_friction:
+        return "run what jcontour identify --excite writes"
+    return (
+        "run the moves (G-code) that jcontour identify --excite writes; dry friction holds the "
+        "axis through much of its sines"
+    )
 
 
 def _up_to(hertz: float) -> str:

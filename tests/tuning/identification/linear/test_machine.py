@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.linear.continuous_axes import speed_axis
+from tuning.identification.linear import evidence
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
@@ -63,6 +64,35 @@ def test_what_the_record_hides_is_said_with_advice(found):
 def test_other_delays_are_those_that_the_record_does_not_exclude(found):
     one = replace(found.axes[0], rivals={1: 3.0, 3: 40.0, 4: -0.5, 5: 7.0})
     assert one.delays == [1, 4]
+
+
+def test_a_command_that_moves_backwards_is_told(record):
+    first = replace(
+        record, axes=("X",), command=-record.command[:, :1], position=record.position[:, :1]
+    )
+    assert any("X: a positive command moves it backwards" in n for n in _found(first).notes)
+
+
+def test_what_the_family_comes_from_is_told(found):
+    """Of every axis whose gain is less sure than 2 %, and of no other."""
+    for one in found.axes:
+        named = [n for n in found.notes if n.startswith(f"{one.name}: the family's")]
+        assert bool(named) == (one.gain > 0.02)
+        assert all(one.gain_by in note for note in named)
+
+
+def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
+    """Something turns every second and moves the axis about half as fast as its command does."""
+    push = np.where(np.arange(ROWS) // 1000 % 2, 1.0, -1.0).cumsum() * 3e-5
+    position = record.position[:, :1] + push[:, None]
+    lost = replace(record, axes=("X",), command=record.command[:, :1], position=position)
+    monkeypatch.setattr(evidence, "dispersion", lambda fit: 9.0)
+    with pytest.raises(ValueError, match="X: DO NOT USE: the model explains 7"):
+        _found(lost)
+
+
+def _found(record):
+    return identify_machine(record, 2, 5)
 
 
 @pytest.mark.slow
