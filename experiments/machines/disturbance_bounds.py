@@ -65,7 +65,13 @@ def bounds_of(machine: LinearMachine, force: float | None, encoder_um: float | N
             f"encoder-um: rounding alone errs by half a count, {1e6 * half:g} um, "
             f"received {encoder_um}"
         )
-    stated = max(machine.control_noise, machine.friction)
+    if force is None and machine.friction is None:
+        warnings.warn(
+            f"{machine.name}: its dry friction is not known (friction is null), and not in what is "
+            "promised: give --force, or record long moves and identify again",
+            stacklevel=2,
+        )
+    stated = max(machine.control_noise, machine.friction or 0.0)
     return Bounds(stated if force is None else force, encoder)
 
 

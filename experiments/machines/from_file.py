@@ -25,8 +25,9 @@ is nested), all lengths in `length_unit`:
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
                          10 % off does
-    friction             [control unit] that dry friction takes at most; 0 when not given. The runs
-                         have none; what is proven takes it as a force
+    friction             [control unit] that dry friction takes at most; 0 when not given, null
+                         where it is not known. The runs have none; what is proven takes it as a
+                         force
 
 Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".
 
@@ -194,7 +195,7 @@ def _machine(fields: dict[str, Any], name: str) -> Machine:
         resolution,
         checks.number("control_noise", fields.get("control_noise", assumed), above=0.0),
         response_doubt=_doubt(uncertainty.get("response"), plant),
-        friction=checks.number("friction", fields.get("friction", 0.0), least=0.0),
+        friction=_friction(fields.get("friction", 0.0)),
     )
 
 
@@ -250,6 +251,10 @@ def _limits(value: Any, metre: float, plant: LinearPlant) -> MachineLimits:
             for key in given
         }
     )
+
+
+def _friction(given: Any) -> float | None:
+    return None if given is None else checks.number("friction", given, least=0.0)
 
 
 def _doubt(value: Any, plant: LinearPlant) -> Doubt | None:

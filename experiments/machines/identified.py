@@ -37,8 +37,15 @@ def machine_fields(found: LinearMachineFound, name: str, control_unit: str) -> d
         "known_delay": found.known_delay,
         "uncertainty": {"gain": found.gain, "delay": found.late, "response": _doubt(found)},
         "encoder_resolution": min(one.resolution for one in found.axes),
-        "friction": max(0.0 if one.friction is None else one.friction[0] for one in found.axes),
+        "friction": _friction(found),
     }
+
+
+def _friction(found: LinearMachineFound) -> float | None:
+    """Command that dry friction takes; None where it could not be separated on some axis."""
+    if any(one.hides_friction for one in found.axes):
+        return None
+    return max(0.0 if one.friction is None else one.friction[0] for one in found.axes)
 
 
 def _doubt(found: LinearMachineFound) -> dict[str, list]:
@@ -106,15 +113,21 @@ def axis_result(axis: LinearAxis) -> LinearAxisResult:
 
 
 def _gain(axis: LinearAxis) -> tuple[float, float]:
-    """Gain at rest, B(1) / A(1), per second where there is an integrator; its deviation."""
+    """Gain at rest, B(1) / A(1), per second where there is an integrator; its deviation.
+
+    Where rounding takes the variance below zero, that of the response at its lowest frequency.
+    """
     model = axis.fit.model
     below, above = 1 + model.denominator.sum(), model.numerator.sum()
     scale = 1 / model.dt**model.integrators
     n, m = len(model.denominator), len(model.numerator)
     slopes = np.concatenate([np.full(n, -above / below**2), np.full(m, 1 / below)])
     covariance = axis.estimate.covariance[: n + m, : n + m]
-    variance = max(float(slopes @ covariance @ slopes), 0.0)
-    return float(scale * above / below), float(scale * np.sqrt(variance))
+    gain, variance = scale * above / below, scale**2 * float(slopes @ covariance @ slopes)
+    if variance > 0:
+        return float(gain), float(np.sqrt(variance))
+    lowest = axis.response.half_width[0] / float(norm.ppf((1 + CONFIDENCE) / 2))
+    return float(gain), float(abs(gain) * lowest)
 
 
 def _modes(model: AxisModel) -> tuple[list[float], list[tuple[float, float]]]:

@@ -51,7 +51,8 @@ class LinearMachine(Machine):
             that is another than the model.
         contours: what the commands run on it.
         response_doubt: how far off the response may be beside gains and delays.
-        friction: control that dry friction takes at most. The runs have none.
+        friction: control that dry friction takes at most; None where it is not known. The runs have
+            none.
     """
 
     known_delay: int
@@ -63,7 +64,7 @@ class LinearMachine(Machine):
     with_friction: Callable[[float | None], Hosted] | None = None
     contours: Usual = USUAL
     response_doubt: Doubt | None = None
-    friction: float = 0.0
+    friction: float | None = 0.0
 
     @property
     def doubt(self) -> Doubt | None:
@@ -183,11 +184,15 @@ class LinearMachine(Machine):
         states = f"{self.model.states} states (known delay {self.known_delay})"
         time = f"dt {1e3 * self.model.dt:g} ms"
         sensors = f"positions only, encoder {1e6 * self.encoder_resolution:g} um"
-        friction = f"{self.friction:.3g} {self.control_unit}, not in the runs but in what is proven"
+        friction = "not known, neither in the runs nor in what is proven"
+        if self.friction is not None:
+            friction = (
+                f"{self.friction:.3g} {self.control_unit}, not in the runs but in what is proven"
+            )
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,
-            **({"Friction": friction} if self.friction else {}),
+            **({} if self.friction == 0 else {"Friction": friction}),
         }
 
     @property

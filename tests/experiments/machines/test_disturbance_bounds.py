@@ -19,6 +19,13 @@ def test_bounds_come_from_the_machine_where_none_is_given():
     assert bounds_of(table, 0.0, 2.0) == pytest.approx((0.0, 2e-6), rel=1e-12)
 
 
+def test_friction_that_is_not_known_is_told_where_no_force_is_given():
+    rough = replace(linear_machine(machine_named("xy-table")), friction=None)
+    assert bounds_of(rough, 0.1, None).force == 0.1  # warnings are errors here
+    with pytest.warns(UserWarning, match="its dry friction is not known.*give --force"):
+        assert bounds_of(rough, None, None).force == pytest.approx(0.005)
+
+
 @pytest.mark.parametrize(
     ("force", "encoder_um", "words"),
     [(-0.1, None, "force: "), (float("inf"), None, "force: "), (None, -1.0, "encoder-um: a bound"),

@@ -17,6 +17,14 @@ EXAMPLE = Path(experiments.machines.__file__).parent / "example.json"
 FIELDS = json.loads(EXAMPLE.read_text())
 
 
+def test_friction_of_null_is_not_known():
+    unknown = machine_from(json.dumps({**FIELDS, "friction": None}).encode(), "unknown")
+    assert isinstance(unknown, LinearMachine) and unknown.friction is None
+    assert unknown.description()["Friction"].startswith("not known")
+    none = machine_from(json.dumps({**FIELDS, "friction": 0.0}).encode(), "none")
+    assert "Friction" not in none.description()
+
+
 def test_example_in_metres():
     machine = load_machine(EXAMPLE)
     assert (
