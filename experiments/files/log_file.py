@@ -96,7 +96,10 @@ def read_log(path: Path, axes: Sequence[str], columns: LogColumns) -> Log:
     for name, values in both:
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise ValueError(f"{path}: column {name} holds no number in row {bad[0] + 1}")
+            row = (keep.start or 0) + bad[0] + 1
+            raise ValueError(
+                f"{path}: column {name} holds no number in row {row} behind the header"
+            )
     return Log(dt, command, position, tuple(words))
 
 

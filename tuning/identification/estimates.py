@@ -42,9 +42,10 @@ class Estimate:
         return float(self.values[self.names.index(name)])
 
     def deviation(self, name: str) -> float:
-        """Standard deviation."""
+        """Standard deviation; infinite where rounding has taken the variance below zero."""
         k = self.names.index(name)
-        return float(np.sqrt(self.covariance[k, k]))
+        variance = float(self.covariance[k, k])
+        return float(np.sqrt(variance)) if variance >= 0 else np.inf
 
     def interval(self, name: str) -> tuple[float, float]:
         """Ends of the 95 % confidence interval."""

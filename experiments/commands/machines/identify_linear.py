@@ -31,6 +31,7 @@ MODEL, DATA = "machine.json", "data.csv"
 MOST_POLES, MOST_DELAY = 8, 40
 GAIN_ASKED = 1000.0  # m/s or m per unit: more is a wrong unit
 QUESTIONED = 100 * GRAVITY  # [m/s^2] in a record: no feed drive moves with more
+TINY, FINE = 1e-3, 5e-9  # [m]: a whole record, and a count, that are questioned together
 SLOWEST = 0.1  # [s] between samples of a drive's record
 DEMO_ROWS, DEMO_DT = 20_000, 1e-3
 DEMO = {"X": (25e-3, 8e-3, 2e-3), "Y": (25e-3, 12e-3, 3e-3)}  # gain, time constant, delay
@@ -177,7 +178,11 @@ def _result(
         limits=limits,
         gain=found.gain,
         delay=found.late,
-        notes=[*_questions(log.dt, flags, axes, limits["acceleration"]), *found.notes],
+        notes=[
+            *_questions(log.dt, flags, axes, limits["acceleration"]),
+            *_tiny(flags, found),
+            *found.notes,
+        ],
         model=MODEL,
     )
 
@@ -197,6 +202,18 @@ def _questions(
                 "drive has; is --length-unit right?"
             )
     return lines
+
+
+def _tiny(flags: Identify, found: LinearMachineFound) -> list[str]:
+    """One line for each axis that hardly moves, on an encoder as fine as none: m taken for mm."""
+    moved = np.ptp(found.record.position, axis=0)
+    return [
+        f"{one.name}: moves by {1e3 * way:.3g} mm in all, by counts of "
+        f"{1e9 * one.resolution:.3g} nm; are the positions in {flags.length_unit}? If not, give "
+        "--length-unit"
+        for one, way in zip(found.axes, moved, strict=True)
+        if way < TINY and one.resolution < FINE
+    ]
 
 
 def _store(flags: Identify, log: Log, found: LinearMachineFound, text: str, folder: Path) -> None:

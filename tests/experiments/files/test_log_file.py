@@ -92,5 +92,5 @@ def test_faults_are_told_with_their_place(tmp_path):
     def broken(rows):
         rows[7, 2] = np.nan
 
-    with pytest.raises(ValueError, match="column y_command holds no number in row 8"):
+    with pytest.raises(ValueError, match="column y_command holds no number in row 8 behind"):
         read_log(written(tmp_path, change=broken)[0], ("X", "Y"), LogColumns())

@@ -91,3 +91,9 @@ def test_inverse_across_magnitudes_and_of_what_is_not_seen():
     np.testing.assert_allclose(inverse @ inner, np.eye(3), atol=1e-12)
     blind = scaled_inverse(np.array([[1.0, 1.0], [1.0, 1.0]]))
     assert blind[0, 0] > 1e14 and blind[1, 1] > 1e14
+
+
+def test_a_variance_that_rounding_took_below_zero_is_not_known():
+    """Without a warning of a root: those are errors here."""
+    one = Estimate(("a",), np.ones(1), np.array([[-1e-20]]))
+    assert one.deviation("a") == np.inf
