@@ -48,7 +48,7 @@ def outline(job: Task, dt: float, plants: int, doing: str) -> str:
 class Steps:
     """Progress through steps that take about as long as each other.
 
-    After the first one, which compiles, a line says how long the others take at most.
+    The first one compiles. The second one is timed: then a line says how long the others will take.
 
     Args:
         status: line that says which step it is, and how long the others will take.
@@ -68,13 +68,17 @@ class Steps:
         """A step is done; numbers begin with one."""
         now = self.clock()
         took, self.last = now - self.last, now
-        if number == self.total:
+        left = self.total - number
+        if not left:
             return
-        more = _seconds(took * (self.total - number))
-        self.status.update(f"{self.name} {number + 1} of {self.total}, about {more} more")
+        step = f"{self.name} {number + 1} of {self.total}"
         if number == 1:
-            first = f"The first {self.name} of {self.total} took {_seconds(took)}, with compiling"
-            tables.say(self.status.console, f"{first}: at most about {more} more.")
+            self.status.update(step)
+            return
+        more = f"about {_seconds(took * left)} more"
+        self.status.update(f"{step}, {more}")
+        if number == 2:
+            tables.say(self.status.console, f"A {self.name} takes {_seconds(took)}: {more}.")
 
 
 def _length(job: Task, dt: float, plants: int) -> str:
