@@ -60,7 +60,16 @@ class Reference(eqx.Module):
         return self.position.shape[-2] - self.steps
 
     def first(self, steps: int) -> "Reference":
-        """The first control steps alone, with the same preview beyond them."""
+        """The first control steps alone, with the same preview beyond them.
+
+        Raises:
+            ValueError: it is no whole number from 1 to the steps of the run.
+        """
+        if not (steps % 1 == 0 and 1 <= steps <= self.steps):
+            raise ValueError(
+                f"steps: the run has {self.steps} control steps, asked for the first {steps}"
+            )
+        steps = int(steps)
         seen = slice(0, steps + self.preview)
         rows = {name: getattr(self, name)[seen] for name in ("position", "tangent", "arc", "mask")}
         return replace(self, **rows, steps=steps)
@@ -113,6 +122,7 @@ def from_samples(
             is farther from the contour than the tolerance, or no control step is left.
     """
     position, tangent = np.asarray(position, float), np.asarray(tangent, float)
+    preview = _whole(preview)
     if position.ndim != 2 or position.shape[1] not in (1, 2, 3) or position.shape != tangent.shape:
         raise ValueError(
             "position, tangent: need the same shape (S, m), m from 1 to 3, "
@@ -160,8 +170,8 @@ def in_time(
         dwell: wait before the law begins [s].
 
     Raises:
-        ValueError: the duration is not a whole number of samples, at least one, or the dwell is not
-            between zero and the duration.
+        ValueError: the duration is not a whole number of samples, at least one, the dwell is not
+            between zero and the duration, or the preview is no whole number of samples.
     """
     steps = duration / dt
     if not (np.isfinite(steps) and steps >= 0.5 and abs(steps - round(steps)) < 1e-6):
@@ -173,6 +183,7 @@ def in_time(
         raise ValueError(
             f"dwell: needs to be from zero to the duration {duration} s, received {dwell} s"
         )
+    preview = _whole(preview)
     time = np.arange(round(steps) + 1 + preview) * dt
     arc = np.asarray(law(np.maximum(time - dwell, 0.0)), float)
     _check_finite(arc=arc)
@@ -199,7 +210,8 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
 
     Args:
         contour: the path.
-        arc: (T,) arc length at each control step [m], as made by `feed_laws`.
+        arc: (T,) arc length at each control step [m], as made by `feed_laws`. It never goes back;
+            laps of a closed contour go on beyond its length.
         dt: sample period [s].
         preview: samples of future to append.
         at_rest: True for a rest-to-rest run; False when the machine enters and leaves the run at
@@ -207,13 +219,14 @@ def along(contour: Contour, arc, dt: float, preview: int, at_rest: bool, scored=
         scored: (T,) which samples count in the metrics; all when not given.
 
     Raises:
-        ValueError: `arc` is not a finite vector of at least two samples, `scored` has another
-            length, or `preview` is negative.
+        ValueError: `arc` is not a finite vector of at least two samples or goes back, `scored` has
+            another length, or `preview` is no whole number of samples.
     """
-    arc = np.asarray(arc, float)
+    arc, preview = np.asarray(arc, float), _whole(preview)
     if arc.ndim != 1 or arc.size < 2:
         raise ValueError(f"arc: needs shape (T,) with at least two samples, received {arc.shape}")
     _check_finite(arc=arc)
+    _check_forward(arc, contour)
     last = 0.0 if at_rest else arc[-1] - arc[-2]
     arc = np.concatenate([arc, arc[-1] + last * np.arange(1, preview + 1)])
     position, tangent = _sampled(contour, arc)
@@ -383,6 +396,26 @@ def _reference(samples: _Samples, contour: Contour, dt: float, preview: int, inc
     samples = samples._replace(mask=samples.mask & (np.arange(count) < steps))
     arrays = jax.device_put((*samples, np.asarray(increment)))
     return Reference(*arrays, contour, float(dt), steps)
+
+
+def _whole(preview: float | int) -> int:
+    """The preview as an int, where it is a whole number of samples."""
+    if not (preview % 1 == 0 and preview >= 0):
+        raise ValueError(
+            f"preview: needs a whole number of samples, at least zero, received {preview}"
+        )
+    return int(preview)
+
+
+def _check_forward(arc: np.ndarray, contour: Contour) -> None:
+    """Raise ValueError where an arc length goes back by more than rounding."""
+    moves = np.diff(arc)
+    back = int(np.argmin(moves))
+    if moves[back] < -1e-9 * float(contour.size):
+        raise ValueError(
+            f"arc: may not go back, as it does after sample {back} by {-moves[back]:.4g} m; "
+            "laps of a closed contour go on beyond its length"
+        )
 
 
 def _check_finite(**named) -> None:

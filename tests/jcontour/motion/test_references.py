@@ -178,6 +178,7 @@ def test_padding_holds_the_end_and_is_not_scored():
         pad(reference, 4)
 
 
+CHECKED = "Type-check error"  # what a checker of annotations says
 GOOD = {"position": [[0, 0], [1e-3, 0], [2e-3, 0]], "tangent": [[1, 0]] * 3, "dt": DT, "preview": 1}
 
 
@@ -220,6 +221,7 @@ def test_samples_that_do_not_fit_the_contour_are_named(change):
         ({"arc": [0.0]}, "at least two samples"),
         ({"arc": [[0.0, 1.0]]}, "arc: needs shape"),
         ({"arc": [0.0, np.nan]}, "arc: every entry needs to be finite"),
+        ({"arc": [2e-4, 3e-4, 1e-4]}, "arc: may not go back, as it does after sample 1 by 0.0002"),
         ({"preview": -1}, "preview"),
         ({"dt": -1.0}, "dt"),
         ({"scored": [True] * 3}, "shape"),
@@ -282,6 +284,28 @@ def test_the_first_steps_are_those_of_the_shorter_run():
     assert (found.steps, found.preview) == (5, 3) and found.contour is whole.contour
     for name in ("position", "tangent", "arc"):
         np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-15)
+
+
+@pytest.mark.parametrize("preview", [1.5, -1, float("nan")])
+def test_a_preview_is_a_whole_number_of_samples(preview):
+    path = circle(1e-3)
+    for make in (
+        lambda: from_samples(**{**GOOD, "preview": preview}),
+        lambda: along(path, [0.0, 1e-4], DT, preview, at_rest=False),
+        lambda: in_time(path, lambda t: t, 0.01, DT, preview),
+    ):
+        words = f"preview: needs a whole number of samples, at least zero, received {preview}"
+        with pytest.raises((ValueError, TypeError), match=f"{words}|{CHECKED}"):
+            make()
+
+
+@pytest.mark.parametrize("steps", [0, -3, 10, 2.5, float("nan")])
+def test_more_or_fewer_steps_than_a_run_has_are_refused(steps):
+    whole = along(circle(1e-2), 1e-4 * np.arange(9), 1e-3, 3, at_rest=False)
+    with pytest.raises(
+        (ValueError, TypeError), match=f"steps: the run has 9 .* first {steps}|{CHECKED}"
+    ):
+        whole.first(steps)
 
 
 def test_samples_beside_a_corner_have_the_arc_length_of_the_path():
