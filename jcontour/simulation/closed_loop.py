@@ -3,16 +3,21 @@
 u(k), w(k+1) = controller(w(k), plan(k), measure(x(k)));   x(k+1) = plant(x(k), u(k))
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jcontour.controller import Controller, Plan, Sampled, check_preview
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant, State
 from jcontour.told_values import shape, told
+
+KINDS = {"plant": Plant, "controller": Controller, "reference": Reference}
 
 
 class Rollout(eqx.Module):
@@ -56,11 +61,17 @@ def simulate(
     True
 
     Raises:
-        ValueError: the reference has fewer preview samples than the controller needs, or their
-            sample periods differ.
+        ValueError: the reference has fewer preview samples than the controller needs, other axes
+            or another sample period than the plant; it is a stack; the state is not one of the
+            plant; or the plan of the controller has not a row for every step.
         TypeError: the arguments are swapped, or of another kind.
     """
-    _check_kinds(plant, controller, reference)
+    check_kinds("simulate", plant=plant, controller=controller, reference=reference)
+    if reference.position.ndim != 2:
+        raise ValueError(
+            f"reference: simulate runs one, received a stack of {len(reference.position)}; "
+            "evaluate runs stacks"
+        )
     check_run(plant, controller, reference)
     return _simulated(plant, controller, reference, state)
 
@@ -90,8 +101,14 @@ def follow(
     reference: Reference,
     state: State | None = None,
 ) -> Rollout:
-    """Rollout with a plan that is prepared already, so that a family of plants can share it."""
-    state = start_state(plant, reference) if state is None else state
+    """Rollout with a plan that is prepared already, so that a family of plants can share it.
+
+    Raises:
+        ValueError: as `simulate`.
+    """
+    _check_plan(controller, plan, reference)
+    begin = partial(start_state, plant, reference)
+    state = begin() if state is None else _given(state, begin)
 
     def step(carry, plan_k):
         state, memory = carry
@@ -113,14 +130,63 @@ def check_run(plant: Plant, controller: Sampled, reference: Reference) -> None:
         raise ValueError(
             f"dt: the plant is sampled every {plant.dt} s, the reference every {reference.dt} s"
         )
+    wanted, axes = reference.position.shape[-1], _axes(plant)
+    if axes is not None and axes != wanted:
+        raise ValueError(f"reference: it has {wanted} axes, the plant {axes}")
 
 
-def _check_kinds(plant: Plant, controller: Sampled, reference: Reference) -> None:
-    """Raise TypeError for arguments in another order."""
-    given = {"plant": (plant, Plant), "controller": (controller, Controller)}
-    for name, (one, kind) in {**given, "reference": (reference, Reference)}.items():
+def _axes(plant: Plant) -> int | None:
+    """Axes of a plant, or of the one that it wraps, where it says them."""
+    inside = getattr(plant, "plant", None)
+    return _axes(inside) if isinstance(inside, Plant) else getattr(plant, "axes", None)
+
+
+def check_kinds(call: str, **given: Any) -> None:
+    """Raise TypeError for arguments of a call, by name in their order, that are in another order.
+
+    A plant or several, a controller, a reference or several are told from each other.
+    """
+    for name, one in given.items():
+        kind = KINDS[name.removesuffix("s")]
         if not isinstance(one, kind):
             raise TypeError(
-                f"simulate(plant, controller, reference): the {name} needs to be a "
-                f"{kind.__name__}, received {type(one).__name__}"
+                f"{call}({', '.join(given)}): the {name} need{'' if name.endswith('s') else 's'} "
+                f"to be a {kind.__name__}, received {type(one).__name__}"
             )
+
+
+def _check_plan(controller: Controller, plan: Plan, reference: Reference) -> None:
+    """Raise ValueError unless every array of the plan has a row for every control step."""
+    shapes = [jnp.shape(leaf) for leaf in jax.tree.leaves(plan)] or [()]
+    wrong = [found for found in shapes if found[:1] != (reference.steps,)]
+    if wrong:
+        ahead = reference.steps + reference.preview
+        seen = ", all samples with their preview" if ahead in wrong[0][:1] else ""
+        raise ValueError(
+            f"prepare: {type(controller).__name__} needs to return one row for each of the "
+            f"{reference.steps} control steps, received shape {wrong[0]}{seen}"
+        )
+
+
+def _given(state: State, begin: Callable[[], State]) -> State:
+    """The initial state that is given, if it is like that in which the plant begins."""
+    try:
+        own = eqx.filter_eval_shape(begin)
+    except ValueError:  # a plant without steady motion: the state needs to be given
+        return state
+    if jax.tree.structure(state) != jax.tree.structure(own):
+        raise ValueError(
+            "state: the initial state needs to be built as initial_state of the plant builds it, "
+            f"received {type(state).__name__}"
+        )
+    wanted, found = ([*map(jnp.shape, jax.tree.leaves(one))] for one in (own, state))
+    if wanted != found:
+        needed, received = (", ".join(map(str, shapes)) for shapes in (wanted, found))
+        raise ValueError(f"state: the initial state needs shape {needed}, received {received}")
+    return jax.tree.map(_precise, state, own)
+
+
+def _precise(value: Any, like: Any) -> Any:
+    """Whole numbers as floating-point ones where the plant has those."""
+    floating = jnp.issubdtype(like.dtype, jnp.floating)
+    return jnp.asarray(value, like.dtype) if floating else value

@@ -5,10 +5,13 @@ import jax
 import numpy as np
 import pytest
 
+from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
-from jcontour.geometry.contours import circle
+from jcontour.geometry.contours import circle, line
 from jcontour.motion.references import along
+from jcontour.plants.wrappers.encoders import Encoders
 from jcontour.simulation.closed_loop import check_run, follow, prepared, simulate, start_state
+from jcontour.simulation.evaluation import stack_references
 
 PREVIEW = 3
 CHECKED = "Type-check error"  # what a checker of annotations says
@@ -91,6 +94,71 @@ def test_swapped_arguments_are_told(two_axes, controller):
     ):
         with pytest.raises(TypeError, match=f"{words}|{CHECKED}"):
             simulate(*given)
+
+
+class Ahead(Controller):
+    """Its plan has rows for the samples that it sees ahead, too."""
+
+    preview: int = eqx.field(static=True, default=PREVIEW)
+
+    def prepare(self, reference):
+        return reference.position
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, plan
+
+
+class Planless(Ahead):
+    def prepare(self, reference):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (Ahead, r"8 control steps, received shape \(11, 2\), all samples with their preview"),
+        (Planless, r"8 control steps, received shape \(\)"),
+    ],
+)
+def test_a_plan_without_a_row_for_every_step_is_told_with_prepare(two_axes, kind, words):
+    with pytest.raises(ValueError, match=f"^prepare: {kind.__name__} needs to return .*{words}"):
+        simulate(two_axes, kind(), reference_of())
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (np.zeros(3), r"the initial state needs shape \(4,\), received \(3,\)"),
+        (np.zeros((2, 4)), r"the initial state needs shape \(4,\), received \(2, 4\)"),
+        ((np.zeros(2), np.zeros(2)), "the initial state needs to be built as .* received tuple"),
+    ],
+)
+def test_an_initial_state_of_another_plant_is_refused(two_axes, controller, state, words):
+    with pytest.raises(ValueError, match=words):
+        simulate(two_axes, controller, reference_of(), state)
+
+
+def test_whole_numbers_are_an_initial_state(two_axes, controller):
+    whole, exact = (
+        simulate(two_axes, controller, reference_of(), np.array([1, 0, 2, 0], kind)).output
+        for kind in (int, float)
+    )
+    np.testing.assert_array_equal(whole, exact)
+
+
+def test_a_contour_with_other_axes_than_the_plant_is_refused(two_axes, controller):
+    space = along(line([0, 0, 0], [1e-3, 0, 0]), 1e-5 * np.arange(8), 1e-3, PREVIEW, at_rest=False)
+    for plant in (two_axes, Encoders(two_axes)):
+        with pytest.raises(ValueError, match="reference: it has 3 axes, the plant 2"):
+            simulate(plant, controller, space)
+
+
+def test_a_stack_of_references_is_for_evaluate(two_axes, controller):
+    with pytest.raises(ValueError, match="simulate runs one, received a stack of 2; evaluate"):
+        simulate(two_axes, controller, stack_references([reference_of()] * 2))
 
 
 def test_help_and_print_tell_what_they_are(two_axes, controller):
