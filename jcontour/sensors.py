@@ -46,11 +46,15 @@ class Sensors(eqx.Module):
         return len(self.position)
 
     def positions(self, measurement: Any) -> Float[Array, " m"]:
-        """Position of every axis [m]."""
+        """Position of every axis [m].
+
+        Raises:
+            ValueError: the measurement has fewer numbers than the places ask for.
+        """
         return _scaled(self.scale, measurement, self.position)
 
     def read(self, measurement: Any) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """Position [m] and velocity [m/s] of every axis."""
+        """Position [m] and velocity [m/s] of every axis; errors as `positions`."""
         return self.positions(measurement), _scaled(self.scale, measurement, self.velocity)
 
 
@@ -62,7 +66,13 @@ def row(measurement: Any) -> Float[Array, " q"]:
 
 @partial(jax.jit, static_argnums=2, inline=True)  # one program where none is around it
 def _scaled(scale, measurement, places: tuple[int, ...]):
-    return scale * row(measurement)[np.array(places)]
+    numbers = row(measurement)
+    if max(places, default=0) >= numbers.size:  # JAX would read the last one
+        raise ValueError(
+            f"sensors: there is no place {max(places)} in a measurement of {numbers.size} numbers, "
+            "counted from 0"
+        )
+    return scale * numbers[np.array(places)]
 
 
 def motors(axes: int) -> Sensors:
