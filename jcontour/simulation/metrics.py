@@ -132,7 +132,7 @@ def score(rollout: Rollout, reference: Reference, window: tuple[int, int] | None
     nothing, and may be NaN with a NaN derivative. So look at `diverged` before them.
 
     Raises:
-        ValueError: the window is empty or reaches beyond the run.
+        ValueError: the window is empty, reaches beyond the run, or begins or ends in a step.
         TypeError: the arguments are swapped, or of another kind.
     """
     if isinstance(rollout, Reference) or not isinstance(reference, Reference):
@@ -154,8 +154,11 @@ def score_signals(
     Axes between those two are runs of one reference, and then every number has these axes (*runs).
     """
     first, last = (0, reference.steps) if window is None else window
-    if not 0 <= first < last <= reference.steps:
-        raise ValueError(f"window: needs 0 <= a < b <= {reference.steps} steps, received {window}")
+    whole = first % 1 == 0 and last % 1 == 0
+    if not (whole and 0 <= first < last <= reference.steps):
+        raise ValueError(
+            f"window: needs whole numbers 0 <= a < b <= {reference.steps} steps, received {window}"
+        )
     index = jnp.arange(reference.steps)
     mask = reference.mask[: reference.steps] & (index >= first) & (index < last)
     pairs = mask[1:] & mask[:-1]
