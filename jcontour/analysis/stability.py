@@ -20,7 +20,7 @@ from jcontour.geometry.contours import line
 from jcontour.linear.plant import spectral_radius
 from jcontour.motion.references import Reference, along
 from jcontour.plant import Plant
-from jcontour.simulation.closed_loop import check_run, follow, prepared
+from jcontour.simulation.closed_loop import check_kinds, check_run, follow, prepared
 
 GAIN_SEARCH = 20.0  # factor up and down beyond which a gain margin counts as unlimited
 DELAY_SEARCH = 10  # samples beyond which a delay margin is not followed
@@ -114,7 +114,9 @@ def margins(plant: Plant, controller: Controller, reference: Reference) -> Margi
 
     Raises:
         ValueError: as `simulate`, or no step is scored.
+        TypeError: the arguments are swapped, or of another kind.
     """
+    check_kinds("margins", plant=plant, controller=controller, reference=reference)
     rows = np.flatnonzero(np.asarray(reference.mask)[: reference.steps])
     if rows.size == 0:
         raise ValueError("mask: margins are those of the scored samples, the reference has none")

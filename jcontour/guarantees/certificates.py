@@ -22,6 +22,7 @@ from jcontour.guarantees.disturbed_loop import Box, DisturbedLoop, disturbed_loo
 from jcontour.guarantees.peak_bounds import peak_bounds
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import check_kinds
 
 ROUNDING = 1e-10  # relative; adjoint and simulation agree to 1e-11
 
@@ -100,7 +101,9 @@ def certificate(
         NotAffine: the loop is not linear, or a control may reach its limit.
         UnstableLoop: the loop is not stable.
         ValueError: as `simulate`; the box does not fit; or the undisturbed run leaves its contour.
+        TypeError: the arguments are swapped, or of another kind.
     """
+    check_kinds("certificate", plant=plant, controller=controller, reference=reference)
     loop = disturbed_loop(plant, controller, reference)
     return certificate_of(loop, plant, controller, reference, box)
 

@@ -20,7 +20,7 @@ from jcontour.kernels.dispatch import suits_loop, suits_metrics
 from jcontour.linear.plant import AffinePlan, LinearPlant
 from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
-from jcontour.simulation.closed_loop import check_run, follow, start_state
+from jcontour.simulation.closed_loop import check_kinds, check_run, follow, start_state
 from jcontour.simulation.metrics import SEARCH_REACH, Metrics, score_signals
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
@@ -30,6 +30,13 @@ KEPT = 16
 Batching = Callable[[Callable, Any], Any]
 # (output, control, reference, window) of one run -> arrays
 Score = Callable[[Any, Any, Reference, tuple[int, int] | None], Any]
+
+# what runs that are stacked have in common
+TOLD: dict[str, Callable[[Reference], Any]] = {
+    "{} axes": lambda reference: reference.position.shape[1],
+    "a preview of {} samples": lambda reference: reference.preview,
+    "a sample period of {} s": lambda reference: reference.dt,
+}
 
 
 def one_by_one(function: Callable, members: Any) -> Any:
@@ -90,8 +97,12 @@ def evaluate(
             metrics.
 
     Raises:
-        ValueError: as `simulate` and `score`.
+        ValueError: as `simulate` and `score`, or plants or references are not stacked.
+        TypeError: the arguments are swapped, or of another kind.
     """
+    check_kinds("evaluate", controller=controller, plants=plants, references=references)
+    _check_stack("plants", plants)
+    _check_stack("references", references)
     check_run(plants, controller, references)
     each = family_batching(plants)
     batching = platform_batching() if batching is None else batching
@@ -168,6 +179,7 @@ def stack_references(references: Sequence[Reference]) -> Reference:
     Raises:
         ValueError: none given, or their preview, sample period or number of axes differ.
     """
+    _check_runs(references)
     steps = max((reference.steps for reference in references), default=0)
     contours = jax.device_get(stack_contours([reference.contour for reference in references]))
 
@@ -183,6 +195,28 @@ def member(batch: Any, index: int) -> Any:
     return jax.tree.map(lambda leaf: leaf[index], batch)
 
 
+def _check_stack(name: str, members: Any) -> None:
+    """Raise ValueError unless all arrays have the members on axis 0."""
+    shapes = [np.shape(leaf) for leaf in jax.tree.leaves(members)]
+    if len({shape[:1] for shape in shapes}) > 1 or () in shapes:
+        raise ValueError(f"{name}: needs a stack, as stack_{name}([...]) makes it, received one")
+
+
+def _check_runs(references: Sequence[Reference]) -> None:
+    """Raise ValueError where runs cannot be stacked; say which one, and what differs."""
+    if not references:
+        raise ValueError("references: needs at least one, received none")
+    for k, one in enumerate(references):
+        if one.position.ndim != 2:
+            raise ValueError(f"references: number {k} is a stack of {len(one.position)} already")
+        for words, of in TOLD.items():
+            if of(one) != of(references[0]):
+                raise ValueError(
+                    f"references: number {k} has {words.format(of(one))}, "
+                    f"number 0 has {words.format(of(references[0]))}"
+                )
+
+
 def _stack(name: str, members: Sequence) -> Any:
     if not members:
         raise ValueError(f"{name}: needs at least one, received none")
@@ -192,7 +226,25 @@ def _stack(name: str, members: Sequence) -> Any:
         if jax.tree.structure(one) != first or shapes[k] != shapes[0]:
             raise ValueError(
                 f"{name}: all need the same structure, sample period and shapes; "
-                f"number {k} differs from number 0"
+                f"number {k} differs from number 0 in {_difference(one, members[0])}"
             )
     # stacked by NumPy, and put in place as they are: nothing to compile
     return jax.tree.map(lambda *leaves: jax.device_put(np.stack(leaves)), *members)
+
+
+def _difference(one: Any, first: Any) -> str:
+    """What sets a member apart from the first, in a few words."""
+    if type(one) is not type(first):
+        return f"its kind, {type(one).__name__} and {type(first).__name__}"
+    for name, field in one.__dataclass_fields__.items():
+        both = [getattr(member, name) for member in (one, first)]
+        if field.metadata.get("static"):
+            if both[0] != both[1]:
+                return f"{name}, {both[0]} and {both[1]}"
+            continue
+        shapes = [[jnp.shape(leaf) for leaf in jax.tree.leaves(value)] for value in both]
+        if shapes[0] != shapes[1]:
+            return f"{name}, shapes {shapes[0]} and {shapes[1]}"
+        if jax.tree.structure(both[0]) != jax.tree.structure(both[1]):
+            return name
+    return "its structure"

@@ -32,6 +32,7 @@ from jcontour.guarantees.gains.gain_cells import GainCell, TooWide, cell_peaks
 from jcontour.guarantees.gains.gained_loops import gained
 from jcontour.motion.references import Reference
 from jcontour.plant import Plant
+from jcontour.simulation.closed_loop import check_kinds
 
 ENOUGH = 0.005  # part of the largest bound between the corners that no more cells are made for
 
@@ -94,7 +95,9 @@ def gain_certificate(
         UnstableLoop: the loop is not stable at a corner of a cell.
         ValueError: likewise, the gains do not fit, a bound is not a number, or cells are too few:
             it is said how many close.
+        TypeError: the arguments are swapped, or of another kind.
     """
+    check_kinds("gain_certificate", plant=plant, controller=controller, reference=reference)
     loop = disturbed_loop(plant, controller, reference)
     check_box(loop, box)
     _check_gains(gains, loop.control.shape[1], cells)

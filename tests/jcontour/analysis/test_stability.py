@@ -21,7 +21,7 @@ from jcontour.controller import Controller
 from jcontour.controllers.feedback.cascade import Cascade, CascadeGains
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.controllers.observers.kalman import FilterObserver, PredictorObserver, kalman_gain
-from jcontour.geometry.contours import circle, line
+from jcontour.geometry.contours import circle, line, polyline
 from jcontour.linear.plant import LinearPlant
 from jcontour.linear.transformations import with_input_delay, with_input_gains
 from jcontour.motion.references import along
@@ -184,6 +184,12 @@ def test_a_reference_that_does_not_suit_is_refused(query, two_axes, law):
         query(two_axes, law, along(circle(1e-3), 3e-4 * np.arange(9), 1e-3, 1, at_rest=False))
 
 
+def test_swapped_arguments_are_told(two_axes, law, bent):
+    words = r"^margins\(plant, controller, reference\): the plant needs to be a Plant, received Con"
+    with pytest.raises(TypeError, match=f"{words}|Type-check error"):
+        margins(law, two_axes, bent)
+
+
 def test_an_observer_needs_no_plant_to_be_checked(two_axes, law):
     observer = FilterObserver(law, two_axes, kalman_gain(two_axes, 0.01, 1e-6))
     assert frozen_spectral_radius(observer, np.array([1.0, 0.0])) < 1
@@ -274,14 +280,15 @@ def test_margins_of_a_machine_that_changes_along_the_path():
 
     It is lost first where x_1 is largest: in the middle.
     """
+    there_and_back = polyline([[0, 0], [1.5, 0], [0, 0]])
     arc, scored = (
-        np.repeat([1.0, 1.5, 0.25], 60),
+        np.repeat([1.0, 1.5, 2.75], 60),
         np.tile(np.arange(60) >= 50, 3),
-    )  # [m] at rest where it counts
+    )  # [m] at rest where it counts, at x_1 of 1, 1.5 and 0.25 m
     found = margins(
         Leaning(0.4),
         Proportional(0.5),
-        along(line([0, 0], [2.0, 0]), arc, 1e-3, 0, at_rest=True, scored=scored),
+        along(there_and_back, arc, 1e-3, 0, at_rest=True, scored=scored),
     )
     np.testing.assert_allclose(found.gain[:, 1], 2 / (0.5 * 1.6), rtol=2 * GAIN_RESOLUTION)
     np.testing.assert_array_equal(found.gain_at[:, 0], -1)  # any positive gain will do

@@ -16,6 +16,8 @@ from jcontour.guarantees.attacks import coefficients
 from jcontour.guarantees.certificates import certificate
 from jcontour.guarantees.distance import circle_bound
 from jcontour.guarantees.disturbed_loop import Box
+from jcontour.guarantees.gains.gain_cells import GainCell
+from jcontour.guarantees.gains.gain_certificates import gain_certificate
 from jcontour.motion.references import along
 from jcontour.plants.servo_axes import servo_axes
 from jcontour.plants.wrappers.disturbances import Disturbed
@@ -136,3 +138,15 @@ def test_a_box_for_another_loop_is_told(two_axes):
             around_the_square(two_axes.dt),
             Box.of(0.1, 0.1, inputs=2, measured=4),
         )
+
+
+def test_swapped_arguments_are_told(two_axes):
+    given = offset_free(two_axes), Encoders(two_axes), around_the_square(two_axes.dt), BOX
+    cells = GainCell(np.full(2, 0.9), np.full(2, 1.1))
+    for name, prove in (
+        ("certificate", lambda: certificate(*given)),
+        ("gain_certificate", lambda: gain_certificate(*given, cells)),
+    ):
+        words = rf"^{name}\(plant, controller, reference\): the plant needs to be a Plant, received"
+        with pytest.raises(TypeError, match=f"{words}|Type-check error"):
+            prove()

@@ -23,6 +23,7 @@ from jcontour.simulation.evaluation import (
 from jcontour.simulation.metrics import score
 
 WINDOW = (2, 8)
+CHECKED = "Type-check error"  # what a checker of annotations says
 
 
 @pytest.fixture(scope="module")
@@ -109,16 +110,66 @@ def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
     for plants in ([], [two_axes, coupled_plant(0, 4, 2)], [two_axes, Delayed(two_axes, 0, 1, 2)]):
         with pytest.raises(ValueError, match="plants: "):
             stack_plants(plants)
-    flat = references[0]
-    for others in (
-        along(circle(1e-3), 1e-5 * np.arange(9), 1e-3, 4, at_rest=False),  # preview
-        along(circle(1e-3), 1e-5 * np.arange(9), 2e-3, 3, at_rest=False),  # sample period
-        along(line([0, 0, 0], [1e-3, 0, 0]), 1e-5 * np.arange(9), 1e-3, 3, at_rest=False),  # axes
-    ):
-        with pytest.raises(ValueError):
-            stack_references([flat, others])
-    with pytest.raises(ValueError):
+
+
+ARC = 1e-5 * np.arange(9)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (
+            along(circle(1e-3), ARC, 1e-3, 4, at_rest=False),
+            "number 1 has a preview of 4 samples, number 0 has a preview of 3 samples",
+        ),
+        (
+            along(circle(1e-3), ARC, 2e-3, 3, at_rest=False),
+            "number 1 has a sample period of 0.002 s, number 0 has a sample period of 0.001 s",
+        ),
+        (
+            along(line([0, 0, 0], [1e-3, 0, 0]), ARC, 1e-3, 3, at_rest=False),
+            "number 1 has 3 axes, number 0 has 2 axes",
+        ),
+        (
+            stack_references([along(circle(1e-3), ARC, 1e-3, 3, at_rest=False)] * 2),
+            "number 1 is a stack of 2 already",
+        ),
+    ],
+)
+def test_runs_that_do_not_stack_are_told_with_what_differs(references, other, words):
+    with pytest.raises(ValueError, match=f"references: {words}"):
+        stack_references([references[0], other])
+
+
+def test_a_stack_of_no_runs_is_refused():
+    with pytest.raises(ValueError, match="references: needs at least one, received none"):
         stack_references([])
+
+
+def test_what_sets_a_plant_apart_from_the_first_is_told(two_axes, plants):
+    late = Delayed(two_axes, 0, 3, 2)
+    for others, words in (
+        ([plants[0], two_axes], "number 1 differs from number 0 in its kind, LinearPlant and Del"),
+        ([plants[0], plants[1], late], "number 2 differs from number 0 in "),
+    ):
+        with pytest.raises(ValueError, match=words):
+            stack_plants(others)
+
+
+def test_swapped_arguments_and_what_is_not_stacked_are_told(controller, plants, references):
+    family, runs = stack_plants(plants), stack_references(references)
+    for given, words in (
+        ((family, controller, runs), "the controller needs to be a Controller, received Delayed"),
+        ((controller, runs, family), "the plants need to be a Plant, received Reference"),
+    ):
+        with pytest.raises(TypeError, match=rf"^evaluate\(controller, plants, .*{words}|{CHECKED}"):
+            evaluate(*given)
+    for given, words in (
+        ((controller, plants[0], runs), r"plants: needs a stack, as stack_plants\(\[...\]\) makes"),
+        ((controller, family, references[0]), "references: needs a stack, as stack_references"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            evaluate(*given)
 
 
 def test_a_batch_that_does_not_suit_is_refused(controller, plants):
