@@ -29,17 +29,32 @@ class Polytope(NamedTuple):
         return self.H.shape[1]
 
     def contains(self, points: Numbers, slack: float = 0.0) -> Bool[np.ndarray, "*points"]:
-        """Whether every point (..., n) is inside, or out by at most `slack`."""
-        values = np.asarray(points, float) @ self.H.T
+        """Whether every point (..., n) is inside, or out by at most `slack`.
+
+        Raises:
+            ValueError: the points have other coordinates than the set.
+        """
+        places = np.asarray(points, float)
+        if places.shape[-1:] != (self.dimension,):
+            raise ValueError(
+                f"points: needs shape (..., {self.dimension}), one number for each coordinate of "
+                f"the set, received {places.shape}"
+            )
+        values = places @ self.H.T
         return np.asarray((values <= self.h + slack).all(axis=-1))
 
     def support(self, directions: Numbers) -> Float[np.ndarray, " k"]:
         """Largest c x of every direction c (k, n); infinite where there is none.
 
         Raises:
-            ValueError: the polytope is empty.
+            ValueError: the polytope is empty, or the directions have other coordinates.
         """
         rows = np.atleast_2d(np.asarray(directions, float))
+        if rows.shape[1:] != (self.dimension,):
+            raise ValueError(
+                f"directions: needs shape (k, {self.dimension}), one number for each coordinate of "
+                f"the set, received {np.shape(directions)}"
+            )
         found = [_largest(self.H, self.h, row) for row in rows]
         if any(value is None for value in found):
             raise ValueError("polytope: it is empty, nothing is largest on it")
@@ -51,7 +66,12 @@ class Polytope(NamedTuple):
         return _largest(self.H, self.h, np.zeros(self.dimension)) is None
 
     def within(self, other: "Polytope", slack: float = REDUNDANT) -> bool:
-        """Whether every point of this is in the other, or out by at most `slack`."""
+        """Whether every point of this is in the other, or out by at most `slack`.
+
+        Raises:
+            ValueError: the other has another dimension.
+        """
+        self._check_alike(other)
         if self.empty:
             return True
         return all(
@@ -60,8 +80,20 @@ class Polytope(NamedTuple):
         )
 
     def intersection(self, other: "Polytope") -> "Polytope":
-        """Points in both; rows that say nothing are left in."""
+        """Points in both; rows that say nothing are left in.
+
+        Raises:
+            ValueError: the other has another dimension.
+        """
+        self._check_alike(other)
         return Polytope(np.concatenate([self.H, other.H]), np.concatenate([self.h, other.h]))
+
+    def _check_alike(self, other: "Polytope") -> None:
+        if other.dimension != self.dimension:
+            raise ValueError(
+                f"other: needs the dimension of this set, {self.dimension}, "
+                f"received one of {other.dimension}"
+            )
 
     def eroded(self, E: Numbers) -> "Polytope":
         """Points that stay inside when E w is added, whatever |w_i| <= 1."""
@@ -121,8 +153,17 @@ def polytope(H: Numbers, h: Numbers) -> Polytope:
 
 
 def box(magnitudes: Numbers) -> Polytope:
-    """All x with |x_i| <= magnitude_i; an infinite one does not bound."""
+    """All x with |x_i| <= magnitude_i; an infinite one does not bound.
+
+    Raises:
+        ValueError: a magnitude is negative or not a number, or they are not in a row.
+    """
     sizes = np.asarray(magnitudes, float)
+    if sizes.ndim != 1 or sizes.size == 0 or not (sizes >= 0).all():
+        raise ValueError(
+            "magnitudes: needs one number of at least zero for each coordinate, "
+            f"received {magnitudes}"
+        )
     rows, bounds = np.eye(sizes.size), np.isfinite(sizes)
     rows = rows[bounds]
     return polytope(np.concatenate([rows, -rows]), np.tile(sizes[bounds], 2))

@@ -103,3 +103,22 @@ def test_bad_rows_are_named():
         polytope([[np.nan, 1.0]], [1.0])
     with pytest.raises(ValueError, match="the set is empty"):
         polytope([[0.0, 0.0], [1.0, 0.0]], [-1.0, 1.0])
+
+
+@pytest.mark.parametrize("magnitudes", [[-1.0, 1.0], [np.nan, 1.0], [], 2.0, [[1.0]]])
+def test_magnitudes_of_a_box_are_numbers_of_at_least_zero(magnitudes):
+    with pytest.raises(ValueError, match="^magnitudes: needs one number of at least zero for each"):
+        box(magnitudes)
+
+
+def test_sets_points_and_directions_of_another_dimension_are_refused():
+    square = box([1.0, 2.0])
+    for ask, words in (
+        (lambda: square.contains([0.0, 0.0, 0.0]), r"points: needs shape \(\.\.\., 2\), .* \(3,\)"),
+        (lambda: square.contains(0.0), r"points: .* received \(\)"),
+        (lambda: square.support([1.0]), r"directions: needs shape \(k, 2\), .* received \(1,\)"),
+        (lambda: square.within(box([1.0])), "other: needs the dimension of this set, 2, .* of 1"),
+        (lambda: square.intersection(box([1.0])), "other: needs the dimension of this set, 2"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            ask()
