@@ -19,13 +19,24 @@ def placed(values: Shaped[np.ndarray, "..."]) -> Shaped[Array, "..."]:
     return jnp.asarray(values, dtypes.canonicalize_dtype(values.dtype))
 
 
-def floating(value: Any) -> Float[Array, "..."]:
-    """Numbers as floating-point array; those that are floating already keep their precision."""
+def floating(value: Any, name: str = "value") -> Float[Array, "..."]:
+    """Numbers as floating-point array; those that are floating already keep their precision.
+
+    Raises:
+        ValueError: a number is complex: its imaginary part would be lost.
+    """
     if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(value)):
         array = jnp.asarray(value)
+        _check_real(array.dtype, name)
         return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
     values = np.asarray(value)  # no weak types, which were a program of their own
+    _check_real(values.dtype, name)
     return placed(values if np.issubdtype(values.dtype, np.floating) else values.astype(float))
+
+
+def _check_real(dtype: Any, name: str) -> None:
+    if np.issubdtype(dtype, np.complexfloating):
+        raise ValueError(f"{name}: needs real numbers, received complex ones")
 
 
 def ranked(value: Any, rank: int) -> Float[Array, "..."]:

@@ -104,7 +104,7 @@ class LinearPlant(Plant):
         pattern: Pattern | None = None,
         motion: SteadyMotion | None = None,
     ):
-        self.A, self.B, self.C = (floating(matrix) for matrix in (A, B, C))
+        self.A, self.B, self.C = floating(A, "A"), floating(B, "B"), floating(C, "C")
         self.dt, self.motion = float(dt), motion
         _check_shapes(self.A, self.B, self.C, self.dt)
         self.pattern = Pattern.of(A, B, C) if pattern is None else pattern

@@ -33,6 +33,12 @@ def test_numbers_become_floating_and_keep_their_precision(value, kind):
     np.testing.assert_array_equal(array, np.array(value, kind))
 
 
+@pytest.mark.parametrize("value", [1j, [1.0, 2j], np.ones(2, complex), jnp.ones(2, complex)])
+def test_complex_numbers_are_refused(value):
+    with pytest.raises(ValueError, match="^poles: needs real numbers, received complex ones"):
+        floating(value, "poles")
+
+
 @pytest.mark.parametrize("value", [2, [1, 2], [[1.0, 2.0]], np.ones((1, 2, 1)), jnp.arange(2)])
 @pytest.mark.parametrize("rank", [1, 2])
 def test_new_axes_come_in_front(value, rank):

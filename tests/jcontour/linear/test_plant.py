@@ -142,6 +142,9 @@ def test_spectral_radius_is_infinite_for_what_is_not_finite():
         ({"C": np.array([[np.inf, 0.0]])}, "C: every entry needs to be finite"),
         ({"dt": 0.0}, "dt: the sample period"),
         ({"dt": float("nan")}, "dt: the sample period"),
+        ({"A": 1j * np.eye(2)}, "^A: needs real numbers, received complex ones"),
+        ({"B": [[1j], [0]]}, "^B: needs real numbers"),
+        ({"C": np.ones((1, 2), complex)}, "^C: needs real numbers"),
     ],
 )
 def test_bad_matrices_are_named(change, words):
