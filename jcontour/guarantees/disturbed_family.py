@@ -29,7 +29,7 @@ class DisturbedFamily(eqx.Module):
     Attributes:
         plants: the family, stacked; linear, without sensors that count.
         force: on every control.
-        noise: on every measured number [m].
+        noise: on every measured number, in its own unit: a position [m], a speed [m/s].
         limit: of every control; infinite where there is none.
     """
 

@@ -62,7 +62,8 @@ class Box(NamedTuple):
 
     Attributes:
         force: on every control [control unit].
-        noise: on every number of the measurement [m].
+        noise: on every number of the measurement, in its own unit: a position [m], a speed [m/s].
+            One number for all bounds both, which differ in size: give one for each there.
     """
 
     force: Float[np.ndarray, " p"]
