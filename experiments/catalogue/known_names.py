@@ -7,7 +7,7 @@ from typing import Any
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
-from experiments.catalogue.own_classes import FILE, own_name
+from experiments.catalogue.own_classes import FILE, check_own, own_name
 from experiments.files.checks import MachineError
 from experiments.plain_numbers import named_numbers
 
@@ -93,6 +93,8 @@ def _check_file(name: str, known: dict[str, Any]) -> None:
             pass
     except OSError as error:
         raise MachineError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if own is not None:
+        check_own(own)
 
 
 def _check_lines(path: Path, any_feed: bool) -> None:

@@ -9,6 +9,7 @@ NAME may be dotted: `mine.py:PD.for_model`. The file is run as it is; it is one 
 a resumed run reads its own copy. What it prints goes to stderr.
 """
 
+import ast
 import inspect
 import sys
 import traceback
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.controller import Controller
 
 FILE = "FILE.py:NAME"
+MAKE_NAMES = {"*", "globals", "vars", "locals", "exec", "setattr"}  # while a file runs
 
 
 class OwnName(NamedTuple):
@@ -45,6 +47,27 @@ def own_name(words: str) -> OwnName | None:
     if not path.endswith(".py") or not all(part.isidentifier() for part in name.split(".")):
         return None
     return OwnName(Path(path), name)
+
+
+def check_own(own: OwnName) -> None:
+    """Raise ValueError where a file clearly holds no such name; it is read, and not run.
+
+    A file that cannot be parsed, or makes names while it runs, is told when it is run.
+    """
+    try:
+        tree = ast.parse(own.path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return
+    first, known = own.name.split(".")[0], set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            known.add(node.id)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            known.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            known |= {(one.asname or one.name).split(".")[0] for one in node.names}
+    if first not in known and not known & MAKE_NAMES:
+        raise _missing(own)
 
 
 def own_controller(own: OwnName, machine: "Machine") -> "Design":
@@ -137,7 +160,11 @@ def _found(own: OwnName) -> Any:
     try:
         return reduce(getattr, own.name.split("."), module)
     except AttributeError:
-        raise ValueError(f"{own.path}: there is no {own.name!r} in it") from None
+        raise _missing(own) from None
+
+
+def _missing(own: OwnName) -> ValueError:
+    return ValueError(f"{own.path}: there is no {own.name!r} in it")
 
 
 @cache

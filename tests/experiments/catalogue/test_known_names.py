@@ -116,3 +116,27 @@ def test_weights_that_are_no_finite_numbers_are_refused(kind, value):
 def test_values_of_a_sweep_need_to_be_finite():
     with pytest.raises(ValueError, match="vary: needs .* finite numbers, received 'a=1,inf'"):
         check_flags(Sweep(vary=("a=1,inf",)))
+
+
+@pytest.mark.parametrize("flag", ["plant", "controller"])
+def test_a_name_that_an_own_file_has_not_is_told_without_running_it(tmp_path, flag):
+    (tmp_path / "mine.py").write_text("class PD:\n    pass\n\nraise SystemExit\n")
+    with pytest.raises(ValueError, match="mine.py: there is no 'PID' in it"):
+        check_flags(Simulate(**{flag: f"{tmp_path}/mine.py:PID"}))
+    check_flags(Simulate(**{flag: f"{tmp_path}/mine.py:PD.for_model"}))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from mine import *",
+        "globals()['PID'] = 3",
+        "import control as PID",
+        "def PID(model): pass",
+        "if True:\n    PID = 3",
+        "a = (",
+    ],
+)
+def test_names_that_an_own_file_may_have_pass(tmp_path, text):
+    (tmp_path / "mine.py").write_text(text)
+    check_flags(Simulate(controller=f"{tmp_path}/mine.py:PID"))

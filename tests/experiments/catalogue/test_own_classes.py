@@ -117,7 +117,7 @@ def files(tmp_path_factory):
     (folder / "mine.py").write_text(CONTROLLERS)
     (folder / "plants.py").write_text(PLANTS)
     (folder / "syntax.py").write_text("x = 1\ny = (\n")
-    (folder / "raising.py").write_text("x = 1\n\nraise KeyError('no key')\n")
+    (folder / "raising.py").write_text("PD = 1\n\nraise KeyError('no key')\n")
     return folder
 
 
