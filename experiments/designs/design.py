@@ -182,7 +182,8 @@ def changed(start: Weights, changes: Sequence[str]) -> Weights:
         if len(numbers) not in (1, size):
             needed = "one number" if size == 1 else f"one number or {size}"
             raise ValueError(f"weights: {name} needs {needed}, received {change!r}")
-        values[name] = numbers if len(numbers) > 1 else numbers[0]
+        first, *more = numbers
+        values[name] = numbers if more else first
     return with_values(start, values)
 
 
