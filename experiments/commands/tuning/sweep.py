@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from rich.console import Console
 
 from experiments.catalogue.choices import design_for, job_named, machine_named
+from experiments.catalogue.own_classes import own_name
 from experiments.commands.tuning import sweep_predictive
 from experiments.designs.design import Design, by_name, plain_weights, with_values
 from experiments.designs.predictive.sweep_designs import PREDICTIVE
@@ -216,7 +217,9 @@ def _check(asked: Swept) -> None:
 
 
 def _design(flags: Sweep, machine: Machine, preview: int) -> Design:
-    return design_for(machine, replace(flags, preview=preview)).tunable()
+    if flags.controller is None or own_name(flags.controller) is None:  # another has its own
+        flags = replace(flags, preview=preview)
+    return design_for(machine, flags).tunable()
 
 
 def found_along(asked: Swept, folder: Path) -> xr.Dataset:
