@@ -49,7 +49,7 @@ def command(flags: Identify) -> int:
         found = found.twice("Y" if flags.axes[0] != "Y" else "X")
     name = "identified" if flags.data is None else flags.data.stem
     text = run_folder.json_text(machine_fields(found, name, flags.control_unit)) + "\n"
-    _check_file(text, name, found)
+    _check_file(text, name, found, "".join(f". {line}" for line in _tiny(flags, found)))
     folder = run_folder.create(
         flags.out or run_folder.default_folder("identify"),
         "identify",
@@ -93,8 +93,10 @@ def _check(flags: Identify) -> None:
         raise ValueError("axes: the simulated data have X and Y")
 
 
-def _check_file(text: str, name: str, found: LinearMachineFound) -> None:
+def _check_file(text: str, name: str, found: LinearMachineFound, doubt: str) -> None:
     """What the other commands would refuse is not written, but said in the record's words.
+
+    With what is doubted of the record's unit.
 
     Raises:
         ValueError: the file is one of those.
@@ -117,7 +119,7 @@ def _check_file(text: str, name: str, found: LinearMachineFound) -> None:
             ) from None
         raise ValueError(
             f"no controller could be tuned for what fits the record ({error}): record a livelier "
-            "program: jcontour identify --excite"
+            f"program: jcontour identify --excite{doubt}"
         ) from None
 
 

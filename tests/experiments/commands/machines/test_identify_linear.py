@@ -111,8 +111,10 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
     """A file without B; the zero at 0.4 cancels the second pole of Y, or none."""
     shown = fit([1.0], 0.0, 1) if first is None else fit([1.0, -0.4], first)
     doubted = fit([1.0, -0.4], second)
-    axes = [SimpleNamespace(name=name, fit=one) for name, one in (("X", shown), ("Y", doubted))]
-    found = SimpleNamespace(axes=axes)
+    both = (("X", shown, 1e-6), ("Y", doubted, 1e-9))
+    axes = [SimpleNamespace(name=name, fit=one, resolution=count) for name, one, count in both]
+    record = SimpleNamespace(position=np.array([[0.0, 0.0], [1e-4, 1e-4]]))
+    found = SimpleNamespace(axes=axes, record=record)
     monkeypatch.setattr(identify_linear, "identify_machine", lambda *_: found)
     monkeypatch.setattr(identify_linear, "machine_fields", lambda *_: {"A": [[1.0]]})
     folder = tmp_path / "run"
@@ -120,6 +122,8 @@ def test_a_machine_that_tune_would_refuse_is_told_with_what_to_run(
     told = capsys.readouterr().err
     assert words in told and "B: missing" in told and len(told.strip().splitlines()) == 1
     assert ("--most-order 1" in told) is fewer and not folder.exists()
+    asked = "Y: moves by 0.1 mm in all, by counts of 1 nm; are the positions in mm?"
+    assert (asked in told) is ("zero cancels" not in words) and "X: moves" not in told
 
 
 @pytest.mark.slow
