@@ -390,12 +390,12 @@ def _notes(axis: LinearAxis) -> list[str]:
 
 
 def _advice(axis: LinearAxis) -> str:
-    """What to run next: dry friction holds an axis through small sines."""
+    """What to run next: dry friction is told by moves, as it holds an axis through small sines."""
     if axis.friction is None and not axis.hides_friction:
         return "run what jcontour identify --excite writes"
     return (
-        "run the moves (G-code) that jcontour identify --excite writes; dry friction holds the "
-        "axis through much of its sines"
+        "run what jcontour identify --excite writes, its sines and then its moves in one log; dry "
+        "friction holds the axis through small sines, and is told by the moves"
     )
 
 

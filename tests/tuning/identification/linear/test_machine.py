@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jcontour.linear.continuous_axes import speed_axis
-from tuning.identification.linear import evidence
+from tuning.identification.linear import evidence, machine
 from tuning.identification.linear.machine import MachineRecord, identify_machine
 from tuning.identification.linear.recording import RecordedAxis, recorded
 
@@ -73,6 +73,14 @@ def test_a_command_that_moves_backwards_is_told(record):
     assert any("X: a positive command moves it backwards" in n for n in _found(first).notes)
 
 
+def test_where_dry_friction_acts_moves_are_advised_beside_the_sines(found):
+    one = replace(found.axes[0], response=replace(found.axes[0].response, half_width=np.ones(120)))
+    for friction, advised in ((None, False), ((0.1, 1e-3), True)):
+        notes = machine._notes(replace(one, friction=friction))
+        assert any("--excite" in note for note in notes)
+        assert any("its sines and then its moves" in note for note in notes) is advised
+
+
 def test_what_the_family_comes_from_is_told(found):
     """Of every axis whose gain is less sure than 2 %, and of no other."""
     for one in found.axes:
@@ -118,10 +126,10 @@ def test_friction_is_seen_and_told():
         x += (v - net) * mass / viscous * (1 - p) + net * DT
         v = after
     record = MachineRecord(DT, ("X", "Y"), np.stack([u, u], 1), np.stack([y, y], 1))
-    machine = identify_machine(record, 2, 2)
-    friction = machine.axes[0].friction
+    found = identify_machine(record, 2, 2)
+    friction = found.axes[0].friction
     assert friction is not None and friction[0] == pytest.approx(dry, rel=0.05)
-    assert any("dry friction" in note for note in machine.notes)
+    assert any("dry friction" in note for note in found.notes)
 
 
 def test_what_cannot_be_used_is_refused(record):
