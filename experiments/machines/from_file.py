@@ -25,8 +25,8 @@ is nested), all lengths in `length_unit`:
     control;
                          5 % of the control limit, or 0.1, when not given: about what an input gain
                          10 % off does
-    friction             [control unit] that dry friction takes at most; 0 when not given, null
-                         where it is not known. The runs have none; what is proven takes it as a
+    friction             [control unit] that dry friction takes on every axis; 0 when not given,
+                         null where it is not known. It is in the runs; what is proven takes it as a
                          force
 
 Or a flexible axis, whose fields are those of `axis_files`: an object with "kind": "flexible-axis".

@@ -4,7 +4,8 @@ Their families differ in input gains and delays.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +17,7 @@ from jcontour.plant import Plant
 from jcontour.plants.bridgeport import ENCODER_RESOLUTION, exact_bridgeport
 from jcontour.plants.wrappers.delays import Delayed, PartlyDelayed
 from jcontour.plants.wrappers.disturbances import Disturbed
+from jcontour.plants.wrappers.dry_friction import with_dry_friction
 from jcontour.plants.wrappers.encoders import Encoders, Quantised
 from jcontour.plants.wrappers.gains import Gained
 from jcontour.simulation.evaluation import stack_plants
@@ -51,8 +53,8 @@ class LinearMachine(Machine):
             that is another than the model.
         contours: what the commands run on it.
         response_doubt: how far off the response may be beside gains and delays.
-        friction: control that dry friction takes at most; None where it is not known. The runs have
-            none.
+        friction: control that dry friction takes: in the runs, not in linear loops; None where it
+            is not known, and nowhere.
     """
 
     known_delay: int
@@ -73,8 +75,8 @@ class LinearMachine(Machine):
 
     @property
     def nonsmooth_effects(self) -> str:
-        """Encoder counts."""
-        return "quantised encoders"
+        """Encoder counts, and friction where there is some."""
+        return "quantised encoders and dry friction" if self.friction else "quantised encoders"
 
     @property
     def resolution(self) -> float:
@@ -125,35 +127,38 @@ class LinearMachine(Machine):
         """Most samples of delay that the model does not know."""
         return self.delay
 
+    @property
+    def frictionless(self) -> "LinearMachine":
+        """The same without dry friction: its loops are linear."""
+        return replace(self, friction=0.0)
+
     def smooth_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
         """The members behind encoders with the noise that counts make, or their state measured.
 
         Without the noise a loop that amplifies it would pass for a good one.
         """
-        exact = self.exact_family(fed)
+        members = [self._member(Delayed, gains, late) for _, gains, late in self.members]
         if fed == "state":
-            return exact
+            return members
         noise = rounding_noise(self.model.axes, self.encoder_resolution)
-        return [Disturbed(plant, noise=noise) for plant in exact]
+        return [Disturbed(Encoders(plant), noise=noise) for plant in members]
 
     def exact_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members behind encoders that do not round, or their state measured."""
+        """The members without friction, behind encoders that do not round, or their state."""
         return [self.exact_plant(gains, late, fed) for _, gains, late in self.members]
 
     def exact_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
-        """The machine with other input gains and more delay, its encoders without counts."""
-        plant = Delayed(self.model, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
-        plant = Gained(plant, jnp.asarray(gains))
+        """The machine with other input gains and more delay, linear: no friction, no counts."""
+        plant = self.frictionless._member(Delayed, gains, late)
         return plant if fed == "state" else Encoders(plant)
 
     def true_family(self, fed: Fed = "outputs") -> Sequence[Plant]:
-        """The members behind encoders that round to whole counts; a state is measured as it is."""
+        """The members with friction and whole counts; a state is measured as it is."""
         return [self.true_plant(gains, late, fed) for _, gains, late in self.members]
 
     def true_plant(self, gains: np.ndarray, late: int, fed: Fed = "outputs") -> Plant:
-        """The same with whole counts."""
-        plant = self.exact_plant(gains, late, fed)
-        return plant if fed == "state" else Quantised(plant, self.encoder_resolution)
+        """The machine with other input gains and more delay, with friction and whole counts."""
+        return self._counted(self._member(Delayed, gains, late), fed)
 
     def random_family(self, count: int, seed: int, fed: Fed = "outputs") -> Plant | None:
         """Gains and delays drawn evenly from their intervals, a delay with parts of a sample."""
@@ -162,14 +167,27 @@ class LinearMachine(Machine):
         random, inputs = np.random.default_rng(seed), self.model.inputs
         gains = 1 + self.gain * random.uniform(-1, 1, (count, inputs))
         delays = random.uniform(0, self.delay, count)
-        depth = max(self.delay, 1)
-        late = [
-            Gained(PartlyDelayed(self.model, jnp.asarray(delay), depth, inputs), jnp.asarray(gain))
-            for gain, delay in zip(gains, delays, strict=True)
-        ]
-        if fed == "state":
-            return stack_plants(late)
-        return stack_plants([Quantised(Encoders(plant), self.encoder_resolution) for plant in late])
+        drawn = zip(gains, delays, strict=True)
+        late = [self._member(PartlyDelayed, gain, delay) for gain, delay in drawn]
+        return stack_plants([self._counted(plant, fed) for plant in late])
+
+    def _member(self, line: type[Delayed | PartlyDelayed], gains: np.ndarray, late: float) -> Plant:
+        """The machine behind a delay line, with friction, its state measured."""
+        plant = line(self._machine, jnp.asarray(late), max(self.delay, 1), self.model.inputs)
+        return Gained(plant, jnp.asarray(gains))
+
+    def _counted(self, plant: Plant, fed: Fed) -> Plant:
+        return plant if fed == "state" else Quantised(Encoders(plant), self.encoder_resolution)
+
+    @cached_property
+    def _machine(self) -> Plant:
+        """The model with friction, which the model's delay does not delay."""
+        if not self.friction:  # none, or not known
+            return self.model
+        A, B = np.asarray(self.model.A), np.asarray(self.model.B)
+        # in a model with a delay, the control that acts is the last of those that wait
+        entry = A[:, -self.model.inputs :] if self.known_delay else B
+        return with_dry_friction(self.model, entry, np.full(self.model.axes, self.friction))
 
     def hosted(self, period: float | None = None) -> Hosted:
         """The machine with friction, or the model itself."""
@@ -186,9 +204,7 @@ class LinearMachine(Machine):
         sensors = f"positions only, encoder {1e6 * self.encoder_resolution:g} um"
         friction = "not known, neither in the runs nor in what is proven"
         if self.friction is not None:
-            friction = (
-                f"{self.friction:.3g} {self.control_unit}, not in the runs but in what is proven"
-            )
+            friction = f"{self.friction:.3g} {self.control_unit}, in the runs and in what is proven"
         return {
             "Machine": f"{self.name}: {states}, axes {', '.join(self.axes)}, {time}",
             "Measured": sensors,

@@ -70,10 +70,12 @@ def command(flags: Identify) -> int:
 
 
 def _rubbed(result: LinearMachineResult) -> list[str]:
-    """Where dry friction acts: in no run, but in what is proven."""
+    """Where dry friction acts: in the runs, and in what is proven."""
     if all(one.friction is None for one in result.axes):
         return []
-    return ["The errors in the tables of tune are without friction; what it proves is with it"]
+    return [
+        "The tables of tune have this friction in their runs; what it proves is for such a force"
+    ]
 
 
 def _check(flags: Identify) -> None:

@@ -1,4 +1,7 @@
-"""Certificates of a stored loop on every contour and every plant of a linear machine."""
+"""Certificates of a stored loop on every contour and every plant of a linear machine.
+
+Friction is one of the forces that are bounded: the plants have none of their own.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -84,7 +87,7 @@ def certified_runs(loop: StoredLoop, bounds: Bounds, cells: int) -> Iterator[Cer
 
 def _of_members(loop: StoredLoop, bounds: Bounds) -> Iterator[Proven]:
     """Certificates of all contours on every member of the family."""
-    machine, fed = linear_machine(loop.machine), loop.fed
+    machine, fed = linear_machine(loop.machine).frictionless, loop.fed
     box = box_of(machine.nominal(fed), bounds, machine, fed)
     plants = zip(
         machine.family_names, machine.exact_family(fed), machine.true_family(fed), strict=True
@@ -98,7 +101,7 @@ def _of_members(loop: StoredLoop, bounds: Bounds) -> Iterator[Proven]:
 
 def _of_all_gains(loop: StoredLoop, bounds: Bounds, cells: int) -> Iterator[Proven]:
     """Certificates of all contours at every delay, each for all gains."""
-    machine, fed = linear_machine(loop.machine), loop.fed
+    machine, fed = linear_machine(loop.machine).frictionless, loop.fed
     box, one = box_of(machine.nominal(fed), bounds, machine, fed), np.ones(machine.model.inputs)
     gains = GainCell((1 - machine.gain) * one, (1 + machine.gain) * one)
     for job, late in product(loop.jobs, range(machine.delay + 1)):

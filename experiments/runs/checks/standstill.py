@@ -7,6 +7,7 @@ integrates hunts for the position that it cannot read.
 import numpy as np
 
 from experiments.files.results.tuned_result import Standstill
+from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Fed, Machine
 from jcontour.controller import Controller
 from jcontour.geometry.contours import line
@@ -22,8 +23,9 @@ def standstill(controller: Controller, machine: Machine, fed: Fed) -> Standstill
     """Worst of places and family; None where nothing is counted."""
     if machine.resolution is None or fed == "state":
         return None
+    calm = machine.frictionless if isinstance(machine, LinearMachine) else machine
     places = [_held(machine, part * machine.resolution, controller.preview) for part in BETWEEN]
-    family = stack_plants(machine.true_family(fed))
+    family = stack_plants(calm.true_family(fed))
     metrics = evaluate(controller, family, stack_references(places), (SETTLED, SAMPLES))
     return Standstill(
         rms_control=float(np.max(metrics.rms_control)),

@@ -101,6 +101,8 @@ def linear_nominal(one: Setting) -> Plant:
 def linear_family(one: Setting) -> list[Plant]:
     """Every plant of the family, linear: without dry friction and limits."""
     machine = one.machine
+    if isinstance(machine, LinearMachine):
+        machine = machine.frictionless
     if not isinstance(machine, MotorMeasured):
         return list(machine.smooth_family(one.fed))
     return [_read(machine, _linear(one, member)) for member in machine.members]

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -50,3 +52,34 @@ def test_the_error_does_not_depend_on_where_the_part_lies():
         metrics = score(simulate(machine.nominal(), controller, reference), reference)
         errors.append([float(metrics.rms_contour_error), float(metrics.rms_tracking_error)])
     assert errors[1] == pytest.approx(errors[0], rel=1e-9)
+
+
+def slides(known_delay: int, **more):
+    """Two masses, 2 and 1 m/s^2 per control unit."""
+    gains, dt = np.array([2.0, 1.0]), 1e-3
+    A = np.kron(np.eye(2), [[1.0, dt], [0.0, 1.0]])
+    B = np.kron(np.diag(gains), [[dt**2 / 2], [dt]])
+    plant = LinearPlant(A, B, np.kron(np.eye(2), [[1.0, 0.0]]), dt)
+    machine = linear_machine(with_input_delay(plant, known_delay), "slides")
+    return replace(machine, known_delay=known_delay, gain=0.1, delay=1, **more)
+
+
+@pytest.mark.parametrize("known_delay", [0, 2])
+def test_friction_stops_every_plant_of_the_family_and_no_linear_one(known_delay):
+    """From 40 mm/s under no control, by v^2 / (2 gain force), whatever gain and delay."""
+    rough, start = slides(known_delay, friction=0.2), np.array([4e-5, -4e-5])
+    drawn = rough.random_family(3, 0)
+    ways = np.array([1.0, -1.0]) * 0.04**2 / (2 * 0.2 * np.array([2.0, 1.0]))
+    plants = [*rough.smooth_family(), *rough.true_family(), *(member(drawn, k) for k in range(3))]
+    for plant in plants:
+        np.testing.assert_allclose(coasted(plant, start), ways, rtol=0.05)
+    for plant in (*rough.exact_family(), rough.nominal(), *rough.frictionless.true_family()):
+        np.testing.assert_allclose(coasted(plant, start), 500 * start, rtol=1e-9)
+
+
+def coasted(plant, increment):
+    state = plant.initial_state(jnp.zeros(2), jnp.asarray(increment))
+    step = eqx.filter_jit(lambda plant, state: plant.step(state, jnp.zeros(2)))
+    for _ in range(500):
+        state = step(plant, state)
+    return np.asarray(plant.output(state))

@@ -163,7 +163,7 @@ def test_a_record_of_one_axis_as_the_public_one_of_emps(tmp_path, capsys, seed):
     assert main(["identify", str(tmp_path / "emps.mat"), *flags, "--out", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "the machine file has X twice" in printed and "dry friction takes" in printed
-    assert "tables of tune are without friction; what it proves is with it" in printed
+    assert "tables of tune have this friction in their runs" in printed
     result = read_result(folder, LinearMachineResult)
     assert result.axes[0].gain == pytest.approx(emps.DRIVE_GAIN / emps.VISCOUS, rel=0.002)
     assert result.axes[0].delay == 0
