@@ -117,14 +117,14 @@ def blended(
     found = joints(pieces)
     rough = (found.turn > ROUNDING) | (found.bend > 0)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
-    starts = np.append(0.0, np.cumsum(pieces.extent))
-    if tolerance == 0 or at.size == 0:
-        every = np.arange(count)
-        return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
-    most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
-    blends = _Blends(pieces, at, found.turn[at] > CORNER, most)
-    blends = _without_gaps(_reaching(blends, SAFETY * (tolerance - used[at])))
-    return _assembled(contour, blends, used[at], FIT * tolerance)
+    if tolerance > 0 and at.size > 0:
+        most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
+        blends = _Blends(pieces, at, found.turn[at] > CORNER, most)
+        blends = _without_gaps(_reaching(blends, SAFETY * (tolerance - used[at])))
+        if blends.at.size > 0:
+            return _assembled(contour, blends, used[blends.at], FIT * tolerance)
+    starts, every = np.append(0.0, np.cumsum(pieces.extent)), np.arange(count)
+    return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
 
 
 class _Blends(NamedTuple):
@@ -213,10 +213,16 @@ def _reaching(blends: _Blends, tolerance: Float[np.ndarray, " B"]) -> _Blends:
 
 
 def _without_gaps(blends: _Blends) -> _Blends:
-    """The blends, those a little shortened between which too little of a piece is left."""
+    """The blends, those a little shortened between which too little of a piece is left.
+
+    A blend that still leaves too little is none: its piece would be lost, and the path have a gap.
+    """
     left = blends.left()[blends.at]
     narrow = (left > MEETING) & (left <= SHORTEST)
-    return blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
+    blends = blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
+    left = blends.left()
+    lost = (left > MEETING) & (left <= SHORTEST)
+    return blends.some(~(lost[blends.at] | lost[blends.at + 1]))
 
 
 def _assembled(

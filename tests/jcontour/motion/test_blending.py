@@ -135,3 +135,14 @@ def test_what_is_used_of_the_tolerance_is_not_used_twice():
     cut = np.convolve(reach, [1.0, 1.0])  # of every side, at one corner or at both
     np.testing.assert_allclose(20e-3 - sides, cut, rtol=2e-3)
     assert 9.9e-6 < found.deviation <= 10e-6
+
+
+def test_a_piece_of_a_nanometre_is_not_lost_where_one_end_of_it_is_cut_off():
+    """There and back, then on: nothing blends the turn, and half of 1.2 nm would be left."""
+    points = [[0.0, 0.0], [15e-6, 0.0], [15e-6 - 1.2e-9, 0.0], [80e-6, 20e-6], [80e-6, 90e-6]]
+    around = blended(contours.polyline(points), 3e-6)
+    pieces = unpadded(around.path)
+    ends = pieces.taken(slice(None, -1)).jet(pieces.extent[:-1])[0]
+    begins = pieces.taken(slice(1, None)).jet(0.0 * pieces.extent[1:])[0]
+    assert np.linalg.norm(ends - begins, axis=1).max() < 1e-13
+    assert around.blend.sum() == 1
