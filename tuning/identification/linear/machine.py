@@ -354,8 +354,7 @@ def _notes(axis: LinearAxis) -> list[str]:
         value, deviation = axis.friction
         notes.append(
             f"{name}: dry friction takes {value:.4g} of the command (+- {2 * deviation:.2g}); the "
-            "model is what is left without it, and the machine file has none: compensate it, or "
-            "leave the integral of the loop to it"
+            "model is what is left without it. The file states the largest of its axes"
         )
     if axis.dispersion > 1:
         notes.append(
