@@ -139,7 +139,7 @@ def test_what_is_used_of_the_tolerance_is_not_used_twice():
 
 def test_a_piece_of_a_nanometre_is_not_lost_where_one_end_of_it_is_cut_off():
     """There and back, then on: nothing blends the turn, and half of 1.2 nm would be left."""
-    points = [[0.0, 0.0], [15e-6, 0.0], [15e-6 - 1.2e-9, 0.0], [80e-6, 20e-6], [80e-6, 90e-6]]
+    points = [[0.0, 0.0], [15e-6, 0.0], [15e-6 - 1.2e-9, 0.0], [20e-6, 60e-6], [90e-6, 60e-6]]
     around = blended(contours.polyline(points), 3e-6)
     pieces = unpadded(around.path)
     ends = pieces.taken(slice(None, -1)).jet(pieces.extent[:-1])[0]
