@@ -110,9 +110,14 @@ def test_window_is_a_mask(bent):
     )
     for found, wanted in zip(jax.tree.leaves(by_window), jax.tree.leaves(by_mask), strict=True):
         assert float(found) == float(wanted)
-    for window in ((5, 5), (-1, 4), (0, T + 1), (6, 3), (1.5, 9)):
+    for window in ((5, 5), (-1, 4), (0, T + 1), (6, 3)):
         with pytest.raises(ValueError, match="window: needs whole numbers 0 <= a < b <= 12"):
             score_signals(output, control, bent, window)
+
+
+def test_a_window_of_parts_of_samples_is_refused(bent, any_type):
+    with pytest.raises(ValueError, match="window: needs whole numbers 0 <= a < b <= 12"):
+        score_signals(desired(bent), np.zeros((T, 2)), bent, (1.5, 9))
 
 
 def test_padding_changes_no_metric(bent):
