@@ -4,7 +4,7 @@ import warnings
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
@@ -98,14 +98,24 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
 
 def _warn_of_unread(own: OwnName, flags: Controlled) -> None:
     """Warn of flags that are for the controllers of the catalogue alone."""
-    known = {one.name: one.default for one in fields(Controlled)}
-    unread = [name for name in LISTED_ONLY if getattr(flags, name) != known[name]]
+    unread = [name for name in LISTED_ONLY if getattr(flags, name) != _usual(name)]
     if unread:
         words = ", ".join(f"--{name.replace('_', '-')}" for name in unread)
         warnings.warn(
             f"{own} does not read {words}: its preview is its own, and --weights sets its fields",
             stacklevel=2,
         )
+
+
+def read_by(name: str, flags: Flags) -> Flags:
+    """Flags of many controllers as one of them reads them: one of the user's own has the usual."""
+    if own_name(name) is None:
+        return flags
+    return replace(flags, **{flag: _usual(flag) for flag in LISTED_ONLY})
+
+
+def _usual(flag: str) -> Any:
+    return next(one.default for one in fields(Controlled) if one.name == flag)
 
 
 def seeing_all(flags: Flags, job: Task) -> Flags:

@@ -14,7 +14,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from experiments.catalogue.choices import controllers_for, design_for, job_named, machine_named
+from experiments.catalogue.choices import (
+    controllers_for,
+    design_for,
+    job_named,
+    machine_named,
+    read_by,
+)
 from experiments.catalogue.controllers import CONTROLLERS
 from experiments.designs.design import Design, plain_weights
 from experiments.files import run_folder
@@ -79,7 +85,8 @@ class Ranking:
     def flags_of(self, candidate: Candidate) -> Tune:
         """Flags of the tuning run of one controller."""
         shared: dict[str, Any] = {one.name: getattr(self.flags, one.name) for one in fields(Aimed)}
-        return Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
+        flags = Tune(**{**shared, **vars(candidate), "parts": self.flags.parts})
+        return read_by(candidate.controller, flags)
 
 
 def ranking_of(flags: Rank) -> Ranking:
@@ -124,18 +131,18 @@ def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Ca
     found, designs = [], {}
     suiting = [name for name in controllers_for(machine) if not CONTROLLERS[name].learns]
     for name in flags.controllers or suiting:
-        asked = replace(flags, controller=name)
+        asked = read_by(name, replace(flags, controller=name))
         try:
             design = design_for(machine, asked)
         except ValueError:  # told as its row
-            found.append(_plain_candidate(flags, name))
+            found.append(_plain_candidate(asked, name))
             continue
         if design.fed == "state" and not flags.controllers:
             continue  # it sees more than the others
-        designs[_plain_candidate(flags, name)] = design
+        designs[_plain_candidate(asked, name)] = design
         found += [
             Candidate(controller=name, preview=preview, terminal=terminal, model_delay=delay)
-            for preview, terminal, delay in product(*_choices(flags, design))
+            for preview, terminal, delay in product(*_choices(asked, design))
         ]
     return found, designs
 
