@@ -56,7 +56,7 @@ def response(frequency):
     return above / ((z - 1) * (z - p)) * z**-LATE
 
 
-@pytest.mark.parametrize("share", [0.1, 0.4])
+@pytest.mark.parametrize("share", [pytest.param(0.1, marks=pytest.mark.slow), 0.4])
 def test_friction_of_much_of_the_command_leaves_the_model_as_it_is(share):
     """Delay, friction to 0.1 %, response to 0.1 % up to 30 Hz; most of it within its interval."""
     one = record(0.0, 1)

@@ -66,6 +66,7 @@ def test_other_delays_are_those_that_the_record_does_not_exclude(found):
     assert one.delays == [1, 4]
 
 
+@pytest.mark.slow
 def test_a_command_that_moves_backwards_is_told(record):
     first = replace(
         record, axes=("X",), command=-record.command[:, :1], position=record.position[:, :1]
@@ -89,6 +90,7 @@ def test_what_the_family_comes_from_is_told(found):
         assert all(one.gain_by in note for note in named)
 
 
+@pytest.mark.slow
 def test_what_hides_much_and_is_no_noise_is_refused(record, monkeypatch):
     """Something turns every second and moves the axis about half as fast as its command does."""
     push = np.where(np.arange(ROWS) // 1000 % 2, 1.0, -1.0).cumsum() * 3e-5
