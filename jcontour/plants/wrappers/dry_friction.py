@@ -27,10 +27,10 @@ class WithDryFriction(Wrapper):
     >>> slide = LinearPlant([[1.0, 1e-3], [0.0, 1.0]], [[5e-8], [1e-4]], [[1.0, 0.0]], dt=1e-3)
     >>> rubbed = with_dry_friction(slide, np.asarray(slide.B), np.array([2.0]))
     >>> state = rubbed.initial_state(jnp.zeros(1), jnp.zeros(1))
-    >>> for _ in range(1000):
+    >>> for _ in range(1000):  # a second
     ...     state = rubbed.step(state, jnp.array([1.0]))
-    >>> bool(rubbed.output(state)[0] < 0.5e-3), float(slide.dt * 1000)  # m, after a second
-    (True, 1.0)
+    >>> bool(rubbed.output(state)[0] < 0.5e-3)  # [m]
+    True
     """
 
     entry: Float[Array, "n m"]
