@@ -231,12 +231,12 @@ def _curves(
     """Quintic pieces of splines that were found round by round."""
     from scipy.interpolate import BSpline
 
+    if not any(rows.size for _, rows in found):
+        none = np.zeros((0, 6, runs.pieces.cosine.shape[-1]))
+        return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), np.zeros(0, int), most)
     knots, run = (np.concatenate(rows) for rows in zip(*(one for one, _ in found), strict=True))
     order = np.argsort(run, kind="stable")
     rows = np.concatenate([rows for _, rows in found])[order]
-    if order.size == 0:
-        none = np.zeros((0, 6, rows.shape[1]))
-        return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), order, most)
     spline = BSpline(knots[order], rows[: -DEGREE - 1], DEGREE)
     single = (np.diff(knots[order], prepend=-1.0) > 0) | (np.diff(run[order], prepend=-1) > 0)
     splines = _Splines(knots[order][single], run[order][single])
