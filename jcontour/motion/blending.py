@@ -1,23 +1,10 @@
 """Blends: corners of a path, and jumps of its curvature, replaced by curves within a tolerance.
 
-A blend leaves the piece before a joint at a distance d and meets the piece after it at the same
-distance. Between two lines it is the cubic
-
-    r(u) = corner - d (1 - u)^3 t_0 + d u^3 t_1,        u from 0 to 1,
-
-with t_0 and t_1 the directions of the lines: one axis comes to rest at constant jerk while the
-other one leaves it, which is the quickest way around a slow corner. Between curves it is the
-quintic with the same derivatives at both ends, the curvature of the path added. Point u belongs to
-the point of the path at d (u^3 - (1 - u)^3) from the joint. Where the curvature jumps and the
-direction does not, the quintic has no second derivative along the path at its ends, and u belongs
-to d (2 u - 1). The greatest distance of two such points bounds the distance of the blend from the
-path and of the path from the blend: d |t_1 - t_0| / 8 between lines.
-
-Blends are then written as quintics in their own arc length, so that the blended path is a contour.
+What a blend is: see `blends`; how far it reaches: see `reaches`. Blends are written as quintics in
+their own arc length, so that the blended path is a contour.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -28,19 +15,17 @@ from jcontour.geometry.contour import Contour
 from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import fitted
+from jcontour.motion.blends import Blends
 from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.jerk_limited.limits import Asked
+from jcontour.motion.reaches import SHORTEST, as_needed, within, without_gaps
 
 SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends
-STEPS = 32  # of a blend, at which its deviation is measured
 SAFETY = 0.99  # of the tolerance: the deviation may peak between two of them
 FIT = 1e-3  # of the tolerance: what the quintics may be off the blend
 SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
 ROUNDING = 1e-9  # jump of the tangent that is none
 CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
-SEARCHES = 60  # halvings and secants for the length of a blend
-SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
-MEETING = 1e-13  # [m] what is left where two blends meet
-SHORTER = 0.99  # of a blend, where less than the shortest would be left: a gap, which turns
 
 
 @dataclass(frozen=True)
@@ -85,6 +70,7 @@ def blended(
     tolerance: float,
     allowed: Bool[np.ndarray, " joints"] | None = None,
     used: Float[np.ndarray, " joints"] | None = None,
+    asked: Asked | None = None,
 ) -> BlendedPath:
     """Path with a continuous curvature that stays within a tolerance of a contour.
 
@@ -102,6 +88,8 @@ def blended(
         allowed: which of the joints between pieces may be blended; all when not given.
         used: of the tolerance beside every joint [m], by a contour that stands for another one;
             nothing when not given. The deviation counts it.
+        asked: what the path is to be passed at. Blends are no longer than that needs; as long as
+            the tolerance allows when not given.
 
     Raises:
         ValueError: a tolerance below zero or not finite, or a wrong shape.
@@ -119,114 +107,19 @@ def blended(
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
     if tolerance > 0 and at.size > 0:
         most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
-        blends = _Blends(pieces, at, found.turn[at] > CORNER, most)
-        blends = _without_gaps(_reaching(blends, SAFETY * (tolerance - used[at])))
+        blends = Blends(pieces, at, found.turn[at] > CORNER, most)
+        blends = within(blends, SAFETY * (tolerance - used[at]))
+        if asked is not None:
+            blends = as_needed(blends, asked.lower[at], asked.limits)
+        blends = without_gaps(blends)
         if blends.at.size > 0:
             return _assembled(contour, blends, used[blends.at], FIT * tolerance)
     starts, every = np.append(0.0, np.cumsum(pieces.extent)), np.arange(count)
     return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
 
 
-class _Blends(NamedTuple):
-    """Blends at joints `at` of pieces, each of a reach d [m] to both sides.
-
-    At a `corner` the direction jumps; elsewhere the curvature alone does.
-    """
-
-    pieces: Piece
-    at: Int[np.ndarray, " B"]
-    corner: Bool[np.ndarray, " B"]
-    reach: Float[np.ndarray, " B"]
-
-    def left(self) -> Float[np.ndarray, " P"]:
-        """What is left of every piece [m]."""
-        left = self.pieces.extent.copy()
-        left[self.at] -= self.reach
-        left[self.at + 1] -= self.reach
-        return left
-
-    def some(self, which: np.ndarray) -> "_Blends":
-        """Some of the blends."""
-        return self._replace(at=self.at[which], corner=self.corner[which], reach=self.reach[which])
-
-    def ends(self) -> Float[np.ndarray, "2 3 B m"]:
-        """Point, tangent and curvature vector where the blends begin and end."""
-        piece = np.stack([self.at, self.at + 1])
-        place = np.stack([self.pieces.extent[self.at] - self.reach, self.reach])
-        return np.swapaxes(jet(self.pieces, piece, place)[:3], 0, 1)
-
-    def path(self, u: Float[np.ndarray, " n"]) -> Float[np.ndarray, "B n m"]:
-        """Points of the path beside the blends."""
-        beyond = self.reach[:, None] * self.beyond(u, self.corner[:, None])
-        piece = self.at[:, None] + (u >= 0.5)
-        place = beyond + np.where(u < 0.5, self.pieces.extent[piece], 0.0)
-        return jet(self.pieces, piece, place)[0]
-
-    def quintics(self) -> Piece:
-        """The blends as polynomials in u."""
-        (p, v, c), (p1, v1, c1) = self.ends()
-        scale = (np.where(self.corner, 3.0, 2.0) * self.reach)[:, None]  # |dr/du| at both ends
-        slowing = np.where(self.corner, 2.0, 0.0)[:, None]
-        v, v1 = v * scale, v1 * scale
-        c, c1 = c * scale**2 - slowing * v, c1 * scale**2 + slowing * v1
-        gap, turn, bend = p1 - p - v - c / 2, v1 - v - c, c1 - c
-        cubic, quartic = 10 * gap - 4 * turn + bend / 2, -15 * gap + 7 * turn - bend
-        quintic = 6 * gap - 3 * turn + bend / 2
-        none = np.zeros(self.reach.size)
-        polynomial = np.stack([p, v, c / 2, cubic, quartic, quintic], axis=1)
-        return Piece(polynomial, 0.0 * p, 0.0 * p, none, none, none + 1.0)
-
-    @staticmethod
-    def beyond(u: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Place on the path beside a point of a blend: from -1, where it begins, to 1."""
-        return np.where(corner, u**3 - (1 - u) ** 3, 2 * u - 1)
-
-
-def _deviation(blends: _Blends) -> Float[np.ndarray, " B"]:
-    """Greatest distance of a blend from its path [m]."""
-    u = np.arange(1, STEPS) / STEPS
-    number = np.arange(blends.at.size)[:, None] + np.zeros(u.size, int)
-    point = jet(blends.quintics(), number, np.broadcast_to(u, number.shape))[0]
-    return np.linalg.norm(point - blends.path(u), axis=-1).max(axis=1)
-
-
-def _reaching(blends: _Blends, tolerance: Float[np.ndarray, " B"]) -> _Blends:
-    """The blends shortened until each is within its tolerance [m].
-
-    The deviation grows with the reach at a corner, and with its square where the curvature jumps.
-    """
-    for _ in range(SEARCHES):
-        deviation = _deviation(blends)
-        over = np.flatnonzero(deviation > tolerance)
-        if over.size == 0:
-            break
-        fewer = blends.some(over)
-        nearby = _deviation(fewer._replace(reach=0.9 * fewer.reach))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            power = np.log(deviation[over] / nearby) / np.log(1 / 0.9)
-        steep = np.clip(np.nan_to_num(power, nan=1.0), 0.5, 4.0)
-        factor = (0.999 * tolerance[over] / deviation[over]) ** (1 / steep)
-        reach = blends.reach.copy()
-        reach[over] *= np.clip(factor, 1e-3, 0.999)
-        blends = blends._replace(reach=reach)
-    return blends
-
-
-def _without_gaps(blends: _Blends) -> _Blends:
-    """The blends, those a little shortened between which too little of a piece is left.
-
-    A blend that still leaves too little is none: its piece would be lost, and the path have a gap.
-    """
-    left = blends.left()[blends.at]
-    narrow = (left > MEETING) & (left <= SHORTEST)
-    blends = blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
-    left = blends.left()
-    lost = (left > MEETING) & (left <= SHORTEST)
-    return blends.some(~(lost[blends.at] | lost[blends.at + 1]))
-
-
 def _assembled(
-    contour: Contour, blends: _Blends, used: Float[np.ndarray, " B"], fit_tolerance: float
+    contour: Contour, blends: Blends, used: Float[np.ndarray, " B"], fit_tolerance: float
 ) -> BlendedPath:
     """The pieces between blends, cut, and the blends in arc length, in order."""
     pieces = blends.pieces
@@ -254,7 +147,7 @@ def _assembled(
     piece = np.concatenate([kept, joint])[order]
     blend = np.concatenate([np.zeros(kept.size, bool), np.ones(joint.size, bool)])[order]
     path = from_pieces(whole, fit_error=fit.error, newton_steps=NEWTON_STEPS)
-    deviation = float((_deviation(blends) + used).max()) + fit.error
+    deviation = float((blends.deviation() + used).max()) + fit.error
     return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), deviation)
 
 
@@ -271,7 +164,7 @@ def _cut(pieces: Piece, by, extent) -> Piece:
     return Piece(polynomial, cosine, sine, pieces.rate, pieces.start, extent)
 
 
-def _curves(blends: _Blends):
+def _curves(blends: Blends):
     """The blends as one curve, blend k at parameters 2 k to 2 k + 1; its frames; its intervals.
 
     The frames at the ends are those of the path itself, to the last bit.

@@ -21,7 +21,7 @@ from jcontour.motion.blending import BlendedPath
 from jcontour.motion.feed_laws import SharpTurnError
 from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.joints import joints, unpadded
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 from jcontour.motion.jerk_limited.planning import JerkLimitedMotion, jerk_limited
 from jcontour.motion.point_to_point import PointToPoint
 from jcontour.motion.rests import Rests, rest_of_pieces
@@ -78,7 +78,7 @@ def cornered(
     rest = rest_of_pieces(rest, feed.size)
 
     def planned(passed: Bool[np.ndarray, " joints"]) -> Planned:
-        around = smooth_path(contour, tolerance, passed, alike)
+        around = smooth_path(contour, tolerance, passed, alike, Asked(feed, limits))
         stopping = around.joint(np.flatnonzero(~passed))
         try:
             motion = jerk_limited(around.path, around.feed(feed), limits, stopping)

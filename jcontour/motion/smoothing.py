@@ -18,6 +18,7 @@ from jcontour.geometry.contours import NEWTON_STEPS, from_pieces
 from jcontour.geometry.pieces import Piece
 from jcontour.motion.blending import BlendedPath, blended
 from jcontour.motion.jerk_limited.joints import joints, unpadded
+from jcontour.motion.jerk_limited.limits import Asked
 from jcontour.motion.runs import FIT, Runs, followed
 
 SHARE = 0.7  # of the tolerance, for the smoothing; what it leaves is for the blends
@@ -32,6 +33,7 @@ def smooth_path(
     tolerance: float,
     allowed: Bool[np.ndarray, " joints"] | None = None,
     alike: Bool[np.ndarray, " joints"] | None = None,
+    asked: Asked | None = None,
 ) -> BlendedPath:
     """Path with a continuous curvature within a tolerance: runs smoothed, other joints blended.
 
@@ -40,6 +42,7 @@ def smooth_path(
         tolerance: greatest distance [m]; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be smoothed or blended; all when not given.
         alike: at which of them the feed stays the same; others are blended only.
+        asked: what the path is to be passed at, see `blended`.
 
     Raises:
         ValueError: as `blended`, or a wrong shape.
@@ -50,11 +53,13 @@ def smooth_path(
     if alike.shape != every.shape:
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
     if not tolerance > 0 or allowed.shape != every.shape:
-        return blended(contour, tolerance, allowed)
+        return blended(contour, tolerance, allowed, asked=asked)
     found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike)
     joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
     used = np.maximum(apart[:-1], apart[1:])
-    around = blended(found.path, tolerance, within | allowed[joint], used)
+    if asked is not None:
+        asked = asked._replace(feed=found.feed(asked.feed))
+    around = blended(found.path, tolerance, within | allowed[joint], used, asked)
     return BlendedPath(
         path=around.path,
         contour=contour,

@@ -37,6 +37,23 @@ class AxisLimits(NamedTuple):
         return cls(**{name: _per_axis(name, value, axes) for name, value in given.items()})
 
 
+class Asked(NamedTuple):
+    """What is asked of a motion along a path.
+
+    Attributes:
+        feed: of every piece, at most [m/s].
+        limits: of the axes.
+    """
+
+    feed: Float[np.ndarray, " P"]
+    limits: AxisLimits
+
+    @property
+    def lower(self) -> Float[np.ndarray, " joints"]:
+        """Lower feed of both pieces at every joint [m/s]."""
+        return np.minimum(self.feed[:-1], self.feed[1:])
+
+
 def _per_axis(name: str, value: Numbers, axes: int) -> Float[np.ndarray, " m"]:
     value = np.asarray(value, float)
     finite = np.isfinite(value).all() or name == "speed"

@@ -94,3 +94,17 @@ def test_a_curve_that_turns_without_end_is_told_by_its_number_on_the_contour():
     with pytest.raises(SharpTurnError) as told:
         cornered(path, np.full(5, 0.05), LIMITS, 2e-6, np.array([np.nan] * 3 + [0.0, np.nan]))
     assert told.value.piece == 4
+
+
+def test_a_slow_program_leaves_its_tolerance_and_takes_no_longer():
+    """Against the same path with blends as long as the tolerance allows."""
+    angle = np.linspace(0.0, 2 * np.pi, 41)
+    outline = contours.polyline(10e-3 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    limits = AxisLimits.of(2, acceleration=2.0, jerk=100.0)
+    feed = np.full(40, 2e-3)
+    whole = blended(outline, 5e-6)
+    longest = jerk_limited(whole.path, whole.feed(feed), limits)
+    found = cornered(outline, feed, limits, 5e-6)
+    assert found.motion.stops.size == 2
+    assert found.duration < 1.001 * longest.duration
+    assert found.around.deviation < 0.2 * whole.deviation

@@ -1,0 +1,82 @@
+"""How far blends reach: within a tolerance, no farther than a feed needs, and without gaps."""
+
+import numpy as np
+from jaxtyping import Float
+
+from jcontour.motion.blends import Blends
+from jcontour.motion.jerk_limited.limits import AxisLimits
+
+SEARCHES = 60  # halvings and secants for the length of a blend
+NEEDED = 0.5  # of the limits, at the feed: the rest is for motions that change their speed
+LEAST = 0.01  # of the reach that the tolerance allows
+APPROACHES = 7  # halvings of what is not known of the reach, which is then known to 4 %
+SWING = 1.1  # of the curvature that a blend meets: it goes 8 % beyond, however long it is
+SHORTEST = 1e-9  # [m] of what is left of a piece between two blends
+MEETING = 1e-13  # [m] what is left where two blends meet
+SHORTER = 0.99  # of a blend, where less than the shortest would be left: a gap, which turns
+
+
+def within(blends: Blends, tolerance: Float[np.ndarray, " B"]) -> Blends:
+    """The blends shortened until each is within its tolerance [m].
+
+    The deviation grows with the reach at a corner, and with its square where the curvature jumps.
+    """
+    for _ in range(SEARCHES):
+        deviation = blends.deviation()
+        over = np.flatnonzero(deviation > tolerance)
+        if over.size == 0:
+            break
+        fewer = blends.some(over)
+        nearby = fewer._replace(reach=0.9 * fewer.reach).deviation()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            power = np.log(deviation[over] / nearby) / np.log(1 / 0.9)
+        steep = np.clip(np.nan_to_num(power, nan=1.0), 0.5, 4.0)
+        factor = (0.999 * tolerance[over] / deviation[over]) ** (1 / steep)
+        reach = blends.reach.copy()
+        reach[over] *= np.clip(factor, 1e-3, 0.999)
+        blends = blends._replace(reach=reach)
+    return blends
+
+
+def as_needed(blends: Blends, feed: Float[np.ndarray, " B"], limits: AxisLimits) -> Blends:
+    """The blends shortened to what their feed needs: where longer ones would gain no time.
+
+    At a speed v along a blend every axis has the acceleration v^2 r_ss and the jerk v^3 r_sss. Both
+    grow where it gets shorter. They may be a share of the limits (`NEEDED`), and the acceleration
+    about as much as beside the blend. A blend that cannot be passed so stays as it is.
+
+    Args:
+        blends: as long as the tolerance allows.
+        feed: that is asked for in each [m/s]. Where the path beside it cannot be passed so fast, v
+            is what it can be passed at.
+        limits: of the axes.
+    """
+    _, tangent, bend = np.swapaxes(blends.ends(), 0, 1)
+    with np.errstate(divide="ignore"):
+        speed = (limits.speed / np.abs(tangent)).min(axis=(0, 2))
+        turning = np.sqrt((limits.acceleration / np.abs(bend)).min(axis=(0, 2)))
+    v = np.minimum(np.minimum(feed, speed), turning)[:, None]
+    beside = np.abs(bend).max(axis=0) * v**2
+    acceleration = np.maximum(NEEDED * limits.acceleration, SWING * beside)
+    jerk = NEEDED * limits.jerk
+    enough, short = np.ones(feed.size), np.full(feed.size, LEAST)
+    for _ in range(APPROACHES):
+        between = np.sqrt(enough * short)
+        _, second, third = np.abs(blends._replace(reach=between * blends.reach).along()).max(axis=2)
+        within = (second * v**2 <= acceleration) & (third * v**3 <= jerk)
+        passed = within.all(axis=1)
+        enough, short = np.where(passed, between, enough), np.where(passed, short, between)
+    return blends._replace(reach=enough * blends.reach)
+
+
+def without_gaps(blends: Blends) -> Blends:
+    """The blends, those a little shortened between which too little of a piece is left.
+
+    A blend that still leaves too little is none: its piece would be lost, and the path have a gap.
+    """
+    left = blends.left()[blends.at]
+    narrow = (left > MEETING) & (left <= SHORTEST)
+    blends = blends._replace(reach=np.where(narrow, SHORTER, 1.0) * blends.reach)
+    left = blends.left()
+    lost = (left > MEETING) & (left <= SHORTEST)
+    return blends.some(~(lost[blends.at] | lost[blends.at + 1]))
