@@ -7,7 +7,6 @@ from jcontour.motion.blends import Blends
 from jcontour.motion.jerk_limited.limits import AxisLimits
 
 SEARCHES = 60  # halvings and secants for the length of a blend
-NEEDED = 0.5  # of the limits, at the feed: the rest is for motions that change their speed
 LEAST = 0.01  # of the reach that the tolerance allows
 APPROACHES = 7  # halvings of what is not known of the reach, which is then known to 4 %
 SWING = 1.1  # of the curvature that a blend meets: it goes 8 % beyond, however long it is
@@ -42,8 +41,8 @@ def as_needed(blends: Blends, feed: Float[np.ndarray, " B"], limits: AxisLimits)
     """The blends shortened to what their feed needs: where longer ones would gain no time.
 
     At a speed v along a blend every axis has the acceleration v^2 r_ss and the jerk v^3 r_sss. Both
-    grow where it gets shorter. They may be a share of the limits (`NEEDED`), and the acceleration
-    about as much as beside the blend. A blend that cannot be passed so stays as it is.
+    grow where it gets shorter. They may be as large as `AxisLimits.at_ease`, and the acceleration
+    about as large as beside the blend. A blend that cannot be passed so stays as it is.
 
     Args:
         blends: as long as the tolerance allows.
@@ -57,8 +56,8 @@ def as_needed(blends: Blends, feed: Float[np.ndarray, " B"], limits: AxisLimits)
         turning = np.sqrt((limits.acceleration / np.abs(bend)).min(axis=(0, 2)))
     v = np.minimum(np.minimum(feed, speed), turning)[:, None]
     beside = np.abs(bend).max(axis=0) * v**2
-    acceleration = np.maximum(NEEDED * limits.acceleration, SWING * beside)
-    jerk = NEEDED * limits.jerk
+    acceleration = np.maximum(limits.at_ease.acceleration, SWING * beside)
+    jerk = limits.at_ease.jerk
     enough, short = np.ones(feed.size), np.full(feed.size, LEAST)
     for _ in range(APPROACHES):
         between = np.sqrt(enough * short)

@@ -3,11 +3,15 @@
 The runs lie one behind the other on one parameter, their arc length s. A run is followed along the
 spline with the least mean square distance from its pieces. Its knots are halved until
 
-    |r(s) - piece(s)| <= tolerance        for all s,
+    |r(s) - piece(s)| <= tolerance        for all s.
 
-which bounds the distance of the curve from the pieces and of the pieces from the curve. Between two
-points that are h apart the difference of the two is at most h^2 / 8 times its second derivative
-farther than at both of them.
+They are halved further, for half of that distance each time, as long as a motion at the feed v
+passes the spline at ease: on every axis v^2 r_ss and v^3 r_sss are far below the limits. So a
+tolerance is not used where it gains no time.
+
+The condition bounds the distance of the curve from the pieces and of the pieces from the curve.
+Between two points that are h apart the difference of the two is at most h^2 / 8 times its second
+derivative farther than at both of them.
 """
 
 from typing import NamedTuple
@@ -18,11 +22,13 @@ from jaxtyping import Bool, Float, Int
 from jcontour.geometry.along_pieces import jet
 from jcontour.geometry.pieces import Piece
 from jcontour.geometry.quintics import Fit, fitted
+from jcontour.motion.jerk_limited.limits import Asked
 from jcontour.motion.spline_fit import DEGREE, fitted_splines
 
 PARTS = 4  # of a piece between two knots, at whose ends the distance is measured and made small
 PER_CELL = 32  # pieces between two knots, at first
 ROUNDS = 40  # of halving
+CLOSEST = 0.05  # of the tolerance: a curve that is so close is close enough
 FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
 
 
@@ -121,13 +127,19 @@ class _Sampled(NamedTuple):
     fourth: Float[np.ndarray, " I"]
 
 
-def followed(runs: Runs, tolerance: float) -> Curves:
-    """Runs as curves within a tolerance [m], which begin and end in the points of their runs.
+def followed(runs: Runs, tolerance: float, asked: Asked | None = None) -> Curves:
+    """Runs as curves within a tolerance, which begin and end in the points of their runs.
 
     A run has no curve where a knot for every piece is not enough.
+
+    Args:
+        runs: what is followed.
+        tolerance: greatest distance [m], above 0.
+        asked: feed of every run, and limits. Curves are as close as that lets them be; as far as
+            the tolerance allows when not given.
     """
     count = np.diff(runs.edges)
-    most = np.full(count.size, np.inf)
+    most, wanted = np.full(count.size, np.inf), np.full(count.size, tolerance)
     splines = _first_splines(runs)
     found: list[tuple[_Splines, np.ndarray]] = []
     for _ in range(ROUNDS):
@@ -136,17 +148,32 @@ def followed(runs: Runs, tolerance: float) -> Curves:
         if splines.run.size == 0:
             break
         sampled = _sampled(runs, splines)
+        of = splines.run[sampled.cell]
         spline, open_ = _spline(runs, splines, sampled)
         distance = _distance(spline, splines, sampled)
-        far = np.unique(sampled.cell[~(distance <= tolerance)])
-        done = open_.copy()
-        done[splines.run[far]] = False
-        of = splines.run[sampled.cell]
-        most[done] = 0.0
-        np.maximum.at(most, of[done[of]], distance[done[of]])
-        found.append(_coefficients(spline, splines, done))
-        splines = splines.halved(far).only(open_ & ~done)
+        farthest = np.zeros(count.size)
+        np.maximum.at(farthest, of, distance)
+        near = open_ & (farthest <= wanted)
+        easy = near if asked is None else near & _easy(spline, sampled, near[of], of, asked)
+        better = near & (easy | np.isinf(most))
+        most[better] = farthest[better]
+        found.append(_coefficients(spline, splines, better))
+        closer = easy & (farthest > CLOSEST * tolerance) & (asked is not None)
+        wanted[closer] = 0.5 * farthest[closer]
+        far = np.unique(sampled.cell[~(distance <= wanted[of])])
+        splines = splines.halved(far).only(closer | (open_ & ~near))
     return _curves(runs, found, most, tolerance)
+
+
+def _easy(spline, sampled: _Sampled, some: np.ndarray, of: np.ndarray, asked: Asked):
+    """Which of some runs are passed at their feed with accelerations and jerks far below limits."""
+    ease, arc, run = asked.limits.at_ease, sampled.arc[some], of[some]
+    v = asked.feed[run][:, None, None]
+    passed = np.abs(spline(arc, 2)) * v**2 <= ease.acceleration
+    passed &= np.abs(spline(arc, 3)) * v**3 <= ease.jerk
+    easy = np.ones(asked.feed.size, bool)
+    easy[run[~passed.all(axis=(1, 2))]] = False
+    return easy
 
 
 def _first_splines(runs: Runs) -> _Splines:
@@ -228,12 +255,19 @@ def _curves(
     most: Float[np.ndarray, " R"],
     tolerance: float,
 ) -> Curves:
-    """Quintic pieces of splines that were found round by round."""
+    """Quintic pieces of splines that were found round by round; the last one of every run."""
     from scipy.interpolate import BSpline
 
     if not any(rows.size for _, rows in found):
         none = np.zeros((0, 6, runs.pieces.cosine.shape[-1]))
         return Curves(Fit(none, none[:, 0, 0], none[:, 0, 0], 0.0), np.zeros(0, int), most)
+    last = np.full(most.size, -1)
+    for number, (one, _) in enumerate(found):
+        last[one.run] = number
+    found = [
+        (one.only(last == number), rows[last[one.run] == number])
+        for number, (one, rows) in enumerate(found)
+    ]
     knots, run = (np.concatenate(rows) for rows in zip(*(one for one, _ in found), strict=True))
     order = np.argsort(run, kind="stable")
     rows = np.concatenate([rows for _, rows in found])[order]

@@ -4,8 +4,8 @@ Two pieces of length l that meet at an angle a, with a jump c of the curvature, 
 that is about l a / 8 + l^2 c / 16 away from them; one through their middle is half as far. Where
 that is within the tolerance, they belong to one run, which is followed along a spline within the
 tolerance (see `runs`). So rounding of the coordinates is smoothed away as far as the tolerance
-allows, and the curvature is that of the curve. A run begins and ends in its own points, and tangent
-to a longer piece beside it that it hardly turns into.
+allows and the feed needs, and the curvature is that of the curve. A run begins and ends in its own
+points, and tangent to a longer piece beside it that it hardly turns into.
 """
 
 import jax
@@ -42,7 +42,8 @@ def smooth_path(
         tolerance: greatest distance [m]; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be smoothed or blended; all when not given.
         alike: at which of them the feed stays the same; others are blended only.
-        asked: what the path is to be passed at, see `blended`.
+        asked: what the path is to be passed at. No more of the tolerance is used than that needs;
+            as much as there is when not given.
 
     Raises:
         ValueError: as `blended`, or a wrong shape.
@@ -54,7 +55,7 @@ def smooth_path(
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
     if not tolerance > 0 or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed, asked=asked)
-    found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike)
+    found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
     joint = np.minimum(found.piece[:-1], allowed.size - 1)  # at the end of each piece
     used = np.maximum(apart[:-1], apart[1:])
     if asked is not None:
@@ -71,7 +72,10 @@ def smooth_path(
 
 
 def smoothed(
-    contour: Contour, tolerance: float, alike: Bool[np.ndarray, " joints"]
+    contour: Contour,
+    tolerance: float,
+    alike: Bool[np.ndarray, " joints"],
+    asked: Asked | None = None,
 ) -> tuple[BlendedPath, Bool[np.ndarray, " inner"], Float[np.ndarray, " P"]]:
     """Path with its runs smoothed, which of its joints lie within a run, deviations of its pieces.
 
@@ -81,13 +85,16 @@ def smoothed(
         contour: one contour, not a stack.
         tolerance: greatest distance [m], above 0.
         alike: joints at which pieces may belong to one run.
+        asked: what the path is to be passed at; see `followed`.
     """
     pieces = unpadded(contour)
     every = np.arange(pieces.extent.size)
     none = np.zeros(every.size, bool)
     starts = np.append(0.0, np.cumsum(pieces.extent))
     first, last, runs = _runs(pieces, tolerance, alike)
-    curves = followed(runs, tolerance) if first.size else None
+    if asked is not None:
+        asked = asked._replace(feed=asked.feed[first])
+    curves = followed(runs, tolerance, asked) if first.size else None
     if curves is None or curves.run.size == 0:
         return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1], 0.0 * every
     smooth = np.unique(curves.run)

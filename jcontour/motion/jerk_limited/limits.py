@@ -7,6 +7,8 @@ from jaxtyping import Float
 
 from jcontour.geometry.coordinates import Numbers
 
+EASE = 0.5  # of the limits
+
 
 class AxisLimits(NamedTuple):
     """Greatest magnitudes per axis.
@@ -20,6 +22,14 @@ class AxisLimits(NamedTuple):
     speed: Float[np.ndarray, " m"]
     acceleration: Float[np.ndarray, " m"]
     jerk: Float[np.ndarray, " m"]
+
+    @property
+    def at_ease(self) -> "AxisLimits":
+        """What an axis may have where a motion at the feed is to lose no time.
+
+        The rest of the acceleration and of the jerk is for a motion that changes its speed there.
+        """
+        return AxisLimits(self.speed, EASE * self.acceleration, EASE * self.jerk)
 
     @classmethod
     def of(
@@ -41,7 +51,7 @@ class Asked(NamedTuple):
     """What is asked of a motion along a path.
 
     Attributes:
-        feed: of every piece, at most [m/s].
+        feed: of every piece, or of every run of pieces, at most [m/s].
         limits: of the axes.
     """
 

@@ -6,8 +6,8 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.motion.blends import Blends
 from jcontour.motion.jerk_limited.joints import unpadded
-from jcontour.motion.jerk_limited.limits import AxisLimits
-from jcontour.motion.reaches import LEAST, NEEDED, as_needed, within, without_gaps
+from jcontour.motion.jerk_limited.limits import EASE, AxisLimits
+from jcontour.motion.reaches import LEAST, as_needed, within, without_gaps
 
 RIGHT_ANGLE = unpadded(contours.polyline([[0.0, 0.0], [20e-3, 0.0], [20e-3, 20e-3]]))
 LIMITS = AxisLimits.of(2, acceleration=2.0, jerk=100.0, speed=0.5)
@@ -35,7 +35,7 @@ def test_a_right_angle_reaches_as_far_as_its_feed_needs(feed):
     second = np.gradient(np.gradient(points, arc, axis=0), arc, axis=0)
     third = np.gradient(second, arc, axis=0)
     bend, twist = np.abs(second[5:-5]).max(), np.abs(third[5:-5]).max()
-    needed = max(feed**2 * bend / (NEEDED * 2.0), np.sqrt(feed**3 * twist / (NEEDED * 100.0)))
+    needed = max(feed**2 * bend / (EASE * 2.0), np.sqrt(feed**3 * twist / (EASE * 100.0)))
     found = as_needed(at_corner(2e-3), np.array([feed]), LIMITS)
     assert needed * 0.99 <= found.reach[0] <= needed * 1.05
 
@@ -65,7 +65,7 @@ def test_a_jump_of_the_curvature_reaches_as_far_as_the_jerk_needs():
     )
     blends = Blends(pieces, np.array([0]), np.array([False]), np.array([1e-3]))
     found = as_needed(blends, np.array([feed]), LIMITS)
-    needed = 9 / 8 * feed**3 / radius / (NEEDED * 100.0)
+    needed = 9 / 8 * feed**3 / radius / (EASE * 100.0)
     assert needed * 0.99 < found.reach[0] < needed * 1.05
 
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from jcontour.geometry import contours
+from jcontour.motion.jerk_limited.derivatives import everywhere
 from jcontour.motion.jerk_limited.joints import unpadded
-from jcontour.motion.runs import PER_CELL, Runs, followed
+from jcontour.motion.jerk_limited.limits import EASE, Asked, AxisLimits
+from jcontour.motion.runs import CLOSEST, PER_CELL, Runs, followed
 
 TOLERANCE = 1e-6
 
@@ -84,3 +86,51 @@ def test_given_directions_are_kept():
     np.testing.assert_allclose(fit.polynomial[0, 1], begin, atol=1e-15)
     slope = (np.arange(6) * fit.extent[-1] ** np.maximum(np.arange(6) - 1, 0)) @ fit.polynomial[-1]
     np.testing.assert_allclose(slope, end, atol=1e-9)
+
+
+LIMITS = AxisLimits.of(2, acceleration=[2.0, 3.0], jerk=[100.0, 150.0])
+
+
+def asked_of(*feed: float) -> Asked:
+    return Asked(np.array(feed), LIMITS)
+
+
+def farthest_of(points: np.ndarray, curves, k: int) -> float:
+    return distance_from(points, places_of(curves.fit, curves.run == k)).max()
+
+
+def test_a_slow_feed_is_followed_more_closely_as_far_as_it_is_easy():
+    feed = np.array([2e-3, 2e-3, 2e-3, 2e-3])
+    far, close = (followed(runs_of(*MANY), 20e-6, asked) for asked in (None, asked_of(*feed)))
+    _, second, third = np.abs(everywhere(close.fit.pieces()))
+    assert (second * feed[0] ** 2 <= 1.001 * EASE * LIMITS.acceleration).all()
+    assert (third * feed[0] ** 3 <= 1.01 * EASE * LIMITS.jerk).all()
+    for k, points in enumerate(MANY):
+        assert farthest_of(points, close, k) <= close.deviation[k] <= far.deviation[k]
+    for k in (1, 3):  # the other two are near their arcs as they are
+        assert close.deviation[k] < 0.1 * far.deviation[k]
+
+
+def test_a_quick_feed_leaves_the_curve_as_it_is():
+    far = followed(runs_of(*MANY), TOLERANCE)
+    quick = followed(runs_of(*MANY), TOLERANCE, asked_of(1.0, 1.0, 1.0, 1.0))
+    np.testing.assert_array_equal(quick.fit.polynomial, far.fit.polynomial)
+    np.testing.assert_array_equal(quick.deviation, far.deviation)
+
+
+def test_each_run_is_followed_as_its_own_feed_asks():
+    together = followed(runs_of(*MANY), 20e-6, asked_of(1e-3, 20e-3, 1.0, 5e-3))
+    for k, feed in enumerate((1e-3, 20e-3, 1.0, 5e-3)):
+        alone = followed(runs_of(MANY[k]), 20e-6, asked_of(feed))
+        np.testing.assert_allclose(
+            together.fit.extent[together.run == k], alone.fit.extent, rtol=1e-9
+        )
+        assert together.deviation[k] == pytest.approx(alone.deviation[0], abs=0.02e-6)
+
+
+def test_a_curve_that_is_close_enough_is_not_brought_closer():
+    """Without a hurry at all the chords of a fine arc could be followed to a thousandth."""
+    found = followed(runs_of(arc_chords(2000, 5e-3, 2.0)), 20e-6, asked_of(1e-9))
+    fewest = followed(runs_of(arc_chords(2000, 5e-3, 2.0)), 20e-6)
+    assert found.deviation[0] <= CLOSEST * 20e-6
+    assert found.run.size <= 2 * fewest.run.size

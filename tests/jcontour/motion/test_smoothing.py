@@ -6,7 +6,7 @@ import pytest
 from jcontour.geometry import contours
 from jcontour.motion.blending import blended
 from jcontour.motion.jerk_limited.joints import joints, unpadded
-from jcontour.motion.jerk_limited.limits import AxisLimits
+from jcontour.motion.jerk_limited.limits import Asked, AxisLimits
 from jcontour.motion.jerk_limited.planning import jerk_limited
 from jcontour.motion.smoothing import smooth_path
 
@@ -176,3 +176,14 @@ def test_a_run_and_a_corner_share_the_tolerance():
     found = smooth_path(rough, TOLERANCE)
     assert found.blend.any()
     assert sagitta / 2 < farthest(found.path, rough) <= found.deviation <= TOLERANCE
+
+
+def test_a_feed_that_needs_no_tolerance_uses_little_of_it():
+    """Chords of an arc and a corner, at 1 mm/s and at 100 mm/s."""
+    points = np.concatenate([chords(400, 2.0), [[0.0, 0.0]]])
+    rough, feed = contours.polyline(points), np.full(400 + 1, 1e-3)
+    slow, quick = (
+        smooth_path(rough, 20e-6, asked=Asked(faster * feed, LIMITS)) for faster in (1.0, 100.0)
+    )
+    assert farthest(slow.path, rough) <= slow.deviation < 0.25 * quick.deviation
+    assert quick.deviation == smooth_path(rough, 20e-6).deviation
