@@ -4,6 +4,7 @@ import numpy as np
 
 from experiments.files.results.tuned_result import PathMargins
 from experiments.jobs.replays import Replay, Scenarios
+from experiments.machines.machine import Machine
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
 from experiments.runs.tuning.problem import TuningRun
 from tuning.tune import Tuned
@@ -23,6 +24,7 @@ def run_warnings(
             "the controller learns while it runs: its margins are those of the loop that it begins "
             "with"
         )
+    lines += family_warnings(run.machine)
     lines += margin_warnings(margins, run.machine.unknown_delay)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
@@ -49,6 +51,16 @@ def search_warnings(tuned: Tuned) -> list[str]:
             f"{tuned.diverged_starts} descents could not begin because their start diverges"
         )
     return lines
+
+
+def family_warnings(machine: Machine) -> list[str]:
+    """Where the worst of the family is the model itself."""
+    if len(machine.family_names) > 1:
+        return []
+    return [
+        f"{machine.name} is one plant: the weights were not tried on a machine that differs from "
+        "it in gain or delay"
+    ]
 
 
 def margin_warnings(margins: PathMargins, unknown_delay: int) -> list[str]:
