@@ -11,8 +11,8 @@ HEADINGS = (
     "largest\nerror um",
     "of the\ntolerance",
     "largest\ncontrols",
-    "samples\noutside",
-    "beyond bounds\nfrom sample",
+    "samples\nwithout answer",
+    "left the bounds\nat sample",
 )
 
 

@@ -26,6 +26,7 @@ from experiments.reports.figures.loops.kept import kept_figure
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.tolerance_tables import show_tolerance
 from experiments.runs.contour_summary import read_of
+from experiments.runs.forecast import Steps, outline
 from experiments.runs.lifecycle import created, finished
 from experiments.runs.loops.kept_runs import Tried, kept_runs, promised_to
 from experiments.runs.tuning.results import machine_summary
@@ -48,11 +49,15 @@ def command(flags: Tolerance) -> int:
         machine, flags.model_delay, task, bounds, flags.length, flags.offset_free, asked, solver
     )
     folder = created(flags, "tolerance")
-    tried, count = [], 2 + len(machine.family_names)
-    with tables.console_of(quiet=flags.json).status("solving a QP at every sample") as status:
+    tried, plants = [], len(machine.family_names)
+    console = tables.console_of(stderr=True, quiet=flags.json)
+    doing = f"{2 + plants} runs with a QP at every sample"
+    tables.say(console, outline(task, machine.model.dt, plants, doing))
+    with console.status("solving") as status:
+        steps = Steps(status, "run", 2 + plants)
         for one in kept_runs(found):
             tried.append(one)
-            status.update(f"solving a QP at every sample: {len(tried)} of {count} runs done")
+            steps.done(len(tried))
     result = _result(found, task, bounds, tried)
     _save(found, tried, folder)
     save_figure(kept_figure(result, found.reference, [one.error for one in tried]), folder / PNG)

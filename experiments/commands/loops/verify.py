@@ -19,6 +19,7 @@ from experiments.flags.tuning import Tune
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.tuned_tables import verdict
+from experiments.runs.forecast import Steps
 from experiments.runs.lifecycle import created, finished, resumed
 from experiments.runs.tuning.problem import TuningRun, tuning_run
 from jcontour.host.controller import HostController
@@ -166,12 +167,13 @@ def _replayed(
     tuned, rows = run.controller(weights), []
     references, plants = _references(run), _plants(run)
     count = len(references) * len(plants)
-    with tables.console_of(quiet=flags.json).status("replaying under limits") as status:
+    with tables.console_of(stderr=True, quiet=flags.json).status("replaying") as status:
+        steps = Steps(status, "run under limits", count)
         for gap in verify(tuned, constrained, limits, references, plants, fallback):
             rows.append(_row(gap))
             _save(gap, len(rows), run.machine, out)
             run_folder.write_json(out / "gaps.json", rows)
-            status.update(f"replaying under limits: {len(rows)} of {count} runs done")
+            steps.done(len(rows))
     return rows
 
 
