@@ -57,7 +57,8 @@ def coarse_coordinates(
     advice = (
         f"coordinates are rounded to {1e6 * step:.3g} um, the tolerance is {1e6 * tolerance:.3g} "
         f"um: {slowed.sum()} short moves cannot be smoothed, which takes time; "
-        f"--corner-tolerance-um {1e6 * step:.3g} smooths them, or coordinates with more digits"
+        f"--corner-tolerance-um {1e6 * step:.3g} smooths them and may leave the part by as much; "
+        "coordinates with more digits need not"
     )
     return (advice,)
 
