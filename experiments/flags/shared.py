@@ -50,7 +50,7 @@ class MachineFlags(Common):
     """Distance [um] within which ends of a drawing's lines and curves are joined."""
     corner_tolerance_um: float = 2.0  # takes 2 % longer than 5, and leaves the error to the loop
     """Distance [um] from the part within which curves run through short moves and corners are
-    blended, as far as that gains time; 0 stops in them."""
+    blended, as far as the feed needs it; 0 stops in them."""
 
 
 @dataclass(frozen=True)

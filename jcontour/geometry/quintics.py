@@ -70,9 +70,11 @@ def fitted(
     frame: Callable[[np.ndarray, Frame], Frame],
     begin: Float[np.ndarray, " K"],
     end: Float[np.ndarray, " K"],
-    tolerance: float,
+    tolerance: float | Float[np.ndarray, " K"],
 ) -> Fit:
     """Pieces of a curve over intervals that need not meet, in their order.
+
+    The tolerance [m] may be one for every interval.
 
     `frame` may put other points, tangents and curvature vectors in the place of the curve's own,
     where a piece has to meet something else to the last bit.
@@ -81,12 +83,13 @@ def fitted(
         ValueError: the tolerance is out of reach.
     """
     error, most = np.full(begin.size, np.inf), MOST_PIECES + 64 * begin.size
+    within = np.broadcast_to(np.asarray(tolerance, float), begin.shape)
     for _ in range(MOST_HALVINGS):
         # a curve that stops or overflows makes NaN, which never fits
         with np.errstate(all="ignore"):
             polynomial, extent = _hermite(curve, frame, begin, end)
             error = BETWEEN_SAMPLES * _deviation(curve, begin, end, polynomial, extent)
-        coarse = np.flatnonzero(~(error <= tolerance))
+        coarse = np.flatnonzero(~(error <= within))
         if coarse.size == 0:
             return Fit(polynomial, extent, begin, float(error.max()))
         if begin.size + coarse.size > most:
@@ -94,9 +97,10 @@ def fitted(
         middle = 0.5 * (begin[coarse] + end[coarse])
         begin = np.insert(begin, coarse + 1, middle)
         end = np.insert(end, coarse, middle)
+        within = np.insert(within, coarse, within[coarse])
     raise ValueError(
         f"{name}: {error.size} pieces fit within {np.nanmax(error, initial=0.0):.1e} m at best; "
-        f"needs a tolerance above that (received {tolerance:.1e} m) or a curve without cusps"
+        f"needs a tolerance above that (received {within.min():.1e} m) or a curve without cusps"
     )
 
 

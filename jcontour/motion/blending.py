@@ -21,8 +21,9 @@ from jcontour.motion.jerk_limited.limits import Asked
 from jcontour.motion.reaches import SHORTEST, as_needed, within, without_gaps
 
 SHARE = 0.5  # of a piece, at most, that a blend takes at each of its ends
-SAFETY = 0.99  # of the tolerance: the deviation may peak between two of them
-FIT = 1e-3  # of the tolerance: what the quintics may be off the blend
+SAFETY = 0.99  # of the tolerance: the deviation may peak between the places where it is measured
+FIT = 1e-3  # of its deviation: what the quintics may be off a blend
+FINEST = 1e-12  # [m] of that
 SHARPEST = 2 * np.sin(np.radians(120.0) / 2)  # jump of the tangent: beyond it a stop is quicker
 ROUNDING = 1e-9  # jump of the tangent that is none
 CORNER = 1e-3  # jump of the tangent: a smaller one is rather a jump of the curvature
@@ -88,11 +89,12 @@ def blended(
         allowed: which of the joints between pieces may be blended; all when not given.
         used: of the tolerance beside every joint [m], by a contour that stands for another one;
             nothing when not given. The deviation counts it.
-        asked: what the path is to be passed at. Blends are no longer than that needs; as long as
-            the tolerance allows when not given.
+        asked: what the path is to be passed at. Blends are no longer than that needs, and at least
+            a hundredth of what the tolerance allows; all of that when not given.
 
     Raises:
-        ValueError: a tolerance below zero or not finite, or a wrong shape.
+        ValueError: a tolerance below zero or not finite, a feed that is not finite and above zero,
+            or a wrong shape.
     """
     if not (np.isfinite(tolerance) and tolerance >= 0):
         raise ValueError(f"tolerance: needs to be finite and not negative, received {tolerance}")
@@ -102,25 +104,25 @@ def blended(
     if allowed.shape != (count - 1,):
         raise ValueError(f"allowed: needs shape ({count - 1},), received {allowed.shape}")
     used = np.zeros(count - 1) if used is None else used
+    asked = None if asked is None else asked.checked(count)
     found = joints(pieces)
     rough = (found.turn > ROUNDING) | (found.bend > 0)
     at = np.flatnonzero(allowed & rough & (found.turn < SHARPEST))
     if tolerance > 0 and at.size > 0:
         most = SHARE * np.minimum(pieces.extent[at], pieces.extent[at + 1])
         blends = Blends(pieces, at, found.turn[at] > CORNER, most)
-        blends = within(blends, SAFETY * (tolerance - used[at]))
+        left = SAFETY * (tolerance - used[at])
+        blends = within(blends, left)
         if asked is not None:
-            blends = as_needed(blends, asked.lower[at], asked.limits)
+            blends = as_needed(blends, left, asked.lower[at], asked.limits)
         blends = without_gaps(blends)
         if blends.at.size > 0:
-            return _assembled(contour, blends, used[blends.at], FIT * tolerance)
+            return _assembled(contour, blends, used[blends.at])
     starts, every = np.append(0.0, np.cumsum(pieces.extent)), np.arange(count)
     return BlendedPath(contour, contour, every, np.zeros(count, bool), starts, 0.0)
 
 
-def _assembled(
-    contour: Contour, blends: Blends, used: Float[np.ndarray, " B"], fit_tolerance: float
-) -> BlendedPath:
+def _assembled(contour: Contour, blends: Blends, used: Float[np.ndarray, " B"]) -> BlendedPath:
     """The pieces between blends, cut, and the blends in arc length, in order."""
     pieces = blends.pieces
     count = pieces.extent.size
@@ -128,7 +130,8 @@ def _assembled(
     cut_before[blends.at + 1] = blends.reach
     kept = np.flatnonzero((left > SHORTEST) | (left == pieces.extent))
     cut = _cut(pieces.taken(kept), cut_before[kept], left[kept])
-    fit = fitted("blend", *_curves(blends), fit_tolerance)
+    deviation = blends.deviation()
+    fit = fitted("blend", *_curves(blends), np.maximum(FIT * deviation, FINEST))
     number = (0.5 * fit.begin).astype(int)
     joint = blends.at[number]
     curves = fit.pieces()
@@ -147,8 +150,8 @@ def _assembled(
     piece = np.concatenate([kept, joint])[order]
     blend = np.concatenate([np.zeros(kept.size, bool), np.ones(joint.size, bool)])[order]
     path = from_pieces(whole, fit_error=fit.error, newton_steps=NEWTON_STEPS)
-    deviation = float((blends.deviation() + used).max()) + fit.error
-    return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), deviation)
+    most = float((deviation + used).max()) + fit.error
+    return BlendedPath(path, contour, piece, blend, np.append(place, starts[-1]), most)
 
 
 def _cut(pieces: Piece, by, extent) -> Piece:

@@ -18,7 +18,8 @@ SHORTER = 0.99  # of a blend, where less than the shortest would be left: a gap,
 def within(blends: Blends, tolerance: Float[np.ndarray, " B"]) -> Blends:
     """The blends shortened until each is within its tolerance [m].
 
-    The deviation grows with the reach at a corner, and with its square where the curvature jumps.
+    Near its end the search takes the deviation to grow with the reach at a corner, and with its
+    square where the curvature jumps.
     """
     for _ in range(SEARCHES):
         deviation = blends.deviation()
@@ -37,17 +38,24 @@ def within(blends: Blends, tolerance: Float[np.ndarray, " B"]) -> Blends:
     return blends
 
 
-def as_needed(blends: Blends, feed: Float[np.ndarray, " B"], limits: AxisLimits) -> Blends:
-    """The blends shortened to what their feed needs: where longer ones would gain no time.
+def as_needed(
+    blends: Blends,
+    tolerance: Float[np.ndarray, " B"],
+    feed: Float[np.ndarray, " B"],
+    limits: AxisLimits,
+) -> Blends:
+    """The blends shortened to what their feed needs: longer ones would be passed no faster.
 
-    At a speed v along a blend every axis has the acceleration v^2 r_ss and the jerk v^3 r_sss. Both
-    grow where it gets shorter. They may be as large as `AxisLimits.at_ease`, and the acceleration
-    about as large as beside the blend. A blend that cannot be passed so stays as it is.
+    At a speed v along a blend every axis has the acceleration v^2 r_ss and the jerk v^3 r_sss,
+    larger ones where it is shorter. They may be as large as `AxisLimits.at_ease`, the acceleration
+    also about as large as beside the blend. A blend that is not passed so stays as it is, and one
+    that would deviate more where it is shorter, as may be between curves.
 
     Args:
         blends: as long as the tolerance allows.
-        feed: that is asked for in each [m/s]. Where the path beside it cannot be passed so fast, v
-            is what it can be passed at.
+        tolerance: of each [m].
+        feed: that is asked for in each [m/s]. Where the speed limit of an axis, or the curvature
+            and the acceleration limit, allow less beside the blend, v is that.
         limits: of the axes.
     """
     _, tangent, bend = np.swapaxes(blends.ends(), 0, 1)
@@ -61,11 +69,15 @@ def as_needed(blends: Blends, feed: Float[np.ndarray, " B"], limits: AxisLimits)
     enough, short = np.ones(feed.size), np.full(feed.size, LEAST)
     for _ in range(APPROACHES):
         between = np.sqrt(enough * short)
-        _, second, third = np.abs(blends._replace(reach=between * blends.reach).along()).max(axis=2)
-        within = (second * v**2 <= acceleration) & (third * v**3 <= jerk)
-        passed = within.all(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a blend that has no reach at all
+            along = blends._replace(reach=between * blends.reach).along()
+        _, second, third = np.abs(along).max(axis=2)
+        easy = (second * v**2 <= acceleration) & (third * v**3 <= jerk)
+        passed = easy.all(axis=1)
         enough, short = np.where(passed, between, enough), np.where(passed, short, between)
-    return blends._replace(reach=enough * blends.reach)
+    shorter = blends._replace(reach=enough * blends.reach)
+    near = shorter.deviation() <= tolerance
+    return shorter._replace(reach=np.where(near, shorter.reach, blends.reach))
 
 
 def without_gaps(blends: Blends) -> Blends:

@@ -5,9 +5,10 @@ spline with the least mean square distance from its pieces. Its knots are halved
 
     |r(s) - piece(s)| <= tolerance        for all s.
 
-They are halved further, for half of that distance each time, as long as a motion at the feed v
-passes the spline at ease: on every axis v^2 r_ss and v^3 r_sss are far below the limits. So a
-tolerance is not used where it gains no time.
+They are halved further, for half of that distance each time, while a motion at the feed v goes on
+at ease: on every axis v^2 r_ss and v^3 r_sss are within `AxisLimits.at_ease`. So a tolerance is not
+used where no feed needs it. This ends where knots become many: then they follow the rounding of
+coordinates.
 
 The condition bounds the distance of the curve from the pieces and of the pieces from the curve.
 Between two points that are h apart the difference of the two is at most h^2 / 8 times its second
@@ -29,6 +30,7 @@ PARTS = 4  # of a piece between two knots, at whose ends the distance is measure
 PER_CELL = 32  # pieces between two knots, at first
 ROUNDS = 40  # of halving
 CLOSEST = 0.05  # of the tolerance: a curve that is so close is close enough
+MANY = 4  # times as many knots as the tolerance takes: more would follow the rounding
 FIT = 1e-3  # of the tolerance: what the pieces in arc length may be off the spline
 
 
@@ -135,15 +137,16 @@ def followed(runs: Runs, tolerance: float, asked: Asked | None = None) -> Curves
     Args:
         runs: what is followed.
         tolerance: greatest distance [m], above 0.
-        asked: feed of every run, and limits. Curves are as close as that lets them be; as far as
-            the tolerance allows when not given.
+        asked: feed of every piece of the runs, and limits. Curves are about as close as that lets
+            them be, as close as the tolerance alone wants them when not given.
     """
     count = np.diff(runs.edges)
     most, wanted = np.full(count.size, np.inf), np.full(count.size, tolerance)
+    room = count  # for knots
     splines = _first_splines(runs)
     found: list[tuple[_Splines, np.ndarray]] = []
     for _ in range(ROUNDS):
-        few = np.bincount(splines.run, minlength=count.size) <= count
+        few = np.bincount(splines.run, minlength=count.size) <= room
         splines = splines.only(few)
         if splines.run.size == 0:
             break
@@ -154,24 +157,38 @@ def followed(runs: Runs, tolerance: float, asked: Asked | None = None) -> Curves
         farthest = np.zeros(count.size)
         np.maximum.at(farthest, of, distance)
         near = open_ & (farthest <= wanted)
-        easy = near if asked is None else near & _easy(spline, sampled, near[of], of, asked)
-        better = near & (easy | np.isinf(most))
-        most[better] = farthest[better]
-        found.append(_coefficients(spline, splines, better))
-        closer = easy & (farthest > CLOSEST * tolerance) & (asked is not None)
-        wanted[closer] = 0.5 * farthest[closer]
+        easy = near & _easy(runs, spline, sampled, of, near, asked)
+        first = near & np.isinf(most)
+        knots = np.bincount(splines.run, minlength=count.size)
+        room = np.where(first, np.minimum(count, MANY * knots), room)
+        most = np.where(first | easy, farthest, most)
+        found.append(_coefficients(spline, splines, first | easy))
+        closer = easy & (farthest > CLOSEST * tolerance)
+        wanted = np.where(closer, 0.5 * farthest, wanted)
         far = np.unique(sampled.cell[~(distance <= wanted[of])])
         splines = splines.halved(far).only(closer | (open_ & ~near))
     return _curves(runs, found, most, tolerance)
 
 
-def _easy(spline, sampled: _Sampled, some: np.ndarray, of: np.ndarray, asked: Asked):
-    """Which of some runs are passed at their feed with accelerations and jerks far below limits."""
-    ease, arc, run = asked.limits.at_ease, sampled.arc[some], of[some]
-    v = asked.feed[run][:, None, None]
-    passed = np.abs(spline(arc, 2)) * v**2 <= ease.acceleration
-    passed &= np.abs(spline(arc, 3)) * v**3 <= ease.jerk
-    easy = np.ones(asked.feed.size, bool)
+def _easy(
+    runs: Runs,
+    spline,
+    sampled: _Sampled,
+    of: Int[np.ndarray, " I"],
+    near: Bool[np.ndarray, " R"],
+    asked: Asked | None,
+) -> Bool[np.ndarray, " R"]:
+    """Which of the runs that are near go on at their feed at ease; none without a feed."""
+    if asked is None:
+        return np.zeros(near.size, bool)
+    some, ease = near[of], asked.limits.at_ease
+    arc, run = sampled.arc[some], of[some]
+    first, second, third = (np.abs(spline(arc, k)) for k in (1, 2, 3))
+    with np.errstate(divide="ignore"):
+        speed = (ease.speed / first).min(axis=2)
+    v = np.minimum(asked.feed[runs.piece(arc)], speed)[..., None]
+    passed = (second * v**2 <= ease.acceleration) & (third * v**3 <= ease.jerk)
+    easy = np.ones(near.size, bool)
     easy[run[~passed.all(axis=(1, 2))]] = False
     return easy
 

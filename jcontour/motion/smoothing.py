@@ -42,8 +42,8 @@ def smooth_path(
         tolerance: greatest distance [m]; 0 leaves the contour as it is.
         allowed: which of the joints between pieces may be smoothed or blended; all when not given.
         alike: at which of them the feed stays the same; others are blended only.
-        asked: what the path is to be passed at. No more of the tolerance is used than that needs;
-            as much as there is when not given.
+        asked: what the path is to be passed at. No more of the tolerance is used than that needs,
+            as `blended` and `followed` say; all of it when not given.
 
     Raises:
         ValueError: as `blended`, or a wrong shape.
@@ -53,6 +53,7 @@ def smooth_path(
     alike = every if alike is None else np.asarray(alike, bool)
     if alike.shape != every.shape:
         raise ValueError(f"alike: needs shape {every.shape}, received {alike.shape}")
+    asked = None if asked is None else asked.checked(every.size + 1)
     if not tolerance > 0 or allowed.shape != every.shape:
         return blended(contour, tolerance, allowed, asked=asked)
     found, within, apart = smoothed(contour, SHARE * tolerance, allowed & alike, asked)
@@ -93,7 +94,7 @@ def smoothed(
     starts = np.append(0.0, np.cumsum(pieces.extent))
     first, last, runs = _runs(pieces, tolerance, alike)
     if asked is not None:
-        asked = asked._replace(feed=asked.feed[first])
+        asked = asked._replace(feed=asked.feed[_covered(first, last, every.size)])
     curves = followed(runs, tolerance, asked) if first.size else None
     if curves is None or curves.run.size == 0:
         return BlendedPath(contour, contour, every, none, starts, 0.0), none[:-1], 0.0 * every

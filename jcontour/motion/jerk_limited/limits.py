@@ -25,7 +25,7 @@ class AxisLimits(NamedTuple):
 
     @property
     def at_ease(self) -> "AxisLimits":
-        """What an axis may have where a motion at the feed is to lose no time.
+        """What an axis may have where a motion goes on at its feed.
 
         The rest of the acceleration and of the jerk is for a motion that changes its speed there.
         """
@@ -51,12 +51,25 @@ class Asked(NamedTuple):
     """What is asked of a motion along a path.
 
     Attributes:
-        feed: of every piece, or of every run of pieces, at most [m/s].
+        feed: of every piece of the path, at most [m/s].
         limits: of the axes.
     """
 
     feed: Float[np.ndarray, " P"]
     limits: AxisLimits
+
+    def checked(self, pieces: int) -> "Asked":
+        """The same.
+
+        Raises:
+            ValueError: the feed is not of so many pieces, or not finite and above zero.
+        """
+        feed = np.asarray(self.feed, float)
+        if feed.shape != (pieces,) or not (np.isfinite(feed) & (feed > 0)).all():
+            raise ValueError(
+                f"feed: needs one for each of the {pieces} pieces, finite and above zero"
+            )
+        return Asked(feed, self.limits)
 
     @property
     def lower(self) -> Float[np.ndarray, " joints"]:

@@ -91,8 +91,9 @@ def test_given_directions_are_kept():
 LIMITS = AxisLimits.of(2, acceleration=[2.0, 3.0], jerk=[100.0, 150.0])
 
 
-def asked_of(*feed: float) -> Asked:
-    return Asked(np.array(feed), LIMITS)
+def asked_of(runs: Runs, *feed: float) -> Asked:
+    """One feed for every run."""
+    return Asked(np.array(feed)[runs.of], LIMITS)
 
 
 def farthest_of(points: np.ndarray, curves, k: int) -> float:
@@ -100,11 +101,11 @@ def farthest_of(points: np.ndarray, curves, k: int) -> float:
 
 
 def test_a_slow_feed_is_followed_more_closely_as_far_as_it_is_easy():
-    feed = np.array([2e-3, 2e-3, 2e-3, 2e-3])
-    far, close = (followed(runs_of(*MANY), 20e-6, asked) for asked in (None, asked_of(*feed)))
+    runs, feed = runs_of(*MANY), 2e-3
+    far, close = (followed(runs, 20e-6, one) for one in (None, asked_of(runs, *[feed] * 4)))
     _, second, third = np.abs(everywhere(close.fit.pieces()))
-    assert (second * feed[0] ** 2 <= 1.001 * EASE * LIMITS.acceleration).all()
-    assert (third * feed[0] ** 3 <= 1.01 * EASE * LIMITS.jerk).all()
+    assert (second * feed**2 <= 1.001 * EASE * LIMITS.acceleration).all()
+    assert (third * feed**3 <= 1.01 * EASE * LIMITS.jerk).all()
     for k, points in enumerate(MANY):
         assert farthest_of(points, close, k) <= close.deviation[k] <= far.deviation[k]
     for k in (1, 3):  # the other two are near their arcs as they are
@@ -112,25 +113,52 @@ def test_a_slow_feed_is_followed_more_closely_as_far_as_it_is_easy():
 
 
 def test_a_quick_feed_leaves_the_curve_as_it_is():
-    far = followed(runs_of(*MANY), TOLERANCE)
-    quick = followed(runs_of(*MANY), TOLERANCE, asked_of(1.0, 1.0, 1.0, 1.0))
+    runs = runs_of(*MANY)
+    far, quick = followed(runs, TOLERANCE), followed(runs, TOLERANCE, asked_of(runs, *[1.0] * 4))
     np.testing.assert_array_equal(quick.fit.polynomial, far.fit.polynomial)
     np.testing.assert_array_equal(quick.deviation, far.deviation)
 
 
+def test_axes_that_are_slow_make_a_quick_feed_a_slow_one():
+    slow = LIMITS._replace(speed=np.full(2, 2e-3))
+    runs = runs_of(WAVE)
+    limited = followed(runs, 20e-6, asked_of(runs, 1.0)._replace(limits=slow))
+    assert limited.deviation < 0.1 * followed(runs, 20e-6).deviation
+
+
 def test_each_run_is_followed_as_its_own_feed_asks():
-    together = followed(runs_of(*MANY), 20e-6, asked_of(1e-3, 20e-3, 1.0, 5e-3))
-    for k, feed in enumerate((1e-3, 20e-3, 1.0, 5e-3)):
-        alone = followed(runs_of(MANY[k]), 20e-6, asked_of(feed))
-        np.testing.assert_allclose(
-            together.fit.extent[together.run == k], alone.fit.extent, rtol=1e-9
-        )
-        assert together.deviation[k] == pytest.approx(alone.deviation[0], abs=0.02e-6)
+    waves, feeds = (WAVE, WAVE[::-1], ROUGH, ROUGH[::-1]), (1e-3, 1.0, 1.0, 1e-3)
+    runs = runs_of(*waves)
+    together, whole = followed(runs, 20e-6, asked_of(runs, *feeds)), followed(runs, 20e-6)
+    for k, feed in enumerate(feeds):
+        alone = followed(runs_of(waves[k]), 20e-6, asked_of(runs_of(waves[k]), feed))
+        extent = together.fit.extent[together.run == k]
+        np.testing.assert_allclose(extent, alone.fit.extent, rtol=1e-9)
+        closer = together.deviation[k] < 0.1 * whole.deviation[k]
+        assert closer == (feed < 1.0)
+
+
+def test_a_run_is_as_close_as_the_quickest_of_its_pieces_lets_it_be():
+    runs = runs_of(WAVE)
+    feed = np.full(runs.of.size, 2e-3)
+    slow = followed(runs, 20e-6, Asked(feed, LIMITS))
+    feed[-1] = 1.0
+    quick = followed(runs, 20e-6, Asked(feed, LIMITS))
+    assert slow.deviation < 0.1 * quick.deviation
+    np.testing.assert_array_equal(quick.deviation, followed(runs, 20e-6).deviation)
+
+
+def test_the_rounding_of_coordinates_is_not_followed():
+    """Chords rounded to 1 um: the knots that half of the distance takes would be many."""
+    fine = np.round(arc_chords(4000, 20e-3, 2.0) / 1e-6) * 1e-6
+    runs = runs_of(fine)
+    slow, whole = followed(runs, 20e-6, asked_of(runs, 1e-3)), followed(runs, 20e-6)
+    assert slow.run.size <= 4 * whole.run.size
+    assert slow.deviation > 0.3e-6
 
 
 def test_a_curve_that_is_close_enough_is_not_brought_closer():
-    """Without a hurry at all the chords of a fine arc could be followed to a thousandth."""
-    found = followed(runs_of(arc_chords(2000, 5e-3, 2.0)), 20e-6, asked_of(1e-9))
-    fewest = followed(runs_of(arc_chords(2000, 5e-3, 2.0)), 20e-6)
-    assert found.deviation[0] <= CLOSEST * 20e-6
-    assert found.run.size <= 2 * fewest.run.size
+    """The feed would let it be followed to nanometres."""
+    runs = runs_of(WAVE)
+    found = followed(runs, 20e-6, asked_of(runs, 1e-9))
+    assert CLOSEST / 8 * 20e-6 < found.deviation <= CLOSEST * 20e-6
