@@ -4,7 +4,7 @@ import warnings
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
@@ -12,7 +12,6 @@ from experiments.catalogue.known_names import check_contour, check_plant
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import (
     FILE,
-    OwnName,
     own_controller,
     own_machine,
     own_name,
@@ -25,8 +24,8 @@ from experiments.machines.machine import Machine
 from experiments.plain_numbers import WholePath
 
 Flags = TypeVar("Flags", bound=Controlled)
-# flags that no controller of the user's reads
-LISTED_ONLY = ("preview", "terminal", "alpha", "beta", "rho", "model_delay")
+# flags that no controller of the user's reads, and not every one of the catalogue
+LQ_FLAGS = ("preview", "terminal", "alpha", "beta", "rho", "model_delay")
 
 
 def machine_named(name: str) -> Machine:
@@ -87,31 +86,50 @@ def design_for(machine: Machine, flags: Controlled) -> Design:
         raise ValueError(f"controller: {machine.name} needs one of your own, --controller {FILE}")
     own = own_name(asked)
     if own is None:
-        design = _listed_design(asked, machine, flags)
+        watched, read = _watched(flags)
+        design = _listed_design(asked, machine, watched)
+        _warn_of_unread(design.name, flags, read, "")
     else:
         design = own_controller(own, machine)
-        _warn_of_unread(own, flags)
+        why = ": its preview is its own, and --weights sets its fields"
+        _warn_of_unread(str(own), flags, set(), why)
     design = replace(design, start=changed(design.start, flags.weights))
     design.build(design.start)
     return design
 
 
-def _warn_of_unread(own: OwnName, flags: Controlled) -> None:
-    """Warn of flags that are for the controllers of the catalogue alone."""
-    unread = [name for name in LISTED_ONLY if getattr(flags, name) != _usual(name)]
+class UnreadFlagWarning(UserWarning):
+    """A controller does not read a flag that is given."""
+
+
+def _watched(flags: Flags) -> tuple[Flags, set[str]]:
+    """The same flags, and the names of those that have been read of them so far."""
+    read: set[str] = set()
+    kind: Any = type(flags)
+
+    class Watched(kind):
+        def __getattribute__(self, name: str) -> Any:
+            read.add(name)
+            return super().__getattribute__(name)
+
+    return cast(Flags, Watched(**vars(flags))), read
+
+
+def _warn_of_unread(name: str, flags: Controlled, read: set[str], why: str) -> None:
+    """Warn of flags of LQ controllers that are given, and that this controller does not read."""
+    unread = [
+        flag for flag in LQ_FLAGS if flag not in read and getattr(flags, flag) != _usual(flag)
+    ]
     if unread:
-        words = ", ".join(f"--{name.replace('_', '-')}" for name in unread)
-        warnings.warn(
-            f"{own} does not read {words}: its preview is its own, and --weights sets its fields",
-            stacklevel=2,
-        )
+        words = ", ".join(f"--{flag.replace('_', '-')}" for flag in unread)
+        warnings.warn(f"{name} does not read {words}{why}", UnreadFlagWarning, stacklevel=3)
 
 
 def read_by(name: str, flags: Flags) -> Flags:
     """Flags of many controllers as one of them reads them: one of the user's own has the usual."""
     if own_name(name) is None:
         return flags
-    return replace(flags, **{flag: _usual(flag) for flag in LISTED_ONLY})
+    return replace(flags, **{flag: _usual(flag) for flag in LQ_FLAGS})
 
 
 def _usual(flag: str) -> Any:

@@ -5,6 +5,7 @@ is tuned, so that an interrupted ranking goes on where it was.
 """
 
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import product
@@ -15,6 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from experiments.catalogue.choices import (
+    UnreadFlagWarning,
     controllers_for,
     design_for,
     job_named,
@@ -133,7 +135,9 @@ def _candidates(flags: Rank, machine: Machine) -> tuple[list[Candidate], dict[Ca
     for name in flags.controllers or suiting:
         asked = read_by(name, replace(flags, controller=name))
         try:
-            design = design_for(machine, asked)
+            with warnings.catch_warnings():  # the flags are for those that read them
+                warnings.simplefilter("ignore", UnreadFlagWarning)
+                design = design_for(machine, asked)
         except ValueError:  # told as its row
             found.append(_plain_candidate(asked, name))
             continue

@@ -172,3 +172,17 @@ def test_a_longer_preview_than_the_whole_path_changes_nothing(controller):
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(plan_of(longer)), strict=True):
         scale = float(np.abs(other).max())
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * scale)
+
+
+@pytest.mark.parametrize(
+    ("controller", "given", "unread"),
+    [
+        ("cascade", {"alpha": 1e12, "preview": 20, "model_delay": 0}, "--preview, --alpha"),
+        ("preview-lq", {"alpha": 1e12, "preview": 20, "terminal": "riccati"}, "--terminal"),
+        ("contouring-lq", {"alpha": 1e12, "preview": 20, "terminal": "riccati"}, None),
+    ],
+)
+def test_flags_that_a_controller_does_not_read_are_said(recwarn, controller, given, unread):
+    design_for(machine_named("bridgeport"), Simulate(controller=controller, **given))
+    told = [str(one.message) for one in recwarn]
+    assert [one.partition(" does not read ")[2] for one in told] == ([unread] if unread else [])
