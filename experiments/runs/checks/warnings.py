@@ -25,7 +25,8 @@ def run_warnings(
             "with"
         )
     lines += family_warnings(run.machine)
-    lines += margin_warnings(margins, run.machine.unknown_delay)
+    asked = run.flags.min_delay_margin
+    lines += margin_warnings(margins, run.machine.unknown_delay, asked)
     lines += limit_warnings(found, run.scenarios, run.machine)
     lines += drives_at_limits_in_rapids(found, run.scenarios, run.machine)
     if run.machine.error == "contour":  # the tracking error itself is tuned and shown otherwise
@@ -63,8 +64,14 @@ def family_warnings(machine: Machine) -> list[str]:
     ]
 
 
-def margin_warnings(margins: PathMargins, unknown_delay: int) -> list[str]:
-    """Loops that are open or unstable, or that the unknown delay [samples] makes unstable."""
+def margin_warnings(margins: PathMargins, unknown_delay: int, asked: int = 0) -> list[str]:
+    """Loops that are open or unstable, or that a little more delay makes unstable.
+
+    Args:
+        margins: of the tuned loops.
+        unknown_delay: that the machine may have [samples].
+        asked: delay margin that the flags ask for [samples]: losing it is a reason, no warning.
+    """
     lines = []
     if margins.contours_without_margins:
         where = f"every probed point of {', '.join(margins.contours_without_margins)}"
@@ -76,6 +83,11 @@ def margin_warnings(margins: PathMargins, unknown_delay: int) -> list[str]:
         lines.append(
             f"{late}, as this machine may be, the loop frozen at a point of the training paths is "
             "unstable: longer runs may ring"
+        )
+    elif margins.delay_samples == 0 and not asked:
+        lines.append(
+            "one more sample of delay makes the loop unstable: --min-delay-margin 1 keeps it from "
+            "that"
         )
     if margins.probes_left_out:
         points = (

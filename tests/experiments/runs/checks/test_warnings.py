@@ -78,7 +78,7 @@ def run(lag=1e-5, diverged=False, samples=20):
 
 
 @pytest.mark.parametrize(
-    ("delay", "unknown", "warned"), [(2, 2, False), (1, 2, True), (0, 1, True), (0, 0, False)]
+    ("delay", "unknown", "warned"), [(2, 2, False), (1, 2, True), (0, 1, True), (1, 0, False)]
 )
 def test_a_loop_that_does_not_bear_the_delay_of_its_machine(delay, unknown, warned):
     lines = margin_warnings(margins(delay=delay), unknown)
@@ -87,6 +87,13 @@ def test_a_loop_that_does_not_bear_the_delay_of_its_machine(delay, unknown, warn
         if not warned
         else len(lines) == 1 and lines[0].startswith(f"{delay + 1} sample") and "ring" in lines[0]
     )
+
+
+def test_a_loop_that_bears_no_delay_is_told_where_none_is_stated():
+    (line,) = margin_warnings(margins(delay=0), 0)
+    assert "one more sample of delay" in line and "--min-delay-margin 1" in line
+    assert margin_warnings(margins(delay=1), 0) == []
+    assert margin_warnings(margins(delay=0), 0, asked=1) == []  # a reason tells of it
 
 
 def test_an_unstable_loop_is_said_once():
