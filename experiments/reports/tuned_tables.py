@@ -167,15 +167,7 @@ def standstill_lines(result: TunedResult) -> list[str]:
     unit = result.machine.control_unit
     control = f"{digits(start.rms_control)} -> {digits(tuned.rms_control)} {unit} RMS"
     increment = f"{digits(start.rms_increment)} -> {digits(tuned.rms_increment)} per sample"
-    lines = [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
-    allowed = result.limits.get(COUNT_NOISE, math.inf)
-    if tuned.rms_control > allowed:
-        lines.append(
-            f"WARNING: at standstill counts cause more than the {digits(allowed)} {unit} allowed: "
-            "there the error of rounding does not change from sample to sample as the limit takes "
-            "it to"
-        )
-    return lines
+    return [f"Standstill between two counts, worst of the family: control {control}, {increment}"]
 
 
 def certified_lines(result: TunedResult) -> list[str]:

@@ -2,11 +2,12 @@
 
 import numpy as np
 
-from experiments.files.results.tuned_result import PathMargins
+from experiments.files.results.tuned_result import PathMargins, Standstill
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import Machine
 from experiments.runs.checks.machine_limits import drives_at_limits_in_rapids, limit_warnings
 from experiments.runs.tuning.problem import TuningRun
+from tuning.objectives import COUNT_NOISE
 from tuning.tune import Tuned
 
 MUCH_LAG = 5.0  # times the tracking error of the start, from which on there is a warning
@@ -95,6 +96,28 @@ def margin_warnings(margins: PathMargins, unknown_delay: int, asked: int = 0) ->
         )
         lines.append(f"margins leave out {points} where {OPEN}")
     return lines
+
+
+def standstill_warnings(rest: Standstill | None, run: TuningRun) -> list[str]:
+    """A control that counts move more at rest than the limit on their noise has it.
+
+    The limit takes their rounding for white noise; at rest it hardly changes between samples.
+    """
+    share, allowed = run.flags.max_count_noise, run.limits.get(COUNT_NOISE)
+    if rest is None or share is None or allowed is None or rest.rms_control <= allowed:
+        return []
+    unit, less = run.machine.control_unit, _down(share * allowed / rest.rms_control)
+    return [
+        f"at rest the counts alone drive the control with {rest.rms_control:.4g} {unit} RMS, "
+        f"more than the {allowed:.4g} {unit} that counts may cause: the machine may hum; "
+        f"--max-count-noise {less} makes it calmer"
+    ]
+
+
+def _down(value: float) -> str:
+    """Two digits, none more than the value."""
+    place = 10.0 ** (1 - np.floor(np.log10(value)))
+    return f"{np.floor(value * place * (1 + 1e-12)) / place:.6g}"
 
 
 def lag_warnings(replays: dict[str, Replay], scenarios: Scenarios) -> list[str]:

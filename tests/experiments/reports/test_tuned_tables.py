@@ -20,14 +20,12 @@ def test_limits_are_told_in_the_units_of_the_tables(name, bound, words):
     assert limit_words(name, bound) == words
 
 
-@pytest.mark.parametrize(("control", "warned"), [(2.4, False), (2.75, True)])
-def test_more_than_the_limit_of_the_noise_at_standstill_is_told(control, warned):
-    held = [Standstill(rms_control=one, rms_increment=0.1) for one in (1.0, control)]
+def test_the_control_at_standstill_is_shown_before_and_after():
+    held = [Standstill(rms_control=one, rms_increment=0.1) for one in (1.0, 2.75)]
     result = SimpleNamespace(
         standstill=dict(zip(("start", "tuned"), held, strict=True)),
         machine=SimpleNamespace(control_unit="mm/s"),
-        limits={"count_noise": 2.5},
     )
-    first, *more = standstill_lines(result)
-    assert "1 -> " in first and bool(more) == warned
-    assert all("2.5 mm/s" in line and "WARNING" in line for line in more)
+    (line,) = standstill_lines(result)
+    assert "control 1 -> 2.75 mm/s RMS" in line and "0.1 -> 0.1 per sample" in line
+    assert standstill_lines(SimpleNamespace(standstill={})) == []
