@@ -102,12 +102,12 @@ class Machine(Common):
     """Unit of lengths in these flags, in the step responses and in the file."""
     control_unit: str = "control unit"
     """Text for tables and figures, as V or mm/s."""
-    max_control: float | None = None
-    """Limit on every control [control unit]."""
-    max_speed: float | None = None
-    """Limit on the speed of every axis [length_unit/s]."""
-    max_acceleration: float | None = None
-    """Limit on the acceleration of every axis [length_unit/s^2]."""
+    max_control: tuple[float, ...] = ()
+    """Limit on the control [control unit]."""
+    max_speed: tuple[float, ...] = ()
+    """Limit on the speed [length_unit/s]."""
+    max_acceleration: tuple[float, ...] = ()
+    """Limit on the acceleration [length_unit/s^2]."""
     gain_uncertainty: float = 0.1  # a data sheet is seldom better
     """Every gain is known to this fraction."""
     delay_uncertainty: int = 1  # a bus

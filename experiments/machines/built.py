@@ -21,6 +21,7 @@ from jcontour.linear.continuous_axes import (
 from tuning.identification.step_response import FittedStep, fit_step
 
 PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
+LIMITS = ("control", "speed", "acceleration")
 OF_OTHER_DRIVES = {  # what the control means -> flags that say nothing of such a drive
     "speed": ("mass_kg", "viscous"),
     "position": ("mass_kg", "viscous"),
@@ -63,15 +64,6 @@ def built_machine(flags: Machine) -> BuiltMachine:
             f"known delays are of at most {MOST_DELAY}"
         )
     metre = METRES[flags.length_unit]
-    limits = {
-        name: value
-        for name, value in (
-            ("control", flags.max_control),
-            ("speed", flags.max_speed),
-            ("acceleration", flags.max_acceleration),
-        )
-        if value is not None
-    }
     fields = {
         "name": flags.name,
         "length_unit": flags.length_unit,
@@ -81,12 +73,26 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "A": np.asarray(plant.A).tolist(),
         "B": np.asarray(plant.B).tolist(),
         "C": (np.asarray(plant.C) / metre).tolist(),
-        "limits": limits,
+        "limits": _limits(flags),
         "known_delay": shared,
         "uncertainty": {"gain": flags.gain_uncertainty, "delay": flags.delay_uncertainty},
         "encoder_resolution": _resolution(flags) / metre,
     }
     return BuiltMachine(fields, words, warnings)
+
+
+def _limits(flags: Machine) -> dict[str, float | list[float]]:
+    """Limits of the file: one number where one is given, else one for each axis."""
+    found: dict[str, float | list[float]] = {}
+    for name in LIMITS:
+        flag = f"max_{name}"
+        given = getattr(flags, flag)
+        for value in _each(flag, given, len(flags.axes)) or ():
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{_flag(flag)}: needs to be above zero, received {value:g}")
+        if given:
+            found[name] = given[0] if len(given) == 1 else list(given)
+    return found
 
 
 def _resolution(flags: Machine) -> float:

@@ -9,7 +9,7 @@ from experiments.flags.machines import Machine
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 
-MILL = Machine(gain=(2.0,), time_constant_ms=(20.0, 10.0), delay_ms=(1.5,), max_control=100.0)
+MILL = Machine(gain=(2.0,), time_constant_ms=(20.0, 10.0), delay_ms=(1.5,), max_control=(100.0,))
 
 
 def loaded(flags):
@@ -46,6 +46,18 @@ def test_three_axes_in_metres():
     assert np.asarray(machine.model.A)[2, 2] == pytest.approx(np.exp(-0.2))
 
 
+def test_limits_are_of_all_axes_or_of_each():
+    flags = replace(
+        MILL, max_control=(300.0, 12.0), max_speed=(200.0,), max_acceleration=(2e3, 5e2)
+    )
+    limits = loaded(flags).limits
+    assert limits.control is not None and limits.control.tolist() == [300.0, 12.0]
+    assert limits.speed == pytest.approx(np.array([0.2, 0.2]))
+    assert limits.acceleration == pytest.approx(np.array([2.0, 0.5]))
+    assert built_machine(flags).fields["limits"]["speed"] == 200.0
+    assert loaded(replace(MILL, max_control=())).limits.control is None
+
+
 def test_a_screw_and_its_encoder_give_the_resolution():
     machine = loaded(replace(MILL, counts_per_turn=4000.0, pitch_mm=5.0))
     assert machine.resolution == pytest.approx(1.25e-6)  # [m]
@@ -59,6 +71,9 @@ def test_bad_flags_are_told():
         ({"gain": (1.0, 2.0, 3.0)}, "gain: needs one number or 2, received 3"),
         ({"gain": (0.0,)}, "gain: needs to be above zero"),
         ({"gain": (-5.0,)}, "gain: needs to be at least zero, received -5$"),
+        ({"max_control": (1.0, 2.0, 3.0)}, "^max-control: needs one number or 2, received 3$"),
+        ({"max_speed": (1.0, -2.0)}, "^max-speed: needs to be above zero, received -2$"),
+        ({"max_acceleration": (0.0,)}, "^max-acceleration: needs to be above zero, received 0$"),
         ({"pitch_mm": 5.0}, "counts-per-turn: missing"),
         ({"pitch_mm": 5.0, "counts_per_turn": 0.0}, "counts-per-turn: needs to be above zero"),
         ({"pitch_mm": 5.0, "encoder_um": 2.0}, "encoder-um: the screw says it"),

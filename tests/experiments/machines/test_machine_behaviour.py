@@ -9,7 +9,7 @@ from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
 from experiments.machines.machine_behaviour import axis_behaviours, questions, response
 
-MILL = Machine(gain=(2.0,), time_constant_ms=(20.0,), delay_ms=(3.0,), max_control=100.0)
+MILL = Machine(gain=(2.0,), time_constant_ms=(20.0,), delay_ms=(3.0,), max_control=(100.0,))
 
 
 def loaded(flags):
@@ -45,12 +45,12 @@ def test_wrong_units_are_questioned():
     wrong = loaded(replace(MILL, length_unit="m", time_constant_ms=(15.0,)))
     lines = questions(wrong, axis_behaviours(wrong))  # 200 m/s in 15 ms
     assert "g; is length_unit right?" in lines[0] and "200 m/s" in lines[1]
-    slow = loaded(replace(MILL, max_speed=500.0))
+    slow = loaded(replace(MILL, max_speed=(500.0,)))
     assert "200 mm/s, less than its limit of 500 mm/s" in questions(slow, axis_behaviours(slow))[0]
-    just = loaded(replace(MILL, max_speed=200.0))  # the same number, computed two ways
+    just = loaded(replace(MILL, max_speed=(200.0,)))  # the same number, computed two ways
     assert questions(just, axis_behaviours(just)) == []
     for stated, told in ((2.5, "0.0025 m/s^2; is length_unit"), (2.5e6, "2.5e+03 m/s^2; is len")):
-        metres = loaded(replace(MILL, max_acceleration=stated))  # [mm/s^2]
+        metres = loaded(replace(MILL, max_acceleration=(stated,)))  # [mm/s^2]
         assert [told in line for line in questions(metres, axis_behaviours(metres))] == [True] * 2
-    unknown = loaded(replace(MILL, max_control=None))
+    unknown = loaded(replace(MILL, max_control=()))
     assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]

@@ -65,6 +65,14 @@ def test_faults_are_told_in_a_line_and_nothing_is_written(tmp_path, machine_file
     assert not path.exists() and not list(tmp_path.glob("*.png"))
 
 
+def test_limits_of_unlike_axes_are_told_for_each(tmp_path, capsys):
+    numbers = "--gain 1 --time-constant-ms 20 --max-control 300 12 --max-speed 200 150".split()
+    assert main(["machine", *numbers, "--out", str(tmp_path / "mill.json")]) == 0
+    assert "speed 200, 150 mm/s; control 300, 12 control unit\n" in capsys.readouterr().out
+    assert main(["machine", *numbers, "9", "--out", str(tmp_path / "other.json")]) == 2
+    assert "max-speed: needs one number or 2, received 3" in capsys.readouterr().err
+
+
 def test_the_limits_of_a_file_are_told(tmp_path, capsys):
     numbers = "--gain 1 --time-constant-ms 20 --max-control 8 --control-unit A".split()
     limits = "--max-speed 0.25 --max-acceleration 2.5 --length-unit m".split()
