@@ -108,8 +108,9 @@ class Machine(Common):
     """Limit on the speed [length_unit/s]."""
     max_acceleration: tuple[float, ...] = ()
     """Limit on the acceleration [length_unit/s^2]."""
-    gain_uncertainty: float = 0.1  # a data sheet is seldom better
-    """Every gain is known to this fraction."""
+    gain_uncertainty: float | None = None
+    """Every gain is known to this fraction. 0.1 when not given; 0 where the drive takes a
+    position, since its own encoder sees to it that the axis gets there."""
     delay_uncertainty: int = 1  # a bus
     """Most samples of delay beyond those given."""
     encoder_um: float = 1.0  # usual for a linear encoder

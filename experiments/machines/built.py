@@ -21,6 +21,11 @@ from jcontour.linear.continuous_axes import (
 from tuning.identification.step_response import FittedStep, fit_step
 
 PER_AXIS = ("gain", "time_constant_ms", "delay_ms", "resonance_hz", "mass_kg", "viscous")
+GAIN_KNOWN_TO = {  # a data sheet is seldom better; a position drive follows its own encoder
+    "speed": 0.1,
+    "position": 0.0,
+    "force": 0.1,
+}
 LIMITS = ("control", "speed", "acceleration")
 OF_OTHER_DRIVES = {  # what the control means -> flags that say nothing of such a drive
     "speed": ("mass_kg", "viscous"),
@@ -75,10 +80,17 @@ def built_machine(flags: Machine) -> BuiltMachine:
         "C": (np.asarray(plant.C) / metre).tolist(),
         "limits": _limits(flags),
         "known_delay": shared,
-        "uncertainty": {"gain": flags.gain_uncertainty, "delay": flags.delay_uncertainty},
+        "uncertainty": {"gain": _gain_uncertainty(flags), "delay": flags.delay_uncertainty},
         "encoder_resolution": _resolution(flags) / metre,
     }
     return BuiltMachine(fields, words, warnings)
+
+
+def _gain_uncertainty(flags: Machine) -> float:
+    """Fraction to which the gains are known, as given or as the drive is."""
+    if flags.gain_uncertainty is not None:
+        return flags.gain_uncertainty
+    return GAIN_KNOWN_TO[flags.takes]
 
 
 def _limits(flags: Machine) -> dict[str, float | list[float]]:

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -44,6 +45,23 @@ def test_three_axes_in_metres():
     machine = loaded(replace(flags, length_unit="m"))
     assert machine.axes == ("X", "Y", "Z") and machine.model.axes == 3
     assert np.asarray(machine.model.A)[2, 2] == pytest.approx(np.exp(-0.2))
+
+
+def test_a_drive_that_takes_a_position_gets_there():
+    """A millimetre asked is a millimetre gone on every machine of the family, in the end."""
+    drive = Machine(takes="position", gain=(1.0,), time_constant_ms=(5.0,))
+    machine = loaded(drive)
+    assert machine.family_names == ["nominal", "1 sample late"]
+    for plant in machine.exact_family():
+        state = plant.initial_state(jnp.zeros(2), jnp.zeros(2))
+        for _ in range(100):  # twenty time constants
+            state = plant.step(state, jnp.ones(2))
+        assert np.asarray(plant.output(state)) == pytest.approx(1e-3, rel=1e-6)
+    for given in (drive, MILL, Machine(takes="force", gain=(1.0,), mass_kg=(1.0,))):
+        wanted = {"position": 0.0, "speed": 0.1, "force": 0.1}[given.takes]
+        assert built_machine(given).fields["uncertainty"] == {"gain": wanted, "delay": 1}
+        asked = built_machine(replace(given, gain_uncertainty=0.03)).fields
+        assert asked["uncertainty"]["gain"] == 0.03
 
 
 def test_limits_are_of_all_axes_or_of_each():
