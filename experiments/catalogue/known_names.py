@@ -8,6 +8,7 @@ from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.own_classes import FILE, check_own, own_name
+from experiments.catalogue.plants import PLANTS
 from experiments.files.checks import MachineError
 from experiments.plain_numbers import named_numbers
 
@@ -19,11 +20,11 @@ def check_plant(name: str) -> None:
     """Raise ValueError unless a machine has this name, or it is that of a file."""
     if name in MACHINES or own_name(name):
         return
+    known = f"give {', '.join(MACHINES)}, a JSON or npz file, or a class of yours as {FILE}"
+    if name in PLANTS:
+        raise ValueError(f"plant: {name} is for Python only, see `jcontour list`; {known}")
     if not Path(name).suffix or _almost_own(name):
-        raise ValueError(
-            f"plant: there is none named {name!r}; "
-            f"give {', '.join(MACHINES)}, a JSON or npz file, or a class of yours as {FILE}"
-        )
+        raise ValueError(f"plant: there is none named {name!r}; {known}")
 
 
 def check_contour(name: str) -> None:

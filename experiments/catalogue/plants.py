@@ -1,4 +1,8 @@
-"""Plants by name, for the contract tests and for `jcontour list`."""
+"""Plants by name, for the contract tests and for `jcontour list`.
+
+Those with the name of a machine are for `--plant`; the others are made in Python:
+`PLANTS["gantry-hil"].make()`.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -107,19 +111,19 @@ PLANTS = {
     ),
     "bridgeport-encoders": PlantEntry(
         _bridgeport_encoders,
-        "the same, only its positions measured",
+        "bridgeport, only its positions measured",
         machines.bridgeport,
         stable=False,
     ),
     "bridgeport-late": PlantEntry(
         _bridgeport_late,
-        "the same under one sample of unmodelled delay",
+        "bridgeport under one sample of unmodelled delay",
         machines.bridgeport,
         stable=False,
     ),
     "bridgeport-quantised": PlantEntry(
         _bridgeport_quantised,
-        "the same with encoder counts of 0.8 um",
+        "bridgeport-encoders with counts of 0.8 um",
         machines.bridgeport,
         smooth=False,
         stable=False,
@@ -144,7 +148,7 @@ PLANTS = {
     ),
     "flexible-axis-smooth": PlantEntry(
         _smooth_flexible_axis,
-        "its smooth twin: dry friction turns within 1 mm/s, so that cogging makes it creep",
+        "smooth twin of flexible-axis: dry friction turns within 1 mm/s, cogging makes it creep",
         machines.flexible_axis,
         still=False,
     ),
@@ -169,13 +173,13 @@ PLANTS = {
     ),
     "gantry-friction-smooth": PlantEntry(
         _smooth_gantry_with_friction,
-        "its smooth twin: dry friction turns within 1 mm/s",
+        "smooth twin of gantry-friction: dry friction turns within 1 mm/s",
         machines.gantry_with_friction,
         stable=False,
     ),
     "gantry-hil": PlantEntry(
         _gantry_with_hardware,
-        "the same with a motor bench as its head, one sample late: "
+        "gantry with a motor bench as its head, one sample late: "
         "its twist grows unless the drives damp it; tuned on the gantry",
         machines.gantry,
         smooth=False,

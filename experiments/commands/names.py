@@ -2,17 +2,24 @@
 
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
+from experiments.catalogue.machines import MACHINES
 from experiments.catalogue.plants import PLANTS
 from experiments.commands.reproduce import experiments_found
 from experiments.files import run_folder
 from experiments.flags.others import Listing
 from experiments.reports.tables import console_of, plain_table, say
 
+HEADINGS = {
+    "plants": "Plants for --plant",
+    "python_plants": "Plants for Python only: PLANTS of experiments.catalogue.plants",
+}
+
 
 def run() -> dict[str, dict[str, str]]:
     """One line per name, by kind."""
     kinds = {
-        "plants": PLANTS,
+        "plants": {name: PLANTS[name] for name in MACHINES},
+        "python_plants": {name: one for name, one in PLANTS.items() if name not in MACHINES},
         "controllers": CONTROLLERS,
         "constrained": CONSTRAINED,
         "contours": CONTOURS,
@@ -34,7 +41,7 @@ def command(flags: Listing) -> int:
     for kind, entries in found.items():
         console.print(
             plain_table(
-                kind.capitalize(),
+                HEADINGS.get(kind, kind.capitalize()),
                 ["name", "what it is"],
                 [[name, line] for name, line in entries.items()],
                 2,

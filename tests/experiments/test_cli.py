@@ -9,7 +9,8 @@ from importlib import import_module
 import pytest
 
 from experiments import cli
-from experiments.catalogue.known_names import FIRST_LINES
+from experiments.catalogue.known_names import FIRST_LINES, check_plant
+from experiments.catalogue.plants import PLANTS
 from experiments.cli import main
 
 # command -> module that reads its parts
@@ -202,8 +203,15 @@ def test_list_as_json(capsys):
     assert main(["list", "--json"]) == 0
     captured = capsys.readouterr()
     found = json.loads(captured.out)
-    assert set(found) == {"plants", "controllers", "constrained", "contours", "experiments"}
+    kinds = {"plants", "python_plants", "controllers", "constrained", "contours", "experiments"}
+    assert set(found) == kinds
     assert "bridgeport" in found["plants"] and "mpcc" in found["constrained"]
+    assert found["plants"].keys() | found["python_plants"].keys() == PLANTS.keys()
+    for name in found["plants"]:
+        check_plant(name)
+    for name in found["python_plants"]:
+        with pytest.raises(ValueError, match=f"{name} is for Python only"):
+            check_plant(name)
 
 
 @pytest.mark.slow
