@@ -7,7 +7,7 @@ from typing import Any
 from experiments.catalogue.contours import CONTOURS
 from experiments.catalogue.controllers import CONSTRAINED, CONTROLLERS
 from experiments.catalogue.machines import MACHINES
-from experiments.catalogue.own_classes import FILE, check_own, own_name
+from experiments.catalogue.own_classes import FILE, check_ending, check_own, own_name, perhaps
 from experiments.catalogue.plants import PLANTS
 from experiments.files.checks import MachineError
 from experiments.plain_numbers import named_numbers
@@ -20,18 +20,19 @@ def check_plant(name: str) -> None:
     """Raise ValueError unless a machine has this name, or it is that of a file."""
     if name in MACHINES or own_name(name):
         return
+    check_ending("plant", name)
     known = f"give {', '.join(MACHINES)}, a JSON or npz file, or a class of yours as {FILE}"
     if name in PLANTS:
         raise ValueError(f"plant: {name} is for Python only, see `jcontour list`; {known}")
     if not Path(name).suffix or _almost_own(name):
-        raise ValueError(f"plant: there is none named {name!r}; {known}")
+        raise ValueError(f"plant: there is none named {name!r}; {perhaps(name, MACHINES)}{known}")
 
 
 def check_contour(name: str) -> None:
     """Raise ValueError unless a contour has this name, or it is that of a file."""
     if name not in CONTOURS and not Path(name).suffix:
         raise ValueError(
-            f"contour: there is none named {name!r}; "
+            f"contour: there is none named {name!r}; {perhaps(name, CONTOURS)}"
             f"give one of {', '.join(CONTOURS)}, or a toolpath file"
         )
 
@@ -41,11 +42,13 @@ def check_controller(name: str) -> None:
 
     Whether it suits the machine is asked later.
     """
-    aliases = {entry.alias for entry in CONTROLLERS.values()}
-    if name in CONTROLLERS or name in aliases or name in CONSTRAINED or own_name(name):
+    aliases = {entry.alias for entry in CONTROLLERS.values() if entry.alias}
+    known = {*CONTROLLERS, *aliases, *CONSTRAINED}
+    if name in known or own_name(name):
         return
+    check_ending("controller", name)
     raise ValueError(
-        f"controller: there is none named {name!r}; "
+        f"controller: there is none named {name!r}; {perhaps(name, known)}"
         f"give one of {', '.join(CONTROLLERS)}, or a class of yours as {FILE}"
     )
 

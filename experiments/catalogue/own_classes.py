@@ -13,8 +13,9 @@ import ast
 import inspect
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
+from difflib import get_close_matches
 from functools import cache, reduce
 from pathlib import Path
 from types import ModuleType
@@ -44,9 +45,26 @@ class OwnName(NamedTuple):
 def own_name(words: str) -> OwnName | None:
     """File and name of `FILE.py:NAME`; None for anything else."""
     path, _, name = words.rpartition(":")
-    if not path.endswith(".py") or not all(part.isidentifier() for part in name.split(".")):
+    if not path.endswith(".py") or not _dotted(name):
         return None
     return OwnName(Path(path), name)
+
+
+def check_ending(flag: str, words: str) -> None:
+    """Raise ValueError where `words` are those of a name in a file that is no Python file."""
+    path, _, name = words.rpartition(":")
+    if path.endswith(".py") or not _dotted(name) or not Path(path).is_file():
+        return
+    raise ValueError(f"{flag}: {path} does not end in .py: a class of yours is given as {FILE}")
+
+
+def perhaps(name: str, known: Iterable[str]) -> str:
+    """The known name that a misspelt one is likely to stand for, in words; empty without one."""
+    return "".join(f"perhaps you meant {one}; " for one in get_close_matches(name, known, 1))
+
+
+def _dotted(name: str) -> bool:
+    return all(part.isidentifier() for part in name.split("."))
 
 
 def check_own(own: OwnName) -> None:
@@ -164,7 +182,18 @@ def _found(own: OwnName) -> Any:
 
 
 def _missing(own: OwnName) -> ValueError:
-    return ValueError(f"{own.path}: there is no {own.name!r} in it")
+    names = _defined(own.path)
+    has = f"it has {', '.join(names)}" if names else "it defines no class or function"
+    return ValueError(
+        f"{own.path}: there is no {own.name!r} in it; {perhaps(own.name, names)}{has}"
+    )
+
+
+def _defined(path: Path) -> list[str]:
+    """Public classes and functions of a Python file, in its order."""
+    body = ast.parse(path.read_bytes()).body
+    names = [one.name for one in body if isinstance(one, ast.ClassDef | ast.FunctionDef)]
+    return [name for name in names if not name.startswith("_")]
 
 
 @cache

@@ -106,6 +106,32 @@ def test_unknown_names_are_refused(flags, says):
         check_flags(flags)
 
 
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (Simulate(plant="bridgport"), "'bridgport'; perhaps you meant bridgeport; give"),
+        (Simulate(contour="cirle"), "'cirle'; perhaps you meant circle; give"),
+        (Tune(controller="contouring-lqr"), "perhaps you meant contouring-lq; give one of"),
+        (Tune(controller="scheduled-ql"), "perhaps you meant scheduled-lq; give"),  # an alias
+    ],
+)
+def test_a_misspelt_name_is_told_with_the_nearest_one(flags, says):
+    with pytest.raises(ValueError, match=says):
+        check_flags(flags)
+
+
+def test_a_name_far_from_all_is_told_without_a_guess():
+    with pytest.raises(ValueError, match="none named 'lathe'; give bridgeport"):
+        check_flags(Simulate(plant="lathe"))
+
+
+@pytest.mark.parametrize("flag", ["plant", "controller"])
+def test_a_file_that_is_no_python_file_is_told(tmp_path, flag):
+    (tmp_path / "mine.txt").write_text("class PD:\n    pass\n")
+    with pytest.raises(ValueError, match=f"^{flag}: .*/mine.txt does not end in .py: .* FILE.py"):
+        check_flags(Simulate(**{flag: f"{tmp_path}/mine.txt:PD"}))
+
+
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1,nan", "", "two"])
 @pytest.mark.parametrize("kind", [Simulate, Feed, Precompensate, Learn, Tune, Front, Sweep])
 def test_weights_that_are_no_finite_numbers_are_refused(kind, value):
@@ -124,6 +150,22 @@ def test_a_name_that_an_own_file_has_not_is_told_without_running_it(tmp_path, fl
     with pytest.raises(ValueError, match="mine.py: there is no 'PID' in it"):
         check_flags(Simulate(**{flag: f"{tmp_path}/mine.py:PID"}))
     check_flags(Simulate(**{flag: f"{tmp_path}/mine.py:PD.for_model"}))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "class Proportional:\n    def step(self): pass\ndef made(): pass\ndef _own(): pass\n",
+            "'Proportinal' in it; perhaps you meant Proportional; it has Proportional, made$",
+        ),
+        ("x = 3\n", "'Proportinal' in it; it defines no class or function$"),
+    ],
+)
+def test_what_an_own_file_has_is_told(tmp_path, text, says):
+    (tmp_path / "mine.py").write_text(text)
+    with pytest.raises(ValueError, match=says):
+        check_flags(Simulate(controller=f"{tmp_path}/mine.py:Proportinal"))
 
 
 @pytest.mark.parametrize(
