@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import ArrayLike
 from rich.console import Console
 
 from experiments.catalogue.choices import job_named, machine_named
 from experiments.designs.predictive.constrained import (
     Traverser,
+    control_limit,
     traverser,
     waiting_reference,
 )
@@ -24,12 +26,19 @@ from experiments.reports.figures.loops.traversal import path_figure, signals_fig
 from experiments.reports.figures.shared.png import save_figures
 from experiments.runs.contour_summary import read_of
 from experiments.runs.lifecycle import created, finished
+from jcontour.geometry.contour import Contour
 from jcontour.geometry.drawings.reading import SUFFIXES as DRAWINGS
 from jcontour.geometry.toolpaths import Toolpath
 from jcontour.host.held import Held
 from jcontour.host.loop import HostRun, Stopped, reported_loop
 from jcontour.motion.references import Reference
-from jcontour.simulation.traversal import traversal_score
+from jcontour.mpc.contouring.mpcc import ARRIVAL
+from jcontour.simulation.traversal import END_MARGIN, Score, traversal_score
+
+# [m] from the end at the last sample: the controller ends a run once it has measured the tool
+# within ARRIVAL, and the tool moves on for up to two of its periods until it acts on that
+AT_END = 10 * ARRIVAL
+FULL = 0.9  # of its limit: a control that has come so far is short of it
 
 
 @dataclass(frozen=True)
@@ -53,8 +62,14 @@ class Traversed:
         fallbacks: of these, those that the fallback made.
         limited: of these, the fraction with a limit active in the plan.
         residual: the worst of any QP.
-        arrived: the tool came to the end of the path.
-        time_s: until then; None where no sample was simulated.
+        arrived: the tool came to the end of the path, and was there at the last sample.
+        time_s: until the margin of `traversal_score` before the end; None where it did not arrive.
+        came_mm: farthest along the path.
+        end_mm: distance of the tool from the end of the path at the last sample.
+        rms_um: contour error of the whole path; None where the tool did not come to its end.
+        peak_um: its largest, likewise.
+        control_used: largest size of every control.
+        control_limit: of every control.
         read: file behind the contour; None where there is none.
         axes: names.
         lost: what of the file is not kept, in words.
@@ -71,8 +86,12 @@ class Traversed:
     residual: float
     arrived: bool
     time_s: float | None
+    came_mm: float | None = None
+    end_mm: float | None = None
     rms_um: float | None = None
     peak_um: float | None = None
+    control_used: tuple[float, ...] = ()
+    control_limit: tuple[float, ...] = ()
     signals: Signals | None = None
     read: ContourRead | None = None
     axes: tuple[str, ...] = ()
@@ -169,7 +188,13 @@ def _result(flags: Trace, asked: Traverser, run: HostRun, failure: str) -> Trave
         arrived=False,
         time_s=None,
     )
-    return found if len(rollout.output) == 0 else _scored(found, asked, run)
+    if len(rollout.output) == 0:
+        return found
+    limit = control_limit(asked.machine, flags.max_control)
+    used = np.abs(rollout.control).max(axis=0)
+    limits = tuple(np.broadcast_to(limit, used.shape).tolist())
+    drives = replace(found, control_used=tuple(used.tolist()), control_limit=limits)
+    return _scored(drives, asked, run)
 
 
 def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
@@ -183,14 +208,30 @@ def _scored(found: Traversed, asked: Traverser, run: HostRun) -> Traversed:
         tool_mm=1e3 * np.asarray(output),
         control=np.asarray(run.rollout.control),
     )
-    return replace(
-        found,
-        arrived=bool(np.isfinite(score.time) and not found.failure),
-        time_s=score.time,
-        rms_um=1e6 * score.rms,
-        peak_um=1e6 * score.peak,
-        signals=signals,
-    )
+    return replace(found, signals=signals, **judged(score, output, asked.contour, found.failure))
+
+
+def judged(score: Score, output: ArrayLike, contour: Contour, failure: str = "") -> dict[str, Any]:
+    """Fields of the result: whether the tool arrived, how far it came, and its errors.
+
+    Args:
+        score: of the run.
+        output: tool points [m], all samples.
+        contour: the path.
+        failure: why the run stopped; empty when it went through.
+    """
+    length = float(contour.length)
+    through = bool(np.isfinite(score.time))
+    apart = float(np.linalg.norm(np.asarray(output)[-1] - np.asarray(contour.position(length))))
+    arrived = through and apart <= AT_END and not failure
+    return {
+        "arrived": arrived,
+        "time_s": score.time if arrived else None,
+        "came_mm": 1e3 * float(np.clip(score.arc.max(), 0.0, length)),
+        "end_mm": 1e3 * apart,
+        "rms_um": 1e6 * score.rms if through else None,
+        "peak_um": 1e6 * score.peak if through else None,
+    }
 
 
 def _signals(drawn: Drawn):
@@ -208,15 +249,13 @@ def show(result: Traversed, console: Console) -> None:
     """How long, how far off, and whether the limits or the solver had a say."""
     time = "none: the tool DID NOT ARRIVE at the end of the path"
     if result.arrived:
-        time = f"{tables.digits(result.time_s)} s"
+        time = f"{tables.digits(result.time_s)} s, up to {1e3 * END_MARGIN:g} mm before the end"
     lines = [
         f"{result.contour}: {result.length_mm:.4g} mm on {result.plant}, {result.steps} samples",
         *_told_of_file(result),
         f"Traversal time    {time}",
+        *_told_of_end(result),
     ]
-    if result.rms_um is not None:
-        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
-        lines.append(f"Contour error     {errors}")
     limited = f"{100 * result.limited:.4g} % of the steps; fallback steps: {result.fallbacks}"
     lines.append(f"Limits in plan    {limited}")
     residual = f"{result.residual:.1e} of a QP (at most 1e-8 counts as solved)"
@@ -224,6 +263,21 @@ def show(result: Traversed, console: Console) -> None:
     if result.failure:
         lines.append(f"STOPPED: {result.failure}")
     tables.say(console, *lines)
+
+
+def _told_of_end(result: Traversed) -> list[str]:
+    """How far the tool came, and how far off it was on the way and at the last sample."""
+    if result.end_mm is None:
+        return []
+    errors = "none: it counts on the whole path"
+    if result.rms_um is not None:
+        errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
+    came = f"{result.came_mm:.4g} mm of {result.length_mm:.4g} mm along the path"
+    apart = f"{result.end_mm:.4g} mm from its end point at the last sample"
+    return [
+        f"Tool came         {came}; {apart}",
+        f"Contour error     {errors}",
+    ]
 
 
 def _told_of_file(result: Traversed) -> list[str]:
@@ -248,5 +302,23 @@ def _next(result: Traversed) -> list[str]:
     if result.failure:
         return [*told, "Next: --fallback hold goes on where a step has no answer."]
     if not result.arrived:
-        return [*told, "Next: more --q-theta rewards progress, a larger --max-control allows it."]
+        return [*told, f"Next: {advice(result)}."]
     return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]
+
+
+def advice(result: Traversed) -> str:
+    """What may bring a tool to the end that did not arrive, in words."""
+    if result.rms_um is not None:  # it was there, and does not stay
+        return (
+            "a longer --horizon brakes in time, less --q-theta is slower; more --q-contour and "
+            "--q-lag hold the tool closer"
+        )
+    shares = np.divide(result.control_used, result.control_limit)
+    progress, most = "more --q-theta rewards progress", int(np.argmax(shares))
+    if shares[most] >= FULL:
+        return f"{progress}, a larger --max-control allows it"
+    used, limit = (tables.digits(of[most]) for of in (result.control_used, result.control_limit))
+    return (
+        f"{progress}, a longer --horizon sees more of it, less --r-control lets the controls "
+        f"change faster: they used at most {used} of {limit} {result.control_unit}"
+    )
