@@ -22,6 +22,7 @@ from jcontour.motion.references import Reference, pad
 from jcontour.plant import Plant
 from jcontour.simulation.closed_loop import check_kinds, check_run, follow, start_state
 from jcontour.simulation.metrics import SEARCH_REACH, Metrics, score_signals
+from jcontour.simulation.numbered import Numbered
 
 # Members whose intermediate numbers a derivative may keep: about 1 MB each for 500 steps. Beyond,
 # it runs them again, which costs 40 % of its time.
@@ -163,6 +164,8 @@ def _by_lanes(
 def stack_plants(plants: Sequence[Plant]) -> Plant:
     """A family: plants of the same structure, stacked on axis 0.
 
+    Plants whose fields are all static are equal; they are `Numbered`, to be as many.
+
     >>> machine = LinearPlant([[1.0]], [[1e-3]], [[1.0]], dt=1e-3)
     >>> stack_plants([machine, machine, machine]).A.shape
     (3, 1, 1)
@@ -170,7 +173,8 @@ def stack_plants(plants: Sequence[Plant]) -> Plant:
     Raises:
         ValueError: none given, or their structures differ.
     """
-    return _stack("plants", plants)
+    family = _stack("plants", plants)
+    return family if jax.tree.leaves(family) else Numbered(family, np.arange(len(plants)))
 
 
 def stack_references(references: Sequence[Reference]) -> Reference:
@@ -198,7 +202,7 @@ def member(batch: Any, index: int) -> Any:
 def _check_stack(name: str, members: Any) -> None:
     """Raise ValueError unless all arrays have the members on axis 0."""
     shapes = [np.shape(leaf) for leaf in jax.tree.leaves(members)]
-    if len({shape[:1] for shape in shapes}) > 1 or () in shapes:
+    if len({shape[:1] for shape in shapes}) != 1 or () in shapes:
         raise ValueError(f"{name}: needs a stack, as stack_{name}([...]) makes it, received one")
 
 

@@ -1,12 +1,15 @@
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jcontour.controller import Controller
 from jcontour.controllers.lq.contouring_lq import ContouringLQ, LQWeights
 from jcontour.geometry.contours import circle, line, polyline
 from jcontour.linear.transformations import with_input_gains
 from jcontour.motion.references import along
+from jcontour.plant import Plant
 from jcontour.plants.flexible_axis.axis import SmoothFlexibleAxis, thesis_axis
 from jcontour.plants.wrappers.delays import Delayed
 from jcontour.simulation.closed_loop import simulate
@@ -104,6 +107,53 @@ def test_stacking_keeps_every_run(references):
         np.testing.assert_allclose(
             one.contour.position(arc), reference.contour.position(arc), atol=1e-18
         )
+
+
+class Drives(Plant):
+    """Two drives that take a speed, y' = u; no field is an array."""
+
+    dt: float = eqx.field(static=True, default=1e-3)
+
+    def initial_state(self, position, increment):
+        return position
+
+    def step(self, state, control):
+        return state + self.dt * control
+
+    def output(self, state):
+        return state
+
+
+class Follower(Controller):
+    """u = 50 (r - y), of which no field is an array either."""
+
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, 50.0 * (plan - measurement)
+
+
+@pytest.mark.parametrize("batching", [one_by_one, all_at_once])
+@pytest.mark.parametrize("count", [1, 3])
+def test_plants_without_arrays_are_as_many_as_were_stacked(count, batching, references):
+    runs = stack_references([references[0]])
+    found = evaluate(Follower(), stack_plants([Drives()] * count), runs, batching=batching)
+    wanted = score(simulate(Drives(), Follower(), references[0]), references[0])
+    assert found.rms_contour_error.shape == (1, count)
+    np.testing.assert_allclose(found.rms_contour_error, wanted.rms_contour_error, rtol=1e-12)
+
+
+def test_plants_without_arrays_that_differ_or_are_not_stacked_are_refused(references):
+    with pytest.raises(ValueError, match=r"number 1 differs from number 0 in dt, 0.002 and 0.001"):
+        stack_plants([Drives(), Drives(2e-3)])
+    with pytest.raises(ValueError, match=r"plants: needs a stack"):
+        evaluate(Follower(), Drives(), stack_references([references[0]]))
 
 
 def test_what_does_not_stack_is_refused(two_axes, coupled_plant, references):
