@@ -43,10 +43,11 @@ class NoResponse(ValueError):
         limiting: names of the signals whose limits are too small; empty where no response comes to
             rest at all, and where the linear program's numbers are of too different sizes.
         needed: the smallest magnitudes of all these together, by name.
+        asked: their limits, by name.
     """
 
-    def __init__(self, message: str, needed: dict[str, float]):
-        self.needed = needed
+    def __init__(self, message: str, needed: dict[str, float], asked: dict[str, float]):
+        self.needed, self.asked = needed, asked
         self.limiting = tuple(needed)
         super().__init__(message)
 
@@ -121,6 +122,7 @@ def _impossible(program: PeakProgram, sizes: Float[np.ndarray, " n"]) -> NoRespo
             f"length: no response of {N} samples comes to rest; a longer one may, "
             "if the controls reach every state",
             {},
+            {},
         )
     needed = {
         signal.name: signal.limit * (1 + float(excess))
@@ -135,12 +137,14 @@ def _impossible(program: PeakProgram, sizes: Float[np.ndarray, " n"]) -> NoRespo
             "has no answer with them; its numbers are of too different sizes, columns of E by a "
             f"factor of {ratio:.3g}",
             {},
+            {},
         )
-    limits = {signal.name: signal.limit for signal in program.bounded}
+    limits = {one.name: one.limit for one in program.bounded if one.name in needed}
     told = [
         f"{name} at most {limits[name]:.6g}, {least:.6g} would do" for name, least in needed.items()
     ]
-    return NoResponse(f"limits: no response of {N} samples keeps them: {'; '.join(told)}", needed)
+    message = f"limits: no response of {N} samples keeps them: {'; '.join(told)}"
+    return NoResponse(message, needed, limits)
 
 
 def _check(

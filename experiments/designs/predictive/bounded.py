@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.designs.predictive.refusals import no_answer
 from experiments.jobs.job import Task
 from experiments.machines.disturbance_bounds import Bounds
 from experiments.machines.linear import LinearMachine
@@ -192,16 +193,14 @@ def _shortest(
         np.asarray(kalman_gain(model, noise, machine.measurement_noise))
         for noise in machine.control_noise * NOISES
     ]
-    found, refused = [], None
+    found, refused = [], ValueError("length: needs at least one")
     for length in lengths:
         try:
             found.append(filtered_response(model, gains, around, room, length, offset_free))
         except ValueError as none:
             refused = none
     if not found:
-        raise ValueError(
-            f"force: {around.force:g} {machine.control_unit} on every control leaves nothing to "
-            f"answer it with; {refused}"
-        ) from None
+        force = float(np.max(around.force))
+        raise ValueError(no_answer(machine, force, refused)) from None
     best = min(one.tolerance for one in found)
     return next(one for one in found if one.tolerance <= ENOUGH * best)

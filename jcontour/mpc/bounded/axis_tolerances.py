@@ -103,6 +103,7 @@ def axis_tolerance(
                 f"length: no response of {length} samples comes to rest; a longer one may, "
                 "if the control reaches every state",
                 {},
+                {},
             ) from None
         enough = [
             one._replace(limit=MORE * none.needed.get(one.name, one.limit)) for one in limited
@@ -140,6 +141,7 @@ def _room(
                 f"limits: {name} at most {limit:.6g}, motion and disturbances alone take "
                 f"{share:.6g}",
                 {name: share},
+                {name: limit},
             )
     return DriveLimits(*np.subtract(limits, taken).tolist())
 
@@ -157,6 +159,7 @@ def _too_small(
         f"limits: no response of {length} samples keeps them: {'; '.join(told)}; "
         f"just above, the least tolerance is {1e3 * tolerance:.4g} mm",
         needed,
+        {name: asked[name] for name in needed},
     )
 
 

@@ -49,6 +49,8 @@ def test_limits_that_nobody_can_keep_are_named(axis, axis_numbers):
     with pytest.raises(NoResponse, match="no response of 40 samples keeps them") as refused:
         least_peak(model, small, limited, 40)
     assert "u_tilde" in refused.value.limiting
+    given = {signal.name: signal.limit for signal in limited}
+    assert refused.value.asked == {name: given[name] for name in refused.value.limiting}
     would_do = [
         signal._replace(limit=1.001 * refused.value.needed.get(signal.name, signal.limit))
         for signal in limited

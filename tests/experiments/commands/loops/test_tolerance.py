@@ -63,7 +63,7 @@ def test_words_say_what_is_promised_and_to_whom(kept):
         ("--tolerance-um -1", "tolerance-um: needs to be above zero"),
         ("--tolerance-um nan", "tolerance-um: needs a finite number"),
         ("--length 0", "length: needs 1 to 100 samples"),
-        ("--length 8 --force 1000", "force: 1000 .* on every control leaves nothing"),
+        ("--length 8 --force 1000", "force: 1000 .* leaves nothing .*: speed of X in m/s: "),
         ("--length 8 --tolerance-um 0.1", "tolerance-um: 0.1 um cannot be promised on"),
         ("--plant gantry", "plant: gantry is not linear"),
         ("--plant bridgeport --solver nothing", "solver"),

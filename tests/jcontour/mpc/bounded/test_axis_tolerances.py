@@ -50,6 +50,7 @@ def test_limits_that_are_too_small_come_with_what_would_do(slide):
         axis_tolerance(slide, state_known(slide, 1.0), DriveLimits(0.9), STILL, 10)
     assert none.match(r"just above, the least tolerance is 0\.\d+ mm")
     (needed,) = none.value.needed.values()
+    assert none.value.asked == {"control": 0.9}
     enough = DriveLimits(1.01 * needed)
     found = axis_tolerance(slide, state_known(slide, 1.0), enough, STILL, 10)
     assert f"{1e3 * found.promised:.4g} mm" in str(none.value)
