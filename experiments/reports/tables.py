@@ -104,7 +104,7 @@ def plain_table(
     Where no column has a name there is no line of them.
     """
     table = Table(
-        title=title,
+        title=escape(title),
         title_justify="left",
         title_style="bold",
         pad_edge=False,
@@ -113,13 +113,13 @@ def plain_table(
     )
     for k, name in enumerate(columns):
         table.add_column(
-            name,
+            escape(name),
             justify="left" if k < text_columns else "right",
             no_wrap=k >= text_columns,
             overflow="fold",  # a name is never cut
         )
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(escape(cell) for cell in row))
     return table
 
 

@@ -43,6 +43,14 @@ def test_a_table_without_names_of_columns_has_no_line_of_them(capsys):
     ]
 
 
+def test_brackets_in_a_table_stand_as_they_are(capsys):
+    table = plain_table("Preview [samples]", ["name", "in [um]"], [["part[a].ngc", "[/b]"]])
+    console_of().print(table)
+    printed = capsys.readouterr().out
+    for words in ("Preview [samples]", "in [um]", "part[a].ngc", "[/b]"):
+        assert words in printed
+
+
 def said(width, *lines, terminal=True):
     out = io.StringIO()
     say(Console(file=out, force_terminal=terminal, color_system=None, width=width), *lines)
