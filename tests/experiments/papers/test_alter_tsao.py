@@ -1,6 +1,7 @@
 """Alter & Tsao's tables against reference numbers, and the verdicts against made-up ones."""
 
 import json
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -156,6 +157,20 @@ def test_verdicts_follow_the_numbers(result):
     rows = tuple(replace(row, attainable=row.optimal) for row in result.table_2)
     other = {c.claim: c.verdict for c in claims(replace(result, table_2=rows))}
     assert other["no filter costs less than J_1"] is YES
+
+
+def test_the_marks_of_the_table_are_those_that_the_statement_counts(result, capsys):
+    """Line 18 is 3.1899e-3: it does not round to 3.1900e-3, to a digit less it does."""
+    show(result, console_of())
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    marks = [row[-2] for row in rows if len(row) == 10 and row[0].isdigit()]
+    maxima, values = marks[:28], marks[28:56]
+    assert maxima[17] == "~" and values[17] == "="
+    for found, claim in zip((maxima, values), claims(result)[:2], strict=True):
+        assert claim.finding.startswith(f"{found.count('=')} of 28 round")
+        others = [line for line, mark in enumerate(found, 1) if mark != "="]
+        named = re.findall(r"(\d+) \([-+]", claim.finding)
+        assert named == [str(line) for line in others]
 
 
 @pytest.mark.parametrize(("spoilt", "wanted"), [((16,), NEAR), ((26,), NEAR), ((16, 26), NO)])
