@@ -33,7 +33,7 @@ FORMS = {  # of the observer, in the reference numbers
     "euler": "cascade-leso-euler",
     "current": "cascade-leso",
 }
-YES, NO = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED
+YES, NO, ORDER = Verdict.REPRODUCED, Verdict.NOT_REPRODUCED, Verdict.SAME_ORDERING
 
 
 @pytest.fixture(scope="module")
@@ -117,15 +117,47 @@ def ranking_row(name, gains, scale, member_error, member_current=1.0):
     return RankingRow(name, gains, {}, found, found, family, time_us=1.0)
 
 
-def made_up(error, tuned_error, current=1.0):
+def made_up(error, tuned_error, current=1.0, observed=0.95, printed=PUBLISHED):
     """The notch lowers everything by 15 %, the observers by 5 %; tuned gains have another error."""
-    scales = {"cascade": 1.0, "cascade-notch": 0.85, **dict.fromkeys(OBSERVERS, 0.95)}
+    scales = {"cascade": 1.0, "cascade-notch": 0.85, **dict.fromkeys(OBSERVERS, observed)}
     rows = [ranking_row(name, "start", scale, error) for name, scale in scales.items()]
     rows += [ranking_row(name, "tuned", 0.1, tuned_error, current) for name in CONFIRMED]
     gap = (GapRow(100.0, 0.05, 0.05), GapRow(1e3, 0.01, 0.01), GapRow(1e4, 1e-3, 1e-3))
     still = {task: Signals(*np.array([[0.1], [0.2], [0.3], [1.0]])) for task in TASKS}
     names = ("cascade", "cascade-notch", "cascade-leso-exact")
-    return Result("", {}, tuple(rows), dict.fromkeys(names, still), gap)
+    tables = table_rows(printed, rows)
+    return Result("", {}, tuple(rows), dict.fromkeys(names, still), gap, tables)
+
+
+def printed_as(excess, mean):
+    """Tables in print: the end effector's largest error, and the mean that the LESO leaves."""
+    found = []
+    for row in PUBLISHED:
+        left = mean if "LESO" in row.name else 1.0
+        columns = replace(row.columns, em_max=left, em_mean=left, ee_max=(1 + excess) * left)
+        found.append(row._replace(columns=columns))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("excess", "mean", "wanted"),
+    [
+        (0.1, 0.95, (YES, YES)),
+        (0.19, 0.91, (YES, YES)),  # a factor of 1.9 and 1.8 to ours
+        (0.21, 0.95, (ORDER, YES)),
+        (0.04, 0.95, (ORDER, YES)),
+        (0.1, 0.86, (YES, ORDER)),
+    ],
+)
+def test_an_order_is_reproduced_where_its_sizes_are(excess, mean, wanted):
+    found = claims(made_up(1.0, 0.1, printed=printed_as(excess, mean)), CONFIRMED)
+    assert (found[0].verdict, found[3].verdict) == wanted
+    assert f"in print up to {1 + excess:.2f} x" in found[0].finding
+    assert f"in print: {100 * (mean - 1):+.1f} % largest" in found[3].finding
+
+
+def test_an_order_that_does_not_hold_is_not_reproduced():
+    assert claims(made_up(1.0, 0.1, observed=1.05), CONFIRMED)[3].verdict is NO
 
 
 def test_verdicts_follow_the_numbers():
@@ -133,7 +165,7 @@ def test_verdicts_follow_the_numbers():
         return [claim.verdict for claim in claims(result, CONFIRMED)]
 
     shown = Verdict.EXPERIMENTAL
-    assert verdicts(made_up(1.0, 0.1)) == [YES, NO, YES, YES, shown, YES, YES, YES]
+    assert verdicts(made_up(1.0, 0.1)) == [ORDER, NO, YES, ORDER, shown, YES, YES, YES]
     assert verdicts(made_up(1.0, 0.3))[-2:] == [YES, NO]
     assert verdicts(made_up(1.0, 0.1, current=1.3))[-2:] == [NO, NO]
     sharp = made_up(1.0, 0.1)
