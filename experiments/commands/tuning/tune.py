@@ -182,7 +182,7 @@ def store_result(run: TuningRun, found: TunedResult, tuned: Tuned, folder: Path)
     points = history_of(run, tuned)
     rows = [point.to_json(run.machine.error) for point in points]
     run_folder.write_json(folder / "history.json", rows)
-    save_figures(FIGURES, Search(points, found), folder)
+    save_figures(FIGURES, Search(points, found, run.flags.objective), folder)
     write_result(folder, found)
 
 

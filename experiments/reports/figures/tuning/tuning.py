@@ -19,13 +19,37 @@ from experiments.reports.figures.shared.axes import (
 )
 
 DIVERGED = "diverged: rejected, no objective"
+MEASURES = {  # objective -> what is made small
+    "typical": "geometric mean over contours\nof the worst RMS {error} error [um]",
+    "worst": "worst RMS {error} error [um]",
+    "mean": "mean RMS {error} error [um]",
+    "regret": "largest RMS {error} error\nover the best of its contour",
+    "certified": "geometric mean over contours\nof the largest certified {error} error [um]",
+}
 
 
 class Search(NamedTuple):
-    """A tuning run as its figures see it."""
+    """A tuning run as its figures see it.
+
+    Attributes:
+        points: that the tuner tried.
+        result: of the run.
+        objective: its name among the flags.
+    """
 
     points: Sequence[HistoryPoint]
     result: TunedResult
+    objective: str = "typical"
+
+    @property
+    def measure(self) -> str:
+        """What the search makes small, in words with its unit."""
+        return MEASURES[self.objective].format(error=self.result.error)
+
+    def measured(self, points: Sequence[HistoryPoint]) -> np.ndarray:
+        """Objective of the points, in the unit of `measure`."""
+        factor = 1.0 if self.objective == "regret" else 1e6  # a ratio, or [m]
+        return factor * np.array([point.objective for point in points], float)
 
 
 def history_figure(search: Search) -> Figure:
@@ -39,7 +63,7 @@ def history_figure(search: Search) -> Figure:
     axes = figure.subplots()
     index = np.arange(1, len(points) + 1)
     lost = np.array([point.diverged for point in points])
-    objective = 1e6 * np.array([point.objective for point in points], float)
+    objective = search.measured(points)
     objective = np.where(lost | ~np.isfinite(objective), np.nan, objective)
     feasible = np.array([point.feasible for point in points], bool)
     for number, descent in enumerate(sorted({point.descent for point in points})):
@@ -58,7 +82,7 @@ def history_figure(search: Search) -> Figure:
         axes.plot(index[lost], height, "x", color="tab:red", label=DIVERGED)
     axes.set_yscale("log")
     plain_ticks(axes.yaxis)
-    grid(axes, "Points tried (smooth machine)", "evaluated point", "objective [um]")
+    grid(axes, "Points tried (smooth machine)", "evaluated point", search.measure)
     legend_below(figure)
     return figure
 
@@ -68,15 +92,16 @@ def _at(chosen: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
 
 
 def trade_off_figure(search: Search) -> Figure:
-    """Worst error against worst control increment of all points that ran.
+    """What the search makes small against the worst control increment, of all points that ran.
 
-    The line is the lower left edge of those within the limits.
+    The line is the lower left edge of those within the limits; the tuned point is its lowest.
     """
-    points, result = [one for one in search.points if not one.diverged], search.result
+    ran = [one for one in search.points if not one.diverged and np.isfinite(one.objective)]
+    points, result = ran, search.result
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.subplots()
     increment = np.array([point.rms_increment for point in points])
-    error = 1e6 * np.array([point.rms_error for point in points])
+    error = search.measured(points)
     within = np.array([point.feasible for point in points], bool)
     dots = {"color": OTHER, "markersize": 5}
     label = "evaluated, within the limits"
@@ -94,7 +119,7 @@ def trade_off_figure(search: Search) -> Figure:
         axes,
         "Trade-off over training contours and family (smooth machine)",
         f"worst RMS control increment [{unit} per sample]",
-        f"worst RMS {result.error} error [um]",
+        search.measure,
     )
     legend_below(figure)
     return figure

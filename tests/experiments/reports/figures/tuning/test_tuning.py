@@ -2,12 +2,16 @@
 
 import math
 from types import SimpleNamespace
+from typing import get_args, get_type_hints
 
 import numpy as np
+import pytest
 
 from experiments.files.results.tuned_result import HistoryPoint
+from experiments.flags.tuning import Tune
 from experiments.reports.figures.tuning.tuning import (
     DIVERGED,
+    MEASURES,
     Search,
     history_figure,
     lower_left_edge,
@@ -16,7 +20,9 @@ from experiments.reports.figures.tuning.tuning import (
 
 
 def point(alpha, objective, increment=1.0, violation=0.0, diverged=False):
-    return HistoryPoint(0, {"alpha": alpha}, objective, violation, diverged, objective, increment)
+    """Its worst error grows where the objective falls: figures that show it are wrong."""
+    worst = 1e-10 / objective
+    return HistoryPoint(0, {"alpha": alpha}, objective, violation, diverged, worst, increment)
 
 
 POINTS = [
@@ -58,6 +64,34 @@ def test_the_trade_off_shows_start_and_tuned_among_the_points():
     np.testing.assert_allclose(lines["tuned"], [[1.0, 2.0]])
     np.testing.assert_allclose(lines["evaluated, limit exceeded"], [[3.0, 1.0]])
     np.testing.assert_allclose(lines["front of these"], [[1.0, 2.0]])
+
+
+def test_the_tuned_point_is_on_the_front_of_what_the_search_makes_small():
+    """Its worst error is the largest, its increment too: by the worst error it would be beaten."""
+    points = [point(1.0, 4e-6, 1.0), point(2.0, 3e-6, 2.0), point(4.0, 2e-6, 3.0)]
+    front = lines_of(trade_off_figure(Search(points, RESULT)))["front of these"]
+    np.testing.assert_allclose(front, [[1.0, 4.0], [2.0, 3.0], [3.0, 2.0]])
+
+
+@pytest.mark.parametrize("draw", [history_figure, trade_off_figure])
+@pytest.mark.parametrize(
+    ("objective", "says", "least"),
+    [
+        ("typical", "geometric mean over contours\nof the worst RMS contour error [um]", 2.0),
+        ("worst", "worst RMS contour error [um]", 2.0),
+        ("regret", "largest RMS contour error\nover the best of its contour", 2e-6),
+    ],
+)
+def test_figures_say_what_the_search_makes_small(draw, objective, says, least):
+    figure = draw(Search(POINTS, RESULT, objective))
+    assert figure.axes[0].get_ylabel() == says
+    shown = lines_of(figure)
+    line = shown["tuned"] if "tuned" in shown else shown["best feasible so far"]
+    assert np.nanmin(line[:, 1]) == pytest.approx(least)
+
+
+def test_every_objective_is_in_words():
+    assert set(get_args(get_type_hints(Tune)["objective"])) == set(MEASURES)
 
 
 def test_the_edge_holds_the_points_that_no_other_beats():
