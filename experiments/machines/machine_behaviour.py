@@ -6,14 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.machines.machine import Machine
+from experiments.machines.steady_response import Kind, steady_response
 from jcontour.linear.plant import LinearPlant
 
 GRAVITY = 9.81  # [m/s^2]
 QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
 FAST = 50.0  # [m/s] likewise
 SLOW = 0.01  # [m/s^2] likewise
-UNSEEN = 1e-3  # of a speed: the gain is read from a step response that settles
-STEPS, PEAK = 4000, 1.3  # samples that are looked at; a resonance rises this much
+UNSEEN = 1e-3  # of a speed: what rounded numbers of a file may lack
+STEPS, MOST_STEPS = 4000, 100_000  # samples of a step response, and of one that settles slowly
+SETTLED = 5.0  # slowest time constants that it lasts
+PEAK = 1.3  # a resonance rises this much
 
 
 @dataclass(frozen=True)
@@ -22,10 +25,12 @@ class AxisBehaviour:
 
     Attributes:
         name: of the axis.
-        gain: settled speed over control [m/s per control unit]; position over control [m per
-            control unit] where the axis settles; acceleration where it does not settle at all.
-        kind: what that is: "speed", "position" or "acceleration".
-        rise: time to 63 % of the settled value, the delay left out [s]; NaN where none settles.
+        gain: what lasts under one unit of control, to which the step response tends: speed [m/s
+            per control unit], position [m per control unit] or acceleration [m/s^2 per control
+            unit]; NaN where the axis runs away.
+        kind: what that is: "speed", "position", "acceleration" or "nothing".
+        rise: time to 63 % of it, the delay left out [s]; NaN where that is not reached in a
+            hundred thousand samples.
         delay: samples before anything moves.
         acceleration: largest, per unit of control [m/s^2].
         resonance: frequency of the highest peak above a smooth curve [Hz]; NaN without one.
@@ -35,7 +40,7 @@ class AxisBehaviour:
 
     name: str
     gain: float
-    kind: str
+    kind: Kind
     rise: float
     delay: int
     acceleration: float
@@ -104,29 +109,19 @@ def _transfer(A: np.ndarray, b: np.ndarray, c: np.ndarray, z: complex) -> comple
 
 def _behaviour(model: LinearPlant, axis: int, name: str) -> AxisBehaviour:
     dt = model.dt
-    step = _step(model, axis, STEPS)
+    steady = steady_response(model, axis)
+    step = _step(model, axis, int(np.clip(SETTLED * steady.slowest, STEPS, MOST_STEPS)))
     speed = np.diff(step) / dt
-    moved = np.flatnonzero(np.abs(step) > 1e-9 * np.abs(step).max())
+    begin = np.abs(step[: STEPS + 1])
+    moved = np.flatnonzero(begin > 1e-9 * begin.max())
     delay = int(moved[0]) - 1 if moved.size else STEPS
-    acceleration = float(np.abs(np.diff(speed, prepend=0.0)).max() / dt)
-    if _settled(step):
-        kind, signal = "position", step
-    elif _settled(speed):
-        kind, signal = "speed", speed
-    else:
-        kind, signal = "acceleration", np.diff(speed) / dt
-    gain = float(signal[-1])
-    above = np.flatnonzero(np.abs(signal) >= (1 - np.exp(-1)) * abs(gain))
+    changes = np.diff(speed, prepend=0.0) / dt
+    seen = {"position": step, "speed": speed}.get(steady.kind, changes[1:])
+    above = np.flatnonzero(np.abs(seen) >= (1 - np.exp(-1)) * abs(steady.gain))
     rise = dt * max(float(above[0]) - delay, 0.0) if above.size else float("nan")
-    time = dt * np.arange(STEPS + 1)
-    where = _resonance(model, axis)
-    return AxisBehaviour(name, gain, kind, rise, delay, acceleration, where, time, step)
-
-
-def _settled(signal: np.ndarray) -> bool:
-    """Whether the last tenth stays within a hundredth of the last value."""
-    tail = signal[-len(signal) // 10 :]
-    return bool(np.ptp(tail) <= 0.01 * abs(tail[-1]))
+    time = dt * np.arange(len(step))
+    most, where = float(np.abs(changes).max()), _resonance(model, axis)
+    return AxisBehaviour(name, steady.gain, steady.kind, rise, delay, most, where, time, step)
 
 
 def _step(model: LinearPlant, axis: int, steps: int) -> np.ndarray:

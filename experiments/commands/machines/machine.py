@@ -22,7 +22,7 @@ from experiments.reports.figures.shared.png import save_figure
 
 OF_A_CHECK = ("file", "json")  # flags that do not describe a machine
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
-UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2"}
+UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
 
 
 def command(flags: Flags) -> int:
@@ -143,7 +143,7 @@ def show(found: MachineResult, console: Console) -> None:
         [
             one.name,
             one.kind,
-            f"{tables.digits(1e3 * one.gain)} {UNITS[one.kind]}",
+            f"{tables.digits(1e3 * one.gain)} {UNITS[one.kind]}".strip(),
             tables.digits(1e3 * one.rise),
             str(one.delay),
             tables.digits(one.acceleration),

@@ -8,9 +8,11 @@ class AxisSummary:
     """One axis of the nominal model, under one unit of its own control.
 
     Attributes:
-        kind: what settles: "speed", "position" or "acceleration".
-        gain: the settled value [m/s, m, m/s^2].
-        rise: time to 63 % of it, the delay left out [s].
+        kind: what settles: "speed", "position", "acceleration", or "nothing" of an axis that runs
+            away.
+        gain: the value to which it settles [m/s, m, m/s^2]; NaN of nothing.
+        rise: time to 63 % of it, the delay left out [s]; NaN where it takes longer than a hundred
+            thousand samples.
         delay: samples before anything moves.
         acceleration: largest [m/s^2].
         resonance: of its most ringing mode [Hz]; NaN without one.

@@ -9,6 +9,7 @@ from experiments.files.run_folder import json_text
 from experiments.flags.machines import Machine
 from experiments.machines.built import built_machine
 from experiments.machines.from_file import machine_from
+from experiments.machines.linear import LinearMachine
 
 MILL = Machine(gain=(2.0,), time_constant_ms=(20.0, 10.0), delay_ms=(1.5,), max_control=(100.0,))
 
@@ -51,6 +52,7 @@ def test_a_drive_that_takes_a_position_gets_there():
     """A millimetre asked is a millimetre gone on every machine of the family, in the end."""
     drive = Machine(takes="position", gain=(1.0,), time_constant_ms=(5.0,))
     machine = loaded(drive)
+    assert isinstance(machine, LinearMachine)
     assert machine.family_names == ["nominal", "1 sample late"]
     for plant in machine.exact_family():
         state = plant.initial_state(jnp.zeros(2), jnp.zeros(2))

@@ -33,6 +33,15 @@ def test_other_drives_settle_elsewhere():
     assert one.kind == "acceleration" and one.gain == pytest.approx(2.0, rel=1e-6)
 
 
+def test_a_slide_that_settles_slowly_is_told_where_it_settles():
+    """Force over friction, and 63 % of it after M / F: longer than the shortest step response."""
+    for mass, constant in ((1.0, 0.5), (20.0, 10.0)):
+        flags = Machine(takes="force", gain=(3.0,), mass_kg=(mass,), viscous=(2.0,))
+        one = axis_behaviours(loaded(replace(flags, delay_ms=(2.0,))))[0]
+        assert one.kind == "speed" and one.gain == pytest.approx(1.5, rel=1e-9)
+        assert one.rise == pytest.approx(constant, abs=1.1e-3) and one.delay == 2
+
+
 def test_a_response_at_low_frequency_is_an_integrator():
     machine = loaded(replace(MILL, delay_ms=(0.0,)))
     found = response(machine.model, 1, np.array([0.01]))
