@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from experiments.reports.figures.loops.coloured_error import detailed, draw_coloured
 from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 from experiments.reports.figures.loops.errors import error_figure
-from experiments.reports.figures.loops.magnified_error import draw_magnified
+from experiments.reports.figures.loops.magnified_error import TRUE, draw_magnified
 from experiments.reports.figures.loops.way import draw_way
 from experiments.reports.figures.shared.axes import colours_of, grid, legend_below, short
 
@@ -33,6 +33,7 @@ PANEL = 4.2  # inches: width of one contour
 BAR = 0.9  # inches: width of a scale of colours
 TITLE = 0.5  # inches: height of a panel's title
 TITLES = 0.9  # inches: height of the figure's title and legend
+DIVERGED = "diverged"
 FLAT = 0.3  # height to width of a contour: below it panels lie above each other
 FLATTEST_AND_TALLEST = (0.17, 1.2)  # height to width of one contour's panel: room for ticks
 NARROWEST = 0.7  # width to height of what a panel shows: a title of 45 letters fits above
@@ -64,14 +65,21 @@ def contour_figure(runs: ContourRuns) -> Figure:
     figure = Figure(figsize=size, layout="compressed")
     places = figure.subplots(height, width, sharex=True, sharey=True, squeeze=False)
     colours = colours_of([run.label for run in runs.rows[0]])
+    words = []
     for place, (run, row) in zip(places.ravel(), chain.from_iterable(panels), strict=True):
-        _draw_panel(place, runs, run, row, colours[run.label])
+        words.append(_draw_panel(place, runs, run, row, colours[run.label]))
         place.label_outer(remove_inner_ticks=True)
     _make_room(places[0, 0])
-    how = "coloured by its error" if detailed(runs) else "contour error magnified"
-    figure.suptitle(f"{short(runs.name)}: contour and tool, {how}")
+    figure.suptitle(f"{short(runs.name)}: contour and tool{_how(runs, words)}")
     legend_below(figure, columns=4)
     return figure
+
+
+def _how(runs: ContourRuns, words: Sequence[str]) -> str:
+    """How the error is shown, for the title; `words` are those of the panels."""
+    if detailed(runs):
+        return ", coloured by its error"
+    return ", contour error magnified" if {*words} - {TRUE, DIVERGED} else ""
 
 
 def _height_to_width(runs: ContourRuns) -> float:
@@ -97,10 +105,12 @@ def _make_room(axes: Axes) -> None:
 
 def _draw_panel(
     axes: Axes, runs: ContourRuns, run: DrawnRun, row: Sequence[DrawnRun], colour: str
-) -> None:
+) -> str:
+    """Draw a run; how its error is shown, in words."""
     draw_way(axes, runs)
     draw = draw_coloured if detailed(runs) else draw_magnified
-    words = "diverged" if run.diverged else draw(axes, runs, run, row, colour)
+    words = DIVERGED if run.diverged else draw(axes, runs, run, row, colour)
     x, y = runs.axes[:2]
     grid(axes, f"{run.label}, {run.plant}\n{words}", f"{x} [mm]", f"{y} [mm]")
     axes.set_aspect("equal", adjustable="box")
+    return words

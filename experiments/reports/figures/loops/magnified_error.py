@@ -9,6 +9,7 @@ from experiments.reports.figures.loops.contour_runs import ContourRuns, DrawnRun
 
 MAGNIFIED = 0.06  # of the contour's size: how large the largest error is drawn
 ROUNDING = 1e-12  # of the largest coordinate: an error below it is none
+TRUE = "error true to scale"
 
 
 def draw_magnified(
@@ -18,7 +19,7 @@ def draw_magnified(
     factor = _magnification(runs, row)
     tool = desired_on_contour(runs, run) + factor * 1e3 * runs.shown(run.contour_error)[:, :2]
     axes.plot(*tool.T, color=colour, linewidth=1.0, label=run.label)
-    return f"error x {factor:g}"
+    return TRUE if factor == 1 else f"error x {factor:g}"
 
 
 def _magnification(runs: ContourRuns, compared: Sequence[DrawnRun]) -> float:

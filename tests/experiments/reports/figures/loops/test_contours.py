@@ -30,6 +30,23 @@ def test_runs_of_one_plant_are_magnified_alike(runs):
     assert labels == ["contour", "first point"]  # no tool
 
 
+def test_an_error_as_large_as_the_contour_is_true_to_scale_and_no_title_says_magnified(runs):
+    assert contour_figure(runs).get_suptitle().endswith("contour and tool, contour error magnified")
+    large = tuple(tuple(_far_off(run, runs.reference) for run in row) for row in runs.rows)
+    figure = contour_figure(replace(runs, rows=large))
+    assert figure.get_suptitle().endswith(": contour and tool")
+    words = [panel.get_title().split("\n")[1] for panel in figure.axes]
+    assert words == [*3 * ["error true to scale"], "diverged"]
+    _, _, tool = figure.axes[0].get_lines()
+    drawn = np.linalg.norm(tool.get_xydata()[10:], axis=1)
+    np.testing.assert_allclose(drawn, 1e3 * 1.1 * RADIUS)
+
+
+def _far_off(run, reference):
+    """The same run a tenth of the radius outside."""
+    return replace(run, output=1.1 * reference, contour_error=0.1 * reference)
+
+
 @pytest.mark.parametrize(
     ("squeezed", "shape", "across"), [(1.0, 1.0, 2), (0.5, 0.5, 2), (0.2, 0.2, 1), (1e-3, 0.17, 1)]
 )
