@@ -4,7 +4,8 @@ The reference p(k) is shifted by c(k), zero at both ends and where it is held. W
 e_i(c) = p - y_i(p + c), the error of plant i,
     minimise over c the largest over i of  J_i(c) + size |c|^2 + roughness |c''|^2, all means
     J_i = mean of e_i' W e_i,   W = (1 - contouring) I + contouring (I - t t')
-over the samples that count, c'' the second difference. Of a linear loop e_i is affine in c. For
+over the samples that count, c'' the second difference, with no shift before and after. Of a linear
+loop e_i is affine in c. For
 weights lambda_i >= 0 of sum one, the minimum of sum_i lambda_i J_i solves
     (sum_i lambda_i G_i' W G_i + R) d = sum_i lambda_i G_i' W e_i - R c,   R = size + roughness D' D
 by conjugate gradients, G_i a run's derivative and G_i' the same backwards. Multiplicative weights
@@ -19,6 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.lax.linalg import tridiagonal_solve
 from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, Bool, Float
 
@@ -177,16 +179,35 @@ def _improved(
         (pulled,) = back(each * slopes(change))
         return pulled + priced(change)
 
+    def eased(residual: Array) -> Array:
+        return free * _eased(free * residual, prices) + (1 - free) * residual
+
     (pulled,) = back(each * found)
-    change, _ = cg(normal, -pulled - priced(correction), tol=TOLERANCE, maxiter=ITERATIONS)
+    right = -pulled - priced(correction)
+    change, _ = cg(normal, right, tol=TOLERANCE, maxiter=ITERATIONS, M=eased)
     return correction + change
 
 
+def _eased(residual: Float[Array, "T m"], prices: Float[Array, " two"]) -> Float[Array, "T m"]:
+    """Preconditioner (1 + size + sqrt(roughness) L)^-2 of the normal equations, L = -c''.
+
+    L'L is D'D but for the ends, and a loop's slopes are about one where it follows.
+    """
+    steps = residual.shape[0]
+    size, rough = jnp.sqrt(1.0 + prices[0]), jnp.sqrt(prices[1])
+    beside = jnp.full(steps, -rough)
+    middle = jnp.full(steps, size + 2 * rough)
+    lower, upper = beside.at[0].set(0.0), beside.at[-1].set(0.0)
+    once = tridiagonal_solve(lower, middle, upper, residual)
+    return steps * tridiagonal_solve(lower, middle, upper, once)
+
+
 def _bending(rows: Float[Array, "T m"]) -> Float[Array, "T m"]:
-    """D' D c of the second difference D."""
+    """D' D c of the second difference D; there is no shift before the first sample and after."""
 
     def second(one: Array) -> Array:
-        return one[2:] - 2 * one[1:-1] + one[:-2]
+        whole = jnp.pad(one, ((2, 2), (0, 0)))
+        return whole[2:] - 2 * whole[1:-1] + whole[:-2]
 
     bent, back = jax.vjp(second, rows)
     return back(bent)[0]

@@ -82,6 +82,8 @@ def _result(loop: StoredLoop, found: Bent, moves: Sequence[Moves]) -> BentResult
         before=found.metrics(found.before),
         after=found.metrics(found.after),
         exceeded=found.exceeded,
+        exceeded_before=found.exceeded_before,
+        asked=found.asked,
         halts=sum(bool(one.asked) for one in moves),
         ramps=0 if read is None else len(read.ramps),
     )
@@ -123,11 +125,18 @@ def sentences(result: BentResult) -> list[str]:
     gain = (
         f"RMS {result.error} error: nominal {_change(*result.nominal)}, "
         f"worst of the family {_change(*result.worst)}. "
-        f"The reference moves by up to {tables.digits(1e6 * result.largest)} um."
+        f"The reference moves by up to {tables.digits(1e6 * result.largest)} um; "
+        f"it asks an axis for up to {tables.digits(result.asked[0])} m/s and "
+        f"{tables.digits(result.asked[1])} m/s^2."
     )
     if result.usable:
         return [gain]
-    if result.exceeded:
+    if result.exceeded_before:
+        why = (
+            f"{result.controller} exceeds a limit of the machine without any bend: choose calmer "
+            "gains, or tune it"
+        )
+    elif result.exceeded:
         why = "a limit of the machine is exceeded; a larger --roughness asks less of it"
     elif any(run.diverged for run in result.after.values()):
         why = "a plant of the family diverges"

@@ -1,6 +1,6 @@
 """Result of `jcontour precompensate`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import MachineSummary, RunMetrics
 
@@ -18,7 +18,10 @@ class BentResult:
         halts: places where the G-code stops, as the program does more there than move its axes.
         ramps: moves of the program along which Z moves too; the G-code leaves Z alone.
         before, after: metrics by plant, the nominal one first.
-        exceeded: a line for every limit of the machine that the bent reference exceeds.
+        asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
+        exceeded: a line for every limit of the machine that the bent reference exceeds, or the tool
+            along it.
+        exceeded_before: the same of the tool along the reference as it is.
     """
 
     machine: MachineSummary
@@ -33,6 +36,8 @@ class BentResult:
     before: dict[str, RunMetrics]
     after: dict[str, RunMetrics]
     exceeded: list[str]
+    exceeded_before: list[str] = field(default_factory=list)
+    asked: tuple[float, float] = (0.0, 0.0)
     halts: int = 0
     ramps: int = 0
 

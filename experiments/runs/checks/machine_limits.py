@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from experiments.jobs.job import Job
 from experiments.jobs.replays import Replay, Scenarios, measured_speeds, scored
@@ -12,6 +12,7 @@ from experiments.machines.machine import Machine
 
 DRIVES = ("control", "control increment")
 MET = 1 - 1e-9  # of a limit: a plant holds its control there
+ROUNDING = 1 + 1e-6  # of what a reference asks for
 NEAR = 0.9  # of a limit, from which on there is a warning
 
 
@@ -53,6 +54,50 @@ def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> li
 def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run exceeds where it is scored."""
     return _beyond(_peaks(replay, scenarios, machine, scored(scenarios)))
+
+
+def beyond_limits_asked(
+    position: Float[np.ndarray, "T m"],
+    before: Float[np.ndarray, "T m"],
+    machine: Machine,
+    at_rest: bool,
+) -> list[str]:
+    """One line for every axis limit that a reference exceeds, and more than the one before it did.
+
+    Its speed and acceleration are differences of its samples.
+
+    Args:
+        position: samples of the reference [m].
+        before: of the one that it replaces [m].
+        machine: with its limits.
+        at_rest: whether both begin and end at rest.
+    """
+    asked, usual = (_differences(rows, machine.model.dt, at_rest) for rows in (position, before))
+    lines = []
+    for k, limit, quantity, unit in (
+        (0, machine.limits.speed, "speed", "m/s"),
+        (1, machine.limits.acceleration, "acceleration", "m/s^2"),
+    ):
+        if limit is None:
+            continue
+        for axis, name in enumerate(machine.axes):
+            most = float(limit[axis])
+            if asked[k][axis] > max(most, ROUNDING * usual[k][axis]):
+                lines.append(
+                    f"{quantity} of {name} that the reference asks for EXCEEDS its limit: "
+                    f"{asked[k][axis]:.4g} of {most:.4g} {unit}"
+                )
+    return lines
+
+
+def _differences(
+    position: Float[np.ndarray, "T m"], dt: float, at_rest: bool
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Largest speed [m/s] and acceleration [m/s^2] of every axis."""
+    if at_rest:
+        position = np.concatenate([position[:1], position, position[-1:]])
+    speed, acceleration = measured_speeds(position, dt)
+    return np.abs(speed).max(axis=0), np.abs(acceleration).max(axis=0)
 
 
 def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:

@@ -7,7 +7,8 @@ import numpy as np
 from rich.status import Status
 
 from experiments.files.results.run_metrics import RunMetrics
-from experiments.jobs.replays import Replay, Scenarios, replay
+from experiments.jobs.job import Job
+from experiments.jobs.replays import Replay, Scenarios, measured_speeds, replay
 from experiments.jobs.sections import halted
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
@@ -15,7 +16,7 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import BentRuns
-from experiments.runs.checks.machine_limits import exceeded_limits
+from experiments.runs.checks.machine_limits import beyond_limits_asked, exceeded_limits
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.loops.learned_machines import Setting, linear_family
@@ -24,7 +25,9 @@ from jcontour.motion.references import Reference
 from jcontour.simulation.evaluation import stack_plants
 from tuning.precompensation import ROUNDS, Precompensated, precompensate
 
-TRIES = 4  # of a roughness, each ten times the last
+TRIES = 4  # of a roughness with all rounds, each ten times the last
+GLANCES = 12  # at a roughness with one round, each SMOOTHER times the last
+SMOOTHER = 10**0.5
 CONTOURING = 0.9  # of the weight, where there is a contour: lag is a tenth as dear
 
 
@@ -37,7 +40,8 @@ class Bent(NamedTuple):
         roughness: its price.
         plants: names.
         before, after: the runs.
-        exceeded: limits that the bent reference exceeds.
+        exceeded: limits that the bent reference exceeds, or the tool along it.
+        exceeded_before: limits that the tool exceeds without a bend.
     """
 
     reference: Reference
@@ -47,6 +51,13 @@ class Bent(NamedTuple):
     before: Replay
     after: Replay
     exceeded: list[str]
+    exceeded_before: list[str]
+
+    @property
+    def asked(self) -> tuple[float, float]:
+        """Largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference."""
+        speed, acceleration = measured_speeds(self.position, self.reference.dt)
+        return float(np.abs(speed).max()), float(np.abs(acceleration).max())
 
     @property
     def position(self) -> np.ndarray:
@@ -103,9 +114,20 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
     tables.say(status.console, line)
     status.update("running the reference as it is")
     before = replay(controller, scenarios)
-    beyond = _lost(before) or exceeded_limits(before, scenarios, machine)
+    exceeded_before = exceeded_limits(before, scenarios, machine)
+    at_rest = not isinstance(job, Job) or job.at_rest
+    wanted = np.asarray(reference.position)[: reference.steps]
     part = 0.0 if machine.error == "tracking" else CONTOURING
     held = halted(job)
+
+    def asked_by(found: Precompensated) -> list[str]:
+        return beyond_limits_asked(wanted + found.correction, wanted, machine, at_rest)
+
+    def glanced(price: float) -> list[str]:
+        status.update(f"looking for a smooth bend, roughness {price:.3g}")
+        return asked_by(
+            precompensate(family, controller, reference, part, roughness=price, rounds=1, held=held)
+        )
 
     def priced(price: float) -> Bent:
         steps = Steps(status, "round", ROUNDS)
@@ -113,15 +135,22 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
             family, controller, reference, part, roughness=price, held=held, tell=steps.done
         )
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
-        exceeded = exceeded_limits(after, scenarios, machine)
-        return Bent(reference, found, price, scenarios.plants, before, after, exceeded)
+        exceeded = [*asked_by(found), *exceeded_limits(after, scenarios, machine)]
+        plants = scenarios.plants
+        return Bent(reference, found, price, plants, before, after, exceeded, exceeded_before)
 
-    one = priced(roughness)
+    prices = roughness * SMOOTHER ** np.arange(GLANCES)
+    first = next((float(price) for price in prices if not glanced(price)), float(prices[-1]))
+    if first > roughness:
+        tables.say(
+            status.console, f"The limits of the machine ask for a bend of roughness {first:.3g}."
+        )
+    one = priced(first)
     for attempt in range(1, TRIES):
-        if beyond or not (one.exceeded or _lost(one.after)):
+        if _lost(before) or exceeded_before or not (one.exceeded or _lost(one.after)):
             break  # no smoother shift mends what is so without one
-        smoother = roughness * 10**attempt
-        more = f"{ROUNDS} more rounds, with roughness {smoother:g}"
+        smoother = first * 10**attempt
+        more = f"{ROUNDS} more rounds, with roughness {smoother:.3g}"
         tables.say(status.console, f"A limit is exceeded or a plant does not follow: {more}.")
         one = priced(smoother)
     return one

@@ -44,6 +44,8 @@ def test_words_say_what_it_brings_and_when_not_to_use_it(bent):
     assert "times smaller" in sentences(result)[0] and len(sentences(result)) == 1
     limited = replace(result, exceeded=["speed of X EXCEEDS its limit"])
     assert "DO NOT USE: a limit of the machine is exceeded" in sentences(limited)[1]
+    anyway = replace(limited, exceeded_before=limited.exceeded)
+    assert "exceeds a limit of the machine without any bend" in sentences(anyway)[1]
     worse = replace(result, before=result.after, after=result.before)
     assert "times LARGER" in sentences(worse)[0]
     assert "DO NOT USE: the worst machine is no better" in sentences(worse)[1]
@@ -99,7 +101,7 @@ def unbent(loop, roughness, status):
     runs, none = replay(controller, scenarios), np.zeros(1)
     still = np.zeros((reference.steps, len(machine.axes)))
     found = Precompensated(still, none, none, none)
-    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [])
+    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [], [])
 
 
 def test_a_reference_not_to_be_used_is_not_written(

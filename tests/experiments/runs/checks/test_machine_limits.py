@@ -4,10 +4,13 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from experiments.jobs.job import Job, Program
 from experiments.jobs.replays import Replay, Scenarios
+from experiments.machines.machine import MachineLimits
 from experiments.runs.checks.machine_limits import (
+    beyond_limits_asked,
     drives_at_limits_in_rapids,
     exceeded_limits,
     limit_warnings,
@@ -100,3 +103,49 @@ def test_a_step_from_a_rapid_move_to_a_cut_is_neither():
     seen.output[1, 0, 5:, 0] = 3e-4  # [m] between the last rapid and the first scored sample
     program = Program(np.ones(1, int), (), (), "", np.zeros(1, bool))
     assert limits_met(seen, scenarios(program), MACHINE) == []
+
+
+def motion(steps, acceleration, dt=1e-3):
+    """One axis speeds up and brakes again, the other one rests."""
+    push = np.repeat([acceleration, -acceleration], steps)
+    speed = np.concatenate([[0.0], np.cumsum(push) * dt])
+    place = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) * dt])
+    return np.stack([place, 0.0 * place], axis=1)
+
+
+def limited(speed=None, acceleration=None):
+    found = (None if one is None else np.full(2, one) for one in (speed, acceleration))
+    model = SimpleNamespace(dt=1e-3)
+    return SimpleNamespace(model=model, axes=("X", "Y"), limits=MachineLimits(*found))
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ({"acceleration": 1.9}, ["acceleration of X"]),
+        ({"acceleration": 2.1}, []),
+        ({"speed": 0.09}, ["speed of X"]),
+        ({"speed": 0.11}, []),
+        ({}, []),
+    ],
+)
+def test_what_a_reference_asks_for_is_held_against_the_limits(limits, told):
+    calm, quick = motion(50, 1.0), motion(50, 2.0)
+    found = beyond_limits_asked(quick, calm, limited(**limits), at_rest=True)
+    assert [line.partition(" that the reference")[0] for line in found] == told
+
+
+def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():
+    """1 um in a sample of 1 ms: 1 m/s^2 from rest, and nothing of a motion that is under way."""
+    calm = motion(50, 0.1)
+    moved = calm + np.array([0.0, 1e-6])
+    machine = limited(acceleration=0.5)
+    assert beyond_limits_asked(moved, calm, machine, at_rest=True) == []  # it rests beside
+    moved[0] = calm[0]
+    (line,) = beyond_limits_asked(moved, calm, machine, at_rest=True)
+    assert "acceleration of Y" in line and "1 of 0.5 m/s^2" in line
+
+
+def test_what_was_asked_for_before_is_not_told_again():
+    quick = motion(50, 2.0)
+    assert beyond_limits_asked(quick, quick, limited(acceleration=1.0), at_rest=True) == []
