@@ -66,7 +66,8 @@ def _draw_tool(axes: Axes, tool_mm: np.ndarray, foot_mm: np.ndarray) -> None:
     factor = magnification(tool_mm, foot_mm)
     axes.plot(*_plane(foot_mm), color=DESIRED, linewidth=0.8, linestyle="--", label="path")
     axes.plot(*_plane(foot_mm + factor * (tool_mm - foot_mm)), linewidth=1.0, label="tool")
-    grid(axes, f"contour error drawn {factor:g} times larger", "X [mm]", "Y [mm]")
+    how = "true to scale" if factor == 1 else f"drawn {factor:g} times larger"
+    grid(axes, f"contour error {how}", "X [mm]", "Y [mm]")
     axes.legend(loc="best", frameon=False)
 
 

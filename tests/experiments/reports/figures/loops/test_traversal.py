@@ -34,8 +34,11 @@ def test_the_tool_is_drawn_outside_by_its_magnified_error(run):
 
 
 def test_without_an_error_nothing_is_magnified(run):
-    _, foot = run
+    signals, foot = run
     assert magnification(foot, foot) == 1.0
+    signals.tool_mm = foot
+    figure = path_figure(signals, foot, "circle")
+    assert figure.axes[0].get_title() == "contour error true to scale"
 
 
 def test_signals_are_drawn_along_the_path(run):
