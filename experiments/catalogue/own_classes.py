@@ -29,6 +29,15 @@ if TYPE_CHECKING:  # a question about a name imports none of these
     from jcontour.controller import Controller
 
 FILE = "FILE.py:NAME"
+REMEDIES = {  # error of JAX -> what to write in the place of what caused it
+    "TracerBoolConversionError": "if, while, and, or, not, min and max of Python cannot decide on "
+    "numbers of the run; jnp.where(condition, a, b) and jnp.maximum can",
+    "TracerArrayConversionError": "NumPy cannot compute with numbers of the run; use jnp for np",
+    "TracerIntegerConversionError": "a list and range cannot take a number of the run; use an "
+    "array of jnp",
+    "ConcretizationTypeError": "float, int and bool cannot take a number of the run; leave them "
+    "out, or use jnp.asarray",
+}
 MAKE_NAMES = {"*", "globals", "vars", "locals", "exec", "setattr"}  # while a file runs
 
 
@@ -129,17 +138,22 @@ def own_machine(own: OwnName) -> "Machine":
     Raises:
         ValueError: file or name is missing, or it makes no plant that a machine can be made of.
     """
+    from experiments.catalogue.own_contracts import ContractError, check_plant
     from experiments.machines.from_file import linear_machine
-    from experiments.machines.own_plant import machine_of
+    from experiments.machines.own_plant import axes_of, machine_of
     from jcontour.linear.plant import LinearPlant
     from jcontour.plant import Plant
 
     plant = _made(own, Plant, ())
     name = own.name.replace(".", "-")
-    make: Callable[[Any, str], Machine]
-    make = linear_machine if isinstance(plant, LinearPlant) else machine_of
+    linear = isinstance(plant, LinearPlant)
+    make: Callable[[Any, str], Machine] = linear_machine if linear else machine_of
     try:
+        if not linear:
+            check_plant(plant, axes_of(plant))
         return make(plant, name)
+    except ContractError as error:
+        raise _broken(own, error) from None
     except Exception as error:  # the file's code runs in it: whatever fails is told with its line
         raise _fault(own, error, "no machine can be made of this plant") from None
 
@@ -212,6 +226,7 @@ def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> No
     import equinox as eqx
     import numpy as np
 
+    from experiments.catalogue.own_contracts import ContractError, check_controller
     from jcontour.geometry.contours import line
     from jcontour.motion.references import along
     from jcontour.simulation.closed_loop import simulate
@@ -225,14 +240,12 @@ def _check_run(own: OwnName, controller: "Controller", machine: "Machine") -> No
     arc = np.linspace(0.0, float(contour.length), preview + 4)
     reference = along(contour, arc, dt, preview, at_rest=False)
     try:
-        run = eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
+        check_controller(controller, machine.nominal(), reference, machine.model.inputs)
+        eqx.filter_eval_shape(simulate, machine.nominal(), controller, reference)
+    except ContractError as error:
+        raise _broken(own, error) from None
     except Exception as error:
         raise _fault(own, error, f"fails on {machine.name}") from None
-    if run.control.shape[1:] != (machine.model.inputs,):
-        raise ValueError(
-            f"{own}: step needs to return a control of {machine.model.inputs} numbers for "
-            f"{machine.name}, received shape {run.control.shape[1:]}"
-        )
 
 
 def _weights(controller: "Controller") -> dict[str, Any]:
@@ -261,6 +274,14 @@ def _fault(own: OwnName, error: BaseException, words: str) -> ValueError:
     if isinstance(error, SyntaxError) and error.filename == str(own.path):
         numbers.append(error.lineno)
     place = f"{own.path}:{numbers[-1]}" if numbers else str(own.path)
+    cause = REMEDIES.get(type(error).__name__)
+    if cause is not None:
+        return ValueError(f"{place}: {own.name}: {words}: {cause}")
     return ValueError(
         f"{place}: {own.name}: {words} ({type(error).__name__}: {checks.line(error)})"
     )
+
+
+def _broken(own: OwnName, error: Exception) -> ValueError:
+    """A contract that is broken, in one line with its place."""
+    return ValueError(f"{own.path}: {own.name}: {error}")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 METRES = {"m": 1.0, "mm": 1e-3, "um": 1e-6}  # units of length in files
+LONGEST = 200  # characters of an error of others that is told
 LARGEST = 1e12  # of any number: beyond it squares overflow somewhere
 
 
@@ -120,4 +121,7 @@ def shown(value: Any) -> str:
 
 def line(error: BaseException) -> str:
     """An error in one line."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
+    words = " ".join(str(error).split())
+    if len(words) > LONGEST:  # what is left ends with a whole word
+        words = words[: LONGEST + 1].rpartition(" ")[0] + " ..."
+    return words or type(error).__name__

@@ -61,9 +61,14 @@ class PlantMachine(Machine):
         return {"Machine": f"{self.name}: axes {axes}, dt {1e3 * self.plant.dt:g} ms"}
 
 
+def axes_of(plant: Plant) -> int:
+    """How many axes a plant says it has; two where it says nothing."""
+    return int(getattr(plant, "axes", AXES))
+
+
 def machine_of(plant: Plant, name: str) -> PlantMachine:
     """Machine of a plant with two axes, or as many as its `axes` says; one input each."""
-    axes = int(getattr(plant, "axes", AXES))
+    axes = axes_of(plant)
     names = ("X", "Y", "Z")[:axes]
     return PlantMachine(
         name, _linearised(plant, axes), names, "control unit", MachineLimits(), plant

@@ -20,6 +20,7 @@ CONTROLLERS = """
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jcontour.controller import Controller
 
 print("loaded")
@@ -60,6 +61,26 @@ class OneNumber(PD):
     def step(self, memory, plan, measurement):
         return memory, measurement[:1]
 
+class Deciding(PD):
+    def step(self, memory, plan, measurement):
+        return memory, plan if plan[0] > 0 else measurement
+
+class NumPy(PD):
+    def step(self, memory, plan, measurement):
+        return memory, np.asarray(measurement)
+
+class Indexing(PD):
+    def step(self, memory, plan, measurement):
+        return memory, [plan, measurement][jnp.argmax(plan)]
+
+class Converting(PD):
+    def step(self, memory, plan, measurement):
+        return memory, float(plan[0]) * measurement
+
+class Wordy(PD):
+    def step(self, memory, plan, measurement):
+        raise ValueError("a2345 " * 40)
+
 ready = PD(gain=7.0)
 
 def wrong(model):
@@ -89,6 +110,10 @@ class Sliding(Plant):
 
     def measure(self, state):
         return state[0]
+
+class ThreeOutputs(Sliding):
+    def output(self, state):
+        return jnp.ones(3)
 
 class Failing(Sliding):
     def output(self, state):
@@ -197,7 +222,14 @@ FAULTS = {  # controller -> what is told
     "mine.py:wrong": "needs to make a Controller, made a str",
     "mine.py:Needy": "cannot be made without arguments (TypeError",
     "mine.py:Broken": f"mine.py:{line_of('1 / 0', CONTROLLERS)}: Broken: fails on bridge",
-    "mine.py:OneNumber": "mine.py: OneNumber: fails on bridgeport (Type",
+    "mine.py:OneNumber": "OneNumber: step: the control needs shape (2,), received (1,)",
+    "mine.py:Deciding": f"py:{line_of('if plan[0]', CONTROLLERS)}: Deciding: fails on bridgeport: "
+    "if, while,",
+    "mine.py:NumPy": f"py:{line_of('np.asarray', CONTROLLERS)}: NumPy: fails on bridgeport: NumPy",
+    "mine.py:Indexing": f"py:{line_of('argmax', CONTROLLERS)}: Indexing: fails on bridgeport: a li",
+    "mine.py:Converting": f"py:{line_of('float(plan', CONTROLLERS)}: Converting: fails on brid"
+    "geport: float, int",
+    "mine.py:Wordy": "a2345 a2345 ...)",
     "none.py:PD": "none.py: cannot be read",
     "syntax.py:PD": "syntax.py:2: PD: the file cannot be run (SyntaxError",
     "raising.py:PD": "raising.py:3: PD: the file cannot be run (KeyError: 'no key')",
@@ -208,6 +240,7 @@ FAULTS = {  # controller -> what is told
 PLANT_FAULTS = {
     "plants.py:number": "there is no 'number' in it",
     "plants.py:Failing": f"plants.py:{line_of('no tool', PLANTS)}: Failing: no machine can",
+    "plants.py:ThreeOutputs": "ThreeOutputs: output needs shape (2,), received (3,); a plant has",
     "plants.py:single": "needs two or three outputs",
     "plants.py:unreached": "out of reach of the inputs",
     "plants.py:jnp.zeros": "cannot be made without arguments",
@@ -232,9 +265,7 @@ def test_faults_are_told_in_one_line(capsys, monkeypatch, files, flag, name, say
 
 
 def test_a_control_that_would_be_broadcast_is_refused(files):
-    with pytest.raises(
-        ValueError, match=r"control of 2 numbers for Sliding, received shape \(1,\)"
-    ):
+    with pytest.raises(ValueError, match=r"control needs shape \(2,\), received \(1,\)"):
         design(files, "OneNumber", f"{files / 'plants.py'}:Sliding")
 
 

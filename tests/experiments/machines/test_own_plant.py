@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from experiments.machines.own_plant import machine_of
+from experiments.machines.own_plant import axes_of, machine_of
 from jcontour.plant import Plant
 
 
@@ -44,6 +44,10 @@ def test_the_plant_is_the_whole_family():
     assert only is machine.plant and machine.family_names == ["nominal"]
     with pytest.raises(ValueError, match="slide is measured as its plant says"):
         machine.smooth_family("state")
+
+
+def test_a_plant_that_says_nothing_has_two_axes():
+    assert (axes_of(Sliding()), axes_of(Single())) == (2, 1)
 
 
 @pytest.mark.slow
