@@ -13,6 +13,7 @@ GRAVITY = 9.81  # [m/s^2]
 QUESTIONED = 1000 * GRAVITY  # [m/s^2]: a unit is wrong, not a machine
 FAST = 50.0  # [m/s] likewise
 SLOW = 0.01  # [m/s^2] likewise
+SHORTEST, LONGEST = 1e-5, 0.02  # [s], sample periods likewise
 UNSEEN = 1e-3  # of a speed: what rounded numbers of a file may lack
 STEPS, MOST_STEPS = 4000, 100_000  # samples of a step response, and of one that settles slowly
 SETTLED = 5.0  # slowest time constants that it lasts
@@ -56,14 +57,14 @@ def axis_behaviours(machine: Machine) -> list[AxisBehaviour]:
 
 def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
     """What cannot be true of a machine, most likely a wrong unit."""
-    lines = list(_doubtful_limits(machine))
+    lines = [*_doubtful_period(machine.model.dt), *_doubtful_limits(machine)]
     largest = machine.limits.control
     if largest is None:
         return [*lines, "limits.control is not given: what the machine reaches is not known"]
     for k, one in enumerate(found):
         most = float(np.broadcast_to(largest, len(found))[k])
         acceleration = most * one.acceleration
-        if acceleration > QUESTIONED:
+        if one.kind != "position" and acceleration > QUESTIONED:
             lines.append(
                 f"{one.name}: the largest control gives {acceleration / GRAVITY:.3g} g; "
                 "is length_unit right?"
@@ -82,6 +83,15 @@ def questions(machine: Machine, found: list[AxisBehaviour]) -> list[str]:
                     f"less than its limit of {1e3 * allowed:.4g} mm/s"
                 )
     return lines
+
+
+def _doubtful_period(dt: float) -> Iterator[str]:
+    """A sample period that controllers of machines seldom have."""
+    if not SHORTEST <= dt <= LONGEST:
+        yield (
+            f"a sample period of {1e3 * dt:g} ms is unusual, most are of {1e3 * SHORTEST:g} to "
+            f"{1e3 * LONGEST:g} ms; is its unit right?"
+        )
 
 
 def _doubtful_limits(machine: Machine) -> Iterator[str]:

@@ -21,6 +21,7 @@ from experiments.reports.figures.machines.machine import machine_figure
 from experiments.reports.figures.shared.png import save_figure
 
 OF_A_CHECK = ("file", "json")  # flags that do not describe a machine
+SOUND = "The file is sound."
 HEADINGS = ("axis", "settles to", "per unit", "rise ms", "delay", "most m/s^2", "resonance Hz")
 UNITS = {"speed": "mm/s", "position": "mm", "acceleration": "mm/s^2", "nothing": ""}
 
@@ -158,8 +159,9 @@ def show(found: MachineResult, console: Console) -> None:
 
 def _next(found: MachineResult, path: Path, built: bool) -> list[str]:
     name = path if built or path.suffix else found.name
+    sound = "The file can be read, but look at the warnings." if found.warnings else SOUND
     return [
         f"Drawn: {found.figure}",
-        *([f"Written: {path}"] if built else ["The file is sound."]),
+        f"Written: {path}" if built else sound,
         f"Next: jcontour tune --plant {shlex.quote(str(name))}",
     ]

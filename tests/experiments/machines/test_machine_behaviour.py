@@ -63,3 +63,23 @@ def test_wrong_units_are_questioned():
         assert [told in line for line in questions(metres, axis_behaviours(metres))] == [True] * 2
     unknown = loaded(replace(MILL, max_control=()))
     assert "limits.control is not given" in questions(unknown, axis_behaviours(unknown))[0]
+
+
+def test_a_position_drive_is_not_asked_about_a_step_over_its_whole_travel():
+    machine = loaded(replace(MILL, takes="position", gain=(1.0,), time_constant_ms=(5.0,)))
+    one = axis_behaviours(machine)[0]
+    assert 100.0 * one.acceleration > 1e4  # [m/s^2], which nobody asks of it
+    assert questions(machine, axis_behaviours(machine)) == []
+
+
+@pytest.mark.parametrize("milliseconds", [2000.0, 20.5, 0.0099])
+def test_an_unusual_sample_period_is_questioned(milliseconds):
+    machine = loaded(replace(MILL, period_ms=milliseconds, delay_ms=(0.0,)))
+    (line,) = questions(machine, axis_behaviours(machine))
+    assert line.startswith(f"a sample period of {milliseconds:g} ms is unusual")
+
+
+@pytest.mark.parametrize("milliseconds", [20.0, 1.0, 0.01])
+def test_a_usual_sample_period_is_not(milliseconds):
+    machine = loaded(replace(MILL, period_ms=milliseconds, delay_ms=(0.0,)))
+    assert questions(machine, axis_behaviours(machine)) == []

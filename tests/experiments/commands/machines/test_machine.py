@@ -73,6 +73,21 @@ def test_limits_of_unlike_axes_are_told_for_each(tmp_path, capsys):
     assert "max-speed: needs one number or 2, received 3" in capsys.readouterr().err
 
 
+def test_a_file_with_warnings_is_not_called_sound(tmp_path, capsys):
+    path = tmp_path / "mill.json"
+    numbers = "--gain 1 --time-constant-ms 20 --max-control 250 --out".split()
+    assert main(["machine", *numbers, str(path)]) == 0
+    assert "can be read" not in capsys.readouterr().out
+    assert main(["machine", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "The file is sound." in told and "WARNING" not in told
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"dt": 2}))  # a slip for 2 ms
+    assert main(["machine", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "WARNING: a sample period of 2000 ms is unusual" in told
+    assert "The file can be read, but look at the warnings." in told and "sound" not in told
+
+
 def test_the_limits_of_a_file_are_told(tmp_path, capsys):
     numbers = "--gain 1 --time-constant-ms 20 --max-control 8 --control-unit A".split()
     limits = "--max-speed 0.25 --max-acceleration 2.5 --length-unit m".split()
