@@ -27,6 +27,7 @@ from experiments.reports.figures.shared.beside import drawn_by
 from experiments.reports.figures.shared.png import image
 from experiments.reports.rollouts import save_rollouts
 from experiments.reports.simulated_tables import show_simulated
+from experiments.runs.checks.lost_numbers import lost_numbers
 from experiments.runs.checks.machine_limits import limits_met
 from experiments.runs.contour_summary import contour_read, peak_place
 from experiments.runs.forecast import check_memory, forecast
@@ -45,7 +46,8 @@ def command(flags: Simulate) -> int:
         found, folder, line = run(flags, status)
     video = found.video or VideoResult()
     told = lines(vars(video), folder) if video.file else []
-    code = finished(folder, found, flags, show_simulated, [*told, line, *next_steps(flags)])
+    then = next_steps(flags, next(iter(found.plants.values())).diverged)
+    code = finished(folder, found, flags, show_simulated, [*told, line, *then])
     if video.failure:
         raise ValueError(f"{video.failure}; the rest of the run is in {folder}")
     return code
@@ -132,13 +134,21 @@ def simulated_result(design: Design, scenarios: Scenarios, replayed: Replay) -> 
         plants=dict(zip(scenarios.plants, metrics, strict=True)),
         read=contour_read(scenarios, 0),
         peak=peak_place(scenarios, replayed, 0, machine.error),
-        warnings=limits_met(replayed, scenarios, machine),
+        warnings=[
+            *lost_numbers(replayed, scenarios),
+            *limits_met(replayed, scenarios, machine),
+        ],
         motion=motion_summary(job.planned) if isinstance(job, Job) and job.planned else None,
     )
 
 
-def next_steps(flags: Simulate) -> list[str]:
-    """What to do after a simulation."""
+def next_steps(flags: Simulate, lost: bool = False) -> list[str]:
+    """What to do after a simulation, or after one that is lost on the nominal plant."""
+    if lost:
+        return [
+            "Next: other weights, or another controller, with which the nominal plant does not "
+            "diverge; tuning begins from there"
+        ]
     part = [] if flags.contour is None else [flags.contour]
     return [f"Next: jcontour tune{tuning_words(part, vars(flags))}"]
 

@@ -47,7 +47,7 @@ class SimulatedResult:
         read: what the contour is.
         peak: where the largest error is.
         motion: what is asked of the machine, where it is limited in jerk.
-        warnings: limits of the machine that are near or exceeded.
+        warnings: where numbers are lost (NaN); limits of the machine that are near or exceeded.
     """
 
     machine: MachineSummary

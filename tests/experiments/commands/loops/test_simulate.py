@@ -62,6 +62,38 @@ def test_what_comes_next_has_the_part_the_machine_and_the_pace():
     assert line == "Next: jcontour tune 'my part.ngc' --plant mill.json --feed-law trapezoidal"
     assert next_steps(Simulate(contour="circle")) == ["Next: jcontour tune circle"]
     assert next_steps(Simulate()) == ["Next: jcontour tune"]
+    [line] = next_steps(Simulate(), lost=True)
+    assert "jcontour tune" not in line and "nominal plant does not diverge" in line
+
+
+NAN = """
+import equinox as eqx
+import jax.numpy as jnp
+from jcontour.controller import Controller
+
+class Rooted(Controller):
+    preview: int = eqx.field(static=True, default=0)
+
+    def prepare(self, reference):
+        return reference.position[: reference.steps]
+
+    def initial_memory(self, reference):
+        return None
+
+    def step(self, memory, plan, measurement):
+        return memory, jnp.sqrt(-1 - (plan - measurement[:2]) ** 2)
+"""
+
+
+@pytest.mark.slow
+def test_a_control_that_is_no_number_is_told(tmp_path, machine_file, part_file, capsys):
+    (tmp_path / "own.py").write_text(NAN)
+    own = f"{tmp_path}/own.py:Rooted"
+    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", own)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "WARNING: the control is NaN from sample 0 (part, nominal): look for" in said
+    assert "Next: jcontour tune" not in said and "does not diverge" in said
+    assert len(read_result(run, SimulatedResult).warnings) == 1
 
 
 @pytest.mark.slow

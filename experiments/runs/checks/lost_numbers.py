@@ -1,0 +1,35 @@
+"""Numbers that are lost (NaN) in a run without having grown before: a fault, not an instability."""
+
+import numpy as np
+
+from experiments.files.checks import LARGEST
+from experiments.jobs.replays import Replay, Scenarios
+
+SOUGHT = "look for 0 / 0, inf - inf, and roots and logarithms of negative numbers in"
+PLACES = {"output": "the plant", "control": "the controller and in what it measures"}
+
+
+def lost_numbers(replay: Replay, scenarios: Scenarios) -> list[str]:
+    """One line where the nominal plant's run on a contour meets NaN out of moderate numbers.
+
+    The output is known before the control of the same sample.
+    """
+    lines = []
+    for k, job in enumerate(scenarios.jobs):
+        signals = {"output": replay.output[k, 0], "control": replay.control[k, 0]}
+        first = {name: _first_lost(rows) for name, rows in signals.items()}
+        name = min(first, key=lambda name: first[name])
+        sample = first[name]
+        before = [np.abs(rows[:sample]) for rows in signals.values()]
+        if sample == len(signals[name]) or any(np.any(rows > LARGEST) for rows in before):
+            continue
+        lines.append(
+            f"the {name} is NaN from sample {sample} ({job.name}, {scenarios.plants[0]}): "
+            f"{SOUGHT} {PLACES[name]}"
+        )
+    return lines
+
+
+def _first_lost(rows: np.ndarray) -> int:
+    """Index of the first row with a NaN; their number where there is none."""
+    return int(np.argmax([*np.isnan(rows).any(axis=-1), True]))

@@ -1,0 +1,51 @@
+"""Numbers that are lost in a run, told apart from those that grow beyond all bounds."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from experiments.jobs.replays import Replay, Scenarios
+from experiments.runs.checks.lost_numbers import lost_numbers
+
+SAMPLES = 20
+RING = cast(Any, SimpleNamespace(name="ring"))
+SCENARIOS = Scenarios((RING,), (True,), ("nominal", "late"), cast(Any, None), cast(Any, None))
+
+
+def run(**lost):
+    """One contour on two plants, at rest but for what is given: (plant, sample, axis, value)."""
+    signals = {name: np.zeros((1, 2, SAMPLES, 2)) for name in ("output", "control")}
+    for name, (plant, sample, axis, value) in lost.items():
+        signals[name][0, plant, sample:, axis] = value
+    still = np.zeros((1, 2, SAMPLES, 2))
+    return Replay(cast(Any, None), signals["output"], signals["control"], still)
+
+
+@pytest.mark.parametrize(
+    ("lost", "says"),
+    [
+        ({"control": (0, 0, 1, np.nan)}, "the control is NaN from sample 0 (ring, nominal): look"),
+        ({"control": (0, 7, 0, np.nan), "output": (0, 8, 0, np.nan)}, "the control is NaN from s"),
+        ({"control": (0, 7, 0, np.nan), "output": (0, 7, 0, np.nan)}, "the output is NaN from s"),
+        ({"output": (0, SAMPLES - 1, 1, np.nan)}, f"the output is NaN from sample {SAMPLES - 1} "),
+    ],
+)
+def test_what_is_lost_first_is_named(lost, says):
+    (line,) = lost_numbers(run(**lost), SCENARIOS)
+    assert line.startswith(says)
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        {},
+        {"control": (1, 3, 0, np.nan)},  # of another plant
+        {"control": (0, 3, 0, np.inf)},
+        {"control": (0, 3, 0, 1e13), "output": (0, 9, 0, np.nan)},
+        {"output": (0, 3, 0, -np.inf), "control": (0, 4, 0, np.nan)},
+    ],
+)
+def test_numbers_that_are_finite_or_grow_are_not(lost):
+    assert lost_numbers(run(**lost), SCENARIOS) == []
