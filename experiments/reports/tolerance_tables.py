@@ -29,7 +29,7 @@ def show_tolerance(result: ToleranceResult, console: Console) -> None:
     title = f"Runs, {result.samples} samples, {result.feed_law}"
     rows = [_cells(run, result.promised) for run in result.runs]
     console.print(plain_table(title, HEADINGS, rows, text_columns=2))
-    say(console, *findings(result))
+    say(console, *findings(result), *warnings(result))
 
 
 def promise(result: ToleranceResult) -> list[str]:
@@ -69,6 +69,18 @@ def findings(result: ToleranceResult) -> list[str]:
     elif others:
         told.append("The other plants kept it too, though nothing is promised for them.")
     return told
+
+
+def warnings(result: ToleranceResult) -> list[str]:
+    """Limits that the runs exceed, and which ones the controller does not know."""
+    if not result.warnings:
+        return []
+    lines = [f"WARNING: {line}" for line in result.warnings]
+    return [
+        *lines,
+        "Within the bounds the controller keeps the limits of control and speed; it does not know "
+        "those of acceleration and control increment.",
+    ]
 
 
 def _cells(run: KeptRun, promised: float) -> list[str]:

@@ -25,6 +25,7 @@ from experiments.reports import tables
 from experiments.reports.figures.loops.kept import kept_figure
 from experiments.reports.figures.shared.png import save_figure
 from experiments.reports.tolerance_tables import show_tolerance
+from experiments.runs.checks.machine_limits import Signals, limits_not_kept
 from experiments.runs.contour_summary import read_of
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.lifecycle import created, finished
@@ -102,7 +103,24 @@ def _result(found: Keeper, task: Task, bounds: Bounds, tried: list[Tried]) -> To
         control_limit=tuple(np.asarray(found.mpc.limits.control, float).tolist()),
         read=_read(found, task),
         runs=[one.row for one in tried],
+        warnings=_not_kept(found, task, tried),
     )
+
+
+def _not_kept(found: Keeper, task: Task, tried: list[Tried]) -> list[str]:
+    """Limits of the machine that the runs exceed; the controller knows those it keeps."""
+    output, control = (
+        np.stack([np.asarray(getattr(one.run.rollout, name)) for one in tried])[None]
+        for name in ("output", "control")
+    )
+    scored = np.asarray(found.reference.mask)[None, : found.reference.steps]
+    seen = Signals(output, control, scored, [task.name], _names(tried))
+    return limits_not_kept(seen, found.machine, np.array([one.row.within for one in tried]))
+
+
+def _names(tried: list[Tried]) -> list[str]:
+    """Plant and disturbance of every run."""
+    return [f"{one.row.plant}, {one.row.disturbance}" for one in tried]
 
 
 def _read(found: Keeper, task: Task) -> ContourRead:
@@ -138,8 +156,8 @@ def _save(found: Keeper, tried: list[Tried], folder: Path) -> None:
         ),
     }
     time = found.reference.dt * np.arange(steps)
-    names = [f"{one.row.plant}, {one.row.disturbance}" for one in tried]
-    coordinates = {"time": ("time", time, {"units": "s"}), "axis": list(machine.axes), "run": names}
+    axes, names = list(machine.axes), _names(tried)
+    coordinates = {"time": ("time", time, {"units": "s"}), "axis": axes, "run": names}
     title = {"title": "jcontour tolerance", "promised": found.promised, **run_folder.versions()}
     save_dataset(xr.Dataset(data, coordinates, title), folder / "runs.nc")
 

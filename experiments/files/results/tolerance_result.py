@@ -1,6 +1,6 @@
 """Result of `jcontour tolerance`: what `result.json` of its run folder holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from experiments.files.results.run_metrics import ContourRead, MachineSummary
 
@@ -45,6 +45,7 @@ class ToleranceResult:
         limiting: limits that keep it from being smaller.
         control_limit: of each control.
         runs: of the plants of the family.
+        warnings: limits of the machine that runs exceed.
     """
 
     machine: MachineSummary
@@ -62,6 +63,7 @@ class ToleranceResult:
     control_limit: tuple[float, ...]
     read: ContourRead | None = None
     runs: list[KeptRun]
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def broken(self) -> list[KeptRun]:

@@ -1,6 +1,6 @@
 """Limits of a machine that a run comes near or exceeds, in cuts and in rapid moves."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,21 +39,64 @@ class Peak(NamedTuple):
         return f"{size} ({self.contour}, {self.plant})"
 
 
+class Signals(NamedTuple):
+    """Signals of runs on every plant along every contour, and the names of both.
+
+    Attributes:
+        output: tool [m].
+        control: of every input.
+        counted: samples whose peaks count.
+        contours: names.
+        plants: names.
+    """
+
+    output: Float[np.ndarray, "contours plants steps axes"]
+    control: Float[np.ndarray, "contours plants steps inputs"]
+    counted: Bool[np.ndarray, "contours steps"]
+    contours: Sequence[str]
+    plants: Sequence[str]
+
+
 def limits_met(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run exceeds, meets or comes near."""
-    peaks = list(_peaks(replay, scenarios, machine, scored(scenarios)))
+    peaks = list(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
     rapids = drives_at_limits_in_rapids(replay, scenarios, machine)
     return [*_beyond(peaks), *rapids, *_near(peaks)]
 
 
 def limit_warnings(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run meets to within 10 %."""
-    return _near(_peaks(replay, scenarios, machine, scored(scenarios)))
+    return _near(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
 
 
 def exceeded_limits(replay: Replay, scenarios: Scenarios, machine: Machine) -> list[str]:
     """One line for every machine limit that a run exceeds where it is scored."""
-    return _beyond(_peaks(replay, scenarios, machine, scored(scenarios)))
+    return _beyond(_peaks(_replayed(replay, scenarios, scored(scenarios)), machine))
+
+
+def limits_not_kept(
+    seen: Signals, machine: Machine, within: Bool[np.ndarray, " plants"]
+) -> list[str]:
+    """One line for every machine limit that a run exceeds, those of some plants before the others.
+
+    Args:
+        seen: the runs; one that diverged is left out.
+        machine: with its limits.
+        within: plants whose largest value is told where it exceeds a limit; else that of the rest.
+    """
+    lines: dict[tuple[str, str], str] = {}
+    for chosen in (within, ~within):
+        if not chosen.any():
+            continue
+        part = seen._replace(
+            output=seen.output[:, chosen],
+            control=seen.control[:, chosen],
+            plants=[name for name, here in zip(seen.plants, chosen, strict=True) if here],
+        )
+        for one in _peaks(part, machine):
+            if one.value > one.limit:
+                lines.setdefault((one.quantity, one.name), _exceeding(one))
+    return list(lines.values())
 
 
 def beyond_limits_asked(
@@ -112,7 +155,7 @@ def drives_at_limits_in_rapids(replay: Replay, scenarios: Scenarios, machine: Ma
     return [
         f"{one.quantity} of {one.name} is at its limit in a rapid move: {one.words}; a lower "
         "speed or acceleration in the limits of the machine keeps it below"
-        for one in _peaks(replay, scenarios, machine, rapid)
+        for one in _peaks(_replayed(replay, scenarios, rapid), machine)
         if one.quantity in DRIVES and one.value >= MET * one.limit
     ]
 
@@ -126,11 +169,21 @@ def _near(peaks: Iterable[Peak]) -> list[str]:
 
 
 def _beyond(peaks: Iterable[Peak]) -> list[str]:
-    return [
-        f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
-        for one in peaks
-        if one.value > one.limit
-    ]
+    return [_exceeding(one) for one in peaks if one.value > one.limit]
+
+
+def _exceeding(one: Peak) -> str:
+    return f"{one.quantity} of {one.name} EXCEEDS its limit: {one.words}"
+
+
+def _replayed(
+    replay: Replay, scenarios: Scenarios, counted: Bool[np.ndarray, "contours steps"]
+) -> Signals:
+    """The signals of a replay; a run that diverged is not finite."""
+    lost = np.asarray(replay.metrics.diverged)[..., None, None]
+    output, control = (np.where(lost, np.nan, rows) for rows in (replay.output, replay.control))
+    names = [job.name for job in scenarios.jobs]
+    return Signals(output, control, counted, names, scenarios.plants)
 
 
 def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
@@ -142,18 +195,13 @@ def _rapid(scenarios: Scenarios) -> Bool[np.ndarray, "contours steps"]:
     return found
 
 
-def _peaks(
-    replay: Replay,
-    scenarios: Scenarios,
-    machine: Machine,
-    counted: Bool[np.ndarray, "contours steps"],
-) -> Iterator[Peak]:
+def _peaks(seen: Signals, machine: Machine) -> Iterator[Peak]:
     """Peak of every limited quantity of every axis in the samples that are counted, and where.
 
-    A run that diverged is left out: its numbers mean nothing.
+    A run that is not finite is left out: its numbers mean nothing.
     """
-    lost = np.asarray(replay.metrics.diverged)[..., None, None]
-    output, control = (np.where(lost, 0.0, rows) for rows in (replay.output, replay.control))
+    lost = ~(_finite(seen.output) & _finite(seen.control))[..., None, None]
+    output, control = (np.where(lost, 0.0, rows) for rows in (seen.output, seen.control))
     increment = np.diff(control, axis=-2)
     speed, acceleration = measured_speeds(output, machine.model.dt)
     unit, limits = machine.control_unit, machine.limits
@@ -166,13 +214,18 @@ def _peaks(
     ):
         if limit is None:
             continue
-        whole = _whole(counted, values.shape[2])
+        whole = _whole(seen.counted, values.shape[2])
         peaks = np.where(whole[:, None, :, None], np.abs(values), 0.0).max(axis=2)
         for k, name in enumerate(names):
             contour, plant = np.unravel_index(np.argmax(peaks[:, :, k]), peaks.shape[:2])
             peak = float(peaks[contour, plant, k])
-            places = scenarios.jobs[contour].name, scenarios.plants[plant]
+            places = seen.contours[int(contour)], seen.plants[int(plant)]
             yield Peak(name, quantity, shown, peak, *places, float(limit[k]))
+
+
+def _finite(rows: np.ndarray) -> np.ndarray:
+    """Which runs (contour, plant) are finite at every sample."""
+    return np.asarray(np.isfinite(rows).all(axis=(2, 3)))
 
 
 def _whole(counted: np.ndarray, rows: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from experiments.cli import main
 from experiments.files.netcdf import load_dataset
 from experiments.files.results.stored import read_result
 from experiments.files.results.tolerance_result import ToleranceResult
-from experiments.reports.tolerance_tables import findings, promise
+from experiments.reports.tolerance_tables import findings, promise, warnings
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +40,22 @@ def test_within_the_bounds_the_tolerance_and_the_limits_are_kept(kept):
     late = next(run for run in result.runs if "late" in run.plant)
     assert late.left is not None and not late.within
     assert (kept / "tolerance.png").exists()
+
+
+@pytest.mark.slow
+def test_an_acceleration_beyond_the_limit_is_warned_of_in_the_runs(kept):
+    """The machine allows 4 m/s^2; the one that is late alone takes more."""
+    result, data = read_result(kept, ToleranceResult), load_dataset(kept / "runs.nc")
+    dt = float(data.time.values[1])
+    sampled = np.abs(np.diff(data.output.values, n=2, axis=1)).max(axis=1) / dt**2
+    late = next(k for k, run in enumerate(result.runs) if "late" in run.plant)
+    assert (sampled[:late] < 4).all() and (sampled[late] > 4).all()
+    x, y = (line for line in result.warnings if line.startswith("acceleration"))
+    assert f"acceleration of X EXCEEDS its limit: {sampled[late, 0]:.4g} of 4 m/s^2" in x
+    assert f"acceleration of Y EXCEEDS its limit: {sampled[late, 1]:.4g} of 4 m/s^2" in y
+    told = warnings(result)
+    assert told[0] == f"WARNING: {x}" and "does not know those of acceleration" in told[-1]
+    assert warnings(replace(result, warnings=[])) == []
 
 
 @pytest.mark.slow

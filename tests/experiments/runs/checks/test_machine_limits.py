@@ -10,26 +10,29 @@ from experiments.jobs.job import Job, Program
 from experiments.jobs.replays import Replay, Scenarios
 from experiments.machines.machine import MachineLimits
 from experiments.runs.checks.machine_limits import (
+    Signals,
     beyond_limits_asked,
     drives_at_limits_in_rapids,
     exceeded_limits,
     limit_warnings,
     limits_met,
+    limits_not_kept,
 )
 
 SAMPLES = 20
 LIMITS = SimpleNamespace(
     speed=np.array([0.2, 0.2]), acceleration=None, control=np.array([10.0, 10.0]), increment=None
 )
-MACHINE = cast(
-    Any,
-    SimpleNamespace(
-        axes=("X", "Y"),
-        control_unit="A",
-        limits=LIMITS,
-        model=SimpleNamespace(dt=1e-3, inputs=2),
-    ),
-)
+
+
+def machine_of(limits):
+    """A machine of two axes with these limits."""
+    model = SimpleNamespace(dt=1e-3, inputs=2)
+    found = SimpleNamespace(axes=("X", "Y"), control_unit="A", limits=limits, model=model)
+    return cast(Any, found)
+
+
+MACHINE = machine_of(LIMITS)
 SCORED = np.arange(SAMPLES) >= 5  # the approach, or a rapid move, comes before
 
 
@@ -149,3 +152,30 @@ def test_a_step_at_the_begin_counts_where_a_motion_begins_at_rest():
 def test_what_was_asked_for_before_is_not_told_again():
     quick = motion(50, 2.0)
     assert beyond_limits_asked(quick, quick, limited(acceleration=1.0), at_rest=True) == []
+
+
+ACCELERATED = machine_of(SimpleNamespace(**{**vars(LIMITS), "acceleration": np.array([2.0, 2.0])}))
+
+
+def runs():
+    """Three runs at rest along one contour, the first two of them promised."""
+    still = np.zeros((1, 3, SAMPLES, 2))
+    names = "nominal, an attack", "nominal, at random", "late, encoder counts"
+    return Signals(still.copy(), still, SCORED[None], ["ring"], names)
+
+
+def test_runs_that_are_promised_come_before_larger_ones_of_the_others():
+    seen, within = runs(), np.array([True, True, False])
+    assert limits_not_kept(seen, ACCELERATED, within) == []
+    seen.output[0, 1, 12, 0] = 3e-6  # [m] of a sample: 3, -6 and 3 m/s^2
+    seen.output[0, 2, 12, :] = 5e-6
+    place = "ring, nominal, at random", "ring, late, encoder counts"
+    assert limits_not_kept(seen, ACCELERATED, within) == [
+        f"acceleration of X EXCEEDS its limit: 6 of 2 m/s^2 ({place[0]})",
+        f"acceleration of Y EXCEEDS its limit: 10 of 2 m/s^2 ({place[1]})",
+    ]
+    seen.output[0, 2, -1, 0] = np.nan  # it diverged: its numbers mean nothing
+    assert [line[:17] for line in limits_not_kept(seen, ACCELERATED, within)] == [
+        "acceleration of X"
+    ]
+    assert limits_not_kept(seen, MACHINE, within) == []  # states no limit of the acceleration
