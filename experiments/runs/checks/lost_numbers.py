@@ -32,4 +32,4 @@ def lost_numbers(replay: Replay, scenarios: Scenarios) -> list[str]:
 
 def _first_lost(rows: np.ndarray) -> int:
     """Index of the first row with a NaN; their number where there is none."""
-    return int(np.argmax([*np.isnan(rows).any(axis=-1), True]))
+    return int(np.argmax(np.append(np.isnan(rows).any(axis=-1), True)))
