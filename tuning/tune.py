@@ -31,6 +31,7 @@ from tuning.point import Point, evaluate_point, evaluate_values
 from tuning.problem import Problem
 
 IN_ONE_STEP = 2  # evaluations, at most
+STILL = 1e-9  # from 1: a spectral radius that rounding alone sets apart from 1
 SAME = 0.05  # in z: a descent this near to the best point, and no better, ends where that one did
 
 
@@ -124,7 +125,7 @@ def tune(
         on_step: receives the state after every step, for progress and saving.
 
     Raises:
-        ValueError: the start does not fit the space, or every start diverges.
+        ValueError: the start does not fit the space, or no start is stable.
     """
     state = TuneState()
     while not state.done:
@@ -315,9 +316,16 @@ def _nothing_stable(problem: Problem, start: Weights, state: TuneState) -> str:
             "every start diverges: begin with a stabilising controller (see frozen_spectral_radius)"
         )
     weights = Chart(problem.space, start).weights(jnp.asarray(state.least_z))
+    found = f"found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
+    if abs(state.least_radius - 1) < STILL:
+        return (
+            "no start is stable: the frozen loops keep a mode that neither decays nor grows, as a "
+            f"counter in the memory of the controller (spectral radius 1, {found}); what counts "
+            "samples belongs in its plan (prepare)"
+        )
     return (
         "every start diverges: the smallest spectral radius of the frozen loops is "
-        f"{state.least_radius:.4g}, found at {jax.tree.map(lambda w: f'{w:.4g}', weights)}"
+        f"{state.least_radius:.4g}, {found}"
     )
 
 

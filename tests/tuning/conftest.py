@@ -32,6 +32,19 @@ class Gains(Loops):
         return Looked(matrices), Looked(slopes)
 
 
+class Counting(Gains):
+    """The same loops, and beside them a mode of radius 1, as of a counter."""
+
+    def matrices(self, controller, plants):
+        peaks = super().matrices(controller, plants)
+        return peaks._replace(spectral_radius=jnp.maximum(peaks.spectral_radius, 1.0))
+
+
+@pytest.fixture(scope="session")
+def counting_loops():
+    return Counting()
+
+
 @pytest.fixture(scope="session")
 def loop_peaks():
     return Gains()

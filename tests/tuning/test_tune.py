@@ -211,6 +211,16 @@ def test_a_family_without_stable_weights_tells_its_smallest_radius(
         tune(problem, FAR, FEW)
 
 
+@pytest.mark.parametrize(("loops", "told"), [("counting_loops", True), ("unstable_loops", False)])
+def test_a_mode_that_neither_decays_nor_grows_is_told(proportional_problem, request, loops, told):
+    problem = proportional_problem(loops=request.getfixturevalue(loops))
+    with pytest.raises(ValueError, match="spectral radius") as raised:
+        tune(problem, FAR, FEW)
+    assert ("every start diverges" in str(raised.value)) is not told
+    for words in ("radius 1, found at", "neither decays nor grows, as a counter in the memory"):
+        assert (words in str(raised.value)) is told
+
+
 @pytest.mark.slow
 def test_prices_are_slopes_of_the_optimum_in_its_bounds(proportional_problem, loop_peaks):
     """Against optima under bounds that are a per cent apart."""
