@@ -88,8 +88,9 @@ class Rooted(Controller):
 @pytest.mark.slow
 def test_a_control_that_is_no_number_is_told(tmp_path, machine_file, part_file, capsys):
     (tmp_path / "own.py").write_text(NAN)
-    own = f"{tmp_path}/own.py:Rooted"
-    run = simulated(tmp_path / "run", machine_file, part_file, "--controller", own)
+    own, run = f"{tmp_path}/own.py:Rooted", tmp_path / "run"
+    named = [str(part_file), "--plant", str(machine_file), "--controller", own]
+    assert main(["simulate", *named, "--out", str(run)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "WARNING: the control is NaN from sample 0 (part, nominal): look for" in said
     assert "Next: jcontour tune" not in said and "does not diverge" in said
