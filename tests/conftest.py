@@ -5,6 +5,7 @@ import hashlib
 import os
 import shutil
 import signal
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -166,14 +167,16 @@ def two_axes():
 @cache
 def _closed_loop(name: str):
     """Smooth and true nominal plant, controller and references of a name in the catalogue."""
-    from experiments.catalogue.choices import design_for, first_machine
+    from experiments.catalogue.choices import UnreadFlagWarning, design_for, first_machine
     from experiments.catalogue.machines import MACHINES
     from experiments.flags.loops import Simulate
     from jcontour.geometry.contours import circle, line
     from jcontour.motion.references import along
 
     machine = MACHINES[first_machine(name)]()
-    design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
+    with warnings.catch_warnings():  # not every controller reads all of them
+        warnings.simplefilter("ignore", UnreadFlagWarning)
+        design = design_for(machine, Simulate(controller=name, preview=3, alpha=3.0, beta=5.0))
     plants = (
         [machine.model] * 2
         if design.fed == "state"
