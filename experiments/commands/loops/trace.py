@@ -272,8 +272,8 @@ def _told_of_end(result: Traversed) -> list[str]:
     errors = "none: it counts on the whole path"
     if result.rms_um is not None:
         errors = f"RMS {result.rms_um:.4g} um, peak {result.peak_um:.4g} um"
-    came = f"{result.came_mm:.4g} mm of {result.length_mm:.4g} mm along the path"
-    apart = f"{result.end_mm:.4g} mm from its end point at the last sample"
+    came = f"{_shown(result.came_mm)} mm of {result.length_mm:.4g} mm along the path"
+    apart = f"{_shown(result.end_mm)} mm from its end point at the last sample"
     return [
         f"Tool came         {came}; {apart}",
         f"Contour error     {errors}",
@@ -304,6 +304,11 @@ def _next(result: Traversed) -> list[str]:
     if not result.arrived:
         return [*told, f"Next: {advice(result)}."]
     return [*told, "Next: --q-theta trades time for accuracy: more is faster, less is closer."]
+
+
+def _shown(length_mm: float | None) -> str:
+    """A length in digits down to a nanometre; rounding is none."""
+    return f"{round(length_mm or 0.0, 6):.4g}"
 
 
 def advice(result: Traversed) -> str:
