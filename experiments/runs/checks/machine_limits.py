@@ -115,7 +115,7 @@ def beyond_limits_asked(
         machine: with its limits.
         at_rest: whether both begin and end at rest.
     """
-    asked, usual = (_differences(rows, machine.model.dt, at_rest) for rows in (position, before))
+    asked, usual = (largest_asked(rows, machine.model.dt, at_rest) for rows in (position, before))
     lines = []
     for k, limit, quantity, unit in (
         (0, machine.limits.speed, "speed", "m/s"),
@@ -133,10 +133,13 @@ def beyond_limits_asked(
     return lines
 
 
-def _differences(
+def largest_asked(
     position: Float[np.ndarray, "T m"], dt: float, at_rest: bool
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Largest speed [m/s] and acceleration [m/s^2] of every axis."""
+    """Largest speed [m/s] and acceleration [m/s^2] that a reference asks of every axis.
+
+    Its first step from rest and its last one to rest count, where it has them.
+    """
     if at_rest:
         position = np.concatenate([position[:1], position, position[-1:]])
     speed, acceleration = measured_speeds(position, dt)

@@ -8,7 +8,7 @@ from rich.status import Status
 
 from experiments.files.results.run_metrics import RunMetrics
 from experiments.jobs.job import Job
-from experiments.jobs.replays import Replay, Scenarios, measured_speeds, replay
+from experiments.jobs.replays import Replay, Scenarios, replay
 from experiments.jobs.sections import halted
 from experiments.machines.flexible_axis import FlexibleMachine
 from experiments.machines.gantry import GantryMachine
@@ -16,7 +16,11 @@ from experiments.machines.linear import LinearMachine
 from experiments.machines.machine import Machine
 from experiments.reports import tables
 from experiments.reports.figures.loops.bent import BentRuns
-from experiments.runs.checks.machine_limits import beyond_limits_asked, exceeded_limits
+from experiments.runs.checks.machine_limits import (
+    beyond_limits_asked,
+    exceeded_limits,
+    largest_asked,
+)
 from experiments.runs.checks.stored_loops import StoredLoop
 from experiments.runs.forecast import Steps, outline
 from experiments.runs.loops.learned_machines import Setting, linear_family
@@ -42,6 +46,7 @@ class Bent(NamedTuple):
         before, after: the runs.
         exceeded: limits that the bent reference exceeds, or the tool along it.
         exceeded_before: limits that the tool exceeds without a bend.
+        asked: largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference.
     """
 
     reference: Reference
@@ -52,12 +57,7 @@ class Bent(NamedTuple):
     after: Replay
     exceeded: list[str]
     exceeded_before: list[str]
-
-    @property
-    def asked(self) -> tuple[float, float]:
-        """Largest speed [m/s] and acceleration [m/s^2] of an axis along the bent reference."""
-        speed, acceleration = measured_speeds(self.position, self.reference.dt)
-        return float(np.abs(speed).max()), float(np.abs(acceleration).max())
+    asked: tuple[float, float]
 
     @property
     def position(self) -> np.ndarray:
@@ -136,8 +136,18 @@ def bent(loop: StoredLoop, roughness: float, status: Status) -> Bent:
         )
         after = replay(Learned(controller, jnp.asarray(found.correction)), scenarios)
         exceeded = [*asked_by(found), *exceeded_limits(after, scenarios, machine)]
-        plants = scenarios.plants
-        return Bent(reference, found, price, plants, before, after, exceeded, exceeded_before)
+        speed, acceleration = largest_asked(wanted + found.correction, machine.model.dt, at_rest)
+        return Bent(
+            reference,
+            found,
+            price,
+            scenarios.plants,
+            before,
+            after,
+            exceeded,
+            exceeded_before,
+            (float(speed.max()), float(acceleration.max())),
+        )
 
     prices = roughness * SMOOTHER ** np.arange(GLANCES)
     first = next((float(price) for price in prices if not glanced(price)), float(prices[-1]))

@@ -102,7 +102,7 @@ def unbent(loop, roughness, status):
     runs, none = replay(controller, scenarios), np.zeros(1)
     still = np.zeros((reference.steps, len(machine.axes)))
     found = Precompensated(still, none, none, none)
-    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [], [])
+    return Bent(reference, found, roughness, scenarios.plants, runs, runs, [], [], (0.0, 0.0))
 
 
 def test_a_reference_not_to_be_used_is_not_written(
